@@ -1,0 +1,1 @@
+"""Illumination optics on exact spline surfaces: tracing, design, verification, reports."""

@@ -1,0 +1,43 @@
+"""The one place that loads Dr.Jit."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+from optics import llvm
+
+PRECISIONS = {"double": "Float64", "single": "Float32"}
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Dr.Jit with the array types of one device and precision.
+
+    dr : the drjit module
+    Float, Index : differentiable float and unsigned integer array types
+    """
+
+    dr: ModuleType
+    Float: Any
+    Index: Any
+
+
+def load_backend(precision="double", threads=0):
+    """Load Dr.Jit's LLVM backend.
+
+    threads : number of threads, 0 for all cores.
+
+    Raises
+    ------
+    UserError : no usable LLVM library.
+    """
+    os.environ["DRJIT_LIBLLVM_PATH"] = llvm.choose()
+    import drjit
+
+    types = import_module("drjit.llvm.ad")
+    drjit.set_thread_count(threads or len(os.sched_getaffinity(0)))
+    return Backend(drjit, getattr(types, PRECISIONS[precision]), types.UInt32)

@@ -1,0 +1,67 @@
+"""The command line.
+
+Results go to stdout (--json for machines), progress and messages to stderr.  Exit codes:
+0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from optics.errors import NumericalError, UserError
+
+
+def parser():
+    """Return the argument parser (nothing heavy is imported for it)."""
+    main = argparse.ArgumentParser(
+        prog="thbcad",
+        description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
+        epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted",
+    )
+    commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    design = commands.add_parser("design", help="shape the lens, write the STEP solid, verify it, report")
+    design.add_argument("problem", metavar="PROBLEM.toml")
+    design.add_argument("--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)")
+    design.add_argument("--resume", action="store_true", help="go on from the checkpoint in the result folder")
+    check = commands.add_parser("check", help="read the problem and say what would be done, without tracing")
+    check.add_argument("problem", metavar="PROBLEM.toml")
+    verify = commands.add_parser("verify", help="check the STEP file of a result folder against its lens")
+    verify.add_argument("result", metavar="DIR", help="result folder of a design")
+    for command in (design, check, verify):
+        command.add_argument("--json", action="store_true", help="print the result as JSON")
+    return main
+
+
+def main(arguments=None):
+    """Run a command and return its exit code."""
+    options = parser().parse_args(arguments)
+    from optics import commands
+
+    try:
+        result, lines, ok = getattr(commands, options.command)(options)
+    except (UserError, NumericalError) as error:
+        print(f"thbcad: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("thbcad: interrupted", file=sys.stderr)
+        return 130
+    except MemoryError:
+        print("thbcad: out of memory; use fewer pixels, rays or levels", file=sys.stderr)
+        return NumericalError.exit_code
+    except OSError as error:
+        where = f" {error.filename}" if error.filename else ""
+        print(f"thbcad: cannot write or read{where}: {error.strerror or error}", file=sys.stderr)
+        return UserError.exit_code
+    print(json.dumps(result, indent=1) if options.json else "\n".join(lines))
+    return 0 if ok else 1
+
+
+def entry():
+    """Entry point of the installed command."""
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    entry()

@@ -1,0 +1,170 @@
+"""What the commands do.  Each returns (data for --json, lines for people, passed)."""
+
+from __future__ import annotations
+
+import resource
+import sys
+from pathlib import Path
+from time import perf_counter
+
+from optics.design import Interrupted, stages
+from optics.errors import UserError
+from optics.model import base_lens, target_irradiance, target_light, target_screen
+from optics.problem import load_problem, problem_to_toml
+from optics.progress import DesignProgress
+from optics.results import ResultFolder
+
+
+class _Clock:
+    """Wall time by phase."""
+
+    def __init__(self):
+        self._start = self._mark = perf_counter()
+        self.phases = {}
+
+    def lap(self, name):
+        now = perf_counter()
+        self.phases[name] = now - self._mark
+        self._mark = now
+
+    def total(self):
+        return {**self.phases, "total": perf_counter() - self._start}
+
+
+def design(options):
+    """Shape the lens of a problem file and write the result folder."""
+    clock = _Clock()
+    problem = load_problem(options.problem)
+    light = target_light(problem)
+    base_lens(problem)
+    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    folder.prepare()
+    state = folder.read_checkpoint(problem) if options.resume else None
+    folder.write_problem(problem)
+    from optics.backend import load_backend
+
+    backend = load_backend(problem.run.precision, problem.run.threads)
+    clock.lap("setup")
+    lens, state = _optimise(problem, light, backend, folder, state)
+    clock.lap("optimise")
+    return _finish(problem, light, lens, state, folder, clock)
+
+
+def _optimise(problem, light, backend, folder, state):
+    from optics.design import design as run
+
+    progress = DesignProgress(stages(problem), state.level if state else 0)
+    try:
+        return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s))
+    except Interrupted as stop:
+        folder.write_checkpoint(problem, stop.state)
+        print(f"thbcad: stopped; the same command with --resume goes on from {folder.path}", file=sys.stderr)
+        raise KeyboardInterrupt from None
+    finally:
+        progress.close()
+
+
+def _finish(problem, light, lens, state, folder, clock):
+    """Export, measure, verify and report a designed lens."""
+    from optics.backend import load_backend
+    from optics.figures import draw_all
+    from optics.metrics import measure
+    from optics.report import report_html
+    from optics.verify import verification, verify
+    from thbcad.atomic import write_bytes, write_text
+    from thbcad.cad.step import write_step
+
+    folder.write_lens(lens)
+    folder.write_history(state.history)
+    write_step(lens, folder.step)
+    clock.lap("export")
+    exact = load_backend("double", problem.run.threads)
+    measurement = measure(exact, problem, lens, light)
+    clock.lap("measure")
+    checked = verification(verify(problem, lens, folder.step, exact))
+    folder.write_json("verify.json", checked)
+    clock.lap("verify")
+    pictures = draw_all(problem, lens, measurement, state.history)
+    for name, (_, png) in pictures.items():
+        write_bytes(folder.figures / f"{name}.png", png)
+    clock.lap("figures")
+    space = lens.rear.sag.space
+    metrics = measurement.figures | {
+        "dof": space.dim,
+        "levels": space.levels,
+        "evaluations": state.evaluations,
+        "wall_s": clock.total(),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+    folder.write_json("metrics.json", metrics)
+    write_text(folder.path / "report.html", report_html(problem, metrics, checked, pictures, problem_to_toml(folder.read_problem())))
+    folder.drop_checkpoint()
+    return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, _design_lines(folder, metrics, checked), checked["ok"]
+
+
+def check(options):
+    """Read a problem without tracing."""
+    problem = load_problem(options.problem)
+    light = target_light(problem)
+    lens = base_lens(problem)
+    screen = target_screen(problem)
+    target = target_irradiance(light, screen, problem.target.fit, problem.source.flux)
+    least, (x, y) = lens.least_thickness()
+    plan = stages(problem)
+    data = {
+        "title": problem.title,
+        "picture_pixels": list(light.shape[::-1]),
+        "target_pixels": list(screen.pixels),
+        "dark_share": float((target <= 0.01 * target.max()).mean()),
+        "least_thickness_mm": least,
+        "least_thickness_at_mm": [x, y],
+        "volume_mm3": lens.volume(),
+        "levels": [
+            {"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan
+        ],
+    }
+    lines = [
+        f"{problem.title}: the problem is sound",
+        f"picture {light.shape[1]} x {light.shape[0]}, target {screen.pixels[0]} x {screen.pixels[1]} pixels, {data['dark_share']:.0%} of them dark",
+        f"least thickness {least:.4g} mm at x = {x:.4g}, y = {y:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
+    ]
+    lines += [
+        f"level {s.level}: {s.screen.pixels[0]} x {s.screen.pixels[1]} pixels, {s.rays[0]} x {s.rays[1]} rays, {s.iterations} iterations" for s in plan
+    ]
+    if least <= problem.lens.rear.freeform.z_freedom:
+        lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
+    return data, lines, True
+
+
+def verify(options):
+    """Check the STEP file of a result folder."""
+    from optics.backend import load_backend
+    from optics.verify import verification
+    from optics.verify import verify as run
+
+    folder = ResultFolder(options.result)
+    problem = folder.read_problem()
+    lens = folder.read_lens()
+    try:
+        checked = verification(run(problem, lens, folder.step, load_backend("double", problem.run.threads)))
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    return checked, _check_lines(checked), checked["ok"]
+
+
+def _check_lines(checked):
+    lines = []
+    for c in checked["checks"]:
+        word = "ok    " if c["ok"] else "FAILED"
+        lines.append(f"{word} {c['name']}: {c['value']:.3g} {c['unit']}".rstrip() + f" (at most {c['limit']:g})")
+    return lines
+
+
+def _design_lines(folder, metrics, checked):
+    return [
+        *_check_lines(checked),
+        f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   psnr {metrics['psnr_db']:.2f} dB   ssim {metrics['ssim']:.3f}",
+        f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
+        f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        f"solid {folder.step}   report {folder.path / 'report.html'}",
+    ]

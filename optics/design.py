@@ -1,0 +1,224 @@
+"""The design loop: optimise a level, mark, refine, go on.
+
+Level by level the surface gets more degrees of freedom, and the measurement finer pixels and
+more rays.  Every level starts from the exact surface of the one before (prolongation).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import ceil, gcd
+from time import perf_counter
+
+import numpy as np
+from scipy.optimize import Bounds, minimize
+
+from optics.beam import collimated_beam
+from optics.errors import NumericalError, UserError
+from optics.model import base_lens, target_irradiance, target_screen
+from optics.objective import Objective
+from optics.problem import per_level
+from optics.refinement import cell_indicator, mark, vertex_knots
+from optics.tracing import Tracer
+from optics.windows import BSplineWindow, GaussianWindow
+from thbcad.surface import THBSurface
+
+MARGIN = 8  # dark pixels around the target
+PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
+
+
+@dataclass(frozen=True)
+class Row:
+    """One evaluation in the history."""
+
+    level: int
+    dof: int
+    evaluation: int
+    loss: float
+    fit: float
+    seconds: float
+
+
+@dataclass
+class State:
+    """What a run needs to go on: the next level to optimise and the surface it starts from."""
+
+    level: int
+    sag: THBSurface
+    history: list[Row] = field(default_factory=list)
+
+    @property
+    def evaluations(self):
+        return len(self.history)
+
+    @property
+    def seconds(self):
+        return self.history[-1].seconds if self.history else 0.0
+
+
+class Interrupted(Exception):
+    """The run was stopped by the user; `state` holds the best surface of the level so far."""
+
+    def __init__(self, state):
+        super().__init__("interrupted")
+        self.state = state
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Pixels and rays of one level."""
+
+    level: int
+    iterations: int
+    screen: object
+    rays: tuple[int, int]
+
+    @property
+    def work(self):
+        """Expected cost, in rays traced."""
+        return self.iterations * self.rays[0] * self.rays[1]
+
+
+def stages(problem):
+    """Return the Stage of every level of a problem."""
+    out = []
+    freeform, optimizer = problem.lens.rear.freeform, problem.optimizer
+    for level in range(freeform.max_level + 1):
+        spans = [n << level for n in freeform.spans]
+        coarsening = 1
+        while all(n // (2 * coarsening) >= PIXELS_PER_SPAN * s for n, s in zip(problem.target.pixels, spans)):
+            coarsening *= 2
+        screen = target_screen(problem, coarsening, MARGIN)
+        rays = tuple(max(64, ceil(optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
+        out.append(Stage(level, per_level(optimizer.iterations, level), screen, rays))
+    return out
+
+
+def transmitted_flux(backend, problem, lens):
+    """Return the flux that the unoptimised lens sends on, W.
+
+    Raises
+    ------
+    UserError : (almost) nothing passes the lens.
+    """
+    tracer = _tracer(backend, problem, lens, (129, 129))
+    _, landing = tracer.trace(lens.rear.sag.to_bspline().coefficients)
+    budget = tracer.budget(landing, problem.target.half_width)
+    if budget.transmitted < 1e-3 * problem.source.flux:
+        raise UserError(
+            f"only {budget.transmitted:.3g} W of {problem.source.flux:.3g} W pass the unoptimised lens "
+            f"(totally reflected {budget.total_internal:.3g} W, past the rear surface {budget.missed_rear:.3g} W); "
+            "change the lens prescription"
+        )
+    return budget.transmitted
+
+
+def design(problem, light, backend, state=None, progress=None, checkpoint=None):
+    """Optimise the rear surface of a problem's lens and return (Lens, State).
+
+    light : the target picture as linear light.  state : to go on from, or None.
+    progress : called with (Stage, Row) after every evaluation.
+    checkpoint : called with the State after every level.
+
+    Raises
+    ------
+    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or the surfaces cross.
+    """
+    lens = base_lens(problem)
+    flux = transmitted_flux(backend, problem, lens)
+    state = state or State(0, lens.rear.sag)
+    clock = perf_counter() - state.seconds
+    for stage in stages(problem)[state.level :]:
+        target = target_irradiance(light, stage.screen, problem.target.fit, flux)
+        lens = _with_sag(lens, state.sag)
+        objective = _objective(backend, problem, lens, stage, target)
+        recorder = _Recorder(objective, stage, state, clock, progress)
+        coefficients = _minimize(recorder, problem, stage)
+        sag = THBSurface(state.sag.space, coefficients)
+        lens = _with_sag(lens, sag)
+        marked = _marked(problem, objective, sag, lens.rear.half_width, stage)
+        state = State(stage.level + 1, sag.refine(marked), state.history)
+        if checkpoint:
+            checkpoint(state)
+        if not marked:
+            break
+    return lens, state
+
+
+def sag_window(problem):
+    """Return the smooth measurement window of the optimisation."""
+    o = problem.optimizer
+    return BSplineWindow(3) if o.window == "bspline" else GaussianWindow(o.sigma)
+
+
+class _Recorder:
+    """Calls the objective, keeps the history and the best coefficients."""
+
+    def __init__(self, objective, stage, state, clock, progress):
+        self._objective, self._stage, self._clock, self._progress = objective, stage, clock, progress
+        self.state = state
+        self.best = np.inf, state.sag.coefficients
+
+    def __call__(self, coefficients):
+        loss, gradient = self._objective(coefficients)
+        if not (np.isfinite(loss) and np.isfinite(gradient).all()):
+            raise NumericalError(f"the loss is not finite at level {self._stage.level}; lower z_freedom or check the prescription")
+        if loss < self.best[0]:
+            self.best = loss, np.array(coefficients)
+        history = self.state.history
+        row = Row(self._stage.level, len(coefficients), len(history) + 1, loss, self._objective.fit, perf_counter() - self._clock)
+        history.append(row)
+        if self._progress:
+            self._progress(self._stage, row)
+        return loss, gradient
+
+
+def _minimize(recorder, problem, stage):
+    bound = problem.lens.rear.freeform.z_freedom
+    options = {"maxiter": stage.iterations, "maxcor": problem.optimizer.memory, "maxfun": 2 * stage.iterations + 10}
+    state = recorder.state
+    try:
+        minimize(recorder, state.sag.coefficients, jac=True, method="L-BFGS-B", bounds=Bounds(-bound, bound), options=options)
+    except KeyboardInterrupt:
+        sag = THBSurface(state.sag.space, recorder.best[1])
+        raise Interrupted(State(stage.level, sag, state.history)) from None
+    return recorder.best[1]
+
+
+def _objective(backend, problem, lens, stage, target):
+    tracer = _tracer(backend, problem, lens, stage.rays)
+    weight = problem.optimizer.lost_flux_weight
+    embedding = lens.rear.sag.space.embedding
+    return Objective(backend, tracer, embedding, stage.screen, sag_window(problem), target, weight)
+
+
+def _tracer(backend, problem, lens, rays):
+    source = problem.source
+    beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, rays)
+    embedding = lens.rear.sag.space.embedding
+    return Tracer(backend, lens, beam, problem.target_z, (embedding.kv_u, embedding.kv_v))
+
+
+def _marked(problem, objective, sag, half_width, stage):
+    """Return the cells to refine after a level ({} after the last)."""
+    freeform = problem.lens.rear.freeform
+    if stage.level == freeform.max_level:
+        return {}
+    knots = vertex_knots(half_width, [_vertices(n, s) for n, s in zip(stage.rays, freeform.spans)])
+    indicator = cell_indicator(sag.space, knots, objective.vertex_gradients(sag.coefficients, knots))
+    return mark(sag.space, indicator, per_level(problem.refinement.alpha, stage.level), stage.level + 1)
+
+
+def _vertices(rays, spans):
+    """Return a vertex count near `rays` whose vertices lie on no knot line (mirror symmetry stays)."""
+    steps = rays
+    while gcd(steps, 2 * spans) > 1:
+        steps += 1
+    return steps + 1
+
+
+def _with_sag(lens, sag):
+    try:
+        return lens.with_rear(type(lens.rear)(lens.rear.half_width, lens.rear.conic, sag))
+    except ValueError as error:
+        raise NumericalError(f"the optimised lens cannot exist: {error}; lower lens.rear.freeform.z_freedom") from None

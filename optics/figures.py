@@ -1,0 +1,113 @@
+"""The pictures of a report (matplotlib)."""
+
+from __future__ import annotations
+
+import io
+
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt  # noqa: E402
+from matplotlib.collections import LineCollection  # noqa: E402
+
+DPI = 110
+
+
+def draw_all(problem, lens, measurement, history):
+    """Return {name: (caption, PNG bytes)} of every figure, in the order of the report."""
+    extent = _extent(problem.target.half_width)
+    target, light = (a / measurement.target.mean() for a in (measurement.target, measurement.irradiance))
+    top = float(target.max())
+    error = light - target
+    reach = float(np.quantile(np.abs(error), 0.999)) or 1.0
+    unit = "irradiance / mean"
+    return {
+        "target": ("The light asked for.", _image(target, extent, unit, "gray", 0, top)),
+        "irradiance": ("The light that the lens makes (fresh rays, box pixels).", _image(light, extent, unit, "gray", 0, top)),
+        "error": ("Made minus asked for.", _image(error, extent, unit, "RdBu_r", -reach, reach)),
+        "irradiance_02": (
+            "Irradiance to the power 0.2: stray light and faint detail.",
+            _image(np.maximum(light, 0) ** 0.2, extent, "(irradiance / mean)^0.2", "magma", 0, top**0.2),
+        ),
+        "sag": ("Sag of the rear surface, added to its conic.", _sag(lens)),
+        "mesh": ("Hierarchical mesh: leaf cells by level.", _mesh(lens)),
+        "loss": ("Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.", _loss(history)),
+    }
+
+
+def _extent(half_width):
+    hx, hy = half_width
+    return (-hx, hx, -hy, hy)
+
+
+def _png(figure):
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    plt.close(figure)
+    return buffer.getvalue()
+
+
+def _axes():
+    figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
+    axes.set_xlabel("x / mm")
+    axes.set_ylabel("y / mm")
+    return figure, axes
+
+
+def _image(data, extent, label, colours, low, high):
+    figure, axes = _axes()
+    shown = axes.imshow(data, cmap=colours, vmin=low, vmax=high, extent=extent, interpolation="nearest")
+    figure.colorbar(shown, label=label)
+    return _png(figure)
+
+
+def _sag(lens):
+    rear = lens.rear
+    x, y = (np.linspace(-h, h, 401) for h in rear.half_width)
+    sag = rear.grid(x, y) - rear.conic(x[:, None], y[None, :])
+    figure, axes = _axes()
+    shown = axes.imshow(sag.T[::-1], cmap="viridis", extent=_extent(rear.half_width))
+    figure.colorbar(shown, label="sag / mm")
+    return _png(figure)
+
+
+def _mesh(lens):
+    space, (hx, hy) = lens.rear.sag.space, lens.rear.half_width
+    cells = space.cells
+    corner, size = (_cell_boxes(space, cells, d, h) for d, h in ((0, hx), (1, hy)))
+    (x0, x1), (y0, y1) = corner, size
+    loops = np.stack([np.stack([x0, y0], 1), np.stack([x1, y0], 1), np.stack([x1, y1], 1), np.stack([x0, y1], 1)], 1)
+    figure, axes = _axes()
+    colours = plt.get_cmap("viridis")(cells[:, 0] / max(1, space.levels - 1))
+    axes.add_collection(LineCollection(np.concatenate([loops, loops[:, :1]], 1), colors=colours, linewidths=0.3))
+    axes.set_xlim(-hx, hx)
+    axes.set_ylim(-hy, hy)
+    axes.set_aspect("equal")
+    axes.set_title(f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9)
+    return _png(figure)
+
+
+def _cell_boxes(space, cells, direction, half_width):
+    """Return low and high positions of leaf cells in one direction, mm."""
+    axis = space.axes[direction]
+    kv = axis.knot_vector
+    ends = np.empty((2, len(cells)))
+    for level in np.unique(cells[:, 0]):
+        here = cells[:, 0] == level
+        for k in (0, 1):
+            ends[k, here] = axis.value(int(level), cells[here, 1 + direction] + k)
+    return half_width * (2 * (ends - kv.start) / (kv.stop - kv.start) - 1)
+
+
+def _loss(history):
+    figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
+    numbers = np.array([(r.evaluation, r.fit, r.level) for r in history])
+    if len(numbers):
+        axes.semilogy(numbers[:, 0], numbers[:, 1], lw=1.2)
+        for start in np.nonzero(np.diff(numbers[:, 2]))[0]:
+            axes.axvline(numbers[start, 0] + 0.5, color="0.8", lw=0.8, zorder=0)
+    axes.set_xlabel("evaluations of loss and gradient")
+    axes.set_ylabel("||E - T|| / ||T||")
+    axes.grid(alpha=0.3, which="both")
+    return _png(figure)

@@ -1,0 +1,65 @@
+"""From a problem to the objects that are traced."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from optics.errors import UserError
+from optics.picture import fit_picture, read_picture
+from optics.screen import Screen
+from thbcad.bspline import KnotVector
+from thbcad.lens import Conic, FreeformSurface, Lens
+from thbcad.space import THBSpace
+from thbcad.surface import THBSurface
+
+
+def base_lens(problem):
+    """Return the lens before optimisation: a THB sag of zeros on the level-0 mesh.
+
+    Raises
+    ------
+    UserError : the prescription makes no lens.
+    """
+    spec = problem.lens
+    freeform = spec.rear.freeform
+    kv = [KnotVector.uniform(freeform.degree, n, -h, h) for n, h in zip(freeform.spans, spec.rear.half_width)]
+    space = THBSpace(*kv)
+    sag = THBSurface(space, np.zeros(space.dim))
+    try:
+        front = FreeformSurface(spec.front.half_width, Conic(spec.front.radius, spec.front.conic))
+    except ValueError as error:
+        raise UserError(f"lens.front: {error}") from None
+    try:
+        rear = FreeformSurface(spec.rear.half_width, Conic(spec.rear.radius, spec.rear.conic), sag)
+    except ValueError as error:
+        raise UserError(f"lens.rear: {error}") from None
+    try:
+        return Lens(front, rear, spec.thickness, spec.index)
+    except ValueError as error:
+        raise UserError(f"lens: {error}") from None
+
+
+def target_screen(problem, coarsening=1, margin=0):
+    """Return the Screen of the target, with pixels merged `coarsening` times in each direction."""
+    pixels = tuple(-(-n // coarsening) for n in problem.target.pixels)
+    return Screen(problem.target.half_width, pixels, margin)
+
+
+def target_light(problem):
+    """Return the picture of the target as linear light at its own resolution.
+
+    Raises
+    ------
+    UserError : see `read_picture`.
+    """
+    return read_picture(problem.target.image, problem.target.encoding)
+
+
+def target_irradiance(light, screen, fit, flux):
+    """Return the irradiance asked for on a screen's pixels, W/mm^2, with the given total flux."""
+    aspect = screen.half_width[0] / screen.half_width[1]
+    image = fit_picture(light, screen.pixels, aspect, fit)
+    total = image.sum() * screen.pixel_area
+    if total <= 0:
+        raise UserError("no light is left of the picture inside the target; choose another target.fit")
+    return image * (flux / total)

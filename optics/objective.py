@@ -1,0 +1,68 @@
+"""The objective of one level and its gradient by the THB coefficients.
+
+    L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 sum_k phi_k)
+
+E is the irradiance measured with a smooth window, T the target measured with the same one, on
+the target's pixels and a dark margin around them (thesis 5.4, squared and normalised).  The
+second term charges light beside the target: d_k is the distance of landing point k from the
+target rectangle, r the target's larger half-width.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from optics.splat import Splat
+from optics.windows import filter_image
+
+
+class Objective:
+    """Loss and gradient for one space, screen and beam; call it with THB coefficients.
+
+    target : irradiance on the screen's pixels without margin, W/mm^2.
+    """
+
+    def __init__(self, backend, tracer, embedding, screen, window, target, lost_flux_weight):
+        self._backend, self._tracer, self._embedding = backend, tracer, embedding
+        self._screen = screen
+        self._splat = Splat(backend, screen, window)
+        measured = filter_image(screen.pad(target), window)
+        self._target = backend.Float(measured.ravel())
+        scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
+        self._norm = backend.dr.opaque(backend.Float, 1.0 / np.square(measured).sum())
+        self._charge = backend.dr.opaque(backend.Float, lost_flux_weight / scale)
+        self.evaluations = 0
+        self.fit = np.nan
+
+    def __call__(self, coefficients):
+        """Return (loss, gradient); `fit` keeps ||E - T|| / ||T|| of the call."""
+        loss, hits, _ = self._backward(coefficients)
+        return loss, self._embedding.adjoint(self._tracer.hits.pull_back(hits.gradients()))
+
+    def image(self, coefficients):
+        """Return the measured irradiance on the target's pixels, W/mm^2."""
+        _, _, image = self._backward(coefficients)
+        return self._screen.crop(image.numpy().reshape(self._screen.padded))
+
+    def vertex_gradients(self, coefficients, knots):
+        """Return |dL/dZ| for the vertices of a bilinear grid over the rear surface (thesis 6.2).
+
+        knots : two knot vectors of degree 1, whose knots are the vertices.
+        """
+        _, hits, _ = self._backward(coefficients)
+        return np.abs(self._tracer.hits.pull_back(hits.gradients(), knots))
+
+    def _backward(self, coefficients):
+        dr = self._backend.dr
+        self.evaluations += 1
+        hits, landing = self._tracer.trace(self._embedding.coefficients(coefficients))
+        image = self._splat(landing.x, landing.y, landing.flux)
+        fit = dr.sum(dr.square(image - self._target)) * self._norm
+        hx, hy = self._screen.half_width
+        beside_x = dr.maximum(dr.abs(landing.x) - hx, 0)
+        beside_y = dr.maximum(dr.abs(landing.y) - hy, 0)
+        lost = dr.sum(landing.flux * (beside_x * beside_x + beside_y * beside_y)) * self._charge
+        total = fit + lost
+        dr.backward(total)
+        self.fit = float(np.sqrt(fit.numpy()[0]))
+        return float(total.numpy()[0]), hits, image

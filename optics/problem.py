@@ -1,0 +1,236 @@
+"""The problem file: TOML into frozen records, every key and value checked.
+
+Unknown keys, wrong types and impossible numbers are UserErrors that name the key.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import get_args, get_origin, get_type_hints
+
+from optics.errors import UserError
+
+MAX_FILE_BYTES = 1_000_000
+MAX_PIXELS = 4096
+
+
+def option(default=MISSING, choices=None, low=None, high=None, above=None, note=""):
+    """Return a field with a default (or none: the key is required), its limits and a note."""
+    limits = {"choices": choices, "low": low, "high": high, "above": above, "note": note}
+    return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    kind: str = option(choices=("collimated",), note="parallel rays along +z, uniform over the rectangle")
+    half_width: tuple[float, float] = option(above=0, note="mm")
+    distance: float = option(2.0, low=0, note="mm from the source plane to the front vertex")
+    flux: float = option(1.0, above=0, note="W")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Freeform:
+    degree: int = option(3, low=2, high=10, note="of the splines")
+    spans: tuple[int, int] = option((7, 7), low=1, high=1000, note="knot spans of level 0 in x and y")
+    max_level: int = option(5, low=0, high=12, note="finest level of refinement")
+    z_freedom: float = option(5.0, above=0, note="mm, bound of the sag coefficients")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Front:
+    half_width: tuple[float, float] = option(above=0, note="mm")
+    radius: float = option(math.inf, note="mm, of the vertex; positive opens to +z, inf is a plane")
+    conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rear:
+    half_width: tuple[float, float] = option(above=0, note="mm")
+    freeform: Freeform = option(Freeform())
+    radius: float = option(math.inf, note="mm, of the vertex; positive opens to +z, inf is a plane")
+    conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensSpec:
+    index: float = option(above=1, note="refractive index, relative to the air around")
+    thickness: float = option(above=0, note="mm between the vertices")
+    front: Front = option()
+    rear: Rear = option()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    kind: str = option(choices=("image",))
+    image: str = option(note="picture file, relative to the problem file")
+    distance: float = option(above=0, note="mm from the rear vertex to the target plane")
+    half_width: tuple[float, float] = option(above=0, note="mm")
+    encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
+    pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
+    fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optimizer:
+    iterations: tuple[int, ...] = option((25,), low=1, high=100_000, note="L-BFGS iterations per level; the last number goes on")
+    memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
+    window: str = option("bspline", choices=("bspline", "gaussian"), note="measurement window")
+    sigma: float = option(1.0, low=0.3, high=10, note="pixels, of the Gaussian window")
+    rays_per_pixel: float = option(1.75, low=0.5, high=16, note="in each direction")
+    lost_flux_weight: float = option(100.0, low=0, note="charge for light beside the target")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refinement:
+    alpha: tuple[float, ...] = option((0.0, 0.0, 0.3), low=0, note="marking threshold per level; the last number goes on")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verify:
+    rays: int = option(257, low=8, high=2049, note="rays per direction of the independent trace")
+    surface: float = option(1e-10, above=0, note="mm, limit of the STEP face's deviation")
+    landing: float = option(1e-8, above=0, note="mm, limit of the landing points' deviation")
+    irradiance: float = option(1e-6, above=0, note="limit of the relative difference of the irradiance")
+    volume: float = option(1e-6, above=0, note="limit of the relative difference of the volume")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    seed: int = option(0, low=0, note="shifts the fresh rays of the metrics")
+    threads: int = option(0, low=0, high=1024, note="0 uses all cores; 1 repeats a run bit for bit")
+    precision: str = option("double", choices=("double", "single"), note="of the optimisation; metrics are always double")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    title: str = option("lens")
+    source: Source = option()
+    lens: LensSpec = option()
+    target: Target = option()
+    optimizer: Optimizer = option(Optimizer())
+    refinement: Refinement = option(Refinement())
+    verify: Verify = option(Verify())
+    run: Run = option(Run())
+
+    @property
+    def target_z(self):
+        """z of the target plane, mm."""
+        return self.lens.thickness + self.target.distance
+
+
+def load_problem(path):
+    """Read a problem file and return the Problem; its image path is made absolute.
+
+    Raises
+    ------
+    UserError : with one sentence that names the file, the key, what came and what was wanted.
+    """
+    path = Path(path)
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise UserError(f"{path} is larger than {MAX_FILE_BYTES} bytes: is it a problem file?")
+        data = tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} is not valid TOML: {error}") from None
+    try:
+        return _record(Problem, data, "", path.parent)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from None
+
+
+def problem_to_toml(problem):
+    """Return the problem as TOML with every key, so that a run can be repeated from it."""
+    return _toml(problem, "").lstrip("\n")
+
+
+def per_level(values, level):
+    """Return the value of a level from a list whose last entry goes on."""
+    return values[min(level, len(values) - 1)]
+
+
+def _record(kind, data, prefix, folder):
+    if not isinstance(data, dict):
+        raise UserError(f"{prefix.rstrip('.')} must be a table, got {data!r}")
+    known = {f.name: f for f in fields(kind)}
+    for key in data:
+        if key not in known:
+            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
+            raise UserError(f"unknown key {prefix}{key}; {where} takes {', '.join(known)}")
+    hints = get_type_hints(kind)
+    values = {}
+    for name, f in known.items():
+        key = prefix + name
+        if name not in data:
+            if f.default is MISSING:
+                raise UserError(f"the key {key} is missing")
+            continue
+        if is_dataclass(hints[name]):
+            values[name] = _record(hints[name], data[name], key + ".", folder)
+        else:
+            values[name] = _value(key, hints[name], data[name], f.metadata)
+        if key == "target.image":
+            values[name] = str((folder / values[name]).resolve())
+    return kind(**values)
+
+
+def _value(key, hint, value, limits):
+    if get_origin(hint) is tuple:
+        return _row(key, hint, value, limits)
+    if hint is str:
+        if not isinstance(value, str):
+            raise UserError(f"{key} must be a string, got {value!r}")
+        if limits["choices"] and value not in limits["choices"]:
+            raise UserError(f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {value!r}")
+        return value
+    wanted = "a whole number" if hint is int else "a number"
+    if isinstance(value, bool) or not isinstance(value, int if hint is int else (int, float)):
+        raise UserError(f"{key} must be {wanted}, got {value!r}")
+    finite = math.isfinite(value) or (key.endswith("radius") and not math.isnan(value))
+    if not finite:
+        raise UserError(f"{key} must be a finite number, got {value!r}")
+    for name, word, broken in (
+        ("low", "at least", lambda v, b: v < b),
+        ("high", "at most", lambda v, b: v > b),
+        ("above", "greater than", lambda v, b: v <= b),
+    ):
+        if limits[name] is not None and broken(value, limits[name]):
+            raise UserError(f"{key} must be {word} {limits[name]}, got {value!r}")
+    if key.endswith("radius") and value == 0:
+        raise UserError(f"{key} must not be 0; inf is a plane")
+    return hint(value)
+
+
+def _row(key, hint, value, limits):
+    kinds = get_args(hint)
+    open_ended = kinds[-1] is Ellipsis
+    if open_ended and not isinstance(value, list):
+        value = [value]
+    if not isinstance(value, list) or not value or (not open_ended and len(value) != len(kinds)):
+        wanted = "a list of numbers" if open_ended else f"a list of {len(kinds)} numbers"
+        raise UserError(f"{key} must be {wanted}, got {value!r}")
+    return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
+
+
+def _toml(record, prefix):
+    lines, tables = [], []
+    for f in fields(record):
+        value = getattr(record, f.name)
+        if is_dataclass(value):
+            tables.append(f"\n[{prefix}{f.name}]\n" + _toml(value, f"{prefix}{f.name}."))
+        else:
+            lines.append(f"{f.name} = {_toml_value(value)}\n")
+    return "".join(lines) + "".join(tables)
+
+
+def _toml_value(value):
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    return repr(value)

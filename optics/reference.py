@@ -1,0 +1,125 @@
+"""An independent tracer: numpy and scipy on the poles and knots of a STEP file.
+
+It shares no code with the optimiser's tracer: surfaces are general parametric splines evaluated
+by scipy's NdBSpline, rays are intersected by Newton's method in the surface parameters, and
+refraction uses the vector form of Snell's law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import NdBSpline
+
+from optics.errors import NumericalError
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceRays:
+    """Landing points (n, 2) in mm and flux (n,) in W; NaN and 0 for rays that do not arrive."""
+
+    points: np.ndarray
+    flux: np.ndarray
+
+
+class ParametricFace:
+    """S(u, v) with poles (n_u, n_v, 3), evaluated by scipy."""
+
+    def __init__(self, surface):
+        knots = surface.kv_u.knots, surface.kv_v.knots
+        self._spline = NdBSpline(knots, surface.coefficients, (surface.kv_u.degree, surface.kv_v.degree))
+        self.low = np.array([knots[0][0], knots[1][0]])
+        self.high = np.array([knots[0][-1], knots[1][-1]])
+        corner, opposite = surface.coefficients[0, 0, :2], surface.coefficients[-1, -1, :2]
+        self._origin, self._extent = corner, opposite - corner
+
+    def start(self, points):
+        """Return a first guess of the parameters below points (n, 2) in x and y."""
+        share = (points - self._origin) / self._extent
+        return np.clip(self.low + share * (self.high - self.low), self.low, self.high)
+
+    def jet(self, uv):
+        """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
+        return [self._spline(uv, nu=nu) for nu in ((0, 0), (1, 0), (0, 1))]
+
+
+def trace_step(step, origins, flux, index, target_z):
+    """Trace rays along +z through the two faces of a StepLens to the plane z = target_z.
+
+    origins : (n, 2) float, mm.  flux : (n,) or float, W before the lens.
+    """
+    n = len(origins)
+    points = np.column_stack([origins, np.full(n, min(0.0, step.front.coefficients[..., 2].min()) - 1.0)])
+    directions = np.tile([0.0, 0.0, 1.0], (n, 1))
+    weight = np.broadcast_to(np.asarray(flux, dtype=float), n).copy()
+    for surface, eta in ((step.front, 1 / index), (step.rear, index)):
+        points, normals, met = _intersect(ParametricFace(surface), points, directions)
+        directions, share = _refract(directions, normals, eta)
+        weight *= np.where(met, share, 0.0)
+    arrives = (weight > 0) & (directions[:, 2] > 0)
+    travel = (target_z - points[:, 2]) / np.where(arrives, directions[:, 2], 1.0)
+    landing = points[:, :2] + travel[:, None] * directions[:, :2]
+    return ReferenceRays(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
+
+
+def deposit(points, flux, screen):
+    """Return the irradiance by bilinear weights between pixel centres, (rows, columns), W/mm^2."""
+    good = np.isfinite(points).all(axis=1) & (flux > 0)
+    (sx, ox), (sy, oy) = screen.pixel_map()
+    column, row = points[good, 0] * sx + ox - 0.5, points[good, 1] * sy + oy - 0.5
+    rows, columns = screen.padded
+    image = np.zeros((rows, columns))
+    c, r = np.floor(column).astype(int), np.floor(row).astype(int)
+    for dr in (0, 1):
+        for dc in (0, 1):
+            weight = (1 - np.abs(row - r - dr)) * (1 - np.abs(column - c - dc)) * flux[good]
+            inside = (r + dr >= 0) & (r + dr < rows) & (c + dc >= 0) & (c + dc < columns)
+            np.add.at(image, (r[inside] + dr, c[inside] + dc), weight[inside])
+    return image / screen.pixel_area
+
+
+def _intersect(face, points, directions, steps=20, tolerance=1e-12):
+    """Return (points, unit normals towards +z, met) of rays on a face.
+
+    Newton's method on a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray.
+    """
+    helper = np.where(np.abs(directions[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    a = np.cross(directions, helper)
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    b = np.cross(directions, a)
+    uv = face.start(points[:, :2])
+    size = np.abs(face.high - face.low).max()
+    for _ in range(steps):
+        s, su, sv = face.jet(uv)
+        f, g = _dot(a, s - points), _dot(b, s - points)
+        fu, fv, gu, gv = _dot(a, su), _dot(a, sv), _dot(b, su), _dot(b, sv)
+        determinant = fu * gv - fv * gu
+        step = np.column_stack([gv * f - fv * g, fu * g - gu * f]) / determinant[:, None]
+        uv = np.clip(uv - step, face.low, face.high)
+        if np.abs(step).max() < tolerance * size:
+            break
+    s, su, sv = face.jet(uv)
+    distance = np.hypot(_dot(a, s - points), _dot(b, s - points))
+    normals = np.cross(su, sv)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals *= np.sign(normals[:, 2:])
+    if not np.isfinite(s).all():
+        raise NumericalError("the independent trace met a degenerate face")
+    return s, normals, distance < 1e-9
+
+
+def _refract(directions, normals, eta):
+    """Return (directions, transmittance) by the vector form of Snell's law; T = 0 where totally reflected."""
+    cos_i = _dot(directions, normals)
+    square = 1 - eta**2 * (1 - cos_i**2)
+    passes = (square > 0) & (cos_i > 0)
+    cos_t = np.sqrt(np.where(passes, square, 1.0))
+    refracted = eta * directions + (cos_t - eta * cos_i)[:, None] * normals
+    rs = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
+    rp = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
+    return refracted, np.where(passes, 1 - (rs**2 + rp**2) / 2, 0.0)
+
+
+def _dot(a, b):
+    return np.einsum("ij,ij->i", a, b)

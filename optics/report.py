@@ -1,0 +1,62 @@
+"""The report: one self-contained HTML file with figures and tables."""
+
+from __future__ import annotations
+
+import base64
+from html import escape
+
+STYLE = """
+body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}
+h1{font-weight:600} table{border-collapse:collapse;margin:1rem 0} td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}
+td.n{text-align:right;font-variant-numeric:tabular-nums} .bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
+.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(24rem,1fr));gap:1rem} figure{margin:0} img{width:100%}
+figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overflow:auto}
+"""
+
+
+def report_html(problem, metrics, verification, pictures, problem_text):
+    """Return the report as one HTML page without outside references."""
+    title = escape(problem.title)
+    figures = "".join(
+        f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for caption, png in pictures.values()
+    )
+    verdict = '<span class="good">every check passed</span>' if verification["ok"] else '<span class="bad">a check failed</span>'
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+        f"<h1>{title}</h1><p>{_summary(metrics)}</p>"
+        f'<div class="grid">{figures}</div>'
+        f"<h2>Figures</h2>{_metric_table(metrics)}"
+        f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
+        f"<h2>Problem</h2><pre>{escape(problem_text)}</pre></html>\n"
+    )
+
+
+def _summary(metrics):
+    return (
+        f"Relative error {metrics['rel_l2']:.1%} (PSNR {metrics['psnr_db']:.1f} dB), "
+        f"{metrics['efficiency']:.1%} of the source flux inside the target, {metrics['stray']:.2%} stray; "
+        f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, {metrics['wall_s']['total']:.1f} s."
+    )
+
+
+def _metric_table(metrics):
+    rows = []
+    for name, value in metrics.items():
+        for key, number in value.items() if isinstance(value, dict) else ((None, value),):
+            label = name if key is None else f"{name}: {key}"
+            shown = f"{number:.6g}" if isinstance(number, float) else str(number)
+            rows.append(f'<tr><td>{escape(label)}</td><td class="n">{escape(shown)}</td></tr>')
+    return f"<table>{''.join(rows)}</table>"
+
+
+def _check_table(verification):
+    rows = ["<tr><th>check</th><th>figure</th><th>limit</th><th>unit</th><th></th></tr>"]
+    for check in verification["checks"]:
+        mark = '<td class="good">passed</td>' if check["ok"] else '<td class="bad">failed</td>'
+        rows.append(
+            f'<tr><td>{escape(check["name"])}</td><td class="n">{check["value"]:.3g}</td>'
+            f'<td class="n">{check["limit"]:g}</td><td>{check["unit"]}</td>{mark}</tr>'
+        )
+    return f"<table>{''.join(rows)}</table>"

@@ -1,0 +1,126 @@
+"""The result folder: what a run writes, and how it is read back."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import tempfile
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from optics.design import Row, State
+from optics.errors import UserError
+from optics.problem import load_problem, problem_to_toml
+from thbcad.atomic import write_bytes, write_text
+from thbcad.native import read_lens, sag_from_dict, sag_to_dict, write_lens
+
+CHECKPOINT = "checkpoint.json"
+VERSION = 1
+
+
+class ResultFolder:
+    """Paths and files of one run.  Files appear whole or not at all.
+
+    Raises
+    ------
+    UserError : the folder cannot be made or written.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self.step = self.path / "lens.step"
+        self.lens = self.path / "lens.json"
+        self.problem = self.path / "problem.toml"
+        self.figures = self.path / "figures"
+
+    def prepare(self):
+        """Make the folder and see that it can be written, before any work is done."""
+        try:
+            self.figures.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self.path) as probe:
+                probe.write(b"0")
+        except OSError as error:
+            raise UserError(f"cannot write to the result folder {self.path}: {error.strerror}; choose another with --out") from None
+
+    def write_problem(self, problem):
+        """Store the resolved problem and its picture, so that the folder can be run again."""
+        picture = Path(problem.target.image)
+        name = "target" + picture.suffix.lower()
+        if picture.resolve() != (self.path / name).resolve():
+            write_bytes(self.path / name, picture.read_bytes())
+        local = replace(problem, target=replace(problem.target, image=name))
+        write_text(self.problem, problem_to_toml(local))
+
+    def read_problem(self):
+        if not self.problem.exists():
+            raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
+        return load_problem(self.problem)
+
+    def write_lens(self, lens):
+        write_lens(lens, self.lens)
+
+    def read_lens(self):
+        try:
+            return read_lens(self.lens)
+        except OSError as error:
+            raise UserError(f"cannot read {self.lens}: {error.strerror}; was the design interrupted?") from None
+        except ValueError as error:
+            raise UserError(f"{self.lens}: {error}") from None
+
+    def write_json(self, name, data):
+        write_text(self.path / name, json.dumps(data, indent=1) + "\n")
+
+    def write_history(self, history):
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["level", "dof", "evaluation", "loss", "fit", "seconds"])
+        writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, f"{r.seconds:.4f}"] for r in history)
+        write_text(self.path / "history.csv", text.getvalue())
+
+    def write_checkpoint(self, problem, state):
+        """Store a run's state.  It names the problem, so that no other can go on from it."""
+        data = {
+            "schema": "thbcad-checkpoint",
+            "version": VERSION,
+            "problem": _fingerprint(problem),
+            "level": state.level,
+            "sag": sag_to_dict(state.sag),
+            "history": [list(asdict(row).values()) for row in state.history],
+        }
+        write_text(self.path / CHECKPOINT, json.dumps(data, separators=(",", ":"), allow_nan=False))
+        self.write_history(state.history)
+
+    def read_checkpoint(self, problem):
+        """Return the State to go on from.
+
+        Raises
+        ------
+        UserError : there is none, it is damaged, or it belongs to another problem.
+        """
+        path = self.path / CHECKPOINT
+        try:
+            data = json.loads(path.read_text("utf-8"))
+            if data["schema"] != "thbcad-checkpoint" or data["version"] != VERSION:
+                raise ValueError("unknown schema or version")
+            same = data["problem"] == _fingerprint(problem)
+            state = State(data["level"], sag_from_dict(data["sag"]), [Row(*row) for row in data["history"]])
+        except OSError as error:
+            raise UserError(f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume") from None
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
+        if not same:
+            raise UserError(f"cannot resume: {path} belongs to another problem; run without --resume or change --out")
+        return state
+
+    def drop_checkpoint(self):
+        """Remove the checkpoint of a finished run."""
+        (self.path / CHECKPOINT).unlink(missing_ok=True)
+
+
+def _fingerprint(problem):
+    """Return the text that tells problems apart; the picture's folder does not matter."""
+    name = os.path.basename(problem.target.image)
+    run = replace(problem.run, threads=0)
+    return problem_to_toml(replace(problem, run=run, target=replace(problem.target, image=name)))

@@ -1,0 +1,53 @@
+"""The target plane as pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Pixels that tile |x| <= half_width[0], |y| <= half_width[1]; row 0 at +y, column 0 at -x.
+
+    pixels : (columns, rows).  margin : dark pixels added on every side, so that light that
+    falls beside the target is seen (and charged) too.
+    """
+
+    half_width: tuple[float, float]
+    pixels: tuple[int, int]
+    margin: int = 0
+
+    @property
+    def shape(self):
+        """(rows, columns) of the image without margin."""
+        return self.pixels[1], self.pixels[0]
+
+    @property
+    def padded(self):
+        """(rows, columns) with margin."""
+        return self.pixels[1] + 2 * self.margin, self.pixels[0] + 2 * self.margin
+
+    @property
+    def pitch(self):
+        """Pixel size (x, y), mm."""
+        return 2 * self.half_width[0] / self.pixels[0], 2 * self.half_width[1] / self.pixels[1]
+
+    @property
+    def pixel_area(self):
+        return self.pitch[0] * self.pitch[1]
+
+    def pixel_map(self):
+        """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""
+        px, py = self.pitch
+        return (1 / px, self.half_width[0] / px + self.margin), (-1 / py, self.half_width[1] / py + self.margin)
+
+    def pad(self, image):
+        """Return the image with the dark margin."""
+        return np.pad(image, self.margin)
+
+    def crop(self, padded):
+        """Return the image without the margin."""
+        m = self.margin
+        return padded[m : padded.shape[0] - m, m : padded.shape[1] - m]

@@ -1,0 +1,52 @@
+"""Accumulating rays into pixels with a measurement window, differentiably (Dr.Jit)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from optics.screen import Screen
+from optics.windows import BoxWindow, BSplineWindow, GaussianWindow
+
+
+@dataclass(frozen=True)
+class Splat:
+    """Irradiance of a screen, W/mm^2, from landing points and fluxes.
+
+    screen : Screen; window : a measurement window
+    """
+
+    backend: object
+    screen: Screen
+    window: BoxWindow | BSplineWindow | GaussianWindow
+
+    def __call__(self, x, y, flux):
+        """Return the image as a flat Dr.Jit array, row 0 at +y, including the screen's margin.
+
+        x, y : landing points, mm.  flux : W, zero for rays that do not arrive.
+        """
+        dr, Float, Index = self.backend.dr, self.backend.Float, self.backend.Index
+        screen, taps = self.screen, self.window.taps
+        rows, columns = screen.padded
+        # sizes are opaque, so that every screen runs the same compiled kernel
+        height, width = dr.opaque(Float, rows), dr.opaque(Float, columns)
+        (sx, ox), (sy, oy) = ((dr.opaque(Float, a), dr.opaque(Float, b)) for a, b in screen.pixel_map())
+        shift = 0.5 if taps % 2 == 0 else 0.0
+        column, wx = self._taps(x * sx + ox, shift)
+        row, wy = self._taps(y * sy + oy, shift)
+        inside = (row >= 0) & (column >= 0) & (row + taps <= height) & (column + taps <= width)
+        first = Index(dr.select(inside, row * width + column, 0))
+        image = dr.zeros(Float, rows * columns)
+        flux = flux * dr.opaque(Float, 1.0 / screen.pixel_area)
+        for a in range(taps):
+            line = first + Index(a) * Index(width)
+            weighted = flux * wy[a]
+            for b in range(taps):
+                dr.scatter_reduce(dr.ReduceOp.Add, image, weighted * wx[b], line + b, inside)
+        return image
+
+    def _taps(self, position, shift):
+        """Return (first pixel, weights) in one direction."""
+        dr = self.backend.dr
+        taps = self.window.taps
+        cell = dr.floor(dr.detach(position) - shift)
+        return cell - (taps - 1) // 2, self.window.weights(position - shift - cell, dr.exp)

@@ -1,0 +1,115 @@
+"""Does the file on disk make the light?  Checks of a STEP file against the designed lens."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from optics.beam import collimated_beam
+from optics.model import target_screen
+from optics.reference import deposit, trace_step
+from optics.tracing import Tracer
+from thbcad.cad.solid import lens_surfaces
+from thbcad.cad.step import read_step
+
+SURFACE_SAMPLES = 6  # per knot span and direction
+
+
+@dataclass(frozen=True)
+class Check:
+    """One figure with its limit; `ok` is value <= limit."""
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+
+    @property
+    def ok(self):
+        return bool(self.value <= self.limit)
+
+
+def verify(problem, lens, path, backend):
+    """Return the list of Checks of the STEP file at `path` against the lens in memory.
+
+    backend : of double precision.
+    """
+    step = read_step(path)
+    limits = problem.verify
+    checks = [
+        Check("solids besides the one expected", abs(step.solids - 1), 0, ""),
+        Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
+        Check("free edges", step.free_edges, 0, ""),
+        Check("shell not closed", int(not step.closed), 0, ""),
+        Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
+    ]
+    volume = lens.volume()
+    checks.append(Check("volume by OCCT against the closed form, relative", abs(step.volume / volume - 1), limits.volume, ""))
+    for name, read, own in zip(("front", "rear"), (step.front, step.rear), lens_surfaces(lens)):
+        checks.append(Check(f"{name} poles and knots that differ from the lens in memory", _different(read, own), 0, ""))
+    for name, read, surface, vertex in (
+        ("front", step.front, lens.front, 0.0),
+        ("rear", step.rear, lens.rear, lens.thickness),
+    ):
+        checks.append(Check(f"{name} face against the lens in memory", surface_deviation(read, surface, vertex), limits.surface, "mm"))
+    landing, irradiance, mismatched = _light(problem, lens, step, backend)
+    checks += [
+        Check("rays with another fate in the independent trace", mismatched, 0, ""),
+        Check("landing points, independent trace of the file", landing, limits.landing, "mm"),
+        Check("irradiance, independent trace of the file, relative", irradiance, limits.irradiance, ""),
+    ]
+    return checks
+
+
+def verification(checks):
+    """Return the checks as plain data for verify.json."""
+    return {"ok": all(c.ok for c in checks), "checks": [asdict(c) | {"ok": c.ok} for c in checks]}
+
+
+def surface_deviation(face, surface, vertex):
+    """Return the greatest |z_face(x, y) - z_surface(x, y)| in mm at points within every knot span.
+
+    face : BSplineSurface with poles (x, y, z).  surface : FreeformSurface at z = vertex.
+    """
+    u, v = (_samples(kv) for kv in (face.kv_u, face.kv_v))
+    points = face.grid(u, v)
+    x, y = points[:, 0, 0], points[0, :, 1]
+    bent = max(np.abs(points[..., 0] - x[:, None]).max(), np.abs(points[..., 1] - y[None, :]).max())
+    hx, hy = surface.half_width
+    outside = max(np.abs(x).max() - hx, np.abs(y).max() - hy, 0.0)
+    z = vertex + surface.grid(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
+    return float(max(np.abs(points[..., 2] - z).max(), bent, outside))
+
+
+def _samples(kv):
+    b = kv.breaks
+    inner = (b[:-1, None] + np.diff(b)[:, None] * (np.arange(SURFACE_SAMPLES) / SURFACE_SAMPLES)).ravel()
+    return np.append(inner, b[-1])
+
+
+def _different(read, own):
+    if read.coefficients.shape != own.coefficients.shape:
+        return max(read.coefficients.size, own.coefficients.size)
+    knots = sum(int((a.knots != b.knots).sum()) for a, b in ((read.kv_u, own.kv_u), (read.kv_v, own.kv_v)))
+    return int((read.coefficients != own.coefficients).any(axis=2).sum()) + knots
+
+
+def _light(problem, lens, step, backend):
+    """Return (landing error mm, relative irradiance difference, rays of different fate)."""
+    source, n = problem.source, problem.verify.rays
+    beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, (n, n))
+    embedding = lens.rear.sag.space.embedding
+    tracer = Tracer(backend, lens, beam, problem.target_z, (embedding.kv_u, embedding.kv_v))
+    _, landing = tracer.trace(embedding.coefficients(lens.rear.sag.coefficients))
+    flux = landing.flux.numpy()
+    points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
+    origins = np.stack(np.meshgrid(beam.x, beam.y, indexing="ij"), axis=-1).reshape(-1, 2)
+    other = trace_step(step, origins, beam.ray_flux, lens.index, problem.target_z)
+    both = (flux > 0) & (other.flux > 0)
+    error = np.abs(points[both] - other.points[both]).max() if both.any() else np.inf
+    screen = target_screen(problem)
+    e, f = deposit(points, flux, screen), deposit(other.points, other.flux, screen)
+    norm = np.linalg.norm(e)
+    difference = np.linalg.norm(e - f) / norm if norm else np.inf
+    return float(error), float(difference), int(((flux > 0) != (other.flux > 0)).sum())

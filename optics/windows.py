@@ -1,0 +1,114 @@
+"""Measurement windows (thesis 2.35-2.38) in units of pixels.
+
+The irradiance of pixel k is E_k = sum over rays of flux * W(q - c_k) / pixel area, with q the
+landing point and c_k = k + 1/2 the pixel's centre in pixel units.  Windows are products of a
+function of x and one of y, with unit integral, so that the sum of E over the pixels times the
+pixel area is the flux.
+
+The same window must be applied to the target: `filter_image` gives the exact measurement of an
+irradiance that is constant on every pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, erf, exp, pi, sqrt
+
+import numpy as np
+from scipy.ndimage import correlate1d
+
+
+@dataclass(frozen=True)
+class BoxWindow:
+    """W = 1 on the pixel, the radiometric definition (2.35).  Not differentiable."""
+
+    taps = 1
+
+    def weights(self, t, exponential):
+        """Return the weights of the taps for a point at distance t past the first tap's cell."""
+        return [1.0]
+
+    def response(self):
+        """Return the integrals of W over the pixels around its centre."""
+        return np.array([1.0])
+
+
+@dataclass(frozen=True)
+class BSplineWindow:
+    """W = uniform B-spline of the given degree, as wide as degree + 1 pixels.
+
+    C^(degree - 1) and an exact partition of unity over the pixels.
+    """
+
+    degree: int = 3
+
+    @property
+    def taps(self):
+        return self.degree + 1
+
+    def weights(self, t, exponential=None):
+        """Return M_p(t + p - r), r = 0..p, for t in [0, 1)."""
+        return cardinal_weights(t, self.degree)
+
+    def response(self):
+        # a box convolved with M_p is M_(p+1); its values at whole distances from the centre
+        values = cardinal_weights(0.0 if self.degree % 2 == 0 else 0.5, self.degree + 1)
+        return np.array([v for v in values if v > 0])
+
+
+@dataclass(frozen=True)
+class GaussianWindow:
+    """W = g(x) g(y), g a Gaussian of sigma pixels, lowered to zero at `cut` sigma (2.36-2.37)."""
+
+    sigma: float = 1.0
+    cut: float = 4.0
+
+    @property
+    def taps(self):
+        return 2 * ceil(self.cut * self.sigma)
+
+    @property
+    def _offset(self):
+        return exp(-0.5 * self.cut**2)
+
+    @property
+    def _norm(self):
+        s, c = self.sigma, self.cut
+        return s * (sqrt(2 * pi) * erf(c / sqrt(2)) - 2 * c * self._offset)
+
+    def weights(self, t, exponential):
+        """Return g at the tap centres; the point lies t + taps / 2 - 1/2 - r + 1/2 cells past tap r."""
+        half = self.taps // 2
+        rows = []
+        for r in range(self.taps):
+            distance = t + (half - 1 - r)
+            value = (exponential(distance * distance * (-0.5 / self.sigma**2)) - self._offset) * (1 / self._norm)
+            rows.append((value + abs(value)) * 0.5)
+        return rows
+
+    def response(self):
+        reach = ceil(self.cut * self.sigma + 0.5)
+        edges = np.clip(np.arange(-reach, reach + 2) - 0.5, -self.cut * self.sigma, self.cut * self.sigma)
+        gauss = np.array([self.sigma * sqrt(pi / 2) * erf(e / (self.sigma * sqrt(2))) for e in edges])
+        return (np.diff(gauss) - self._offset * np.diff(edges)) / self._norm
+
+
+def cardinal_weights(t, degree):
+    """Return the uniform B-splines M_p(t + p - r), r = 0..p, at t in [0, 1); t may be any array type."""
+    values = [1.0]
+    for k in range(1, degree + 1):
+        rows = []
+        for r in range(k + 1):
+            left = (t + (k - r)) * values[r - 1] if r > 0 else 0.0
+            right = ((r + 1) - t) * values[r] if r < k else 0.0
+            rows.append((left + right) * (1.0 / k))
+        values = rows
+    return values
+
+
+def filter_image(image, window):
+    """Return what the window measures of an irradiance that is constant on every pixel, dark outside."""
+    response = window.response()
+    for axis in (0, 1):
+        image = correlate1d(image, response, axis=axis, mode="constant")
+    return image

@@ -1,0 +1,224 @@
+"""Univariate B-splines: knot vectors, collocation, knot insertion.
+
+Everything here rests on one product of bidiagonal matrices.  On the non-empty knot span
+``mu`` the polar form (blossom) of a spline of degree p with coefficients c is
+
+    f[a_1, ..., a_p] = R_1(a_1) R_2(a_2) ... R_p(a_p) c[mu-p : mu+1],
+
+where ``R_k`` is the k x (k+1) matrix of de Boor's triangle.  Equal arguments give values,
+derivatives of the ``R_k`` give derivatives, and the knots of a finer vector give the rows
+of the refinement matrix (Oslo algorithm).
+
+Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 and 3.30-3.35.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+MAX_DEGREE = 10
+
+
+def read_only(array, dtype=np.float64):
+    """Return a contiguous read-only copy of `array`."""
+    out = np.array(array, dtype=dtype, order="C")
+    out.flags.writeable = False
+    return out
+
+
+def blossom_rows(knots, degree, span, arguments, derivative=0):
+    """Return the rows R_1(a_1) ... R_p(a_p) for many spans at once.
+
+    Parameters
+    ----------
+    knots : (m,) float
+    degree : int
+    span : (n,) int, index mu of a non-empty span [t_mu, t_mu+1) for each row
+    arguments : (n, degree) float, arguments of the polar form
+    derivative : int, the last `derivative` factors are replaced by k R_k', so that equal
+        arguments u give the derivative of that order at u
+
+    Returns
+    -------
+    (n, degree + 1) float : weights of the coefficients mu - degree ... mu.
+    """
+    rows = np.ones((len(span), 1))
+    if derivative > degree:
+        return np.zeros((len(span), degree + 1))
+    for k in range(1, degree + 1):
+        # functions mu-k+1 .. mu of degree k-1; their knots t_j and t_(j+k)
+        j = span[:, None] + np.arange(1 - k, 1)
+        low, high = knots[j], knots[j + k]
+        share = rows / (high - low)
+        rows = np.zeros((len(span), k + 1))
+        if k > degree - derivative:
+            rows[:, 1:] += k * share
+            rows[:, :-1] -= k * share
+        else:
+            a = arguments[:, k - 1 : k]
+            rows[:, 1:] += share * (a - low)
+            rows[:, :-1] += share * (high - a)
+    return rows
+
+
+def band_matrix(first, values, columns):
+    """Return the csr_array whose row r holds `values[r]` from column `first[r]` on."""
+    n, width = values.shape
+    indices = first[:, None] + np.arange(width)
+    indptr = np.arange(0, n * width + 1, width)
+    return csr_array((values.ravel(), indices.ravel(), indptr), shape=(n, columns))
+
+
+@dataclass(frozen=True, eq=False)
+class KnotVector:
+    """A clamped knot vector t_0 <= ... <= t_(m) of degree p with ``dim = m - p`` functions.
+
+    The first and the last p + 1 knots are equal; an interior knot occurs at most p times.
+
+    Raises
+    ------
+    ValueError : degree outside 1..10; knots that are not finite, not sorted, not clamped or
+        repeated too often.
+    """
+
+    degree: int
+    knots: np.ndarray
+
+    def __post_init__(self):
+        p = self.degree
+        if isinstance(p, bool) or not isinstance(p, (int, np.integer)) or not 1 <= p <= MAX_DEGREE:
+            raise ValueError(f"degree must be an integer from 1 to {MAX_DEGREE}, got {p!r}")
+        t = read_only(self.knots)
+        if t.ndim != 1 or len(t) < 2 * p + 2:
+            raise ValueError(f"knots must be one row of at least 2 * degree + 2 = {2 * p + 2} numbers, got shape {t.shape}")
+        if not np.isfinite(t).all():
+            raise ValueError(f"knots[{int(np.argmin(np.isfinite(t)))}] is not finite")
+        if (np.diff(t) < 0).any():
+            k = int(np.argmax(np.diff(t) < 0))
+            raise ValueError(f"knots must not decrease, got knots[{k}] = {t[k]} > knots[{k + 1}] = {t[k + 1]}")
+        if t[p] != t[0] or t[-p - 1] != t[-1] or t[0] == t[-1]:
+            raise ValueError(f"the first and the last {p + 1} knots must be equal (clamped) and differ from each other")
+        same = t[1 : -p - 1] == t[p + 1 : -1]
+        if same.any():
+            raise ValueError(f"knot {t[1:-p - 1][same][0]} occurs more than degree = {p} times in the interior")
+        object.__setattr__(self, "degree", int(p))
+        object.__setattr__(self, "knots", t)
+
+    @classmethod
+    def uniform(cls, degree, spans, start=0.0, stop=1.0):
+        """Return the clamped knot vector with `spans` equal spans on [start, stop]."""
+        if isinstance(spans, bool) or not isinstance(spans, (int, np.integer)) or spans < 1:
+            raise ValueError(f"spans must be an integer of at least 1, got {spans!r}")
+        if not start < stop:
+            raise ValueError(f"start must be less than stop, got {start} and {stop}")
+        breaks = start + (stop - start) * (np.arange(spans + 1) / spans)
+        breaks[-1] = stop
+        return cls(degree, np.r_[[start] * degree, breaks, [stop] * degree])
+
+    @property
+    def dim(self):
+        """Number of B-splines."""
+        return len(self.knots) - self.degree - 1
+
+    @property
+    def start(self):
+        """Left end of the domain."""
+        return float(self.knots[0])
+
+    @property
+    def stop(self):
+        """Right end of the domain."""
+        return float(self.knots[-1])
+
+    @cached_property
+    def breaks(self):
+        """Distinct knots, (spans + 1,)."""
+        return read_only(np.unique(self.knots))
+
+    @property
+    def spans(self):
+        """Number of non-empty knot spans."""
+        return len(self.breaks) - 1
+
+    def greville(self):
+        """Return the Greville abscissae g_i = (t_(i+1) + ... + t_(i+p)) / p, (dim,).
+
+        The spline with these coefficients is the identity (thesis 3.16).
+        """
+        p = self.degree
+        return sum(self.knots[k : k + self.dim] for k in range(1, p + 1)) / p
+
+    def span_of(self, u):
+        """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.
+
+        Raises
+        ------
+        ValueError : u that is NaN or outside [start, stop].
+        """
+        u = np.asarray(u, dtype=np.float64)
+        bad = ~((u >= self.start) & (u <= self.stop))
+        if bad.any():
+            raise ValueError(f"parameter {u[bad].flat[0]} lies outside the domain [{self.start}, {self.stop}]")
+        return np.minimum(np.searchsorted(self.knots, u, side="right") - 1, self.dim - 1)
+
+    def basis(self, u, derivative=0):
+        """Return (first, values): at u only functions first .. first + p differ from zero.
+
+        u : (n,) float.  first : (n,) int.  values : (n, p + 1) float.
+        """
+        if isinstance(derivative, bool) or not isinstance(derivative, (int, np.integer)) or derivative < 0:
+            raise ValueError(f"derivative must be a non-negative integer, got {derivative!r}")
+        u = np.atleast_1d(np.asarray(u, dtype=np.float64))
+        if u.ndim != 1:
+            raise ValueError(f"u must be one row of numbers, got shape {u.shape}")
+        span = self.span_of(u)
+        arguments = np.broadcast_to(u[:, None], (len(u), self.degree))
+        return span - self.degree, blossom_rows(self.knots, self.degree, span, arguments, int(derivative))
+
+    def collocation(self, u, derivative=0):
+        """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim)."""
+        first, values = self.basis(u, derivative)
+        return band_matrix(first, values, self.dim)
+
+    def integrals(self):
+        """Return the integrals of the B-splines, (t_(i+p+1) - t_i) / (p + 1), (dim,)."""
+        return (self.knots[self.degree + 1 :] - self.knots[: self.dim]) / (self.degree + 1)
+
+    def insert(self, knots):
+        """Return the knot vector with the given knots added (repeats raise the multiplicity)."""
+        new = np.atleast_1d(np.asarray(knots, dtype=np.float64))
+        bad = ~((new > self.start) & (new < self.stop))
+        if bad.any():
+            raise ValueError(f"inserted knot {new[bad][0]} lies outside the open domain ({self.start}, {self.stop})")
+        return KnotVector(self.degree, np.sort(np.r_[self.knots, new], kind="stable"))
+
+    def bisect(self):
+        """Return the knot vector with one knot more in the middle of every non-empty span."""
+        b = self.breaks
+        return self.insert(b[:-1] + np.diff(b) / 2)
+
+    def prolongation(self, finer):
+        """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
+
+        Row j holds the polar form at the knots tau_(j+1) .. tau_(j+p) of the finer vector
+        (thesis 3.30-3.35, where R = P.T).
+
+        Raises
+        ------
+        ValueError : `finer` lacks a knot of this vector or has another degree.
+        """
+        if finer.degree != self.degree:
+            raise ValueError(f"degrees differ: {self.degree} and {finer.degree}")
+        values, counts = np.unique(self.knots, return_counts=True)
+        held = np.searchsorted(finer.knots, values, "right") - np.searchsorted(finer.knots, values, "left")
+        lacking = (held < counts) | (finer.start != self.start) | (finer.stop != self.stop)
+        if lacking.any():
+            raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
+        p, n = self.degree, finer.dim
+        span = self.span_of(finer.knots[:n])
+        arguments = finer.knots[np.arange(n)[:, None] + np.arange(1, p + 1)]
+        return band_matrix(span - p, blossom_rows(self.knots, p, span, arguments), self.dim)

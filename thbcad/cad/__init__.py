@@ -1,0 +1,1 @@
+"""CAD exchange.  Only this subpackage imports OCP."""

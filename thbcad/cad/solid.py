@@ -1,0 +1,189 @@
+"""The lens as an OCCT solid with explicit shared topology.
+
+Vertices, edges and faces are made once and shared, so that the shell is closed by
+construction: 8 vertices, 12 edges, 6 faces.  Nothing is sewn.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from OCP.BRep import BRep_Builder
+from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_Line, Geom_Plane
+from OCP.Geom2d import Geom2d_Line
+from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
+from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
+from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
+from OCP.TopAbs import TopAbs_REVERSED
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
+
+from thbcad.bspline import KnotVector
+from thbcad.graph import graph_poles, merged
+from thbcad.surface import BSplineSurface
+
+TOLERANCE = 1e-7  # mm, OCCT's default confusion
+CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # counter-clockwise seen from +z; 0 and 1 are low and high x, y
+SIDES = ((0, 1), (1, 2), (3, 2), (0, 3))  # corners of each side in the direction of increasing x or y
+UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
+
+
+def lens_surfaces(lens):
+    """Return front and rear as BSplineSurfaces with poles (x, y, z) in the lens frame, in mm.
+
+    Both are parametrised over the rear's rectangle, so that their rims can be ruled.
+    """
+    front, rear = lens.graphs()
+    return graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
+
+
+def lens_solid(lens):
+    """Return the lens as a closed TopoDS_Solid of six faces."""
+    surfaces = lens_surfaces(lens)
+    planar = lens.front.half_width == lens.rear.half_width
+    builder = BRep_Builder()
+    vertices = [[_vertex(builder, s.coefficients[-a, -b]) for a, b in CORNERS] for s in surfaces]
+    rims = [[_rim(builder, s, side, corners) for side in range(4)] for s, corners in zip(surfaces, vertices)]
+    struts = [_strut(builder, surfaces, k, vertices, planar) for k in range(4)]
+
+    shell = TopoDS_Shell()
+    builder.MakeShell(shell)
+    for k, surface in enumerate(surfaces):
+        face = _spline_face(builder, surface, [_turned(rims[k][side], side >= 2) for side in range(4)])
+        for side in range(4):
+            builder.UpdateEdge(rims[k][side], _side_line(surface, side), face, TOLERANCE)
+        # the normal of the parametrisation points to +z: outward at the rear, inward at the front
+        builder.Add(shell, face if k == 1 else face.Reversed())
+    for side in range(4):
+        start, stop = SIDES[side]
+        loop = [rims[0][side], struts[stop], rims[1][side].Reversed(), struts[start].Reversed()]
+        face = _flat_face(builder, surfaces, side, loop) if planar else _ruled_face(builder, surfaces, side, loop)
+        builder.Add(shell, face if side < 2 else face.Reversed())
+    shell.Closed(True)
+    solid = TopoDS_Solid()
+    builder.MakeSolid(solid)
+    builder.Add(solid, shell)
+    return solid
+
+
+def geom_surface(surface):
+    """Return a three-component BSplineSurface as Geom_BSplineSurface."""
+    poles = surface.coefficients
+    array = TColgp_Array2OfPnt(1, poles.shape[0], 1, poles.shape[1])
+    for i, row in enumerate(poles.tolist(), 1):
+        for j, (x, y, z) in enumerate(row, 1):
+            array.SetValue(i, j, gp_Pnt(x, y, z))
+    (ku, mu), (kv, mv) = (_knots(k) for k in (surface.kv_u, surface.kv_v))
+    return Geom_BSplineSurface(array, ku, kv, mu, mv, surface.kv_u.degree, surface.kv_v.degree)
+
+
+def _knots(kv):
+    values, counts = np.unique(kv.knots, return_counts=True)
+    knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
+    for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
+        knots.SetValue(k, value)
+        multiplicities.SetValue(k, count)
+    return knots, multiplicities
+
+
+def _curve(kv, poles):
+    array = TColgp_Array1OfPnt(1, len(poles))
+    for k, (x, y, z) in enumerate(poles.tolist(), 1):
+        array.SetValue(k, gp_Pnt(x, y, z))
+    return Geom_BSplineCurve(array, *_knots(kv), kv.degree)
+
+
+def _vertex(builder, point):
+    vertex = TopoDS_Vertex()
+    builder.MakeVertex(vertex, gp_Pnt(*point.tolist()), TOLERANCE)
+    return vertex
+
+
+def _boundary(surface, side):
+    """Return (KnotVector, poles) of a side: 0 low y, 1 high x, 2 high y, 3 low x."""
+    c = surface.coefficients
+    along_x = side in (0, 2)
+    return (surface.kv_u, c[:, 0 if side == 0 else -1]) if along_x else (surface.kv_v, c[-1 if side == 1 else 0])
+
+
+def _edge(builder, curve, first, last, start, stop):
+    edge = TopoDS_Edge()
+    builder.MakeEdge(edge, curve, TOLERANCE)
+    builder.Add(edge, start)
+    stop = stop.Oriented(TopAbs_REVERSED)
+    builder.Add(edge, stop)
+    builder.Range(edge, first, last)
+    return edge
+
+
+def _rim(builder, surface, side, vertices):
+    """Return the edge of a side, running towards increasing x or y."""
+    kv, poles = _boundary(surface, side)
+    start, stop = SIDES[side]
+    return _edge(builder, _curve(kv, poles), kv.start, kv.stop, vertices[start], vertices[stop])
+
+
+def _strut(builder, surfaces, corner, vertices, straight):
+    """Return the edge from the front corner to the rear corner."""
+    a, b = CORNERS[corner]
+    ends = np.array([s.coefficients[-a, -b] for s in surfaces])
+    if straight:
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        curve = Geom_Line(gp_Pnt(*ends[0].tolist()), gp_Dir(*(ends[1] - ends[0]).tolist()))
+    else:
+        length, curve = 1.0, _curve(UNIT, ends)
+    return _edge(builder, curve, 0.0, length, vertices[0][corner], vertices[1][corner])
+
+
+def _side_line(surface, side):
+    """Return the parameter-space line of a side of a tensor-product face."""
+    ku, kv = surface.kv_u, surface.kv_v
+    if side in (0, 2):
+        return Geom2d_Line(gp_Pnt2d(0.0, kv.start if side == 0 else kv.stop), gp_Dir2d(1, 0))
+    return Geom2d_Line(gp_Pnt2d(ku.stop if side == 1 else ku.start, 0.0), gp_Dir2d(0, 1))
+
+
+def _turned(edge, reverse):
+    return edge.Reversed() if reverse else edge
+
+
+def _wire(builder, edges):
+    wire = TopoDS_Wire()
+    builder.MakeWire(wire)
+    for edge in edges:
+        builder.Add(wire, edge)
+    wire.Closed(True)
+    return wire
+
+
+def _spline_face(builder, surface, loop):
+    face = TopoDS_Face()
+    builder.MakeFace(face, geom_surface(surface), TOLERANCE)
+    builder.Add(face, _wire(builder, loop))
+    return face
+
+
+def _flat_face(builder, surfaces, side, loop):
+    """Return the plane edge face of a lens whose front and rear have the same size."""
+    _, poles = _boundary(surfaces[0], side)
+    normal = gp_Dir(0, -1, 0) if side in (0, 2) else gp_Dir(1, 0, 0)
+    face = TopoDS_Face()
+    builder.MakeFace(face, Geom_Plane(gp_Pln(gp_Pnt(*poles[0].tolist()), normal)), TOLERANCE)
+    builder.Add(face, _wire(builder, loop))
+    return face
+
+
+def _ruled_face(builder, surfaces, side, loop):
+    """Return the ruled face between two rims; its second parameter runs from front to rear."""
+    rims = [_boundary(s, side) for s in surfaces]
+    kv = merged(*(rim[0] for rim in rims))
+    poles = np.stack([own.prolongation(kv) @ points for own, points in rims], axis=1)
+    face = _spline_face(builder, BSplineSurface(kv, UNIT, poles), loop)
+    across, along = gp_Dir2d(0, 1), gp_Dir2d(1, 0)
+    lines = [
+        Geom2d_Line(gp_Pnt2d(0, 0), along),
+        Geom2d_Line(gp_Pnt2d(kv.stop, 0), across),
+        Geom2d_Line(gp_Pnt2d(0, 1), along),
+        Geom2d_Line(gp_Pnt2d(kv.start, 0), across),
+    ]
+    for edge, line in zip(loop, lines):
+        builder.UpdateEdge(TopoDS.Edge_s(edge), line, face, TOLERANCE)
+    return face

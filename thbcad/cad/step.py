@@ -1,0 +1,160 @@
+"""STEP files of lenses: written with every digit, read back as splines.
+
+Reals are written with 17 significant digits, so that poles and knots read back bit for bit.
+The time stamp is fixed: the same lens gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+from OCP.BRep import BRep_Tool
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.Geom import Geom_BSplineSurface
+from OCP.GProp import GProp_GProps
+from OCP.IFSelect import IFSelect_RetDone
+from OCP.Interface import Interface_Static
+from OCP.Message import Message
+from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
+from OCP.StepAP214 import StepAP214
+from OCP.StepData import StepData_StepWriter
+from OCP.TCollection import TCollection_HAsciiString
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
+
+from thbcad.atomic import write_bytes
+from thbcad.bspline import KnotVector
+from thbcad.cad.solid import lens_solid
+from thbcad.surface import BSplineSurface
+
+STAMP = "2000-01-01T00:00:00"
+VOLUME_TOLERANCE = 1e-6  # relative, asked of OCCT's volume integral
+
+
+@dataclass(frozen=True, eq=False)
+class StepLens:
+    """What a STEP file holds: the two optical faces as splines and the state of the solid.
+
+    front, rear : BSplineSurface with poles (x, y, z) in mm, as in the file
+    solids, faces, free_edges : int; an edge is free when it does not border two faces
+    closed, valid : bool, OCCT's closedness of the shell and its validity check
+    volume : float, mm^3, by OCCT
+    """
+
+    front: BSplineSurface
+    rear: BSplineSurface
+    solids: int
+    faces: int
+    free_edges: int
+    closed: bool
+    valid: bool
+    volume: float
+
+
+def write_step(lens, path):
+    """Write the lens as one closed solid of six faces, in mm.
+
+    Raises
+    ------
+    OSError : the file cannot be written.
+    RuntimeError : OCCT refuses the solid.
+    """
+    _silence()
+    writer = STEPControl_Writer()
+    # these settings exist only once a writer has been made
+    Interface_Static.SetIVal_s("write.surfacecurve.mode", 0)
+    Interface_Static.SetCVal_s("write.step.unit", "MM")
+    Interface_Static.SetCVal_s("write.step.product.name", "lens")
+    if writer.Transfer(lens_solid(lens), STEPControl_AsIs) != IFSelect_RetDone:
+        raise RuntimeError("OCCT could not translate the lens solid to STEP")
+    model = writer.Model()
+    header = APIHeaderSection_MakeHeader(model)
+    header.SetName(TCollection_HAsciiString("lens"))
+    header.SetTimeStamp(TCollection_HAsciiString(STAMP))
+    text = StepData_StepWriter(model)
+    text.FloatWriter().SetFormat("%#.17G")
+    text.SendModel(StepAP214.Protocol_s())
+    buffer = io.BytesIO()
+    if not text.Print(buffer):
+        raise RuntimeError("OCCT could not print the STEP file")
+    write_bytes(path, buffer.getvalue())
+
+
+def read_step(path):
+    """Read a STEP file with a lens solid; lengths are converted to mm.
+
+    Raises
+    ------
+    OSError : the file cannot be read.
+    ValueError : it is no STEP file, or does not hold two optical faces.
+    """
+    path = Path(path)
+    with path.open("rb"):
+        pass
+    _silence()
+    reader = STEPControl_Reader()
+    if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
+        raise ValueError(f"{path} is not a readable STEP file")
+    shape = reader.OneShape()
+    splines = []
+    for face in _explore(shape, TopAbs_FACE):
+        surface = BRep_Tool.Surface_s(TopoDS.Face_s(face))
+        if isinstance(surface, Geom_BSplineSurface):
+            if min(surface.UDegree(), surface.VDegree()) > 1:  # the ruled edges are straight one way
+                splines.append(_spline(surface))
+    if len(splines) != 2:
+        raise ValueError(f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear")
+    front, rear = sorted(splines, key=lambda s: s.coefficients[..., 2].mean())
+    shells = [TopoDS.Shell_s(s) for s in _explore(shape, TopAbs_SHELL)]
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, properties, VOLUME_TOLERANCE)
+    return StepLens(
+        front=front,
+        rear=rear,
+        solids=len(_explore(shape, TopAbs_SOLID)),
+        faces=len(_explore(shape, TopAbs_FACE)),
+        free_edges=_free_edges(shape),
+        closed=bool(shells) and all(BRep_Tool.IsClosed_s(s) for s in shells),
+        valid=BRepCheck_Analyzer(shape).IsValid(),
+        volume=properties.Mass(),
+    )
+
+
+def _silence():
+    """Keep OCCT's transfer statistics off stdout."""
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
+
+
+def _explore(shape, kind):
+    explorer, found = TopExp_Explorer(shape, kind), []
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    return found
+
+
+def _free_edges(shape):
+    owners = TopTools_IndexedDataMapOfShapeListOfShape()
+    TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, owners)
+    return sum(owners.FindFromIndex(k).Extent() != 2 for k in range(1, owners.Extent() + 1))
+
+
+def _spline(surface):
+    """Return a Geom_BSplineSurface as BSplineSurface, with the very numbers of the file."""
+    kv_u = _knot_vector(surface.UDegree(), surface.UKnot, surface.UMultiplicity, surface.NbUKnots())
+    kv_v = _knot_vector(surface.VDegree(), surface.VKnot, surface.VMultiplicity, surface.NbVKnots())
+    rows, columns = range(1, surface.NbUPoles() + 1), range(1, surface.NbVPoles() + 1)
+    xyz = [[surface.Pole(i, j).Coord() for j in columns] for i in rows]
+    return BSplineSurface(kv_u, kv_v, np.array(xyz))
+
+
+def _knot_vector(degree, knot, multiplicity, count):
+    numbers = range(1, count + 1)
+    return KnotVector(degree, np.repeat([knot(k) for k in numbers], [multiplicity(k) for k in numbers]))

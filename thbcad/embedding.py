@@ -1,0 +1,116 @@
+"""Exact embedding of a THB space into a tensor-product spline space.
+
+W_l is the tensor-product space on the level-0 knots and only those dyadic knots up to level
+l that some refined cell needs.  Every active function of level l is a B-spline of W_l, so a
+THB spline with coefficients c_l is found by "refine, then overwrite":
+
+    G_0 = c_0,    G_l = P_u G_(l-1) P_v^T,    then G_l[active] = c_l,
+
+and the last G is its exact tensor-product form.  Overwriting is the truncation.  All weights
+are non-negative and sum to one: the operation is stable at any depth.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array, kron
+
+
+class Embedding:
+    """The chain W_0, W_1, ... of tensor-product spaces of a hierarchy.
+
+    kv_u, kv_v : KnotVector of the last (finest) one
+    active : per level, the flat positions of the active functions in W_l
+    """
+
+    def __init__(self, axes, hierarchy):
+        self._axes = axes
+        self._hierarchy = hierarchy
+        top = len(hierarchy) - 1
+        keys = [np.zeros(0, dtype=np.int64)] * 2
+        self._chain = []  # per level and direction: (KnotVector, integer keys on the top level's scale)
+        for number, level in enumerate(hierarchy):
+            self._chain.append([axis.knots_with(top, k) for axis, k in zip(axes, keys)])
+            for d, index in enumerate((level.rows[level.refined.any(axis=1)], level.columns[level.refined.any(axis=0)])):
+                middle = ((2 * index + 1) << (top - number)) >> 1
+                keys[d] = np.concatenate([keys[d], middle])
+        (self.kv_u, _), (self.kv_v, _) = self._chain[-1]
+        self.active = [self.positions(number, level) for number, level in enumerate(hierarchy)]
+        self.dim = sum(len(rows) for rows in self.active)
+
+    def shape(self, number):
+        """Return the shape of the nets of W_l."""
+        (u, _), (v, _) = self._chain[number]
+        return u.dim, v.dim
+
+    def positions(self, number, level):
+        """Return where the functions of a level record sit in the flat net of W_l."""
+        shift = len(self._hierarchy) - 1 - number
+        index = []
+        for d, axis in enumerate(self._axes):
+            _, keys = self._chain[number][d]
+            head = level.heads[:, d]
+            rank = level.functions[:, d] - axis.first_knot(number, head)
+            index.append(np.searchsorted(keys, head << shift) + rank)
+        return index[0] * self.shape(number)[1] + index[1]
+
+    @cached_property
+    def _steps(self):
+        """One-dimensional refinement operators (P_u, P_v) from W_(l-1) to W_l."""
+        return [tuple(a.prolongation(b) for (a, _), (b, _) in zip(*pair)) for pair in zip(self._chain, self._chain[1:])]
+
+    def coefficients(self, c):
+        """Return the tensor-product net of the spline with THB coefficients c.
+
+        c : (dim,) or (dim, d).  Returns (n_u, n_v) or (n_u, n_v, d).
+        """
+        c = np.asarray(c, dtype=np.float64)
+        if c.shape[:1] != (self.dim,) or c.ndim > 2:
+            raise ValueError(f"coefficients must have shape ({self.dim},) or ({self.dim}, d), got {c.shape}")
+        if c.ndim == 2:
+            return np.stack([self.coefficients(column) for column in c.T], axis=-1)
+        parts = np.split(c, np.cumsum([len(rows) for rows in self.active])[:-1])
+        net = np.zeros(self.shape(0))
+        net.ravel()[self.active[0]] = parts[0]
+        for (pu, pv), rows, part in zip(self._steps, self.active[1:], parts[1:]):
+            net = np.ascontiguousarray((pv @ (pu @ net).T).T)
+            net.ravel()[rows] = part
+        return net
+
+    def adjoint(self, net):
+        """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""
+        net = np.array(net, dtype=np.float64, order="C")
+        parts = []
+        for (pu, pv), rows in zip(self._steps[::-1], self.active[:0:-1]):
+            parts.append(net.ravel()[rows])
+            net.ravel()[rows] = 0.0
+            net = np.ascontiguousarray((pv.T @ (pu.T @ net).T).T)
+        parts.append(net.ravel()[self.active[0]])
+        return np.concatenate(parts[::-1])
+
+    def operator(self):
+        """Return E as a csr_array (n_u * n_v, dim)."""
+        *_, last = self.operators(self.active, self.dim)
+        return last
+
+    def operators(self, positions, dim):
+        """Yield "refine, then overwrite" as operators (size of W_l, dim), level by level.
+
+        positions : per level, the flat positions in W_l that the next coefficients overwrite.
+        """
+        net, start = None, 0
+        for number, rows in enumerate(positions):
+            size = int(np.prod(self.shape(number)))
+            place = csr_array((np.ones(len(rows)), (rows, start + np.arange(len(rows)))), shape=(size, dim))
+            if number:
+                keep = np.ones(size)
+                keep[rows] = 0.0
+                step = kron(*self._steps[number - 1], format="csr")
+                step.data *= np.repeat(keep, np.diff(step.indptr))
+                step.eliminate_zeros()
+                place = place + csr_array(step) @ net
+            net = csr_array(place)
+            start += len(rows)
+            yield net

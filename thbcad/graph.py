@@ -1,0 +1,147 @@
+"""Graphs z(x, y) as tensor-product splines: conics, poles, volume."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from thbcad.bspline import KnotVector
+from thbcad.surface import BSplineSurface
+
+CONIC_TOLERANCE = 1e-11  # mm
+MAX_CONIC_NET = 2000  # control points per direction
+
+
+def square_coefficients(kv):
+    """Return the coefficients of x^2: c_i = mean of t_a t_b over pairs of the p inner knots of i.
+
+    Exact for degree 2 and more (the polar form of x^2).
+    """
+    p = kv.degree
+    pairs = list(combinations(range(1, p + 1), 2))
+    return sum(kv.knots[a : a + kv.dim] * kv.knots[b : b + kv.dim] for a, b in pairs) / len(pairs)
+
+
+def conic_graph(conic, kv_x, kv_y, sag=None):
+    """Return conic + sag as one BSplineSurface.
+
+    sag : (kv_x.dim, kv_y.dim) or None.
+
+    Raises
+    ------
+    ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs
+        more than 2000 control points per direction for 1e-11 mm.
+    """
+    if min(kv_x.degree, kv_y.degree) < 2:
+        raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
+    if conic.is_paraboloid:
+        c = 0.5 / conic.radius
+        heights = c * (square_coefficients(kv_x)[:, None] + square_coefficients(kv_y)[None, :])
+        return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
+    fine_x, fine_y, heights = _interpolated(conic, kv_x, kv_y)
+    if sag is not None:
+        heights = heights + kv_x.prolongation(fine_x) @ (kv_y.prolongation(fine_y) @ sag.T).T
+    return BSplineSurface(fine_x, fine_y, heights)
+
+
+def _interpolated(conic, kv_x, kv_y):
+    while True:
+        x, y = kv_x.greville(), kv_y.greville()
+        by_x = splu(kv_x.collocation(x).tocsc()).solve(conic(x[:, None], y[None, :]))
+        heights = splu(kv_y.collocation(y).tocsc()).solve(np.ascontiguousarray(by_x.T)).T
+        surface = BSplineSurface(kv_x, kv_y, heights)
+        errors = []
+        for first in (True, False):
+            s = _between(kv_x) if first else x
+            t = y if first else _between(kv_y)
+            errors.append(np.abs(surface.grid(s, t) - conic(s[:, None], t[None, :])).max())
+        if max(errors) <= CONIC_TOLERANCE:
+            return kv_x, kv_y, heights
+        if max(kv_x.dim, kv_y.dim) > MAX_CONIC_NET:
+            raise ValueError(
+                f"the conic with radius {conic.radius} and K {conic.constant} cannot be written as a spline to "
+                f"{CONIC_TOLERANCE} mm with {MAX_CONIC_NET} control points per direction; use K = -1 or a higher degree"
+            )
+        if errors[0] > CONIC_TOLERANCE:
+            kv_x = kv_x.bisect()
+        if errors[1] > CONIC_TOLERANCE:
+            kv_y = kv_y.bisect()
+
+
+def _between(kv):
+    b = kv.breaks
+    return np.concatenate([b[:-1] + f * np.diff(b) for f in (0.15, 0.4, 0.65, 0.9)])
+
+
+def graph_poles(graph, vertex, domain):
+    """Return the graph as a BSplineSurface with poles (x, y, vertex + z).
+
+    x and y of the poles are Greville-mapped, hence linear in the parameters; the parameters run
+    over the rectangle of the graph `domain`.
+    """
+    poles = np.empty(graph.coefficients.shape + (3,))
+    poles[..., 0] = graph.kv_u.greville()[:, None]
+    poles[..., 1] = graph.kv_v.greville()[None, :]
+    poles[..., 2] = vertex + graph.coefficients
+    kv_u, kv_v = (_aligned(a, b) for a, b in ((graph.kv_u, domain.kv_u), (graph.kv_v, domain.kv_v)))
+    return BSplineSurface(kv_u, kv_v, poles)
+
+
+def _aligned(kv, target):
+    """Return `kv` mapped onto the interval of `target`; knots that agree but for rounding become equal."""
+    mapped = rescaled(kv, target.stop).knots
+    near = target.breaks[np.clip(np.searchsorted(target.breaks, mapped - 1e-12 * target.stop), 0, target.spans)]
+    return KnotVector(kv.degree, np.where(np.abs(near - mapped) < 1e-12 * target.stop, near, mapped))
+
+
+def rescaled(kv, half_width):
+    """Return the knot vector mapped linearly onto [-half_width, half_width]."""
+    if (kv.start, kv.stop) == (-half_width, half_width):
+        return kv
+    share = (kv.knots - kv.start) / (kv.stop - kv.start)
+    return KnotVector(kv.degree, np.where(share == 1, half_width, -half_width + 2 * half_width * share))
+
+
+def volume_between(front, rear, thickness):
+    """Return the volume between two graphs whose rims are joined by ruled edges.
+
+    The solid is X(s, t, w) = (1 - w) F(s, t) + w R(s, t), (s, t) in [-1, 1]^2, w in [0, 1];
+    with half-widths a(w), b(w) linear in w its Jacobian is
+    a b z_w - a t b' z_t - b s a' z_s, a polynomial on every cell: Gauss quadrature is exact.
+    """
+    halves = [(g.kv_u.stop, g.kv_v.stop) for g in (front, rear)]
+    nodes = []
+    for d in (0, 1):
+        knots = [(g.kv_u, g.kv_v)[d] for g in (front, rear)]
+        breaks = np.unique(np.concatenate([kv.breaks / kv.stop for kv in knots]))
+        nodes.append(_gauss(breaks, max(kv.degree for kv in knots) // 2 + 2))
+    (s, ws), (t, wt) = nodes
+    total = 0.0
+    for w, ww in zip(*_gauss(np.array([0.0, 1.0]), 2)):
+        (af, bf), (ar, br) = halves
+        a, b, da, db = (1 - w) * af + w * ar, (1 - w) * bf + w * br, ar - af, br - bf
+        z_w = thickness + rear.grid(s * ar, t * br) - front.grid(s * af, t * bf)
+        jacobian = a * b * z_w
+        if da or db:
+            z_s, z_t = (
+                (1 - w) * scale_f * front.grid(s * af, t * bf, d) + w * scale_r * rear.grid(s * ar, t * br, d)
+                for d, scale_f, scale_r in (((1, 0), af, ar), ((0, 1), bf, br))
+            )
+            jacobian = jacobian - a * db * t[None, :] * z_t - b * da * s[:, None] * z_s
+        total += ww * (ws @ jacobian @ wt)
+    return float(total)
+
+
+def _gauss(breaks, n):
+    x, w = np.polynomial.legendre.leggauss(n)
+    half = np.diff(breaks)[:, None] / 2
+    return (breaks[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
+
+
+def merged(kv, other):
+    """Return the knot vector with the knots of both (same degree and ends)."""
+    values = np.unique(np.r_[kv.knots, other.knots])
+    counts = [np.searchsorted(k.knots, values, "right") - np.searchsorted(k.knots, values, "left") for k in (kv, other)]
+    return KnotVector(kv.degree, np.repeat(values, np.maximum(*counts)))
