@@ -119,18 +119,14 @@ def check(options):
         "least_thickness_mm": least,
         "least_thickness_at_mm": [x, y],
         "volume_mm3": lens.volume(),
-        "levels": [
-            {"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan
-        ],
+        "levels": [{"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan],
     }
     lines = [
         f"{problem.title}: the problem is sound",
-        f"picture {light.shape[1]} x {light.shape[0]}, target {screen.pixels[0]} x {screen.pixels[1]} pixels, {data['dark_share']:.0%} of them dark",
+        f"picture {_by(light.shape[::-1])}, target {_by(screen.pixels)} pixels, {data['dark_share']:.0%} of them dark",
         f"least thickness {least:.4g} mm at x = {x:.4g}, y = {y:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
     ]
-    lines += [
-        f"level {s.level}: {s.screen.pixels[0]} x {s.screen.pixels[1]} pixels, {s.rays[0]} x {s.rays[1]} rays, {s.iterations} iterations" for s in plan
-    ]
+    lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
     if least <= problem.lens.rear.freeform.z_freedom:
         lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
     return data, lines, True
@@ -152,6 +148,10 @@ def verify(options):
     return checked, _check_lines(checked), checked["ok"]
 
 
+def _by(size):
+    return f"{size[0]} x {size[1]}"
+
+
 def _check_lines(checked):
     lines = []
     for c in checked["checks"]:
@@ -163,7 +163,8 @@ def _check_lines(checked):
 def _design_lines(folder, metrics, checked):
     return [
         *_check_lines(checked),
-        f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   psnr {metrics['psnr_db']:.2f} dB   ssim {metrics['ssim']:.3f}",
+        f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   "
+        f"psnr {metrics['psnr_db']:.2f} dB   ssim {metrics['ssim']:.3f}",
         f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
         f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
         f"solid {folder.step}   report {folder.path / 'report.html'}",

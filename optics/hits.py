@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from optics.polynomials import PolynomialTable
-from thbcad.bspline import KnotVector
 
 
 @dataclass(eq=False)

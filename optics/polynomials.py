@@ -78,7 +78,7 @@ class PolynomialTable:
         dr, Index, Float = self._backend.dr, self._backend.Index, self._backend.Float
         cells, local, sizes = [], [], []
         for breaks, count, position in zip(self._breaks, self._cells, (x, y)):
-            at = dr.binary_search(1, count, lambda i: dr.gather(Float, breaks, i) <= position)
+            at = dr.binary_search(1, count, lambda i, b=breaks, s=position: dr.gather(Float, b, i) <= s)
             cell = Index(dr.minimum(at, count) - 1)
             low = dr.gather(Float, breaks, cell)
             size = dr.gather(Float, breaks, cell + 1) - low

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from optics.hits import KnownHits, SearchedHits, conic_jet
 from optics.snell import refract
 
@@ -116,7 +118,5 @@ class Tracer:
 
 
 def _mesh(beam):
-    import numpy as np
-
     x, y = np.meshgrid(beam.x, beam.y, indexing="ij")
     return x.ravel(), y.ravel()

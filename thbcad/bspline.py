@@ -104,7 +104,7 @@ class KnotVector:
             raise ValueError(f"the first and the last {p + 1} knots must be equal (clamped) and differ from each other")
         same = t[1 : -p - 1] == t[p + 1 : -1]
         if same.any():
-            raise ValueError(f"knot {t[1:-p - 1][same][0]} occurs more than degree = {p} times in the interior")
+            raise ValueError(f"knot {t[1 : -p - 1][same][0]} occurs more than degree = {p} times in the interior")
         object.__setattr__(self, "degree", int(p))
         object.__setattr__(self, "knots", t)
 

@@ -81,7 +81,7 @@ def graph_poles(graph, vertex, domain):
     x and y of the poles are Greville-mapped, hence linear in the parameters; the parameters run
     over the rectangle of the graph `domain`.
     """
-    poles = np.empty(graph.coefficients.shape + (3,))
+    poles = np.empty((*graph.coefficients.shape, 3))
     poles[..., 0] = graph.kv_u.greville()[:, None]
     poles[..., 1] = graph.kv_v.greville()[None, :]
     poles[..., 2] = vertex + graph.coefficients

@@ -220,7 +220,7 @@ class THBSpace:
         return np.divmod(keys, self.axes[1].spans(level))
 
     def _require_leaves(self, level, keys):
-        refined = self._refined + (np.zeros(0, dtype=np.int64),)
+        refined = (*self._refined, np.zeros(0, dtype=np.int64))
         i, j = self._split(level, keys)
         if level > len(self._refined):
             orphan = np.ones(len(keys), dtype=bool)
@@ -236,13 +236,10 @@ class THBSpace:
 
     def _require_nested(self, finer):
         if not isinstance(finer, THBSpace) or not all(
-            a.degree == b.degree and np.array_equal(a.knots, b.knots)
-            for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
+            a.degree == b.degree and np.array_equal(a.knots, b.knots) for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
         ):
             raise ValueError("the finer space must be a THBSpace over the same two knot vectors")
-        if finer.levels < self.levels or not all(
-            np.isin(a, b).all() for a, b in zip(self._refined, finer._refined)
-        ):
+        if finer.levels < self.levels or not all(np.isin(a, b).all() for a, b in zip(self._refined, finer._refined)):
             raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
 
     def _points(self, u, v):

@@ -23,7 +23,7 @@ class BSplineSurface:
         c = read_only(self.coefficients)
         wanted = (self.kv_u.dim, self.kv_v.dim)
         if c.shape[:2] != wanted or c.ndim > 3:
-            raise ValueError(f"coefficients must have shape {wanted} or {wanted + ('d',)}, got {c.shape}")
+            raise ValueError(f"coefficients must have shape {wanted} or {(*wanted, 'd')}, got {c.shape}")
         if not np.isfinite(c).all():
             raise ValueError("coefficients must be finite")
         object.__setattr__(self, "coefficients", c)
@@ -35,7 +35,7 @@ class BSplineSurface:
         if len(first_u) != len(first_v):
             raise ValueError(f"u and v must have equal lengths, got {len(first_u)} and {len(first_v)}")
         c = self.coefficients
-        out = np.zeros((len(first_u),) + c.shape[2:])
+        out = np.zeros((len(first_u), *c.shape[2:]))
         for a, wu in enumerate(values_u.T):
             for b, wv in enumerate(values_v.T):
                 weight = (wu * wv).reshape((-1,) + (1,) * (c.ndim - 2))
@@ -47,9 +47,9 @@ class BSplineSurface:
         a, b = self.kv_u.collocation(u, derivative[0]), self.kv_v.collocation(v, derivative[1])
         c = self.coefficients
         by_u = a @ c.reshape(c.shape[0], -1)
-        by_u = np.moveaxis(by_u.reshape((len(by_u),) + c.shape[1:]), 1, 0)
+        by_u = np.moveaxis(by_u.reshape((len(by_u), *c.shape[1:])), 1, 0)
         out = b @ by_u.reshape(c.shape[1], -1)
-        return np.moveaxis(out.reshape((len(out),) + by_u.shape[1:]), 0, 1)
+        return np.moveaxis(out.reshape((len(out), *by_u.shape[1:])), 0, 1)
 
     def integral(self):
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""

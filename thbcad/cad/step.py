@@ -20,8 +20,8 @@ from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
 from OCP.Message import Message
-from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
 from OCP.StepAP214 import StepAP214
+from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_HAsciiString
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
@@ -106,9 +106,9 @@ def read_step(path):
     splines = []
     for face in _explore(shape, TopAbs_FACE):
         surface = BRep_Tool.Surface_s(TopoDS.Face_s(face))
-        if isinstance(surface, Geom_BSplineSurface):
-            if min(surface.UDegree(), surface.VDegree()) > 1:  # the ruled edges are straight one way
-                splines.append(_spline(surface))
+        # the ruled edges are straight one way, front and rear are not
+        if isinstance(surface, Geom_BSplineSurface) and min(surface.UDegree(), surface.VDegree()) > 1:
+            splines.append(_spline(surface))
     if len(splines) != 2:
         raise ValueError(f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear")
     front, rear = sorted(splines, key=lambda s: s.coefficients[..., 2].mean())
