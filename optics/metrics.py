@@ -83,4 +83,4 @@ def _trace(backend, problem, lens, screen, rays, shift):
             image = image + splat(landing.x, landing.y, landing.flux)
             here = tracer.budget(landing, screen.half_width)
         budget = here if budget is None else budget + here
-    return image.numpy().reshape(screen.shape), budget
+    return image.numpy().reshape(screen.shape, order="F"), budget

@@ -27,7 +27,7 @@ class Objective:
         self._screen = screen
         self._splat = Splat(backend, screen, window)
         measured = filter_image(screen.pad(target), window)
-        self._target = backend.Float(measured.ravel())
+        self._target = backend.Float(measured.ravel(order="F"))
         scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
         self._norm = backend.dr.opaque(backend.Float, 1.0 / np.square(measured).sum())
         self._charge = backend.dr.opaque(backend.Float, lost_flux_weight / scale)
@@ -42,7 +42,7 @@ class Objective:
     def image(self, coefficients):
         """Return the measured irradiance on the target's pixels, W/mm^2."""
         _, _, image = self._backward(coefficients)
-        return self._screen.crop(image.numpy().reshape(self._screen.padded))
+        return self._screen.crop(image.numpy().reshape(self._screen.padded, order="F"))
 
     def vertex_gradients(self, coefficients, knots):
         """Return |dL/dZ| for the vertices of a bilinear grid over the rear surface (thesis 6.2).

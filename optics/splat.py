@@ -20,7 +20,9 @@ class Splat:
     window: BoxWindow | BSplineWindow | GaussianWindow
 
     def __call__(self, x, y, flux):
-        """Return the image as a flat Dr.Jit array, row 0 at +y, including the screen's margin.
+        """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.
+
+        Rays of a beam run along y first; so do the pixels, for the sake of the cache.
 
         x, y : landing points, mm.  flux : W, zero for rays that do not arrive.
         """
@@ -34,14 +36,14 @@ class Splat:
         column, wx = self._taps(x * sx + ox, shift)
         row, wy = self._taps(y * sy + oy, shift)
         inside = (row >= 0) & (column >= 0) & (row + taps <= height) & (column + taps <= width)
-        first = Index(dr.select(inside, row * width + column, 0))
+        first = Index(dr.select(inside, column * height + row, 0))
         image = dr.zeros(Float, rows * columns)
         flux = flux * dr.opaque(Float, 1.0 / screen.pixel_area)
         for a in range(taps):
-            line = first + Index(a) * Index(width)
-            weighted = flux * wy[a]
+            line = first + Index(a) * Index(height)
+            weighted = flux * wx[a]
             for b in range(taps):
-                dr.scatter_reduce(dr.ReduceOp.Add, image, weighted * wx[b], line + b, inside)
+                dr.scatter_reduce(dr.ReduceOp.Add, image, weighted * wy[b], line + b, inside)
         return image
 
     def _taps(self, position, shift):

@@ -60,8 +60,7 @@ class Tracer:
 
     def __init__(self, backend, lens, beam, target_z, knots):
         self._backend = backend
-        self._lens, self._beam = lens, beam
-        self._distance = target_z - lens.thickness
+        self._beam = beam
         dr, Float = backend.dr, backend.Float
         front = lens.front
         if front.sag is not None:
@@ -78,13 +77,17 @@ class Tracer:
             origin = (x, y, z - lens.thickness)
             dr.eval(origin, self._direction, self._front_flux)
             self.hits = SearchedHits(backend, origin, self._direction, lens.rear.conic, lens.rear.half_width, knots)
-        self._front_flux = self._front_flux * beam.ray_flux
+        # opaque numbers do not become part of the kernels, which then serve every beam and lens
+        self._front_flux = self._front_flux * dr.opaque(Float, beam.ray_flux)
+        self._distance = dr.opaque(Float, target_z - lens.thickness)
+        self._index = dr.opaque(Float, lens.index)
+        dr.make_opaque(self._front_flux)
 
     def trace(self, net):
         """Return (RearHits, Landing) for a sag net, differentiable in the hits' leaves."""
         dr = self._backend.dr
         hits = self.hits.evaluate(net)
-        (dx, dy, dz), share, refracted = refract(dr, self._direction, (hits.zx, hits.zy), self._lens.index)
+        (dx, dy, dz), share, refracted = refract(dr, self._direction, (hits.zx, hits.zy), self._index)
         forward = refracted & (dz > 0)
         travel = (self._distance - hits.z) / dr.select(forward, dz, 1)
         arrives = hits.hit & forward

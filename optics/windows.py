@@ -77,13 +77,24 @@ class GaussianWindow:
         return s * (sqrt(2 * pi) * erf(c / sqrt(2)) - 2 * c * self._offset)
 
     def weights(self, t, exponential):
-        """Return g at the tap centres; the point lies t + taps / 2 - 1/2 - r + 1/2 cells past tap r."""
-        half = self.taps // 2
+        """Return g(t + m) - g(cut), m = taps/2 - 1 ... -taps/2, for t in [0, 1).
+
+        g(t + m) = g(t) exp(-t / sigma^2)^m g(m) / g(0): two exponentials serve all taps.
+        """
+        half, s2 = self.taps // 2, self.sigma**2
+        ratio = exponential(t * (-1 / s2))
+        upward = [exponential(t * t * (-0.5 / s2)) * (1 / self._norm)]
+        downward = upward[:]
+        for _ in range(half - 1):
+            upward.append(upward[-1] * ratio)
+        for _ in range(half):
+            downward.append(downward[-1] / ratio)
+        powers = upward[:0:-1] + downward
+        reached = self.cut * self.sigma == half  # then no tap lies beyond the cut
         rows = []
-        for r in range(self.taps):
-            distance = t + (half - 1 - r)
-            value = (exponential(distance * distance * (-0.5 / self.sigma**2)) - self._offset) * (1 / self._norm)
-            rows.append((value + abs(value)) * 0.5)
+        for m, value in zip(range(half - 1, -half - 1, -1), powers):
+            lowered = value * exp(-0.5 * m * m / s2) - self._offset / self._norm
+            rows.append(lowered if reached else (lowered + abs(lowered)) * 0.5)
         return rows
 
     def response(self):
