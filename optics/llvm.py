@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+import sys
 from pathlib import Path
 
 from optics.errors import UserError
@@ -87,3 +88,16 @@ def choose(environment=os.environ, folders=FOLDERS):
     if version < OLDEST:
         raise UserError(f"the newest LLVM library found is version {version} ({path}), too old for Dr.Jit; {REMEDY}")
     return path
+
+
+def main():
+    """Print the path of the LLVM library to use, or the reason why there is none (exit code 2)."""
+    try:
+        print(choose())
+    except UserError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    main()
