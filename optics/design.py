@@ -1,7 +1,12 @@
 """The design loop: optimise a level, mark, refine, go on.
 
 Level by level the surface gets more degrees of freedom, and the measurement finer pixels and
-more rays.  Every level starts from the exact surface of the one before (prolongation).
+more rays.  There are two ways to start a level:
+
+- flat: the first level starts from the base conic, every other from the exact surface of the
+  one before (prolongation);
+- transport: every level starts from the optimal-transport surface fitted in its own space.  The
+  levels before the last then need no optimisation, only the marking of cells.
 """
 
 from __future__ import annotations
@@ -11,7 +16,7 @@ from math import ceil, gcd
 from time import perf_counter
 
 import numpy as np
-from scipy.optimize import Bounds, minimize
+from scipy.optimize import minimize
 
 from optics.beam import collimated_beam
 from optics.errors import NumericalError, UserError
@@ -19,7 +24,9 @@ from optics.model import base_lens, target_irradiance, target_screen
 from optics.objective import Objective
 from optics.problem import per_level
 from optics.refinement import cell_indicator, mark, vertex_knots
+from optics.start import TransportStart
 from optics.tracing import Tracer
+from optics.variables import BoundedVariables
 from optics.windows import BSplineWindow, GaussianWindow
 from thbcad.surface import THBSurface
 
@@ -41,10 +48,14 @@ class Row:
 
 @dataclass
 class State:
-    """What a run needs to go on: the next level to optimise and the surface it starts from."""
+    """What a run needs to go on: the next level to optimise and the surface it starts from.
+
+    begun : the level was interrupted, `sag` is its best surface so far.
+    """
 
     level: int
     sag: THBSurface
+    begun: bool = False
     history: list[Row] = field(default_factory=list)
 
     @property
@@ -74,24 +85,61 @@ class Stage:
     rays: tuple[int, int]
 
     @property
+    def evaluations(self):
+        """Expected evaluations of loss and gradient."""
+        return self.iterations + 1
+
+    @property
     def work(self):
         """Expected cost, in rays traced."""
-        return self.iterations * self.rays[0] * self.rays[1]
+        return self.evaluations * self.rays[0] * self.rays[1]
+
+
+def first_level(problem):
+    """Return the level at which optimisation starts.
+
+    A transport start makes the levels superfluous whose spans are wider than four pixels.
+    """
+    freeform = problem.lens.rear.freeform
+    if not uses_transport(problem):
+        return 0
+    fine = [level for level in range(freeform.max_level + 1) if _coarsening(problem, level) == 1]
+    return fine[0] if fine else freeform.max_level
+
+
+def uses_transport(problem):
+    """Return whether the design starts from an optimal-transport map."""
+    return problem.optimizer.start == "transport" and np.isinf(problem.lens.front.radius)
 
 
 def stages(problem):
-    """Return the Stage of every level of a problem."""
+    """Return the Stage of every level that is optimised."""
     out = []
     freeform, optimizer = problem.lens.rear.freeform, problem.optimizer
-    for level in range(freeform.max_level + 1):
+    for level in range(first_level(problem), freeform.max_level + 1):
         spans = [n << level for n in freeform.spans]
-        coarsening = 1
-        while all(n // (2 * coarsening) >= PIXELS_PER_SPAN * s for n, s in zip(problem.target.pixels, spans)):
-            coarsening *= 2
-        screen = target_screen(problem, coarsening, MARGIN)
+        screen = target_screen(problem, _coarsening(problem, level), MARGIN)
         rays = tuple(max(64, ceil(optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
-        out.append(Stage(level, per_level(optimizer.iterations, level), screen, rays))
+        skipped = uses_transport(problem) and level < freeform.max_level
+        out.append(Stage(level, 0 if skipped else per_level(optimizer.iterations, level), screen, rays))
     return out
+
+
+def _coarsening(problem, level):
+    """Return how many pixels a level merges in each direction, a power of 2."""
+    spans = [n << level for n in problem.lens.rear.freeform.spans]
+    coarsening = 1
+    while all(n // (2 * coarsening) >= PIXELS_PER_SPAN * s for n, s in zip(problem.target.pixels, spans)):
+        coarsening *= 2
+    return coarsening
+
+
+def first_state(problem, lens):
+    """Return the State from which a new run starts: the first level's mesh, sag zero."""
+    sag = lens.rear.sag
+    for level in range(first_level(problem)):
+        sag = sag.refine({level: sag.space.cells[:, 1:]})
+    return State(first_level(problem), sag)
 
 
 def transmitted_flux(backend, problem, lens):
@@ -126,18 +174,23 @@ def design(problem, light, backend, state=None, progress=None, checkpoint=None):
     """
     lens = base_lens(problem)
     flux = transmitted_flux(backend, problem, lens)
-    state = state or State(0, lens.rear.sag)
-    clock = perf_counter() - state.seconds
-    for stage in stages(problem)[state.level :]:
+    clock = perf_counter() - (state.seconds if state else 0.0)
+    state = state or first_state(problem, lens)
+    start = TransportStart(problem, lens, light) if uses_transport(problem) else None
+    for stage in stages(problem):
+        if stage.level < state.level:
+            continue
+        if start and not state.begun:
+            state = State(stage.level, start.fit(state.sag.space), history=state.history)
         target = target_irradiance(light, stage.screen, problem.target.fit, flux)
         lens = _with_sag(lens, state.sag)
         objective = _objective(backend, problem, lens, stage, target)
-        recorder = _Recorder(objective, stage, state, clock, progress)
-        coefficients = _minimize(recorder, problem, stage)
-        sag = THBSurface(state.sag.space, coefficients)
+        variables = BoundedVariables(state.sag, problem.lens.rear.freeform.z_freedom)
+        recorder = _Recorder(objective, variables, stage, state, clock, progress)
+        sag = _minimize(recorder, problem, stage)
         lens = _with_sag(lens, sag)
         marked = _marked(problem, objective, sag, lens.rear.half_width, stage)
-        state = State(stage.level + 1, sag.refine(marked), state.history)
+        state = State(stage.level + 1, sag.refine(marked), history=state.history)
         if checkpoint:
             checkpoint(state)
         if not marked:
@@ -148,41 +201,48 @@ def design(problem, light, backend, state=None, progress=None, checkpoint=None):
 def sag_window(problem):
     """Return the smooth measurement window of the optimisation."""
     o = problem.optimizer
-    return BSplineWindow(3) if o.window == "bspline" else GaussianWindow(o.sigma)
+    return BSplineWindow(o.window_degree) if o.window == "bspline" else GaussianWindow(o.sigma)
 
 
 class _Recorder:
     """Calls the objective, keeps the history and the best coefficients."""
 
-    def __init__(self, objective, stage, state, clock, progress):
-        self._objective, self._stage, self._clock, self._progress = objective, stage, clock, progress
+    def __init__(self, objective, variables, stage, state, clock, progress):
+        self._objective, self.variables = objective, variables
+        self._stage, self._clock, self._progress = stage, clock, progress
         self.state = state
         self.best = np.inf, state.sag.coefficients
 
-    def __call__(self, coefficients):
+    @property
+    def best_sag(self):
+        return THBSurface(self.state.sag.space, self.best[1])
+
+    def __call__(self, weights):
+        coefficients = self.variables.coefficients(weights)
         loss, gradient = self._objective(coefficients)
         if not (np.isfinite(loss) and np.isfinite(gradient).all()):
             raise NumericalError(f"the loss is not finite at level {self._stage.level}; lower z_freedom or check the prescription")
         if loss < self.best[0]:
-            self.best = loss, np.array(coefficients)
+            self.best = loss, coefficients
         history = self.state.history
         row = Row(self._stage.level, len(coefficients), len(history) + 1, loss, self._objective.fit, perf_counter() - self._clock)
         history.append(row)
         if self._progress:
             self._progress(self._stage, row)
-        return loss, gradient
+        return loss, self.variables.gradient(gradient)
 
 
 def _minimize(recorder, problem, stage):
-    bound = problem.lens.rear.freeform.z_freedom
+    """Return the best THB surface that L-BFGS finds."""
+    if stage.iterations == 0:
+        recorder(recorder.variables.zeros())
+        return recorder.best_sag
     options = {"maxiter": stage.iterations, "maxcor": problem.optimizer.memory, "maxfun": 2 * stage.iterations + 10}
-    state = recorder.state
     try:
-        minimize(recorder, state.sag.coefficients, jac=True, method="L-BFGS-B", bounds=Bounds(-bound, bound), options=options)
+        minimize(recorder, recorder.variables.zeros(), jac=True, method="L-BFGS-B", options=options)
     except KeyboardInterrupt:
-        sag = THBSurface(state.sag.space, recorder.best[1])
-        raise Interrupted(State(stage.level, sag, state.history)) from None
-    return recorder.best[1]
+        raise Interrupted(State(stage.level, recorder.best_sag, True, recorder.state.history)) from None
+    return recorder.best_sag
 
 
 def _objective(backend, problem, lens, stage, target):

@@ -13,9 +13,9 @@ class DesignProgress:
     The line is shown on terminals only; finished levels are always logged.
     """
 
-    def __init__(self, stages, done=0):
+    def __init__(self, stages, level=0):
         work = sum(stage.work for stage in stages)
-        before = sum(stage.work for stage in stages[:done])
+        before = sum(stage.work for stage in stages if stage.level < level)
         form = "{desc} {percentage:3.0f}% |{bar:20}| {elapsed} < {remaining} left"
         self._bar = tqdm(total=work, initial=before, bar_format=form, file=sys.stderr, disable=None)
         self._last = None
@@ -27,10 +27,10 @@ class DesignProgress:
         self._last = row
         self._in_level += 1
         self._bar.set_description_str(
-            f"level {row.level}  DOF {row.dof}  evaluation {self._in_level}/{stage.iterations}  misfit {row.fit:.4f}", refresh=False
+            f"level {row.level}  DOF {row.dof}  evaluation {self._in_level}/{stage.evaluations}  misfit {row.fit:.4f}", refresh=False
         )
-        room = stage.work if self._in_level <= stage.iterations else 0
-        self._bar.update(room // stage.iterations)
+        room = stage.work if self._in_level <= stage.evaluations else 0
+        self._bar.update(room // stage.evaluations)
 
     def close(self):
         if self._last is not None:

@@ -86,6 +86,7 @@ class ResultFolder:
             "version": VERSION,
             "problem": _fingerprint(problem),
             "level": state.level,
+            "begun": state.begun,
             "sag": sag_to_dict(state.sag),
             "history": [list(asdict(row).values()) for row in state.history],
         }
@@ -105,7 +106,7 @@ class ResultFolder:
             if data["schema"] != "thbcad-checkpoint" or data["version"] != VERSION:
                 raise ValueError("unknown schema or version")
             same = data["problem"] == _fingerprint(problem)
-            state = State(data["level"], sag_from_dict(data["sag"]), [Row(*row) for row in data["history"]])
+            state = State(data["level"], sag_from_dict(data["sag"]), data["begun"], [Row(*row) for row in data["history"]])
         except OSError as error:
             raise UserError(f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume") from None
         except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -22,7 +22,8 @@ class Embedding:
     """The chain W_0, W_1, ... of tensor-product spaces of a hierarchy.
 
     kv_u, kv_v : KnotVector of the last (finest) one
-    active : per level, the flat positions of the active functions in W_l
+    supported, active : per level, the flat positions in W_l of the functions supported in
+        Omega_l, and of those that are active
     """
 
     def __init__(self, axes, hierarchy):
@@ -37,7 +38,8 @@ class Embedding:
                 middle = ((2 * index + 1) << (top - number)) >> 1
                 keys[d] = np.concatenate([keys[d], middle])
         (self.kv_u, _), (self.kv_v, _) = self._chain[-1]
-        self.active = [self.positions(number, level) for number, level in enumerate(hierarchy)]
+        self.supported = [self.positions(number, level) for number, level in enumerate(hierarchy)]
+        self.active = [rows[level.active] for rows, level in zip(self.supported, hierarchy)]
         self.dim = sum(len(rows) for rows in self.active)
 
     def shape(self, number):
@@ -46,18 +48,18 @@ class Embedding:
         return u.dim, v.dim
 
     def positions(self, number, level):
-        """Return where the functions of a level record sit in the flat net of W_l."""
+        """Return where the supported functions of a level record sit in the flat net of W_l."""
         shift = len(self._hierarchy) - 1 - number
         index = []
         for d, axis in enumerate(self._axes):
             _, keys = self._chain[number][d]
             head = level.heads[:, d]
-            rank = level.functions[:, d] - axis.first_knot(number, head)
+            rank = level.supported[:, d] - axis.first_knot(number, head)
             index.append(np.searchsorted(keys, head << shift) + rank)
         return index[0] * self.shape(number)[1] + index[1]
 
     @cached_property
-    def _steps(self):
+    def steps(self):
         """One-dimensional refinement operators (P_u, P_v) from W_(l-1) to W_l."""
         return [tuple(a.prolongation(b) for (a, _), (b, _) in zip(*pair)) for pair in zip(self._chain, self._chain[1:])]
 
@@ -74,7 +76,7 @@ class Embedding:
         parts = np.split(c, np.cumsum([len(rows) for rows in self.active])[:-1])
         net = np.zeros(self.shape(0))
         net.ravel()[self.active[0]] = parts[0]
-        for (pu, pv), rows, part in zip(self._steps, self.active[1:], parts[1:]):
+        for (pu, pv), rows, part in zip(self.steps, self.active[1:], parts[1:]):
             net = np.ascontiguousarray((pv @ (pu @ net).T).T)
             net.ravel()[rows] = part
         return net
@@ -83,7 +85,7 @@ class Embedding:
         """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""
         net = np.array(net, dtype=np.float64, order="C")
         parts = []
-        for (pu, pv), rows in zip(self._steps[::-1], self.active[:0:-1]):
+        for (pu, pv), rows in zip(self.steps[::-1], self.active[:0:-1]):
             parts.append(net.ravel()[rows])
             net.ravel()[rows] = 0.0
             net = np.ascontiguousarray((pv.T @ (pu.T @ net).T).T)
@@ -107,7 +109,7 @@ class Embedding:
             if number:
                 keep = np.ones(size)
                 keep[rows] = 0.0
-                step = kron(*self._steps[number - 1], format="csr")
+                step = kron(*self.steps[number - 1], format="csr")
                 step.data *= np.repeat(keep, np.diff(step.indptr))
                 step.eliminate_zeros()
                 place = place + csr_array(step) @ net

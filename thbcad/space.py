@@ -39,8 +39,14 @@ class Level:
     columns: np.ndarray  # distinct j
     inside: np.ndarray  # (rows, columns) bool, cell lies in Omega_l
     refined: np.ndarray  # (rows, columns) bool, cell is refined
-    functions: np.ndarray  # (n, 2) active functions (i, j)
+    supported: np.ndarray  # (n, 2) functions (i, j) whose support lies in Omega_l
     heads: np.ndarray  # (n, 2) breaks of the level at which their supports start
+    active: np.ndarray  # (n,) bool, the support is not inside Omega_(l+1)
+
+    @property
+    def functions(self):
+        """Active functions (i, j), (m, 2) int."""
+        return self.supported[self.active]
 
     @property
     def leaves(self):
@@ -91,7 +97,7 @@ class THBSpace:
     @cached_property
     def dim(self):
         """Number of degrees of freedom."""
-        return sum(len(level.functions) for level in self.hierarchy)
+        return sum(int(level.active.sum()) for level in self.hierarchy)
 
     @cached_property
     def embedding(self):
@@ -146,7 +152,7 @@ class THBSpace:
         """
         self._require_nested(finer)
         target = finer.embedding
-        own = [target.positions(number, level) for number, level in enumerate(self.hierarchy)]
+        own = [target.positions(number, level)[level.active] for number, level in enumerate(self.hierarchy)]
         own += [np.zeros(0, dtype=np.int64)] * (finer.levels - self.levels)
         nets = target.operators(own, self.dim)
         return csr_array(vstack([net[rows] for net, rows in zip(nets, target.active)], format="csr"))
@@ -175,8 +181,7 @@ class THBSpace:
             if number < len(self._refined):
                 i, j = self._split(number, self._refined[number])
                 refined[np.searchsorted(rows, i), np.searchsorted(columns, j)] = True
-            functions, heads = self._active(number, rows, columns, inside, refined)
-            levels.append(Level(rows, columns, inside, refined, functions, heads))
+            levels.append(Level(rows, columns, inside, refined, *self._functions(number, rows, columns, inside, refined)))
         return tuple(levels)
 
     def _existing(self, number):
@@ -191,8 +196,8 @@ class THBSpace:
         rows, columns = ((2 * p[:, None] + np.arange(2)).ravel() for p in (parents_u, parents_v))
         return rows, columns, mask.repeat(2, axis=0).repeat(2, axis=1)
 
-    def _active(self, number, rows, columns, inside, refined):
-        """Return functions (and heads) supported in Omega_l but not in Omega_(l+1)."""
+    def _functions(self, number, rows, columns, inside, refined):
+        """Return the functions supported in Omega_l, their heads, and whether they are active."""
         fu, start_u, length_u = self.axes[0].functions_within(number, rows)
         fv, start_v, length_v = self.axes[1].functions_within(number, columns)
         area = length_u[:, None] * length_v
@@ -203,9 +208,10 @@ class THBSpace:
             by_u = table[start_u + length_u] - table[start_u]
             return by_u[:, start_v + length_v] - by_u[:, start_v] == area
 
-        a, b = np.nonzero(covered(inside) & ~covered(refined))
-        functions = np.stack([fu[a], fv[b]], axis=1)
-        return functions, np.stack([rows[start_u[a]], columns[start_v[b]]], axis=1)
+        a, b = np.nonzero(covered(inside))
+        supported = np.stack([fu[a], fv[b]], axis=1)
+        heads = np.stack([rows[start_u[a]], columns[start_v[b]]], axis=1)
+        return supported, heads, ~covered(refined)[a, b]
 
     def _keys(self, level, pairs):
         """Pack cells (i, j) of a level into sortable integers; refuse cells outside."""

@@ -1,0 +1,104 @@
+"""The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, cg
+
+from optics.model import target_irradiance, target_screen
+from optics.screen import Screen
+from optics.transport import transport
+from thbcad.multilevel import MultilevelBasis
+from thbcad.surface import THBSurface
+
+SNELL_STEPS = 4
+FIT_STEPS = 60
+CELLS_PER_PIXEL = 2
+LEAST_CELLS, MOST_CELLS = 64, 512
+INSIDE = 0.97  # of z_freedom
+
+
+class TransportStart:
+    """Rear slopes that send parallel rays to the picture; needs a plane front.
+
+    Every source cell gets a target point by optimal transport, Snell's law the slope that the
+    rear must have there.  `fit` gives the sag with these slopes in any THB space.
+    """
+
+    def __init__(self, problem, lens, light):
+        screen, target = target_screen(problem), problem.target.half_width
+        beam = [min(s, f) for s, f in zip(problem.source.half_width, lens.front.half_width)]
+        cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
+
+        def density(grid):
+            pixels = tuple(min(n, m) for n, m in zip(grid, screen.pixels))
+            return target_irradiance(light, Screen(target, pixels), problem.target.fit, 1.0)[::-1].T
+
+        found = transport(density, cells, np.sqrt(beam[0] * target[0] / (beam[1] * target[1])))
+        self._x, self._y = found.x * beam[0], found.y * beam[1]
+        slopes = _slopes(lens, self._x, self._y, target[0] * found.tx, target[1] * found.ty, problem.target_z)
+        base = (lens.rear.conic(self._x[:, None], self._y[None, :], d) for d in ((1, 0), (0, 1)))
+        self._slopes = [s - b for s, b in zip(slopes, base)]
+        self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
+
+    def fit(self, space):
+        """Return the sag in a THB space over x, y in mm.
+
+        A sag that exceeds z_freedom is scaled down, which moves the light part of the way.
+        """
+        sag = fit_slopes(space, self._x, self._y, *self._slopes)
+        reach = np.abs(sag.coefficients).max()
+        return sag if reach <= self._bound else THBSurface(space, sag.coefficients * (self._bound / reach))
+
+
+def _slopes(lens, x, y, px, py, target_z):
+    """Return (zx, zy) that refract parallel rays at (x, y) to (px, py, target_z), each (nx, ny).
+
+    The normal lies along n d_in - d_out.  The height, which is needed for the direction to the
+    target, is integrated from the slopes of the step before.
+    """
+    x, y = x[:, None], y[None, :]
+    z = lens.thickness + lens.rear.conic(x, y)
+    for _ in range(SNELL_STEPS):
+        dx, dy, dz = px - x, py - y, target_z - z
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        across = lens.index - dz / length
+        zx, zy = dx / length / across, dy / length / across
+        z = lens.thickness + _integrated(zx, zy, x[:, 0], y[0])
+    return zx, zy
+
+
+def _integrated(zx, zy, x, y):
+    """Return a height whose slopes are about (zx, zy), zero in the middle.
+
+    Trapezoids along the middle row and from there along the columns: good enough for
+    distances, the fit itself uses the slopes.
+    """
+    i, j = len(x) // 2, len(y) // 2
+    along = np.concatenate([[0.0], np.cumsum((zx[1:, j] + zx[:-1, j]) / 2 * np.diff(x))])
+    across = np.concatenate([np.zeros((len(x), 1)), np.cumsum((zy[:, 1:] + zy[:, :-1]) / 2 * np.diff(y), axis=1)], axis=1)
+    return (along - along[i])[:, None] + across - across[:, j : j + 1]
+
+
+def fit_slopes(space, x, y, zx, zy):
+    """Return the THB surface over x, y in mm whose slopes fit (zx, zy) on a grid best.
+
+    Least squares by conjugate gradients in the multilevel system.  The constant that slopes
+    leave open is chosen so that the greatest and the least coefficient are opposite.
+    """
+    basis, embedding = MultilevelBasis(space), space.embedding
+    (a0, a1), (b0, b1) = ((kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((embedding.kv_u, x), (embedding.kv_v, y)))
+    a0t, a1t, b0t, b1t = (m.T.tocsr() for m in (a0, a1, b0, b1))
+
+    def transposed(gx, gy):
+        net = a1t @ (b0t @ gx.T).T + a0t @ (b1t @ gy.T).T
+        return basis.adjoint(embedding.adjoint(net))
+
+    def normal(weights):
+        net = embedding.coefficients(basis.coefficients(weights))
+        return transposed((b0 @ (a1 @ net).T).T, (b1 @ (a0 @ net).T).T)
+
+    system = LinearOperator((basis.size, basis.size), matvec=normal, dtype=np.float64)
+    weights, _ = cg(system, transposed(zx, zy), rtol=1e-8, maxiter=FIT_STEPS)
+    c = basis.coefficients(weights)
+    return THBSurface(space, c - (c.max() + c.min()) / 2)
