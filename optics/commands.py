@@ -55,13 +55,17 @@ def _optimise(problem, light, backend, folder, state):
 
     progress = DesignProgress(stages(problem), state.level if state else 0)
     try:
-        return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s))
+        return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), _note)
     except Interrupted as stop:
         folder.write_checkpoint(problem, stop.state)
         print(f"thbcad: stopped; the same command with --resume goes on from {folder.path}", file=sys.stderr)
         raise KeyboardInterrupt from None
     finally:
         progress.close()
+
+
+def _note(sentence):
+    print(f"thbcad: note: {sentence}", file=sys.stderr)
 
 
 def _finish(problem, light, lens, state, folder, clock):

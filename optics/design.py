@@ -161,12 +161,13 @@ def transmitted_flux(backend, problem, lens):
     return budget.transmitted
 
 
-def design(problem, light, backend, state=None, progress=None, checkpoint=None):
+def design(problem, light, backend, state=None, progress=None, checkpoint=None, note=None):
     """Optimise the rear surface of a problem's lens and return (Lens, State).
 
     light : the target picture as linear light.  state : to go on from, or None.
     progress : called with (Stage, Row) after every evaluation.
     checkpoint : called with the State after every level.
+    note : called with a sentence where the problem itself limits the result.
 
     Raises
     ------
@@ -195,6 +196,8 @@ def design(problem, light, backend, state=None, progress=None, checkpoint=None):
             checkpoint(state)
         if not marked:
             break
+    if note and start and start.note:
+        note(start.note)
     return lens, state
 
 

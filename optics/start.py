@@ -40,15 +40,26 @@ class TransportStart:
         base = (lens.rear.conic(self._x[:, None], self._y[None, :], d) for d in ((1, 0), (0, 1)))
         self._slopes = [s - b for s, b in zip(slopes, base)]
         self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
+        self.reach = 0.0
 
     def fit(self, space):
-        """Return the sag in a THB space over x, y in mm.
+        """Return the sag in a THB space over x, y in mm; `reach` keeps the greatest |c| it asked for.
 
         A sag that exceeds z_freedom is scaled down, which moves the light part of the way.
         """
         sag = fit_slopes(space, self._x, self._y, *self._slopes)
-        reach = np.abs(sag.coefficients).max()
-        return sag if reach <= self._bound else THBSurface(space, sag.coefficients * (self._bound / reach))
+        self.reach = float(np.abs(sag.coefficients).max())
+        return sag if self.reach <= self._bound else THBSurface(space, sag.coefficients * (self._bound / self.reach))
+
+    @property
+    def note(self):
+        """A sentence for the user where z_freedom is too small for the transport map, or ""."""
+        if self.reach <= self._bound:
+            return ""
+        return (
+            f"the transport map asks for a sag of +-{self.reach:.2f} mm, more than z_freedom allows; "
+            f"raise lens.rear.freeform.z_freedom above {self.reach / INSIDE:.2f} for better light"
+        )
 
 
 def _slopes(lens, x, y, px, py, target_z):

@@ -10,7 +10,9 @@ iteration
 
     Laplace phi <- sqrt((phi_xx - phi_yy)^2 + 4 phi_xy^2 + 4 f / g)
 
-needs one Poisson solve (cosine transform) a step.  Coarse grids start finer ones.
+needs one Poisson solve (cosine transform) a step.  It converges for smooth densities of modest
+contrast; so the density is smoothed by one cell, the steps are damped, and the contrast is
+raised in stages, as far as the iteration follows.  Coarse grids start finer ones.
 
 Source: J.-D. Benamou, B. Froese, A. Oberman, Two numerical methods for the elliptic
 Monge-Ampere equation, ESAIM: M2AN 44 (2010).
@@ -22,10 +24,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import dctn, idctn
-from scipy.ndimage import zoom
+from scipy.ndimage import gaussian_filter, zoom
 
-FLOOR = 0.02  # of the mean: the least density in the target
-STEPS = 40  # per grid
+FLOORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02)  # of the mean: least densities in the target, tried in turn
+FOLLOWS = 0.15  # residual below which a lower floor counts as solved
+COARSE = 64  # cells in the shorter direction of the grid on which the floors are tried
+STEPS = 40  # per grid and floor
+DAMPING = 0.5
+SMOOTHING = 1.0  # cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +39,8 @@ class TransportMap:
     """Target positions of source cells, both relative to the half-widths.
 
     x : (nx,), y : (ny,) cell centres in [-1, 1].  tx, ty : (nx, ny) in [-1, 1].
-    residual : root mean square of g det D^2 phi / f - 1.
+    residual : root mean square of g det D^2 phi / f - 1 for the smoothed density.
+    floor : least density that was reached, relative to the mean.
     """
 
     x: np.ndarray
@@ -41,6 +48,7 @@ class TransportMap:
     tx: np.ndarray
     ty: np.ndarray
     residual: float
+    floor: float
 
 
 def transport(density, shape, aspect):
@@ -53,18 +61,22 @@ def transport(density, shape, aspect):
         the source and b of the target.
     """
     grids = [tuple(shape)]
-    while min(grids[0]) >= 32:
+    while min(grids[0]) >= 2 * COARSE:
         grids.insert(0, tuple(-(-n // 2) for n in grids[0]))
     size = np.array([1.0, 1.0 / aspect])
-    v = np.zeros(grids[0])
-    for grid in grids:
-        v = _resampled(v, grid)
-        v, residual = _iterate(v, _floored(density(grid)), size)
+    v, floor, residual = np.zeros(grids[0]), FLOORS[0], np.inf
+    for lower in FLOORS:
+        w, reached = _iterate(v, _smoothed(density(grids[0]), lower), size)
+        if lower < floor and reached > FOLLOWS:
+            break
+        v, floor, residual = w, lower, reached
+    for grid in grids[1:]:
+        v, residual = _iterate(_resampled(v, grid), _smoothed(density(grid), floor), size)
     gx, gy = _gradient(v, size)
     x, y = ((2 * np.arange(n) + 1) / n - 1 for n in shape)
     tx = np.clip(x[:, None] + 2 * gx / size[0], -1, 1)
     ty = np.clip(y[None, :] + 2 * gy / size[1], -1, 1)
-    return TransportMap(x, y, tx, ty, residual)
+    return TransportMap(x, y, tx, ty, residual, floor)
 
 
 def _iterate(v, g, size):
@@ -88,7 +100,7 @@ def _iterate(v, g, size):
         wanted = np.sqrt((vxx - vyy) ** 2 + 4 * vxy**2 + 4 / there) - 2
         transformed = dctn(wanted) / spectrum
         transformed[0, 0] = 0.0  # the border condition fixes the mean of the Laplacian
-        v = idctn(transformed)
+        v = v + DAMPING * (idctn(transformed) - v)
     return best, least
 
 
@@ -112,13 +124,12 @@ def _bilinear(g, s, t):
     return low * (1 - a) + high * a
 
 
-def _floored(density):
-    """Return the density with a floor and unit mean."""
-    g = np.maximum(density / density.mean(), FLOOR)
+def _smoothed(density, floor):
+    """Return the density smoothed by a cell, with a floor and unit mean."""
+    g = gaussian_filter(density / density.mean(), SMOOTHING, mode="nearest")
+    g = np.maximum(g, floor)
     return g / g.mean()
 
 
 def _resampled(v, grid):
-    if v.shape == grid:
-        return v
     return zoom(v, [b / a for a, b in zip(v.shape, grid)], order=3, mode="nearest", grid_mode=True)
