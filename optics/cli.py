@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 
 from optics.errors import NumericalError, UserError
@@ -37,6 +38,8 @@ def parser():
 def main(arguments=None):
     """Run a command and return its exit code."""
     options = parser().parse_args(arguments)
+    # only vector operations use BLAS here: its threads would wait for each other, not help
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from optics import commands
 
     try:
