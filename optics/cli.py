@@ -30,7 +30,9 @@ def parser():
     check.add_argument("problem", metavar="PROBLEM.toml")
     verify = commands.add_parser("verify", help="check the STEP file of a result folder against its lens")
     verify.add_argument("result", metavar="DIR", help="result folder of a design")
-    for command in (design, check, verify):
+    bench = commands.add_parser("bench", help="run a benchmark of a checkout and print its figures beside their limits")
+    bench.add_argument("name", metavar="NAME", help="a module of benchmarks/, such as overview")
+    for command in (design, check, verify, bench):
         command.add_argument("--json", action="store_true", help="print the result as JSON")
     return main
 

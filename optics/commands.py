@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import sys
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 
@@ -150,6 +151,19 @@ def verify(options):
     except ValueError as error:
         raise UserError(str(error)) from None
     return checked, _check_lines(checked), checked["ok"]
+
+
+def bench(options):
+    """Run a benchmark that lies in the checkout this package was installed from."""
+    root = Path(__file__).resolve().parent.parent
+    names = sorted(p.stem for p in (root / "benchmarks").glob("*.py") if p.stem not in ("__init__", "rows"))
+    if options.name not in names:
+        raise UserError(f"there is no benchmark {options.name!r}; this installation has: {', '.join(names) or 'none, run from a checkout'}")
+    sys.path.insert(0, str(root))
+    from benchmarks.rows import machine, table
+
+    rows = import_module(f"benchmarks.{options.name}").rows()
+    return [row.plain() for row in rows], [machine(), *table(rows)], all(row.ok for row in rows)
 
 
 def _by(size):

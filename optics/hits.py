@@ -22,7 +22,10 @@ from optics.polynomials import PolynomialTable
 
 @dataclass(eq=False)
 class RearHits:
-    """Meeting points as Dr.Jit arrays: position (x, y, height above the rear vertex), slopes, mask."""
+    """Meeting points as Dr.Jit arrays: position (x, y, height above the rear vertex), slopes, mask.
+
+    leaves : the arrays z, zx, zy that carry gradients.  dr : the drjit module.
+    """
 
     x: Any
     y: Any
@@ -31,10 +34,13 @@ class RearHits:
     zy: Any
     hit: Any
     leaves: tuple
+    dr: Any
 
     def gradients(self):
         """Return the derivatives by the leaves (z, zx, zy), each (n,) float."""
-        return [leaf.grad.numpy() for leaf in self.leaves]
+        gradients = [leaf.grad for leaf in self.leaves]
+        self.dr.eval(gradients)  # together: one kernel
+        return [g.numpy() for g in gradients]
 
 
 class KnownHits:
@@ -61,7 +67,7 @@ class KnownHits:
         leaves = tuple(Float(np.ascontiguousarray(s).ravel()) for s in sags)
         dr.enable_grad(*leaves)
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
-        return RearHits(self._x, self._y, z, zx, zy, True, leaves)
+        return RearHits(self._x, self._y, z, zx, zy, True, leaves, dr)
 
     def pull_back(self, gradients, knots=None):
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
@@ -113,7 +119,7 @@ class SearchedHits:
         dt = (leaves[0] - z) / speed  # zero, but carries the derivative
         zx = leaves[1] + (zxx * dx + zxy * dy) * dt
         zy = leaves[2] + (zxy * dx + zyy * dy) * dt
-        return RearHits(x + dx * dt, y + dy * dt, z + dz * dt, zx, zy, hit, leaves)
+        return RearHits(x + dx * dt, y + dy * dt, z + dz * dt, zx, zy, hit, leaves, dr)
 
     def pull_back(self, gradients, knots=None):
         table = self._table if knots is None else PolynomialTable(self._backend, knots)

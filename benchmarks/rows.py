@@ -1,0 +1,63 @@
+"""Rows of a benchmark: a figure beside its reference and limit."""
+
+from __future__ import annotations
+
+import os
+import platform
+from dataclasses import dataclass
+from statistics import median
+from time import perf_counter
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure.  limit : the value must not be above it ("<=") or below it (">="); None is no limit."""
+
+    name: str
+    value: float
+    unit: str = ""
+    reference: str = ""
+    limit: float | None = None
+    sense: str = "<="
+
+    @property
+    def ok(self):
+        if self.limit is None:
+            return True
+        return bool(self.value <= self.limit if self.sense == "<=" else self.value >= self.limit)
+
+    def plain(self):
+        """Return the row as data."""
+        limit = None if self.limit is None else f"{self.sense} {self.limit:g}"
+        return {"name": self.name, "value": self.value, "unit": self.unit, "reference": self.reference, "limit": limit, "ok": self.ok}
+
+
+def machine():
+    """Return one line that names the machine."""
+    model = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            model = next(line.split(":", 1)[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration):
+        pass
+    return f"{model}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}"
+
+
+def median_seconds(function, repeats):
+    """Return the median wall time of a function after one warm-up call."""
+    function()
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        function()
+        times.append(perf_counter() - start)
+    return median(times)
+
+
+def table(rows):
+    """Return the rows as lines of text."""
+    lines = [f"{'figure':<66} {'value':>12} {'unit':<6} {'limit':<10} {'ok':<4} reference"]
+    for row in rows:
+        limit = "" if row.limit is None else f"{row.sense} {row.limit:g}"
+        lines.append(f"{row.name:<66} {row.value:>12.4g} {row.unit:<6} {limit:<10} {'yes' if row.ok else 'NO':<4} {row.reference}")
+    return lines
