@@ -14,25 +14,26 @@ from statistics import median
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import dblquad
 
 from benchmarks.rows import Row, median_seconds
-from optics.backend import load_backend
+from optics.backend import Backend, load_backend
 from optics.beam import collimated_beam
 from optics.design import MARGIN
 from optics.model import base_lens, target_irradiance, target_light, target_screen
 from optics.objective import Objective
-from optics.problem import load_problem
+from optics.problem import Problem, load_problem
 from optics.tracing import Tracer
 from optics.windows import BSplineWindow, GaussianWindow
-from thbcad import FreeformSurface, Lens, THBSurface, read_lens
+from thbcad import FreeformSurface, Lens, THBSpace, THBSurface, read_lens
 
 PEARL = Path(__file__).resolve().parent.parent / "examples" / "pearl.toml"
 DIRECTIONS = 20
 STEP = 2e-6  # mm, of the central differences
 
 
-def rows():
+def rows() -> list[Row]:
     """Return the figures."""
     with tempfile.TemporaryDirectory() as folder:
         out = _design(Path(folder))
@@ -40,7 +41,7 @@ def rows():
     return [*out, *_objective(lens), *_flux(), *_start()]
 
 
-def _design(folder):
+def _design(folder: Path) -> list[Row]:
     start = perf_counter()
     command = [sys.executable, "-m", "optics.cli", "design", str(PEARL), "--out", str(folder)]
     subprocess.run(command, check=True, capture_output=True)
@@ -63,7 +64,7 @@ def _design(folder):
     ]
 
 
-def _objective(lens):
+def _objective(lens: Lens) -> list[Row]:
     backend = load_backend("double", 1)
     problem = load_problem(PEARL)
     light = target_light(problem)
@@ -85,7 +86,9 @@ def _objective(lens):
     return [*timings, Row("gradient against central differences, worst of 20 directions", _worst_difference(objective, c), "", "", 1e-6)]
 
 
-def _pearl_objective(backend, problem, light, lens, space, window):
+def _pearl_objective(
+    backend: Backend, problem: Problem, light: NDArray[np.float64], lens: Lens, space: THBSpace, window: BSplineWindow | GaussianWindow
+) -> Objective:
     screen = target_screen(problem, 1, MARGIN)
     beam = collimated_beam(problem.source.half_width, problem.source.flux, lens.front.half_width, (449, 449))
     e = space.embedding
@@ -94,7 +97,7 @@ def _pearl_objective(backend, problem, light, lens, space, window):
     return Objective(backend, tracer, e, screen, window, target, problem.optimizer.lost_flux_weight)
 
 
-def _worst_difference(objective, c):
+def _worst_difference(objective: Objective, c: NDArray[np.float64]) -> float:
     """Return the greatest relative difference, by a fourth-order central difference."""
     _, gradient = objective(c)
     rng, worst = np.random.default_rng(1), 0.0
@@ -106,7 +109,7 @@ def _worst_difference(objective, c):
     return worst
 
 
-def _flux():
+def _flux() -> list[Row]:
     """Transmitted flux against adaptive integration of the Fresnel formula."""
     backend = load_backend("double", 1)
     problem = load_problem(PEARL)
@@ -127,7 +130,7 @@ def _flux():
     return out
 
 
-def _fresnel(slope, n):
+def _fresnel(slope: float, n: float) -> float:
     """Return T from index n to air for a ray along z on a surface of the given slope (Fresnel's tangents and sines)."""
     i = np.arctan(slope)
     if i < 1e-6:
@@ -136,7 +139,7 @@ def _fresnel(slope, n):
     return 1 - 0.5 * ((np.sin(i - t) / np.sin(i + t)) ** 2 + (np.tan(i - t) / np.tan(i + t)) ** 2)
 
 
-def _start():
+def _start() -> list[Row]:
     times = []
     for _ in range(5):
         start = perf_counter()

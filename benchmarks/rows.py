@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 from time import perf_counter
@@ -21,18 +22,18 @@ class Row:
     sense: str = "<="
 
     @property
-    def ok(self):
+    def ok(self) -> bool:
         if self.limit is None:
             return True
         return bool(self.value <= self.limit if self.sense == "<=" else self.value >= self.limit)
 
-    def plain(self):
+    def plain(self) -> dict[str, str | float | bool | None]:
         """Return the row as data."""
         limit = None if self.limit is None else f"{self.sense} {self.limit:g}"
         return {"name": self.name, "value": self.value, "unit": self.unit, "reference": self.reference, "limit": limit, "ok": self.ok}
 
 
-def machine():
+def machine() -> str:
     """Return one line that names the machine."""
     model = platform.processor() or platform.machine()
     try:
@@ -43,7 +44,7 @@ def machine():
     return f"{model}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}"
 
 
-def median_seconds(function, repeats):
+def median_seconds(function: Callable[[], object], repeats: int) -> float:
     """Return the median wall time of a function after one warm-up call."""
     function()
     times = []
@@ -54,7 +55,7 @@ def median_seconds(function, repeats):
     return median(times)
 
 
-def table(rows):
+def table(rows: Sequence[Row]) -> list[str]:
     """Return the rows as lines of text."""
     lines = [f"{'figure':<66} {'value':>12} {'unit':<6} {'limit':<10} {'ok':<4} reference"]
     for row in rows:

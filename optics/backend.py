@@ -6,9 +6,11 @@ import os
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 from optics import llvm
+
+DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
 
 PRECISIONS = {"double": "Float64", "single": "Float32"}
 
@@ -22,11 +24,11 @@ class Backend:
     """
 
     dr: ModuleType
-    Float: Any
-    Index: Any
+    Float: type[DrArray]
+    Index: type[DrArray]
 
 
-def load_backend(precision="double", threads=0):
+def load_backend(precision: str = "double", threads: int = 0) -> Backend:
     """Load Dr.Jit's LLVM backend.
 
     threads : number of threads, 0 for all cores.

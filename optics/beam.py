@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,19 +16,25 @@ class Beam:
     x : (nx,), y : (ny,) float, mm.  ray_flux : W.  missed : W that passes beside the lens.
     """
 
-    x: np.ndarray
-    y: np.ndarray
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
     ray_flux: float
     missed: float
 
-    def slices(self, most):
+    def slices(self, most: int) -> Iterator[Beam]:
         """Yield beams of at most `most` rays that make up this one."""
         step = max(1, most // len(self.y))
         for start in range(0, len(self.x), step):
             yield Beam(self.x[start : start + step], self.y, self.ray_flux, 0.0 if start else self.missed)
 
 
-def collimated_beam(half_width, flux, aperture, rays, shift=(0.0, 0.0)):
+def collimated_beam(
+    half_width: tuple[float, float],
+    flux: float,
+    aperture: tuple[float, float],
+    rays: Sequence[int],
+    shift: Sequence[float] | NDArray[np.float64] = (0.0, 0.0),
+) -> Beam:
     """Return the part of a uniform square beam that meets an aperture.
 
     half_width : of the source.  aperture : half-widths of the lens.  rays : (nx, ny).

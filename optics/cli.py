@@ -10,11 +10,12 @@ import argparse
 import json
 import os
 import sys
+from collections.abc import Sequence
 
 from optics.errors import NumericalError, UserError
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Return the argument parser (nothing heavy is imported for it)."""
     main = argparse.ArgumentParser(
         prog="thbcad",
@@ -37,7 +38,7 @@ def parser():
     return main
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
     options = parser().parse_args(arguments)
     # only vector operations use BLAS here: its threads would wait for each other, not help
@@ -63,7 +64,7 @@ def main(arguments=None):
     return 0 if ok else 1
 
 
-def entry():
+def entry() -> None:
     """Entry point of the installed command."""
     sys.exit(main())
 

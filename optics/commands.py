@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import resource
 import sys
+from argparse import Namespace
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 from optics.design import Interrupted, stages
 from optics.errors import UserError
@@ -15,24 +18,33 @@ from optics.problem import load_problem, problem_to_toml
 from optics.progress import DesignProgress
 from optics.results import ResultFolder
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from optics.backend import Backend
+    from optics.design import State
+    from optics.problem import Problem
+    from thbcad.lens import Lens
+
 
 class _Clock:
     """Wall time by phase."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._start = self._mark = perf_counter()
-        self.phases = {}
+        self.phases: dict[str, float] = {}
 
-    def lap(self, name):
+    def lap(self, name: str) -> None:
         now = perf_counter()
         self.phases[name] = now - self._mark
         self._mark = now
 
-    def total(self):
+    def total(self) -> dict[str, float]:
         return {**self.phases, "total": perf_counter() - self._start}
 
 
-def design(options):
+def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Shape the lens of a problem file and write the result folder."""
     clock = _Clock()
     problem = load_problem(options.problem)
@@ -46,12 +58,19 @@ def design(options):
 
     backend = load_backend(problem.run.precision, problem.run.threads)
     clock.lap("setup")
-    lens, state = _optimise(problem, light, backend, folder, state)
-    clock.lap("optimise")
-    return _finish(problem, light, lens, state, folder, clock)
+    try:
+        lens, state = _optimise(problem, light, backend, folder, state)
+        clock.lap("optimise")
+        return _finish(problem, light, lens, state, folder, clock)
+    except KeyboardInterrupt:
+        if folder.has_checkpoint():
+            _note(f"the same command with --resume goes on from {folder.path}")
+        raise
 
 
-def _optimise(problem, light, backend, folder, state):
+def _optimise(
+    problem: Problem, light: NDArray[np.float64], backend: Backend, folder: ResultFolder, state: State | None
+) -> tuple[Lens, State]:
     from optics.design import design as run
 
     progress = DesignProgress(stages(problem), state.level if state else 0)
@@ -59,17 +78,18 @@ def _optimise(problem, light, backend, folder, state):
         return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), _note)
     except Interrupted as stop:
         folder.write_checkpoint(problem, stop.state)
-        print(f"thbcad: stopped; the same command with --resume goes on from {folder.path}", file=sys.stderr)
         raise KeyboardInterrupt from None
     finally:
         progress.close()
 
 
-def _note(sentence):
+def _note(sentence: str) -> None:
     print(f"thbcad: note: {sentence}", file=sys.stderr)
 
 
-def _finish(problem, light, lens, state, folder, clock):
+def _finish(
+    problem: Problem, light: NDArray[np.float64], lens: Lens, state: State, folder: ResultFolder, clock: _Clock
+) -> tuple[dict[str, Any], list[str], bool]:
     """Export, measure, verify and report a designed lens."""
     from optics.backend import load_backend
     from optics.figures import draw_all
@@ -107,7 +127,7 @@ def _finish(problem, light, lens, state, folder, clock):
     return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, _design_lines(folder, metrics, checked), checked["ok"]
 
 
-def check(options):
+def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Read a problem without tracing."""
     problem = load_problem(options.problem)
     light = target_light(problem)
@@ -137,7 +157,7 @@ def check(options):
     return data, lines, True
 
 
-def verify(options):
+def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Check the STEP file of a result folder."""
     from optics.backend import load_backend
     from optics.verify import verification
@@ -153,7 +173,7 @@ def verify(options):
     return checked, _check_lines(checked), checked["ok"]
 
 
-def bench(options):
+def bench(options: Namespace) -> tuple[list[dict[str, Any]], list[str], bool]:
     """Run a benchmark that lies in the checkout this package was installed from."""
     root = Path(__file__).resolve().parent.parent
     names = sorted(p.stem for p in (root / "benchmarks").glob("*.py") if p.stem not in ("__init__", "rows"))
@@ -166,11 +186,11 @@ def bench(options):
     return [row.plain() for row in rows], [machine(), *table(rows)], all(row.ok for row in rows)
 
 
-def _by(size):
+def _by(size: Sequence[int]) -> str:
     return f"{size[0]} x {size[1]}"
 
 
-def _check_lines(checked):
+def _check_lines(checked: dict[str, Any]) -> list[str]:
     lines = []
     for c in checked["checks"]:
         word = "ok    " if c["ok"] else "FAILED"
@@ -178,7 +198,7 @@ def _check_lines(checked):
     return lines
 
 
-def _design_lines(folder, metrics, checked):
+def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any]) -> list[str]:
     return [
         *_check_lines(checked),
         f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   "

@@ -11,24 +11,32 @@ more rays.  There are two ways to start a level:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import ceil, gcd
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from optics.beam import collimated_beam
 from optics.errors import NumericalError, UserError
 from optics.model import base_lens, target_irradiance, target_screen
 from optics.objective import Objective
-from optics.problem import per_level
+from optics.problem import Problem, per_level
 from optics.refinement import cell_indicator, mark, vertex_knots
 from optics.start import TransportStart
 from optics.tracing import Tracer
 from optics.variables import BoundedVariables
 from optics.windows import BSplineWindow, GaussianWindow
 from thbcad.surface import THBSurface
+
+if TYPE_CHECKING:
+    from optics.backend import Backend
+    from optics.screen import Screen
+    from thbcad.lens import Lens
 
 MARGIN = 8  # dark pixels around the target
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
@@ -59,18 +67,18 @@ class State:
     history: list[Row] = field(default_factory=list)
 
     @property
-    def evaluations(self):
+    def evaluations(self) -> int:
         return len(self.history)
 
     @property
-    def seconds(self):
+    def seconds(self) -> float:
         return self.history[-1].seconds if self.history else 0.0
 
 
 class Interrupted(Exception):
     """The run was stopped by the user; `state` holds the best surface of the level so far."""
 
-    def __init__(self, state):
+    def __init__(self, state: State) -> None:
         super().__init__("interrupted")
         self.state = state
 
@@ -81,21 +89,21 @@ class Stage:
 
     level: int
     iterations: int
-    screen: object
+    screen: Screen
     rays: tuple[int, int]
 
     @property
-    def evaluations(self):
+    def evaluations(self) -> int:
         """Expected evaluations of loss and gradient."""
         return self.iterations + 1
 
     @property
-    def work(self):
+    def work(self) -> int:
         """Expected cost, in rays traced."""
         return self.evaluations * self.rays[0] * self.rays[1]
 
 
-def first_level(problem):
+def first_level(problem: Problem) -> int:
     """Return the level at which optimisation starts.
 
     A transport start makes the levels superfluous whose spans are wider than four pixels.
@@ -107,12 +115,12 @@ def first_level(problem):
     return fine[0] if fine else freeform.max_level
 
 
-def uses_transport(problem):
+def uses_transport(problem: Problem) -> bool:
     """Return whether the design starts from an optimal-transport map."""
     return problem.optimizer.start == "transport" and np.isinf(problem.lens.front.radius)
 
 
-def stages(problem):
+def stages(problem: Problem) -> list[Stage]:
     """Return the Stage of every level that is optimised."""
     out = []
     freeform, optimizer = problem.lens.rear.freeform, problem.optimizer
@@ -125,7 +133,7 @@ def stages(problem):
     return out
 
 
-def _coarsening(problem, level):
+def _coarsening(problem: Problem, level: int) -> int:
     """Return how many pixels a level merges in each direction, a power of 2."""
     spans = [n << level for n in problem.lens.rear.freeform.spans]
     coarsening = 1
@@ -134,7 +142,7 @@ def _coarsening(problem, level):
     return coarsening
 
 
-def first_state(problem, lens):
+def first_state(problem: Problem, lens: Lens) -> State:
     """Return the State from which a new run starts: the first level's mesh, sag zero."""
     sag = lens.rear.sag
     for level in range(first_level(problem)):
@@ -142,7 +150,7 @@ def first_state(problem, lens):
     return State(first_level(problem), sag)
 
 
-def transmitted_flux(backend, problem, lens):
+def transmitted_flux(backend: Backend, problem: Problem, lens: Lens) -> float:
     """Return the flux that the unoptimised lens sends on, W.
 
     Raises
@@ -161,7 +169,15 @@ def transmitted_flux(backend, problem, lens):
     return budget.transmitted
 
 
-def design(problem, light, backend, state=None, progress=None, checkpoint=None, note=None):
+def design(
+    problem: Problem,
+    light: NDArray[np.float64],
+    backend: Backend,
+    state: State | None = None,
+    progress: Callable[[Stage, Row], None] | None = None,
+    checkpoint: Callable[[State], None] | None = None,
+    note: Callable[[str], None] | None = None,
+) -> tuple[Lens, State]:
     """Optimise the rear surface of a problem's lens and return (Lens, State).
 
     light : the target picture as linear light.  state : to go on from, or None.
@@ -177,10 +193,9 @@ def design(problem, light, backend, state=None, progress=None, checkpoint=None, 
     flux = transmitted_flux(backend, problem, lens)
     clock = perf_counter() - (state.seconds if state else 0.0)
     state = state or first_state(problem, lens)
-    start = TransportStart(problem, lens, light) if uses_transport(problem) else None
-    for stage in stages(problem):
-        if stage.level < state.level:
-            continue
+    remaining = [stage for stage in stages(problem) if stage.level >= state.level]
+    start = TransportStart(problem, lens, light) if remaining and uses_transport(problem) else None
+    for stage in remaining:
         if start and not state.begun:
             state = State(stage.level, start.fit(state.sag.space), history=state.history)
         target = target_irradiance(light, stage.screen, problem.target.fit, flux)
@@ -189,19 +204,16 @@ def design(problem, light, backend, state=None, progress=None, checkpoint=None, 
         variables = BoundedVariables(state.sag, problem.lens.rear.freeform.z_freedom)
         recorder = _Recorder(objective, variables, stage, state, clock, progress)
         sag = _minimize(recorder, problem, stage)
-        lens = _with_sag(lens, sag)
         marked = _marked(problem, objective, sag, lens.rear.half_width, stage)
         state = State(stage.level + 1, sag.refine(marked), history=state.history)
         if checkpoint:
             checkpoint(state)
-        if not marked:
-            break
     if note and start and start.note:
         note(start.note)
-    return lens, state
+    return _with_sag(lens, state.sag), state
 
 
-def sag_window(problem):
+def sag_window(problem: Problem) -> BSplineWindow | GaussianWindow:
     """Return the smooth measurement window of the optimisation."""
     o = problem.optimizer
     return BSplineWindow(o.window_degree) if o.window == "bspline" else GaussianWindow(o.sigma)
@@ -210,17 +222,25 @@ def sag_window(problem):
 class _Recorder:
     """Calls the objective, keeps the history and the best coefficients."""
 
-    def __init__(self, objective, variables, stage, state, clock, progress):
+    def __init__(
+        self,
+        objective: Objective,
+        variables: BoundedVariables,
+        stage: Stage,
+        state: State,
+        clock: float,
+        progress: Callable[[Stage, Row], None] | None,
+    ) -> None:
         self._objective, self.variables = objective, variables
         self._stage, self._clock, self._progress = stage, clock, progress
         self.state = state
         self.best = np.inf, state.sag.coefficients
 
     @property
-    def best_sag(self):
+    def best_sag(self) -> THBSurface:
         return THBSurface(self.state.sag.space, self.best[1])
 
-    def __call__(self, weights):
+    def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         coefficients = self.variables.coefficients(weights)
         loss, gradient = self._objective(coefficients)
         if not (np.isfinite(loss) and np.isfinite(gradient).all()):
@@ -235,7 +255,7 @@ class _Recorder:
         return loss, self.variables.gradient(gradient)
 
 
-def _minimize(recorder, problem, stage):
+def _minimize(recorder: _Recorder, problem: Problem, stage: Stage) -> THBSurface:
     """Return the best THB surface that L-BFGS finds."""
     if stage.iterations == 0:
         recorder(recorder.variables.zeros())
@@ -248,21 +268,23 @@ def _minimize(recorder, problem, stage):
     return recorder.best_sag
 
 
-def _objective(backend, problem, lens, stage, target):
+def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]) -> Objective:
     tracer = _tracer(backend, problem, lens, stage.rays)
     weight = problem.optimizer.lost_flux_weight
     embedding = lens.rear.sag.space.embedding
     return Objective(backend, tracer, embedding, stage.screen, sag_window(problem), target, weight)
 
 
-def _tracer(backend, problem, lens, rays):
+def _tracer(backend: Backend, problem: Problem, lens: Lens, rays: tuple[int, int]) -> Tracer:
     source = problem.source
     beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, rays)
     embedding = lens.rear.sag.space.embedding
     return Tracer(backend, lens, beam, problem.target_z, (embedding.kv_u, embedding.kv_v))
 
 
-def _marked(problem, objective, sag, half_width, stage):
+def _marked(
+    problem: Problem, objective: Objective, sag: THBSurface, half_width: tuple[float, float], stage: Stage
+) -> dict[int, NDArray[np.int64]]:
     """Return the cells to refine after a level ({} after the last)."""
     freeform = problem.lens.rear.freeform
     if stage.level == freeform.max_level:
@@ -272,7 +294,7 @@ def _marked(problem, objective, sag, half_width, stage):
     return mark(sag.space, indicator, per_level(problem.refinement.alpha, stage.level), stage.level + 1)
 
 
-def _vertices(rays, spans):
+def _vertices(rays: int, spans: int) -> int:
     """Return a vertex count near `rays` whose vertices lie on no knot line (mirror symmetry stays)."""
     steps = rays
     while gcd(steps, 2 * spans) > 1:
@@ -280,7 +302,7 @@ def _vertices(rays, spans):
     return steps + 1
 
 
-def _with_sag(lens, sag):
+def _with_sag(lens: Lens, sag: THBSurface) -> Lens:
     try:
         return lens.with_rear(type(lens.rear)(lens.rear.half_width, lens.rear.conic, sag))
     except ValueError as error:

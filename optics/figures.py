@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
+from numpy.typing import NDArray
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from optics.design import Row
+    from optics.metrics import Measurement
+    from optics.problem import Problem
+    from thbcad.lens import Lens
+    from thbcad.space import THBSpace
+
 DPI = 110
 
 
-def draw_all(problem, lens, measurement, history):
+def draw_all(problem: Problem, lens: Lens, measurement: Measurement, history: Sequence[Row]) -> dict[str, tuple[str, bytes]]:
     """Return {name: (caption, PNG bytes)} of every figure, in the order of the report."""
     extent = _extent(problem.target.half_width)
     target, light = (a / measurement.target.mean() for a in (measurement.target, measurement.irradiance))
@@ -36,33 +49,35 @@ def draw_all(problem, lens, measurement, history):
     }
 
 
-def _extent(half_width):
+def _extent(half_width: tuple[float, float]) -> tuple[float, float, float, float]:
     hx, hy = half_width
     return (-hx, hx, -hy, hy)
 
 
-def _png(figure):
+def _png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     plt.close(figure)
     return buffer.getvalue()
 
 
-def _axes():
+def _axes() -> tuple[Figure, Axes]:
     figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
     axes.set_xlabel("x / mm")
     axes.set_ylabel("y / mm")
     return figure, axes
 
 
-def _image(data, extent, label, colours, low, high):
+def _image(
+    data: NDArray[np.float64], extent: tuple[float, float, float, float], label: str, colours: str, low: float, high: float
+) -> bytes:
     figure, axes = _axes()
     shown = axes.imshow(data, cmap=colours, vmin=low, vmax=high, extent=extent, interpolation="nearest")
     figure.colorbar(shown, label=label)
     return _png(figure)
 
 
-def _sag(lens):
+def _sag(lens: Lens) -> bytes:
     rear = lens.rear
     x, y = (np.linspace(-h, h, 401) for h in rear.half_width)
     sag = rear.grid(x, y) - rear.conic(x[:, None], y[None, :])
@@ -72,7 +87,7 @@ def _sag(lens):
     return _png(figure)
 
 
-def _mesh(lens):
+def _mesh(lens: Lens) -> bytes:
     space, (hx, hy) = lens.rear.sag.space, lens.rear.half_width
     cells = space.cells
     corner, size = (_cell_boxes(space, cells, d, h) for d, h in ((0, hx), (1, hy)))
@@ -88,7 +103,7 @@ def _mesh(lens):
     return _png(figure)
 
 
-def _cell_boxes(space, cells, direction, half_width):
+def _cell_boxes(space: THBSpace, cells: NDArray[np.int64], direction: int, half_width: float) -> NDArray[np.float64]:
     """Return low and high positions of leaf cells in one direction, mm."""
     axis = space.axes[direction]
     kv = axis.knot_vector
@@ -100,7 +115,7 @@ def _cell_boxes(space, cells, direction, half_width):
     return half_width * (2 * (ends - kv.start) / (kv.stop - kv.start) - 1)
 
 
-def _loss(history):
+def _loss(history: Sequence[Row]) -> bytes:
     figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
     numbers = np.array([(r.evaluation, r.fit, r.level) for r in history])
     if len(numbers):

@@ -12,12 +12,23 @@ so that no derivative passes through the iterations.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.polynomials import PolynomialTable
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array, csr_array
+
+    from optics.backend import Backend, DrArray
+    from optics.beam import Beam
+    from thbcad.bspline import KnotVector
+    from thbcad.lens import Conic
 
 
 @dataclass(eq=False)
@@ -27,16 +38,16 @@ class RearHits:
     leaves : the arrays z, zx, zy that carry gradients.  dr : the drjit module.
     """
 
-    x: Any
-    y: Any
-    z: Any
-    zx: Any
-    zy: Any
-    hit: Any
-    leaves: tuple
-    dr: Any
+    x: DrArray
+    y: DrArray
+    z: DrArray
+    zx: DrArray
+    zy: DrArray
+    hit: DrArray
+    leaves: tuple[DrArray, ...]
+    dr: ModuleType
 
-    def gradients(self):
+    def gradients(self) -> list[NDArray[np.float64]]:
         """Return the derivatives by the leaves (z, zx, zy), each (n,) float."""
         gradients = [leaf.grad for leaf in self.leaves]
         self.dr.eval(gradients)  # together: one kernel
@@ -49,7 +60,7 @@ class KnownHits:
     The rays form a grid, so the matrix is a Kronecker product of two sparse ones.
     """
 
-    def __init__(self, backend, beam, conic, knots):
+    def __init__(self, backend: Backend, beam: Beam, conic: Conic, knots: Sequence[KnotVector]) -> None:
         self._backend = backend
         self.shape = len(beam.x), len(beam.y)
         self._points = beam.x, beam.y
@@ -59,7 +70,7 @@ class KnownHits:
         self._x, self._y = (backend.Float((a + full).ravel()) for a in (x, y))
         self._base = [backend.Float((conic(x, y, d) + full).ravel()) for d in ((0, 0), (1, 0), (0, 1))]
 
-    def evaluate(self, net):
+    def evaluate(self, net: NDArray[np.float64]) -> RearHits:
         dr, Float = self._backend.dr, self._backend.Float
         (a0, a1), (b0, b1) = self._matrices
         half = a0 @ net
@@ -69,7 +80,7 @@ class KnownHits:
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
         return RearHits(self._x, self._y, z, zx, zy, True, leaves, dr)
 
-    def pull_back(self, gradients, knots=None):
+    def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
         matrices = self._matrices if knots is None else [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         (a0, a1), (b0, b1) = matrices
@@ -87,14 +98,22 @@ class SearchedHits:
 
     steps = 12
 
-    def __init__(self, backend, origin, direction, conic, half_width, knots):
+    def __init__(
+        self,
+        backend: Backend,
+        origin: tuple[DrArray, DrArray, DrArray],
+        direction: tuple[DrArray, DrArray, DrArray],
+        conic: Conic,
+        half_width: tuple[float, float],
+        knots: Sequence[KnotVector],
+    ) -> None:
         self._backend = backend
         self._origin, self._direction = origin, direction
         self._conic, self._half_width = conic, half_width
         self._table = PolynomialTable(backend, knots)
-        self._points = None
+        self._points: tuple[DrArray, DrArray] | None = None
 
-    def evaluate(self, net):
+    def evaluate(self, net: NDArray[np.float64]) -> RearHits:
         dr = self._backend.dr
         self._table.load(net)
         (ox, oy, oz), (dx, dy, dz) = self._origin, self._direction
@@ -121,20 +140,20 @@ class SearchedHits:
         zy = leaves[2] + (zxy * dx + zyy * dy) * dt
         return RearHits(x + dx * dt, y + dy * dt, z + dz * dt, zx, zy, hit, leaves, dr)
 
-    def pull_back(self, gradients, knots=None):
+    def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         table = self._table if knots is None else PolynomialTable(self._backend, knots)
         return table.pull_back(*self._points, gradients)
 
-    def _clip(self, x, y):
+    def _clip(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray]:
         dr, (hx, hy) = self._backend.dr, self._half_width
         return dr.clip(x, -hx, hx), dr.clip(y, -hy, hy)
 
-    def _surface(self, x, y):
+    def _surface(self, x: DrArray, y: DrArray) -> list[DrArray]:
         base = conic_jet(self._backend.dr, self._conic, x, y)
         return [a + b for a, b in zip(base, self._table(x, y))]
 
 
-def conic_jet(dr, conic, x, y):
+def conic_jet(dr: ModuleType, conic: Conic, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
     """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
     c, k = 1.0 / conic.radius, (1.0 + conic.constant) / conic.radius**2
     r2 = x * x + y * y
@@ -143,10 +162,10 @@ def conic_jet(dr, conic, x, y):
     return c * r2 / (1 + 1 / inverse), slope * x, slope * y, slope + bend * x * x, bend * x * y, slope + bend * y * y
 
 
-def _value_and_slope(kv, points):
+def _value_and_slope(kv: KnotVector, points: NDArray[np.float64]) -> tuple[csr_array, csr_array]:
     return kv.collocation(points), kv.collocation(points, 1)
 
 
-def _columns(matrix, array):
+def _columns(matrix: csr_array | csc_array, array: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return array @ matrix.T for a sparse matrix."""
     return (matrix @ array.T).T

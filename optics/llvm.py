@@ -11,6 +11,7 @@ import ctypes
 import os
 import re
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from optics.errors import UserError
@@ -30,7 +31,7 @@ NAMES = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM*.dylib")
 REMEDY = f"install LLVM {OLDEST} or newer (Debian/Ubuntu: apt-get install libllvm19)"
 
 
-def candidates(folders=FOLDERS):
+def candidates(folders: Sequence[str] = FOLDERS) -> dict[str, int]:
     """Return {path: major version} of the LLVM libraries found in the given folders."""
     found = {}
     for folder in folders:
@@ -46,7 +47,7 @@ def candidates(folders=FOLDERS):
     return found
 
 
-def version_of(path):
+def version_of(path: str | Path) -> int | None:
     """Return the major version of an LLVM library, or None where it cannot be told.
 
     The version is read from the name; only where the name has none is the library asked.
@@ -64,7 +65,7 @@ def version_of(path):
     return major.value
 
 
-def choose(environment=os.environ, folders=FOLDERS):
+def choose(environment: Mapping[str, str] = os.environ, folders: Sequence[str] = FOLDERS) -> str:
     """Return the path of the LLVM library to use.
 
     DRJIT_LIBLLVM_PATH, where set, decides; otherwise the newest library found.
@@ -90,7 +91,7 @@ def choose(environment=os.environ, folders=FOLDERS):
     return path
 
 
-def main():
+def main() -> None:
     """Print the path of the LLVM library to use, or the reason why there is none (exit code 2)."""
     try:
         print(choose())

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.beam import collimated_beam
 from optics.model import target_irradiance, target_screen
 from optics.splat import Splat
-from optics.tracing import Tracer
+from optics.tracing import FluxBudget, Tracer
 from optics.windows import BoxWindow
+
+if TYPE_CHECKING:
+    from optics.backend import Backend, DrArray
+    from optics.problem import Problem
+    from optics.screen import Screen
+    from thbcad.lens import Lens
 
 RAYS_PER_PIXEL = 11  # in each direction, for each of the two ray sets
 RAYS_AT_ONCE = 1 << 21
@@ -20,12 +29,12 @@ RAYS_AT_ONCE = 1 << 21
 class Measurement:
     """irradiance, target : (rows, columns), W/mm^2; figures : see design.md's metrics."""
 
-    irradiance: np.ndarray
-    target: np.ndarray
-    figures: dict
+    irradiance: NDArray[np.float64]
+    target: NDArray[np.float64]
+    figures: dict[str, Any]
 
 
-def measure(backend, problem, lens, light):
+def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.float64]) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
     Two ray grids, neither of which the optimisation has seen, are traced; their mean is the
@@ -50,7 +59,7 @@ def measure(backend, problem, lens, light):
     return Measurement(irradiance, target, figures)
 
 
-def compare(irradiance, target):
+def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
     """Return rel_l2, psnr_db and ssim of two images, both scaled to unit mean."""
     from skimage.metrics import structural_similarity
 
@@ -68,13 +77,17 @@ def compare(irradiance, target):
     }
 
 
-def _trace(backend, problem, lens, screen, rays, shift):
+def _trace(
+    backend: Backend, problem: Problem, lens: Lens, screen: Screen, rays: Sequence[int], shift: Sequence[float] | NDArray[np.float64]
+) -> tuple[NDArray[np.float64], FluxBudget]:
     """Return (irradiance, FluxBudget) of a ray grid, traced in slices."""
     source = problem.source
     beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, rays, shift)
     embedding = lens.rear.sag.space.embedding
     net = embedding.coefficients(lens.rear.sag.coefficients)
     splat = Splat(backend, screen, BoxWindow())
+    image: DrArray
+    budget: FluxBudget | None
     image, budget = 0.0, None
     for part in beam.slices(RAYS_AT_ONCE):
         tracer = Tracer(backend, lens, part, problem.target_z, (embedding.kv_u, embedding.kv_v))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.errors import UserError
 from optics.picture import fit_picture, read_picture
@@ -12,8 +15,11 @@ from thbcad.lens import Conic, FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface
 
+if TYPE_CHECKING:
+    from optics.problem import Problem
 
-def base_lens(problem):
+
+def base_lens(problem: Problem) -> Lens:
     """Return the lens before optimisation: a THB sag of zeros on the level-0 mesh.
 
     Raises
@@ -39,13 +45,13 @@ def base_lens(problem):
         raise UserError(f"lens: {error}") from None
 
 
-def target_screen(problem, coarsening=1, margin=0):
+def target_screen(problem: Problem, coarsening: int = 1, margin: int = 0) -> Screen:
     """Return the Screen of the target, with pixels merged `coarsening` times in each direction."""
     pixels = tuple(-(-n // coarsening) for n in problem.target.pixels)
     return Screen(problem.target.half_width, pixels, margin)
 
 
-def target_light(problem):
+def target_light(problem: Problem) -> NDArray[np.float64]:
     """Return the picture of the target as linear light at its own resolution.
 
     Raises
@@ -55,7 +61,7 @@ def target_light(problem):
     return read_picture(problem.target.image, problem.target.encoding)
 
 
-def target_irradiance(light, screen, fit, flux):
+def target_irradiance(light: NDArray[np.float64], screen: Screen, fit: str, flux: float) -> NDArray[np.float64]:
     """Return the irradiance asked for on a screen's pixels, W/mm^2, with the given total flux."""
     aspect = screen.half_width[0] / screen.half_width[1]
     image = fit_picture(light, screen.pixels, aspect, fit)

@@ -10,10 +10,23 @@ target rectangle, r the target's larger half-width.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.splat import Splat
 from optics.windows import filter_image
+
+if TYPE_CHECKING:
+    from optics.backend import Backend, DrArray
+    from optics.hits import RearHits
+    from optics.screen import Screen
+    from optics.tracing import Tracer
+    from optics.windows import BSplineWindow, GaussianWindow
+    from thbcad.bspline import KnotVector
+    from thbcad.embedding import Embedding
 
 
 class Objective:
@@ -22,7 +35,16 @@ class Objective:
     target : irradiance on the screen's pixels without margin, W/mm^2.
     """
 
-    def __init__(self, backend, tracer, embedding, screen, window, target, lost_flux_weight):
+    def __init__(
+        self,
+        backend: Backend,
+        tracer: Tracer,
+        embedding: Embedding,
+        screen: Screen,
+        window: BSplineWindow | GaussianWindow,
+        target: NDArray[np.float64],
+        lost_flux_weight: float,
+    ) -> None:
         self._backend, self._tracer, self._embedding = backend, tracer, embedding
         self._screen = screen
         self._splat = Splat(backend, screen, window)
@@ -34,17 +56,17 @@ class Objective:
         self.evaluations = 0
         self.fit = np.nan
 
-    def __call__(self, coefficients):
+    def __call__(self, coefficients: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """Return (loss, gradient); `fit` keeps ||E - T|| / ||T|| of the call."""
         loss, hits, _ = self._backward(coefficients)
         return loss, self._embedding.adjoint(self._tracer.hits.pull_back(hits.gradients()))
 
-    def image(self, coefficients):
+    def image(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the measured irradiance on the target's pixels, W/mm^2."""
         _, _, image = self._backward(coefficients)
         return self._screen.crop(image.numpy().reshape(self._screen.padded, order="F"))
 
-    def vertex_gradients(self, coefficients, knots):
+    def vertex_gradients(self, coefficients: NDArray[np.float64], knots: Sequence[KnotVector]) -> NDArray[np.float64]:
         """Return |dL/dZ| for the vertices of a bilinear grid over the rear surface (thesis 6.2).
 
         knots : two knot vectors of degree 1, whose knots are the vertices.
@@ -52,7 +74,7 @@ class Objective:
         _, hits, _ = self._backward(coefficients)
         return np.abs(self._tracer.hits.pull_back(hits.gradients(), knots))
 
-    def _backward(self, coefficients):
+    def _backward(self, coefficients: NDArray[np.float64]) -> tuple[float, RearHits, DrArray]:
         dr = self._backend.dr
         self.evaluations += 1
         hits, landing = self._tracer.trace(self._embedding.coefficients(coefficients))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from optics.errors import UserError
@@ -14,7 +16,7 @@ MAX_SOURCE_PIXELS = 200_000_000
 DEEP_MODES = ("I;16", "I;16B", "I;16L", "I")
 
 
-def read_picture(path, encoding="srgb"):
+def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64]:
     """Return the picture as linear light, (rows, columns) float, row 0 at the top.
 
     Colours count by their luminance, transparent parts are dark.  8 and 16 bit greys keep
@@ -45,7 +47,7 @@ def read_picture(path, encoding="srgb"):
     return light
 
 
-def fit_picture(light, pixels, aspect, fit="crop"):
+def fit_picture(light: NDArray[np.float64], pixels: tuple[int, int], aspect: float, fit: str = "crop") -> NDArray[np.float64]:
     """Return the mean light on each of the target's pixels, (rows, columns).
 
     pixels : (columns, rows).  aspect : width / height of the target.
@@ -65,7 +67,7 @@ def fit_picture(light, pixels, aspect, fit="crop"):
     return by_row @ light @ by_column.T
 
 
-def _overlap(count, extent, pixels):
+def _overlap(count: int, extent: float, pixels: int) -> NDArray[np.float64]:
     """Return (pixels, count): share of each target pixel that each source pixel covers.
 
     `pixels` equal intervals over `extent` source pixels, centred on the row of `count`.
@@ -76,7 +78,7 @@ def _overlap(count, extent, pixels):
     return np.maximum(covered, 0) / (extent / pixels)
 
 
-def _linear(image, encoding):
+def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
     if image.mode in DEEP_MODES:
         values = np.asarray(image, dtype=np.float64) / 65535
         return _decoded(values, encoding)
@@ -88,7 +90,7 @@ def _linear(image, encoding):
     return values[..., :3] @ np.array(LUMINANCE) * values[..., 3]
 
 
-def _decoded(values, encoding, channels=None):
+def _decoded(values: NDArray[np.float64], encoding: str, channels: int | None = None) -> NDArray[np.float64]:
     """Undo the sRGB curve (of the first `channels` channels)."""
     if encoding == "linear":
         return values

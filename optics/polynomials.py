@@ -6,31 +6,38 @@ matrix in each direction; a point then needs its cell and (p + 1)(q + 1) numbers
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import factorial
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
+
+if TYPE_CHECKING:
+    from optics.backend import Backend, DrArray
+    from thbcad.bspline import KnotVector
 
 
 class PolynomialTable:
     """The spline sum_ij N_i(x) N_j(y) C_ij, evaluated anywhere inside its knots."""
 
-    def __init__(self, backend, knots):
+    def __init__(self, backend: Backend, knots: Sequence[KnotVector]) -> None:
         self._backend = backend
         self._maps = [_power_map(kv) for kv in knots]
         self._orders = [kv.degree + 1 for kv in knots]
         self._cells = [kv.spans for kv in knots]
         self._breaks = [backend.Float(kv.breaks) for kv in knots]
-        self._data = None
+        self._data: DrArray = None
 
-    def load(self, net):
+    def load(self, net: NDArray[np.float64]) -> None:
         """Set the coefficients, (n_x, n_y)."""
         ax, ay = self._maps
         power = ax @ (ay @ net.T).T
         (nx, ny), (p, q) = self._cells, self._orders
         self._data = self._backend.Float(power.reshape(nx, p, ny, q).transpose(0, 2, 1, 3).ravel())
 
-    def __call__(self, x, y):
+    def __call__(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
         """Return z, zx, zy, zxx, zxy, zyy."""
         dr = self._backend.dr
         first, s, t, hx, hy = self._locate(x, y)
@@ -53,7 +60,7 @@ class PolynomialTable:
             ]
         return z[0], z[1] / hx, z[2] / hy, 2 * z[3] / (hx * hx), z[4] / (hx * hy), z[5] / (hy * hy)
 
-    def pull_back(self, x, y, gradients):
+    def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points."""
         dr, Float = self._backend.dr, self._backend.Float
         gz, gx, gy = (Float(g) for g in gradients)
@@ -73,7 +80,7 @@ class PolynomialTable:
         table = power.numpy().reshape(nx, ny, p, q).transpose(0, 2, 1, 3).reshape(nx * p, ny * q)
         return ax.T @ (ay.T @ table.T).T
 
-    def _locate(self, x, y):
+    def _locate(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray]:
         """Return (index of the cell's first coefficient, local coordinates in [0, 1], cell sizes)."""
         dr, Index, Float = self._backend.dr, self._backend.Index, self._backend.Float
         cells, local, sizes = [], [], []
@@ -89,14 +96,14 @@ class PolynomialTable:
         return (cells[0] * self._cells[1] + cells[1]) * (p * q), *local, *sizes
 
 
-def _powers(s, count):
+def _powers(s: DrArray, count: int) -> list[DrArray]:
     row = [1.0]
     for _ in range(count - 1):
         row.append(row[-1] * s)
     return row
 
 
-def _power_map(kv):
+def _power_map(kv: KnotVector) -> csr_array:
     """Return the matrix from spline coefficients to coefficients of s^k, s in [0, 1] on each span.
 
     Row span * (p + 1) + k holds the k-th derivative at the span's left end, times h^k / k!.

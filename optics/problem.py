@@ -7,17 +7,31 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from optics.errors import UserError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Number = TypeVar("Number", int, float)
+Record = TypeVar("Record", bound="DataclassInstance")
 
 MAX_FILE_BYTES = 1_000_000
 MAX_PIXELS = 4096
 
 
-def option(default=MISSING, choices=None, low=None, high=None, above=None, note=""):
+def option(
+    default: Any = MISSING,
+    choices: tuple[str, ...] | None = None,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    note: str = "",
+) -> Any:
     """Return a field with a default (or none: the key is required), its limits and a note."""
     limits = {"choices": choices, "low": low, "high": high, "above": above, "note": note}
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
@@ -118,12 +132,12 @@ class Problem:
     run: Run = option(Run())
 
     @property
-    def target_z(self):
+    def target_z(self) -> float:
         """z of the target plane, mm."""
         return self.lens.thickness + self.target.distance
 
 
-def load_problem(path):
+def load_problem(path: str | Path) -> Problem:
     """Read a problem file and return the Problem; its image path is made absolute.
 
     Raises
@@ -145,17 +159,17 @@ def load_problem(path):
         raise UserError(f"{path}: {error}") from None
 
 
-def problem_to_toml(problem):
+def problem_to_toml(problem: Problem) -> str:
     """Return the problem as TOML with every key, so that a run can be repeated from it."""
     return _toml(problem, "").lstrip("\n")
 
 
-def per_level(values, level):
+def per_level(values: Sequence[Number], level: int) -> Number:
     """Return the value of a level from a list whose last entry goes on."""
     return values[min(level, len(values) - 1)]
 
 
-def _record(kind, data, prefix, folder):
+def _record(kind: type[Record], data: object, prefix: str, folder: Path) -> Record:
     if not isinstance(data, dict):
         raise UserError(f"{prefix.rstrip('.')} must be a table, got {data!r}")
     known = {f.name: f for f in fields(kind)}
@@ -180,7 +194,7 @@ def _record(kind, data, prefix, folder):
     return kind(**values)
 
 
-def _value(key, hint, value, limits):
+def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
     if get_origin(hint) is tuple:
         return _row(key, hint, value, limits)
     if hint is str:
@@ -207,7 +221,7 @@ def _value(key, hint, value, limits):
     return hint(value)
 
 
-def _row(key, hint, value, limits):
+def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
     kinds = get_args(hint)
     open_ended = kinds[-1] is Ellipsis
     if open_ended and not isinstance(value, list):
@@ -218,7 +232,7 @@ def _row(key, hint, value, limits):
     return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
 
 
-def _toml(record, prefix):
+def _toml(record: DataclassInstance, prefix: str) -> str:
     lines, tables = [], []
     for f in fields(record):
         value = getattr(record, f.name)
@@ -229,7 +243,7 @@ def _toml(record, prefix):
     return "".join(lines) + "".join(tables)
 
 
-def _toml_value(value):
+def _toml_value(value: object) -> str:
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'

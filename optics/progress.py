@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
+
+if TYPE_CHECKING:
+    from optics.design import Row, Stage
 
 
 class DesignProgress:
@@ -13,15 +18,15 @@ class DesignProgress:
     The line is shown on terminals only; finished levels are always logged.
     """
 
-    def __init__(self, stages, level=0):
+    def __init__(self, stages: Sequence[Stage], level: int = 0) -> None:
         work = sum(stage.work for stage in stages)
         before = sum(stage.work for stage in stages if stage.level < level)
         form = "{desc} {percentage:3.0f}% |{bar:20}| {elapsed} < {remaining} left"
         self._bar = tqdm(total=work, initial=before, bar_format=form, file=sys.stderr, disable=None)
-        self._last = None
+        self._last: Row | None = None
         self._in_level = 0
 
-    def __call__(self, stage, row):
+    def __call__(self, stage: Stage, row: Row) -> None:
         if self._last is not None and row.level != self._last.level:
             self._log()
         self._last = row
@@ -32,12 +37,12 @@ class DesignProgress:
         room = stage.work if self._in_level <= stage.evaluations else 0
         self._bar.update(room // stage.evaluations)
 
-    def close(self):
+    def close(self) -> None:
         if self._last is not None:
             self._log()
         self._bar.close()
 
-    def _log(self):
+    def _log(self) -> None:
         row = self._last
         self._bar.write(
             f"level {row.level}: {row.dof} DOF, {self._in_level} evaluations, misfit {row.fit:.4f}, {row.seconds:.1f} s", file=sys.stderr

@@ -8,25 +8,32 @@ refraction uses the vector form of Snell's law.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from optics.errors import NumericalError
+
+if TYPE_CHECKING:
+    from optics.screen import Screen
+    from thbcad.cad.step import StepLens
+    from thbcad.surface import BSplineSurface
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceRays:
     """Landing points (n, 2) in mm and flux (n,) in W; NaN and 0 for rays that do not arrive."""
 
-    points: np.ndarray
-    flux: np.ndarray
+    points: NDArray[np.float64]
+    flux: NDArray[np.float64]
 
 
 class ParametricFace:
     """S(u, v) with poles (n_u, n_v, 3), evaluated by scipy."""
 
-    def __init__(self, surface):
+    def __init__(self, surface: BSplineSurface) -> None:
         knots = surface.kv_u.knots, surface.kv_v.knots
         self._spline = NdBSpline(knots, surface.coefficients, (surface.kv_u.degree, surface.kv_v.degree))
         self.low = np.array([knots[0][0], knots[1][0]])
@@ -34,17 +41,17 @@ class ParametricFace:
         corner, opposite = surface.coefficients[0, 0, :2], surface.coefficients[-1, -1, :2]
         self._origin, self._extent = corner, opposite - corner
 
-    def start(self, points):
+    def start(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a first guess of the parameters below points (n, 2) in x and y."""
         share = (points - self._origin) / self._extent
         return np.clip(self.low + share * (self.high - self.low), self.low, self.high)
 
-    def jet(self, uv):
+    def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
         return [self._spline(uv, nu=nu) for nu in ((0, 0), (1, 0), (0, 1))]
 
 
-def trace_step(step, origins, flux, index, target_z):
+def trace_step(step: StepLens, origins: NDArray[np.float64], flux: ArrayLike, index: float, target_z: float) -> ReferenceRays:
     """Trace rays along +z through the two faces of a StepLens to the plane z = target_z.
 
     origins : (n, 2) float, mm.  flux : (n,) or float, W before the lens.
@@ -63,7 +70,7 @@ def trace_step(step, origins, flux, index, target_z):
     return ReferenceRays(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
-def deposit(points, flux, screen):
+def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:
     """Return the irradiance by bilinear weights between pixel centres, (rows, columns), W/mm^2."""
     good = np.isfinite(points).all(axis=1) & (flux > 0)
     (sx, ox), (sy, oy) = screen.pixel_map()
@@ -79,7 +86,9 @@ def deposit(points, flux, screen):
     return image / screen.pixel_area
 
 
-def _intersect(face, points, directions, steps=20, tolerance=1e-12):
+def _intersect(
+    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64], steps: int = 20, tolerance: float = 1e-12
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Return (points, unit normals towards +z, met) of rays on a face.
 
     Newton's method on a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray.
@@ -109,7 +118,7 @@ def _intersect(face, points, directions, steps=20, tolerance=1e-12):
     return s, normals, distance < 1e-9
 
 
-def _refract(directions, normals, eta):
+def _refract(directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (directions, transmittance) by the vector form of Snell's law; T = 0 where totally reflected."""
     cos_i = _dot(directions, normals)
     square = 1 - eta**2 * (1 - cos_i**2)
@@ -121,5 +130,5 @@ def _refract(directions, normals, eta):
     return refracted, np.where(passes, 1 - (rs**2 + rp**2) / 2, 0.0)
 
 
-def _dot(a, b):
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.einsum("ij,ij->i", a, b)

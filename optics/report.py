@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from optics.problem import Problem
 
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}
@@ -14,7 +19,9 @@ figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overfl
 """
 
 
-def report_html(problem, metrics, verification, pictures, problem_text):
+def report_html(
+    problem: Problem, metrics: dict[str, Any], verification: dict[str, Any], pictures: Mapping[str, tuple[str, bytes]], problem_text: str
+) -> str:
     """Return the report as one HTML page without outside references."""
     title = escape(problem.title)
     figures = "".join(
@@ -33,7 +40,7 @@ def report_html(problem, metrics, verification, pictures, problem_text):
     )
 
 
-def _summary(metrics):
+def _summary(metrics: dict[str, Any]) -> str:
     return (
         f"Relative error {metrics['rel_l2']:.1%} (PSNR {metrics['psnr_db']:.1f} dB), "
         f"{metrics['efficiency']:.1%} of the source flux inside the target, {metrics['stray']:.2%} stray; "
@@ -41,7 +48,7 @@ def _summary(metrics):
     )
 
 
-def _metric_table(metrics):
+def _metric_table(metrics: dict[str, Any]) -> str:
     rows = []
     for name, value in metrics.items():
         for key, number in value.items() if isinstance(value, dict) else ((None, value),):
@@ -51,7 +58,7 @@ def _metric_table(metrics):
     return f"<table>{''.join(rows)}</table>"
 
 
-def _check_table(verification):
+def _check_table(verification: dict[str, Any]) -> str:
     rows = ["<tr><th>check</th><th>figure</th><th>limit</th><th>unit</th><th></th></tr>"]
     for check in verification["checks"]:
         mark = '<td class="good">passed</td>' if check["ok"] else '<td class="bad">failed</td>'

@@ -7,14 +7,19 @@ import io
 import json
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from optics.design import Row, State
 from optics.errors import UserError
-from optics.problem import load_problem, problem_to_toml
+from optics.problem import Problem, load_problem, problem_to_toml
 from thbcad.atomic import write_bytes, write_text
 from thbcad.native import read_lens, sag_from_dict, sag_to_dict, write_lens
+
+if TYPE_CHECKING:
+    from thbcad.lens import Lens
 
 CHECKPOINT = "checkpoint.json"
 VERSION = 1
@@ -28,14 +33,14 @@ class ResultFolder:
     UserError : the folder cannot be made or written.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.step = self.path / "lens.step"
         self.lens = self.path / "lens.json"
         self.problem = self.path / "problem.toml"
         self.figures = self.path / "figures"
 
-    def prepare(self):
+    def prepare(self) -> None:
         """Make the folder and see that it can be written, before any work is done."""
         try:
             self.figures.mkdir(parents=True, exist_ok=True)
@@ -44,7 +49,7 @@ class ResultFolder:
         except OSError as error:
             raise UserError(f"cannot write to the result folder {self.path}: {error.strerror}; choose another with --out") from None
 
-    def write_problem(self, problem):
+    def write_problem(self, problem: Problem) -> None:
         """Store the resolved problem and its picture, so that the folder can be run again."""
         picture = Path(problem.target.image)
         name = "target" + picture.suffix.lower()
@@ -53,15 +58,15 @@ class ResultFolder:
         local = replace(problem, target=replace(problem.target, image=name))
         write_text(self.problem, problem_to_toml(local))
 
-    def read_problem(self):
+    def read_problem(self) -> Problem:
         if not self.problem.exists():
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
         return load_problem(self.problem)
 
-    def write_lens(self, lens):
+    def write_lens(self, lens: Lens) -> None:
         write_lens(lens, self.lens)
 
-    def read_lens(self):
+    def read_lens(self) -> Lens:
         try:
             return read_lens(self.lens)
         except OSError as error:
@@ -69,17 +74,17 @@ class ResultFolder:
         except ValueError as error:
             raise UserError(f"{self.lens}: {error}") from None
 
-    def write_json(self, name, data):
+    def write_json(self, name: str, data: dict[str, Any]) -> None:
         write_text(self.path / name, json.dumps(data, indent=1) + "\n")
 
-    def write_history(self, history):
+    def write_history(self, history: Sequence[Row]) -> None:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["level", "dof", "evaluation", "loss", "fit", "seconds"])
         writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, f"{r.seconds:.4f}"] for r in history)
         write_text(self.path / "history.csv", text.getvalue())
 
-    def write_checkpoint(self, problem, state):
+    def write_checkpoint(self, problem: Problem, state: State) -> None:
         """Store a run's state.  It names the problem, so that no other can go on from it."""
         data = {
             "schema": "thbcad-checkpoint",
@@ -93,7 +98,7 @@ class ResultFolder:
         write_text(self.path / CHECKPOINT, json.dumps(data, separators=(",", ":"), allow_nan=False))
         self.write_history(state.history)
 
-    def read_checkpoint(self, problem):
+    def read_checkpoint(self, problem: Problem) -> State:
         """Return the State to go on from.
 
         Raises
@@ -115,12 +120,15 @@ class ResultFolder:
             raise UserError(f"cannot resume: {path} belongs to another problem; run without --resume or change --out")
         return state
 
-    def drop_checkpoint(self):
+    def has_checkpoint(self) -> bool:
+        return (self.path / CHECKPOINT).exists()
+
+    def drop_checkpoint(self) -> None:
         """Remove the checkpoint of a finished run."""
         (self.path / CHECKPOINT).unlink(missing_ok=True)
 
 
-def _fingerprint(problem):
+def _fingerprint(problem: Problem) -> str:
     """Return the text that tells problems apart; the picture's folder does not matter."""
     name = os.path.basename(problem.target.image)
     run = replace(problem.run, threads=0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -20,34 +21,34 @@ class Screen:
     margin: int = 0
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, int]:
         """(rows, columns) of the image without margin."""
         return self.pixels[1], self.pixels[0]
 
     @property
-    def padded(self):
+    def padded(self) -> tuple[int, int]:
         """(rows, columns) with margin."""
         return self.pixels[1] + 2 * self.margin, self.pixels[0] + 2 * self.margin
 
     @property
-    def pitch(self):
+    def pitch(self) -> tuple[float, float]:
         """Pixel size (x, y), mm."""
         return 2 * self.half_width[0] / self.pixels[0], 2 * self.half_width[1] / self.pixels[1]
 
     @property
-    def pixel_area(self):
+    def pixel_area(self) -> float:
         return self.pitch[0] * self.pitch[1]
 
-    def pixel_map(self):
+    def pixel_map(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""
         px, py = self.pitch
         return (1 / px, self.half_width[0] / px + self.margin), (-1 / py, self.half_width[1] / py + self.margin)
 
-    def pad(self, image):
+    def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image with the dark margin."""
         return np.pad(image, self.margin)
 
-    def crop(self, padded):
+    def crop(self, padded: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image without the margin."""
         m = self.margin
         return padded[m : padded.shape[0] - m, m : padded.shape[1] - m]

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+from typing import TYPE_CHECKING
 
-def refract(dr, direction, slope, eta):
+if TYPE_CHECKING:
+    from optics.backend import DrArray
+
+
+def refract(
+    dr: ModuleType, direction: tuple[DrArray, DrArray, DrArray], slope: tuple[DrArray, DrArray], eta: DrArray
+) -> tuple[tuple[DrArray, DrArray, DrArray], DrArray, DrArray]:
     """Refract unit directions at the graph z(x, y), going to +z.
 
     direction : (dx, dy, dz).  slope : (zx, zy); the normal is (-zx, -zy, 1) / N.

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from optics.screen import Screen
 from optics.windows import BoxWindow, BSplineWindow, GaussianWindow
+
+if TYPE_CHECKING:
+    from optics.backend import Backend, DrArray
 
 
 @dataclass(frozen=True)
@@ -15,11 +19,11 @@ class Splat:
     screen : Screen; window : a measurement window
     """
 
-    backend: object
+    backend: Backend
     screen: Screen
     window: BoxWindow | BSplineWindow | GaussianWindow
 
-    def __call__(self, x, y, flux):
+    def __call__(self, x: DrArray, y: DrArray, flux: DrArray) -> DrArray:
         """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.
 
         Rays of a beam run along y first; so do the pixels, for the sake of the cache.
@@ -46,7 +50,7 @@ class Splat:
                 dr.scatter_reduce(dr.ReduceOp.Add, image, weighted * wy[b], line + b, inside)
         return image
 
-    def _taps(self, position, shift):
+    def _taps(self, position: DrArray, shift: float) -> tuple[DrArray, list[DrArray]]:
         """Return (first pixel, weights) in one direction."""
         dr = self.backend.dr
         taps = self.window.taps

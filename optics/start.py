@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 from optics.model import target_irradiance, target_screen
@@ -10,6 +13,11 @@ from optics.screen import Screen
 from optics.transport import transport
 from thbcad.multilevel import MultilevelBasis
 from thbcad.surface import THBSurface
+
+if TYPE_CHECKING:
+    from optics.problem import Problem
+    from thbcad.lens import Lens
+    from thbcad.space import THBSpace
 
 SNELL_STEPS = 4
 FIT_STEPS = 60
@@ -25,12 +33,12 @@ class TransportStart:
     rear must have there.  `fit` gives the sag with these slopes in any THB space.
     """
 
-    def __init__(self, problem, lens, light):
+    def __init__(self, problem: Problem, lens: Lens, light: NDArray[np.float64]) -> None:
         screen, target = target_screen(problem), problem.target.half_width
         beam = [min(s, f) for s, f in zip(problem.source.half_width, lens.front.half_width)]
         cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
 
-        def density(grid):
+        def density(grid: tuple[int, ...]) -> NDArray[np.float64]:
             pixels = tuple(min(n, m) for n, m in zip(grid, screen.pixels))
             return target_irradiance(light, Screen(target, pixels), problem.target.fit, 1.0)[::-1].T
 
@@ -42,7 +50,7 @@ class TransportStart:
         self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
         self.reach = 0.0
 
-    def fit(self, space):
+    def fit(self, space: THBSpace) -> THBSurface:
         """Return the sag in a THB space over x, y in mm; `reach` keeps the greatest |c| it asked for.
 
         A sag that exceeds z_freedom is scaled down, which moves the light part of the way.
@@ -52,7 +60,7 @@ class TransportStart:
         return sag if self.reach <= self._bound else THBSurface(space, sag.coefficients * (self._bound / self.reach))
 
     @property
-    def note(self):
+    def note(self) -> str:
         """A sentence for the user where z_freedom is too small for the transport map, or ""."""
         if self.reach <= self._bound:
             return ""
@@ -62,7 +70,9 @@ class TransportStart:
         )
 
 
-def _slopes(lens, x, y, px, py, target_z):
+def _slopes(
+    lens: Lens, x: NDArray[np.float64], y: NDArray[np.float64], px: NDArray[np.float64], py: NDArray[np.float64], target_z: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (zx, zy) that refract parallel rays at (x, y) to (px, py, target_z), each (nx, ny).
 
     The normal lies along n d_in - d_out.  The height, which is needed for the direction to the
@@ -79,7 +89,7 @@ def _slopes(lens, x, y, px, py, target_z):
     return zx, zy
 
 
-def _integrated(zx, zy, x, y):
+def _integrated(zx: NDArray[np.float64], zy: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a height whose slopes are about (zx, zy), zero in the middle.
 
     Trapezoids along the middle row and from there along the columns: good enough for
@@ -91,7 +101,9 @@ def _integrated(zx, zy, x, y):
     return (along - along[i])[:, None] + across - across[:, j : j + 1]
 
 
-def fit_slopes(space, x, y, zx, zy):
+def fit_slopes(
+    space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], zx: NDArray[np.float64], zy: NDArray[np.float64]
+) -> THBSurface:
     """Return the THB surface over x, y in mm whose slopes fit (zx, zy) on a grid best.
 
     Least squares by conjugate gradients in the multilevel system.  The constant that slopes
@@ -101,11 +113,11 @@ def fit_slopes(space, x, y, zx, zy):
     (a0, a1), (b0, b1) = ((kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((embedding.kv_u, x), (embedding.kv_v, y)))
     a0t, a1t, b0t, b1t = (m.T.tocsr() for m in (a0, a1, b0, b1))
 
-    def transposed(gx, gy):
+    def transposed(gx: NDArray[np.float64], gy: NDArray[np.float64]) -> NDArray[np.float64]:
         net = a1t @ (b0t @ gx.T).T + a0t @ (b1t @ gy.T).T
         return basis.adjoint(embedding.adjoint(net))
 
-    def normal(weights):
+    def normal(weights: NDArray[np.float64]) -> NDArray[np.float64]:
         net = embedding.coefficients(basis.coefficients(weights))
         return transposed((b0 @ (a1 @ net).T).T, (b1 @ (a0 @ net).T).T)
 

@@ -7,24 +7,32 @@ or they are searched for.  Every ray ends in exactly one of the fates that `Flux
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from optics.hits import KnownHits, SearchedHits, conic_jet
+from optics.hits import KnownHits, RearHits, SearchedHits, conic_jet
 from optics.snell import refract
+
+if TYPE_CHECKING:
+    from optics.backend import Backend, DrArray
+    from optics.beam import Beam
+    from thbcad.bspline import KnotVector
+    from thbcad.lens import Lens
 
 
 @dataclass(eq=False)
 class Landing:
     """Where rays meet the target plane: x, y in mm, flux in W (zero unless they arrive), and masks."""
 
-    x: Any
-    y: Any
-    flux: Any
-    hit: Any
-    refracted: Any
+    x: DrArray
+    y: DrArray
+    flux: DrArray
+    hit: DrArray
+    refracted: DrArray
 
 
 @dataclass(frozen=True)
@@ -45,10 +53,10 @@ class FluxBudget:
     off_target: float
 
     @property
-    def transmitted(self):
+    def transmitted(self) -> float:
         return self.on_target + self.off_target
 
-    def __add__(self, other):
+    def __add__(self, other: FluxBudget) -> FluxBudget:
         return FluxBudget(*(a + b for a, b in zip(asdict(self).values(), asdict(other).values())))
 
 
@@ -58,7 +66,7 @@ class Tracer:
     lens : Lens.  beam : Beam.  target_z : mm.  knots : knot vectors (x, y in mm) of the nets.
     """
 
-    def __init__(self, backend, lens, beam, target_z, knots):
+    def __init__(self, backend: Backend, lens: Lens, beam: Beam, target_z: float, knots: Sequence[KnotVector]) -> None:
         self._backend = backend
         self._beam = beam
         dr, Float = backend.dr, backend.Float
@@ -66,7 +74,8 @@ class Tracer:
         if front.sag is not None:
             raise ValueError("the front surface must be a plain conic: only the rear may carry a spline")
         self.parallel = front.conic.is_plane
-        self._direction = (0.0, 0.0, 1.0)
+        self._direction: tuple[DrArray, DrArray, DrArray] = (0.0, 0.0, 1.0)
+        self.hits: KnownHits | SearchedHits
         if self.parallel:
             _, self._front_flux, _ = refract(dr, self._direction, (Float(0), Float(0)), 1 / lens.index)
             self.hits = KnownHits(backend, beam, lens.rear.conic, knots)
@@ -83,7 +92,7 @@ class Tracer:
         self._index = dr.opaque(Float, lens.index)
         dr.make_opaque(self._front_flux)
 
-    def trace(self, net):
+    def trace(self, net: NDArray[np.float64]) -> tuple[RearHits, Landing]:
         """Return (RearHits, Landing) for a sag net, differentiable in the hits' leaves."""
         dr = self._backend.dr
         hits = self.hits.evaluate(net)
@@ -94,14 +103,14 @@ class Tracer:
         flux = dr.select(arrives, self._front_flux * share, 0)
         return hits, Landing(hits.x + travel * dx, hits.y + travel * dy, flux, hits.hit, forward)
 
-    def budget(self, landing, half_width):
+    def budget(self, landing: Landing, half_width: tuple[float, float]) -> FluxBudget:
         """Return the FluxBudget of a traced landing for a target rectangle."""
         dr, beam = self._backend.dr, self._beam
         width = len(beam.x) * len(beam.y)
         entering = self._front_flux + dr.zeros(self._backend.Float, width)
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
 
-        def total(values, mask):
+        def total(values: DrArray, mask: DrArray) -> float:
             return float(dr.sum(dr.select(mask, values, 0)).numpy()[0])
 
         inside = total(entering, True)
@@ -120,6 +129,6 @@ class Tracer:
         )
 
 
-def _mesh(beam):
+def _mesh(beam: Beam) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     x, y = np.meshgrid(beam.x, beam.y, indexing="ij")
     return x.ravel(), y.ravel()

@@ -20,9 +20,11 @@ Monge-Ampere equation, ESAIM: M2AN 44 (2010).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 from scipy.ndimage import gaussian_filter, zoom
 
@@ -43,15 +45,15 @@ class TransportMap:
     floor : least density that was reached, relative to the mean.
     """
 
-    x: np.ndarray
-    y: np.ndarray
-    tx: np.ndarray
-    ty: np.ndarray
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    tx: NDArray[np.float64]
+    ty: NDArray[np.float64]
     residual: float
     floor: float
 
 
-def transport(density, shape, aspect):
+def transport(density: Callable[[tuple[int, ...]], NDArray[np.float64]], shape: Sequence[int], aspect: float) -> TransportMap:
     """Return the TransportMap from uniform light to a density.
 
     density : called with (nx, ny), returns the density's cell means on such a grid over the
@@ -79,7 +81,7 @@ def transport(density, shape, aspect):
     return TransportMap(x, y, tx, ty, residual, floor)
 
 
-def _iterate(v, g, size):
+def _iterate(v: NDArray[np.float64], g: NDArray[np.float64], size: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return (v, residual) after fixed-point steps on one grid; v is the best one met."""
     n = v.shape
     h = size / n
@@ -104,13 +106,13 @@ def _iterate(v, g, size):
     return best, least
 
 
-def _gradient(v, size):
+def _gradient(v: NDArray[np.float64], size: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     p = np.pad(v, 1, mode="edge")
     h = size / v.shape
     return (p[2:, 1:-1] - p[:-2, 1:-1]) / (2 * h[0]), (p[1:-1, 2:] - p[1:-1, :-2]) / (2 * h[1])
 
 
-def _bilinear(g, s, t):
+def _bilinear(g: NDArray[np.float64], s: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return g between its cell centres at relative positions s, t in [0, 1] (clipped)."""
     n, m = g.shape
     a = np.clip(s * n - 0.5, 0, n - 1)
@@ -124,12 +126,12 @@ def _bilinear(g, s, t):
     return low * (1 - a) + high * a
 
 
-def _smoothed(density, floor):
+def _smoothed(density: NDArray[np.float64], floor: float) -> NDArray[np.float64]:
     """Return the density smoothed by a cell, with a floor and unit mean."""
     g = gaussian_filter(density / density.mean(), SMOOTHING, mode="nearest")
     g = np.maximum(g, floor)
     return g / g.mean()
 
 
-def _resampled(v, grid):
+def _resampled(v: NDArray[np.float64], grid: tuple[int, ...]) -> NDArray[np.float64]:
     return zoom(v, [b / a for a, b in zip(v.shape, grid)], order=3, mode="nearest", grid_mode=True)

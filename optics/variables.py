@@ -8,9 +8,15 @@ the bounds (thesis 4.33 and 5.3 bend everywhere with the arctangent) and keeps |
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from thbcad.multilevel import MultilevelBasis
+
+if TYPE_CHECKING:
+    from thbcad.surface import THBSurface
 
 SHARPNESS = 8
 STEP = 0.02  # of the bound: the length of the optimiser's unit
@@ -20,24 +26,24 @@ INSIDE = 0.99  # of the bound: where coefficients that lie on it start
 class BoundedVariables:
     """The map w -> c and its adjoint around a start c0."""
 
-    def __init__(self, sag, bound):
+    def __init__(self, sag: THBSurface, bound: float) -> None:
         self._basis = MultilevelBasis(sag.space)
         self._bound = bound
         ratio = np.clip(sag.coefficients / bound, -INSIDE, INSIDE)
         self._start = ratio / (1 - np.abs(ratio) ** SHARPNESS) ** (1 / SHARPNESS)
-        self._slope = None
+        self._slope: NDArray[np.float64] | None = None
 
-    def zeros(self):
+    def zeros(self) -> NDArray[np.float64]:
         """Return the weights of the start."""
         return np.zeros(self._basis.size)
 
-    def coefficients(self, weights):
+    def coefficients(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return c and keep the slope of the squashing for `gradient`."""
         y = self._start + STEP * self._basis.coefficients(weights)
         base = 1 + np.abs(y) ** SHARPNESS
         self._slope = base ** (-1 / SHARPNESS - 1)
         return self._bound * y * base ** (-1 / SHARPNESS)
 
-    def gradient(self, gradient):
+    def gradient(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return dL/dw from dL/dc at the last coefficients."""
         return self._basis.adjoint(gradient * self._slope) * (self._bound * STEP)

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.beam import collimated_beam
 from optics.model import target_screen
 from optics.reference import deposit, trace_step
 from optics.tracing import Tracer
 from thbcad.cad.solid import lens_surfaces
-from thbcad.cad.step import read_step
+from thbcad.cad.step import StepLens, read_step
+
+if TYPE_CHECKING:
+    from optics.backend import Backend
+    from optics.problem import Problem
+    from thbcad.bspline import KnotVector
+    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.surface import BSplineSurface
 
 SURFACE_SAMPLES = 6  # per knot span and direction
 
@@ -26,11 +37,11 @@ class Check:
     unit: str
 
     @property
-    def ok(self):
+    def ok(self) -> bool:
         return bool(self.value <= self.limit)
 
 
-def verify(problem, lens, path, backend):
+def verify(problem: Problem, lens: Lens, path: str | Path, backend: Backend) -> list[Check]:
     """Return the list of Checks of the STEP file at `path` against the lens in memory.
 
     backend : of double precision.
@@ -62,12 +73,12 @@ def verify(problem, lens, path, backend):
     return checks
 
 
-def verification(checks):
+def verification(checks: Sequence[Check]) -> dict[str, Any]:
     """Return the checks as plain data for verify.json."""
     return {"ok": all(c.ok for c in checks), "checks": [asdict(c) | {"ok": c.ok} for c in checks]}
 
 
-def surface_deviation(face, surface, vertex):
+def surface_deviation(face: BSplineSurface, surface: FreeformSurface, vertex: float) -> float:
     """Return the greatest |z_face(x, y) - z_surface(x, y)| in mm at points within every knot span.
 
     face : BSplineSurface with poles (x, y, z).  surface : FreeformSurface at z = vertex.
@@ -82,20 +93,20 @@ def surface_deviation(face, surface, vertex):
     return float(max(np.abs(points[..., 2] - z).max(), bent, outside))
 
 
-def _samples(kv):
+def _samples(kv: KnotVector) -> NDArray[np.float64]:
     b = kv.breaks
     inner = (b[:-1, None] + np.diff(b)[:, None] * (np.arange(SURFACE_SAMPLES) / SURFACE_SAMPLES)).ravel()
     return np.append(inner, b[-1])
 
 
-def _different(read, own):
+def _different(read: BSplineSurface, own: BSplineSurface) -> int:
     if read.coefficients.shape != own.coefficients.shape:
         return max(read.coefficients.size, own.coefficients.size)
     knots = sum(int((a.knots != b.knots).sum()) for a, b in ((read.kv_u, own.kv_u), (read.kv_v, own.kv_v)))
     return int((read.coefficients != own.coefficients).any(axis=2).sum()) + knots
 
 
-def _light(problem, lens, step, backend):
+def _light(problem: Problem, lens: Lens, step: StepLens, backend: Backend) -> tuple[float, float, int]:
     """Return (landing error mm, relative irradiance difference, rays of different fate)."""
     source, n = problem.source, problem.verify.rays
     beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, (n, n))

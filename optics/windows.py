@@ -11,11 +11,17 @@ irradiance that is constant on every pixel.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, erf, exp, pi, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
+
+if TYPE_CHECKING:
+    from optics.backend import DrArray
 
 
 @dataclass(frozen=True)
@@ -24,11 +30,11 @@ class BoxWindow:
 
     taps = 1
 
-    def weights(self, t, exponential):
+    def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray]) -> list[DrArray]:
         """Return the weights of the taps for a point at distance t past the first tap's cell."""
         return [1.0]
 
-    def response(self):
+    def response(self) -> NDArray[np.float64]:
         """Return the integrals of W over the pixels around its centre."""
         return np.array([1.0])
 
@@ -43,14 +49,14 @@ class BSplineWindow:
     degree: int = 3
 
     @property
-    def taps(self):
+    def taps(self) -> int:
         return self.degree + 1
 
-    def weights(self, t, exponential=None):
+    def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray] | None = None) -> list[DrArray]:
         """Return M_p(t + p - r), r = 0..p, for t in [0, 1)."""
         return cardinal_weights(t, self.degree)
 
-    def response(self):
+    def response(self) -> NDArray[np.float64]:
         # a box convolved with M_p is M_(p+1); its values at whole distances from the centre
         values = cardinal_weights(0.0 if self.degree % 2 == 0 else 0.5, self.degree + 1)
         return np.array([v for v in values if v > 0])
@@ -64,19 +70,19 @@ class GaussianWindow:
     cut: float = 4.0
 
     @property
-    def taps(self):
+    def taps(self) -> int:
         return 2 * ceil(self.cut * self.sigma)
 
     @property
-    def _offset(self):
+    def _offset(self) -> float:
         return exp(-0.5 * self.cut**2)
 
     @property
-    def _norm(self):
+    def _norm(self) -> float:
         s, c = self.sigma, self.cut
         return s * (sqrt(2 * pi) * erf(c / sqrt(2)) - 2 * c * self._offset)
 
-    def weights(self, t, exponential):
+    def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray]) -> list[DrArray]:
         """Return g(t + m) - g(cut), m = taps/2 - 1 ... -taps/2, for t in [0, 1).
 
         g(t + m) = g(t) exp(-t / sigma^2)^m g(m) / g(0): two exponentials serve all taps.
@@ -97,14 +103,14 @@ class GaussianWindow:
             rows.append(lowered if reached else (lowered + abs(lowered)) * 0.5)
         return rows
 
-    def response(self):
+    def response(self) -> NDArray[np.float64]:
         reach = ceil(self.cut * self.sigma + 0.5)
         edges = np.clip(np.arange(-reach, reach + 2) - 0.5, -self.cut * self.sigma, self.cut * self.sigma)
         gauss = np.array([self.sigma * sqrt(pi / 2) * erf(e / (self.sigma * sqrt(2))) for e in edges])
         return (np.diff(gauss) - self._offset * np.diff(edges)) / self._norm
 
 
-def cardinal_weights(t, degree):
+def cardinal_weights(t: DrArray, degree: int) -> list[DrArray]:
     """Return the uniform B-splines M_p(t + p - r), r = 0..p, at t in [0, 1); t may be any array type."""
     values = [1.0]
     for k in range(1, degree + 1):
@@ -117,7 +123,7 @@ def cardinal_weights(t, degree):
     return values
 
 
-def filter_image(image, window):
+def filter_image(image: NDArray[np.float64], window: BoxWindow | BSplineWindow | GaussianWindow) -> NDArray[np.float64]:
     """Return what the window measures of an irradiance that is constant on every pixel, dark outside."""
     response = window.response()
     for axis in (0, 1):

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 
-def write_bytes(path, data):
+def write_bytes(path: str | Path, data: bytes) -> None:
     """Write `data` to `path` atomically: a temporary file in the same folder is renamed over it.
 
     Raises
@@ -28,12 +28,12 @@ def write_bytes(path, data):
         raise
 
 
-def write_text(path, text):
+def write_text(path: str | Path, text: str) -> None:
     """Write `text` as UTF-8, atomically."""
     write_bytes(path, text.encode("utf-8"))
 
 
-def _umask():
+def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -16,21 +16,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 MAX_DEGREE = 10
 
 
-def read_only(array, dtype=np.float64):
+def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.float64) -> NDArray[Any]:
     """Return a contiguous read-only copy of `array`."""
     out = np.array(array, dtype=dtype, order="C")
     out.flags.writeable = False
     return out
 
 
-def blossom_rows(knots, degree, span, arguments, derivative=0):
+def blossom_rows(
+    knots: NDArray[np.float64], degree: int, span: NDArray[np.int64], arguments: NDArray[np.float64], derivative: int = 0
+) -> NDArray[np.float64]:
     """Return the rows R_1(a_1) ... R_p(a_p) for many spans at once.
 
     Parameters
@@ -65,7 +69,7 @@ def blossom_rows(knots, degree, span, arguments, derivative=0):
     return rows
 
 
-def band_matrix(first, values, columns):
+def band_matrix(first: NDArray[np.int64], values: NDArray[np.float64], columns: int) -> csr_array:
     """Return the csr_array whose row r holds `values[r]` from column `first[r]` on."""
     n, width = values.shape
     indices = first[:, None] + np.arange(width)
@@ -86,9 +90,9 @@ class KnotVector:
     """
 
     degree: int
-    knots: np.ndarray
+    knots: NDArray[np.float64]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         p = self.degree
         if isinstance(p, bool) or not isinstance(p, (int, np.integer)) or not 1 <= p <= MAX_DEGREE:
             raise ValueError(f"degree must be an integer from 1 to {MAX_DEGREE}, got {p!r}")
@@ -109,7 +113,7 @@ class KnotVector:
         object.__setattr__(self, "knots", t)
 
     @classmethod
-    def uniform(cls, degree, spans, start=0.0, stop=1.0):
+    def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> KnotVector:
         """Return the clamped knot vector with `spans` equal spans on [start, stop]."""
         if isinstance(spans, bool) or not isinstance(spans, (int, np.integer)) or spans < 1:
             raise ValueError(f"spans must be an integer of at least 1, got {spans!r}")
@@ -120,31 +124,31 @@ class KnotVector:
         return cls(degree, np.r_[[start] * degree, breaks, [stop] * degree])
 
     @property
-    def dim(self):
+    def dim(self) -> int:
         """Number of B-splines."""
         return len(self.knots) - self.degree - 1
 
     @property
-    def start(self):
+    def start(self) -> float:
         """Left end of the domain."""
         return float(self.knots[0])
 
     @property
-    def stop(self):
+    def stop(self) -> float:
         """Right end of the domain."""
         return float(self.knots[-1])
 
     @cached_property
-    def breaks(self):
+    def breaks(self) -> NDArray[np.float64]:
         """Distinct knots, (spans + 1,)."""
         return read_only(np.unique(self.knots))
 
     @property
-    def spans(self):
+    def spans(self) -> int:
         """Number of non-empty knot spans."""
         return len(self.breaks) - 1
 
-    def greville(self):
+    def greville(self) -> NDArray[np.float64]:
         """Return the Greville abscissae g_i = (t_(i+1) + ... + t_(i+p)) / p, (dim,).
 
         The spline with these coefficients is the identity (thesis 3.16).
@@ -152,7 +156,7 @@ class KnotVector:
         p = self.degree
         return sum(self.knots[k : k + self.dim] for k in range(1, p + 1)) / p
 
-    def span_of(self, u):
+    def span_of(self, u: ArrayLike) -> NDArray[np.int64]:
         """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.
 
         Raises
@@ -165,7 +169,7 @@ class KnotVector:
             raise ValueError(f"parameter {u[bad].flat[0]} lies outside the domain [{self.start}, {self.stop}]")
         return np.minimum(np.searchsorted(self.knots, u, side="right") - 1, self.dim - 1)
 
-    def basis(self, u, derivative=0):
+    def basis(self, u: ArrayLike, derivative: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return (first, values): at u only functions first .. first + p differ from zero.
 
         u : (n,) float.  first : (n,) int.  values : (n, p + 1) float.
@@ -179,16 +183,16 @@ class KnotVector:
         arguments = np.broadcast_to(u[:, None], (len(u), self.degree))
         return span - self.degree, blossom_rows(self.knots, self.degree, span, arguments, int(derivative))
 
-    def collocation(self, u, derivative=0):
+    def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array:
         """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim)."""
         first, values = self.basis(u, derivative)
         return band_matrix(first, values, self.dim)
 
-    def integrals(self):
+    def integrals(self) -> NDArray[np.float64]:
         """Return the integrals of the B-splines, (t_(i+p+1) - t_i) / (p + 1), (dim,)."""
         return (self.knots[self.degree + 1 :] - self.knots[: self.dim]) / (self.degree + 1)
 
-    def insert(self, knots):
+    def insert(self, knots: ArrayLike) -> KnotVector:
         """Return the knot vector with the given knots added (repeats raise the multiplicity)."""
         new = np.atleast_1d(np.asarray(knots, dtype=np.float64))
         bad = ~((new > self.start) & (new < self.stop))
@@ -196,12 +200,12 @@ class KnotVector:
             raise ValueError(f"inserted knot {new[bad][0]} lies outside the open domain ({self.start}, {self.stop})")
         return KnotVector(self.degree, np.sort(np.r_[self.knots, new], kind="stable"))
 
-    def bisect(self):
+    def bisect(self) -> KnotVector:
         """Return the knot vector with one knot more in the middle of every non-empty span."""
         b = self.breaks
         return self.insert(b[:-1] + np.diff(b) / 2)
 
-    def prolongation(self, finer):
+    def prolongation(self, finer: KnotVector) -> csr_array:
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
 
         Row j holds the polar form at the knots tau_(j+1) .. tau_(j+p) of the finer vector

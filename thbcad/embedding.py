@@ -12,10 +12,39 @@ are non-negative and sum to one: the operation is stable at any depth.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, kron
+
+if TYPE_CHECKING:
+    from thbcad.bspline import KnotVector
+    from thbcad.hierarchy import DyadicAxis
+
+
+class LevelRecord(Protocol):
+    """What is needed of a `thbcad.space.Level` (that module imports this one)."""
+
+    @property
+    def rows(self) -> NDArray[np.int64]: ...
+
+    @property
+    def columns(self) -> NDArray[np.int64]: ...
+
+    @property
+    def refined(self) -> NDArray[np.bool_]: ...
+
+    @property
+    def supported(self) -> NDArray[np.int64]: ...
+
+    @property
+    def heads(self) -> NDArray[np.int64]: ...
+
+    @property
+    def active(self) -> NDArray[np.bool_]: ...
 
 
 class Embedding:
@@ -26,12 +55,13 @@ class Embedding:
         Omega_l, and of those that are active
     """
 
-    def __init__(self, axes, hierarchy):
+    def __init__(self, axes: Sequence[DyadicAxis], hierarchy: Sequence[LevelRecord]) -> None:
         self._axes = axes
         self._hierarchy = hierarchy
         top = len(hierarchy) - 1
         keys = [np.zeros(0, dtype=np.int64)] * 2
-        self._chain = []  # per level and direction: (KnotVector, integer keys on the top level's scale)
+        # per level and direction: (KnotVector, integer keys on the top level's scale)
+        self._chain: list[list[tuple[KnotVector, NDArray[np.int64]]]] = []
         for number, level in enumerate(hierarchy):
             self._chain.append([axis.knots_with(top, k) for axis, k in zip(axes, keys)])
             for d, index in enumerate((level.rows[level.refined.any(axis=1)], level.columns[level.refined.any(axis=0)])):
@@ -42,12 +72,12 @@ class Embedding:
         self.active = [rows[level.active] for rows, level in zip(self.supported, hierarchy)]
         self.dim = sum(len(rows) for rows in self.active)
 
-    def shape(self, number):
+    def shape(self, number: int) -> tuple[int, int]:
         """Return the shape of the nets of W_l."""
         (u, _), (v, _) = self._chain[number]
         return u.dim, v.dim
 
-    def positions(self, number, level):
+    def positions(self, number: int, level: LevelRecord) -> NDArray[np.int64]:
         """Return where the supported functions of a level record sit in the flat net of W_l."""
         shift = len(self._hierarchy) - 1 - number
         index = []
@@ -59,11 +89,11 @@ class Embedding:
         return index[0] * self.shape(number)[1] + index[1]
 
     @cached_property
-    def steps(self):
+    def steps(self) -> list[tuple[csr_array, csr_array]]:
         """One-dimensional refinement operators (P_u, P_v) from W_(l-1) to W_l."""
         return [tuple(a.prolongation(b) for (a, _), (b, _) in zip(*pair)) for pair in zip(self._chain, self._chain[1:])]
 
-    def coefficients(self, c):
+    def coefficients(self, c: ArrayLike) -> NDArray[np.float64]:
         """Return the tensor-product net of the spline with THB coefficients c.
 
         c : (dim,) or (dim, d).  Returns (n_u, n_v) or (n_u, n_v, d).
@@ -81,7 +111,7 @@ class Embedding:
             net.ravel()[rows] = part
         return net
 
-    def adjoint(self, net):
+    def adjoint(self, net: ArrayLike) -> NDArray[np.float64]:
         """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""
         net = np.array(net, dtype=np.float64, order="C")
         parts = []
@@ -92,12 +122,12 @@ class Embedding:
         parts.append(net.ravel()[self.active[0]])
         return np.concatenate(parts[::-1])
 
-    def operator(self):
+    def operator(self) -> csr_array:
         """Return E as a csr_array (n_u * n_v, dim)."""
         *_, last = self.operators(self.active, self.dim)
         return last
 
-    def operators(self, positions, dim):
+    def operators(self, positions: Sequence[NDArray[np.int64]], dim: int) -> Iterator[csr_array]:
         """Yield "refine, then overwrite" as operators (size of W_l, dim), level by level.
 
         positions : per level, the flat positions in W_l that the next coefficients overwrite.

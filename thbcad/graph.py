@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from thbcad.bspline import KnotVector
@@ -14,7 +16,22 @@ CONIC_TOLERANCE = 1e-11  # mm
 MAX_CONIC_NET = 2000  # control points per direction
 
 
-def square_coefficients(kv):
+class ConicSection(Protocol):
+    """What is needed of a `thbcad.lens.Conic` (that module imports this one)."""
+
+    @property
+    def radius(self) -> float: ...
+
+    @property
+    def constant(self) -> float: ...
+
+    @property
+    def is_paraboloid(self) -> bool: ...
+
+    def __call__(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+
+def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
     """Return the coefficients of x^2: c_i = mean of t_a t_b over pairs of the p inner knots of i.
 
     Exact for degree 2 and more (the polar form of x^2).
@@ -24,7 +41,7 @@ def square_coefficients(kv):
     return sum(kv.knots[a : a + kv.dim] * kv.knots[b : b + kv.dim] for a, b in pairs) / len(pairs)
 
 
-def conic_graph(conic, kv_x, kv_y, sag=None):
+def conic_graph(conic: ConicSection, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None) -> BSplineSurface:
     """Return conic + sag as one BSplineSurface.
 
     sag : (kv_x.dim, kv_y.dim) or None.
@@ -46,7 +63,7 @@ def conic_graph(conic, kv_x, kv_y, sag=None):
     return BSplineSurface(fine_x, fine_y, heights)
 
 
-def _interpolated(conic, kv_x, kv_y):
+def _interpolated(conic: ConicSection, kv_x: KnotVector, kv_y: KnotVector) -> tuple[KnotVector, KnotVector, NDArray[np.float64]]:
     while True:
         x, y = kv_x.greville(), kv_y.greville()
         by_x = splu(kv_x.collocation(x).tocsc()).solve(conic(x[:, None], y[None, :]))
@@ -70,12 +87,12 @@ def _interpolated(conic, kv_x, kv_y):
             kv_y = kv_y.bisect()
 
 
-def _between(kv):
+def _between(kv: KnotVector) -> NDArray[np.float64]:
     b = kv.breaks
     return np.concatenate([b[:-1] + f * np.diff(b) for f in (0.15, 0.4, 0.65, 0.9)])
 
 
-def graph_poles(graph, vertex, domain):
+def graph_poles(graph: BSplineSurface, vertex: float, domain: BSplineSurface) -> BSplineSurface:
     """Return the graph as a BSplineSurface with poles (x, y, vertex + z).
 
     x and y of the poles are Greville-mapped, hence linear in the parameters; the parameters run
@@ -89,14 +106,14 @@ def graph_poles(graph, vertex, domain):
     return BSplineSurface(kv_u, kv_v, poles)
 
 
-def _aligned(kv, target):
+def _aligned(kv: KnotVector, target: KnotVector) -> KnotVector:
     """Return `kv` mapped onto the interval of `target`; knots that agree but for rounding become equal."""
     mapped = rescaled(kv, target.stop).knots
     near = target.breaks[np.clip(np.searchsorted(target.breaks, mapped - 1e-12 * target.stop), 0, target.spans)]
     return KnotVector(kv.degree, np.where(np.abs(near - mapped) < 1e-12 * target.stop, near, mapped))
 
 
-def rescaled(kv, half_width):
+def rescaled(kv: KnotVector, half_width: float) -> KnotVector:
     """Return the knot vector mapped linearly onto [-half_width, half_width]."""
     if (kv.start, kv.stop) == (-half_width, half_width):
         return kv
@@ -104,7 +121,7 @@ def rescaled(kv, half_width):
     return KnotVector(kv.degree, np.where(share == 1, half_width, -half_width + 2 * half_width * share))
 
 
-def volume_between(front, rear, thickness):
+def volume_between(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> float:
     """Return the volume between two graphs whose rims are joined by ruled edges.
 
     The solid is X(s, t, w) = (1 - w) F(s, t) + w R(s, t), (s, t) in [-1, 1]^2, w in [0, 1];
@@ -134,13 +151,13 @@ def volume_between(front, rear, thickness):
     return float(total)
 
 
-def _gauss(breaks, n):
+def _gauss(breaks: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     x, w = np.polynomial.legendre.leggauss(n)
     half = np.diff(breaks)[:, None] / 2
     return (breaks[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
 
 
-def merged(kv, other):
+def merged(kv: KnotVector, other: KnotVector) -> KnotVector:
     """Return the knot vector with the knots of both (same degree and ends)."""
     values = np.unique(np.r_[kv.knots, other.knots])
     counts = [np.searchsorted(k.knots, values, "right") - np.searchsorted(k.knots, values, "left") for k in (kv, other)]

@@ -9,6 +9,7 @@ Old knots keep their multiplicity, new ones are simple.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thbcad.bspline import KnotVector
 
@@ -16,7 +17,7 @@ from thbcad.bspline import KnotVector
 class DyadicAxis:
     """Knots, spans and functions of all levels above one knot vector, found by arithmetic."""
 
-    def __init__(self, knot_vector):
+    def __init__(self, knot_vector: KnotVector) -> None:
         self.knot_vector = knot_vector
         self.degree = knot_vector.degree
         self.spans0 = knot_vector.spans
@@ -24,11 +25,11 @@ class DyadicAxis:
         self._multiplicity = multiplicity
         self._surplus = np.r_[0, np.cumsum(multiplicity - 1)]
 
-    def spans(self, level):
+    def spans(self, level: int) -> int:
         """Return the number of non-empty spans of a level."""
         return self.spans0 << level
 
-    def value(self, level, breaks):
+    def value(self, level: int, breaks: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the positions of breaks of a level, float."""
         row = self.knot_vector.breaks
         whole = np.minimum(breaks >> level, self.spans0 - 1)
@@ -36,17 +37,17 @@ class DyadicAxis:
         inside = row[whole] + (row[whole + 1] - row[whole]) * share
         return np.where(breaks == self.spans(level), row[-1], inside)
 
-    def multiplicity(self, level, breaks):
+    def multiplicity(self, level: int, breaks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return how often each break occurs in the knot vector of a level."""
         old = (breaks & ((1 << level) - 1)) == 0
         return np.where(old, self._multiplicity[breaks >> level], 1)
 
-    def first_knot(self, level, breaks):
+    def first_knot(self, level: int, breaks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the index of the first knot at each break of a level."""
         whole = -((-breaks) >> level)
         return breaks + self._surplus[whole]
 
-    def functions_within(self, level, spans):
+    def functions_within(self, level: int, spans: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Return the functions of a level whose support consists of the given spans.
 
         Parameters
@@ -74,7 +75,7 @@ class DyadicAxis:
         whole &= spans[np.minimum(end, len(spans) - 1)] == head + length - 1
         return index[whole], start[whole], length[whole]
 
-    def knots_with(self, level, keys):
+    def knots_with(self, level: int, keys: NDArray[np.int64]) -> tuple[KnotVector, NDArray[np.int64]]:
         """Return the level-0 knots together with simple knots at the breaks `keys` of a level."""
         old = np.repeat(np.arange(self.spans0 + 1) << level, self._multiplicity)
         all_keys = np.sort(np.r_[old, keys])
@@ -83,7 +84,7 @@ class DyadicAxis:
             raise ValueError(f"level {level} is too deep: neighbouring knots coincide in float64")
         return KnotVector(self.degree, knots), all_keys
 
-    def span_at(self, level, u):
+    def span_at(self, level: int, u: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return for parameters u inside the domain the span of a level that contains them."""
         row = self.knot_vector.breaks
         whole = np.clip(np.searchsorted(row, u, "right") - 1, 0, self.spans0 - 1)

@@ -7,12 +7,16 @@ A surface is the graph z(x, y) = conic(x, y) + sag(x, y) over |x| <= half_width[
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector
 from thbcad.graph import conic_graph, rescaled, volume_between
-from thbcad.surface import THBSurface
+from thbcad.surface import BSplineSurface, THBSurface
+
+Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
 
 
 @dataclass(frozen=True)
@@ -25,22 +29,22 @@ class Conic:
     radius: float = np.inf
     constant: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if np.isnan(self.radius) or self.radius == 0:
             raise ValueError(f"radius must be a number other than 0, got {self.radius}")
         if not np.isfinite(self.constant):
             raise ValueError(f"conic constant must be finite, got {self.constant}")
 
     @property
-    def is_plane(self):
+    def is_plane(self) -> bool:
         return np.isinf(self.radius)
 
     @property
-    def is_paraboloid(self):
+    def is_paraboloid(self) -> bool:
         """True where the conic is a polynomial of degree 2: planes and K = -1."""
         return self.is_plane or self.constant == -1.0
 
-    def require(self, half_width):
+    def require(self, half_width: tuple[float, float]) -> None:
         """Raise ValueError unless the conic is defined on the whole rectangle."""
         reach = np.hypot(*half_width)
         if not self.is_plane and (1 + self.constant) * (reach / self.radius) ** 2 >= 1:
@@ -50,7 +54,7 @@ class Conic:
                 f"but the corner of the aperture lies at r = {reach:.6g} mm"
             )
 
-    def __call__(self, x, y, derivative=(0, 0)):
+    def __call__(self, x: Coordinate, y: Coordinate, derivative: tuple[int, int] = (0, 0)) -> Coordinate:
         """Return z or, for derivative (1, 0) or (0, 1), its slope in x or y."""
         c = 1.0 / self.radius
         r2 = x * x + y * y
@@ -78,7 +82,7 @@ class FreeformSurface:
     conic: Conic = Conic()
     sag: THBSurface | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         h = tuple(float(w) for w in self.half_width)
         if len(h) != 2 or not all(np.isfinite(w) and w > 0 for w in h):
             raise ValueError(f"half_width must be two positive numbers, got {self.half_width}")
@@ -87,7 +91,7 @@ class FreeformSurface:
         object.__setattr__(self, "half_width", h)
         self.conic.require(h)
 
-    def __call__(self, x, y, derivative=(0, 0)):
+    def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return z or a first derivative at scattered points, (n,)."""
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (x, y))
         z = self.conic(x, y, derivative)
@@ -96,7 +100,7 @@ class FreeformSurface:
             z = z + self.sag(u, v, derivative) * self._chain(derivative)
         return z
 
-    def grid(self, x, y, derivative=(0, 0)):
+    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return z or a first derivative on the grid x x y, (len(x), len(y))."""
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (x, y))
         z = self.conic(x[:, None], y[None, :], derivative)
@@ -105,11 +109,11 @@ class FreeformSurface:
             z = z + self.sag.grid(u, v, derivative) * self._chain(derivative)
         return z
 
-    def with_coefficients(self, coefficients):
+    def with_coefficients(self, coefficients: NDArray[np.float64]) -> FreeformSurface:
         """Return the surface with other sag coefficients on the same space."""
         return FreeformSurface(self.half_width, self.conic, THBSurface(self.sag.space, coefficients))
 
-    def to_parameters(self, x, y):
+    def to_parameters(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the spline parameters (u, v) of positions (x, y)."""
         space = self.sag.space
         return tuple(
@@ -117,7 +121,7 @@ class FreeformSurface:
             for a, h, s, kv in zip((x, y), self.half_width, self._scale(), (space.kv_u, space.kv_v))
         )
 
-    def graph(self, degree=3):
+    def graph(self, degree: int = 3) -> BSplineSurface:
         """Return the exact surface as a scalar BSplineSurface z(x, y) on x, y in mm.
 
         degree : of a surface without sag; with one, the sag's degree and needed knots are used.
@@ -130,11 +134,11 @@ class FreeformSurface:
         kv_x, kv_y = (rescaled(kv, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
         return conic_graph(self.conic, kv_x, kv_y, sag.coefficients)
 
-    def _scale(self):
+    def _scale(self) -> tuple[float, float]:
         space = self.sag.space
         return tuple((kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.half_width))
 
-    def _chain(self, derivative):
+    def _chain(self, derivative: tuple[int, int]) -> float:
         su, sv = self._scale()
         return su ** derivative[0] * sv ** derivative[1]
 
@@ -154,7 +158,7 @@ class Lens:
     thickness: float
     index: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (np.isfinite(self.index) and self.index > 1):
             raise ValueError(f"index must be a number greater than 1, got {self.index}")
         if not (np.isfinite(self.thickness) and self.thickness > 0):
@@ -166,7 +170,7 @@ class Lens:
                 f"raise lens.thickness by more than {-least:.6g} mm or change the radii"
             )
 
-    def least_thickness(self):
+    def least_thickness(self) -> tuple[float, tuple[float, float]]:
         """Return (mm, (x, y)): the least distance in z, sampled four times per knot span.
 
         Surfaces of different size are compared between points of equal relative position, as
@@ -179,22 +183,22 @@ class Lens:
         i, j = np.unravel_index(np.argmin(gap), gap.shape)
         return float(gap[i, j]), (float(s[i] * self.rear.half_width[0]), float(t[j] * self.rear.half_width[1]))
 
-    def graphs(self):
+    def graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
         """Return front and rear as exact scalar BSplineSurfaces of one degree."""
         sags = [f.sag.space.kv_u.degree for f in (self.front, self.rear) if f.sag is not None]
         degree = max(sags, default=3)
         return self.front.graph(degree), self.rear.graph(degree)
 
-    def volume(self):
+    def volume(self) -> float:
         """Return the volume in mm^3, by Gauss quadrature that is exact for the splines."""
         return volume_between(*self.graphs(), self.thickness)
 
-    def with_rear(self, rear):
+    def with_rear(self, rear: FreeformSurface) -> Lens:
         """Return the lens with another rear surface."""
         return Lens(self.front, rear, self.thickness, self.index)
 
 
-def _samples(graph):
+def _samples(graph: BSplineSurface) -> list[NDArray[np.float64]]:
     """Return relative positions in x and y, four per knot span, both ends included."""
     rows = []
     for kv in (graph.kv_u, graph.kv_v):

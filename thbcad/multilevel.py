@@ -14,19 +14,25 @@ Source: J. Bramble, J. Pasciak, J. Xu, Parallel multilevel preconditioners, Math
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from thbcad.space import THBSpace
 
 
 class MultilevelBasis:
     """The linear map M from multilevel weights w, (size,), to THB coefficients, (dim,)."""
 
-    def __init__(self, space):
+    def __init__(self, space: THBSpace) -> None:
         self._embedding = space.embedding
         self._counts = [len(rows) for rows in self._embedding.supported]
         self._scales = [0.5**level for level in range(len(self._counts))]
         self.size = sum(self._counts)
 
-    def coefficients(self, weights):
+    def coefficients(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return M w."""
         e = self._embedding
         parts, out, net = np.split(weights, np.cumsum(self._counts)[:-1]), [], None
@@ -40,7 +46,7 @@ class MultilevelBasis:
             out.append(net.ravel()[e.active[level]])
         return np.concatenate(out)
 
-    def adjoint(self, gradient):
+    def adjoint(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return M^T g."""
         e = self._embedding
         parts, out, net = np.split(gradient, np.cumsum([len(rows) for rows in e.active])[:-1]), [], None

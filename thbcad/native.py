@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ SCHEMA = "thbcad-lens"
 VERSION = 1
 
 
-def lens_to_dict(lens):
+def lens_to_dict(lens: Lens) -> dict[str, Any]:
     """Return the lens as plain lists, numbers and strings."""
     return {
         "schema": SCHEMA,
@@ -34,7 +35,7 @@ def lens_to_dict(lens):
     }
 
 
-def lens_from_dict(data):
+def lens_from_dict(data: object) -> Lens:
     """Return the lens of `lens_to_dict`.
 
     Raises
@@ -54,12 +55,12 @@ def lens_from_dict(data):
         raise ValueError(f"the lens file holds a value of the wrong type: {error}") from None
 
 
-def write_lens(lens, path):
+def write_lens(lens: Lens, path: str | Path) -> None:
     """Write the lens to a native JSON file, atomically."""
     write_text(path, json.dumps(lens_to_dict(lens), separators=(",", ":"), allow_nan=False))
 
 
-def read_lens(path):
+def read_lens(path: str | Path) -> Lens:
     """Read a native JSON file.
 
     Raises
@@ -72,22 +73,22 @@ def read_lens(path):
         raise ValueError(f"{path} is not a lens file: {error}") from None
 
 
-def _surface_to_dict(surface):
+def _surface_to_dict(surface: FreeformSurface) -> dict[str, Any]:
     conic = surface.conic
     radius = None if conic.is_plane else conic.radius
-    out = {"half_width": list(surface.half_width), "radius": radius, "conic": conic.constant}
+    out: dict[str, Any] = {"half_width": list(surface.half_width), "radius": radius, "conic": conic.constant}
     if surface.sag is not None:
         out["sag"] = sag_to_dict(surface.sag)
     return out
 
 
-def _surface_from_dict(data):
+def _surface_from_dict(data: dict[str, Any]) -> FreeformSurface:
     radius = np.inf if data["radius"] is None else float(data["radius"])
     sag = sag_from_dict(data["sag"]) if "sag" in data else None
     return FreeformSurface(tuple(data["half_width"]), Conic(radius, float(data["conic"])), sag)
 
 
-def sag_to_dict(sag):
+def sag_to_dict(sag: THBSurface) -> dict[str, Any]:
     """Return a THB surface as plain data."""
     space = sag.space
     return {
@@ -98,7 +99,7 @@ def sag_to_dict(sag):
     }
 
 
-def sag_from_dict(data):
+def sag_from_dict(data: dict[str, Any]) -> THBSurface:
     """Return the THB surface of `sag_to_dict`."""
     space = THBSpace(*(KnotVector(p, t) for p, t in zip(data["degree"], data["knots"])))
     for level, cells in enumerate(data["refined"]):

@@ -18,10 +18,12 @@ hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional mask
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, vstack
 
 from thbcad.bspline import KnotVector, read_only
@@ -35,21 +37,21 @@ MAX_LEVEL = 30
 class Level:
     """One level: its existing cells in compressed coordinates and its active functions."""
 
-    rows: np.ndarray  # distinct i of the cells of Omega_l
-    columns: np.ndarray  # distinct j
-    inside: np.ndarray  # (rows, columns) bool, cell lies in Omega_l
-    refined: np.ndarray  # (rows, columns) bool, cell is refined
-    supported: np.ndarray  # (n, 2) functions (i, j) whose support lies in Omega_l
-    heads: np.ndarray  # (n, 2) breaks of the level at which their supports start
-    active: np.ndarray  # (n,) bool, the support is not inside Omega_(l+1)
+    rows: NDArray[np.int64]  # distinct i of the cells of Omega_l
+    columns: NDArray[np.int64]  # distinct j
+    inside: NDArray[np.bool_]  # (rows, columns) bool, cell lies in Omega_l
+    refined: NDArray[np.bool_]  # (rows, columns) bool, cell is refined
+    supported: NDArray[np.int64]  # (n, 2) functions (i, j) whose support lies in Omega_l
+    heads: NDArray[np.int64]  # (n, 2) breaks of the level at which their supports start
+    active: NDArray[np.bool_]  # (n,) bool, the support is not inside Omega_(l+1)
 
     @property
-    def functions(self):
+    def functions(self) -> NDArray[np.int64]:
         """Active functions (i, j), (m, 2) int."""
         return self.supported[self.active]
 
     @property
-    def leaves(self):
+    def leaves(self) -> NDArray[np.bool_]:
         return self.inside & ~self.refined
 
 
@@ -60,27 +62,27 @@ class THBSpace:
     Spaces never change.
     """
 
-    def __init__(self, kv_u, kv_v):
+    def __init__(self, kv_u: KnotVector, kv_v: KnotVector) -> None:
         for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
             if not isinstance(kv, KnotVector):
                 raise ValueError(f"{name} must be a KnotVector, got {type(kv).__name__}")
         self.kv_u, self.kv_v = kv_u, kv_v
         self.axes = DyadicAxis(kv_u), DyadicAxis(kv_v)
-        self._refined: tuple[np.ndarray, ...] = ()  # per level: sorted keys of refined cells
+        self._refined: tuple[NDArray[np.int64], ...] = ()  # per level: sorted keys of refined cells
 
     @property
-    def levels(self):
+    def levels(self) -> int:
         """Number of levels that hold cells (1 for a tensor-product space)."""
         return len(self._refined) + 1
 
     @property
-    def refined(self):
+    def refined(self) -> tuple[NDArray[np.int64], ...]:
         """Refined cells: one read-only (n, 2) int array of (i, j) for each level but the last."""
         pairs = (self._split(level, keys) for level, keys in enumerate(self._refined))
         return tuple(read_only(np.stack(p, axis=1), np.int64) for p in pairs)
 
     @cached_property
-    def cells(self):
+    def cells(self) -> NDArray[np.int64]:
         """Leaf cells, (n, 3) int [level, i, j], in order of level, i, j."""
         rows = []
         for number, level in enumerate(self.hierarchy):
@@ -89,22 +91,22 @@ class THBSpace:
         return read_only(np.concatenate(rows), np.int64)
 
     @cached_property
-    def functions(self):
+    def functions(self) -> NDArray[np.int64]:
         """Active functions, (dim, 3) int [level, i, j], in the order of the coefficients."""
         rows = [_numbered(number, level.functions) for number, level in enumerate(self.hierarchy)]
         return read_only(np.concatenate(rows), np.int64)
 
     @cached_property
-    def dim(self):
+    def dim(self) -> int:
         """Number of degrees of freedom."""
         return sum(int(level.active.sum()) for level in self.hierarchy)
 
     @cached_property
-    def embedding(self):
+    def embedding(self) -> Embedding:
         """The exact embedding into the smallest tensor-product spline space that holds this one."""
         return Embedding(self.axes, self.hierarchy)
 
-    def refine(self, cells):
+    def refine(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
         """Return the space in which the given leaf cells are cut into four.
 
         cells : {level: [(i, j), ...]}; repeats are harmless.
@@ -125,7 +127,7 @@ class THBSpace:
         space._refined = tuple(refined)
         return space
 
-    def locate(self, u, v):
+    def locate(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.int64]:
         """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int."""
         u, v = self._points(u, v)
         found = np.full(len(u), -1)
@@ -140,7 +142,7 @@ class THBSpace:
             offset += int(leaves.sum())
         return found
 
-    def prolongation(self, finer):
+    def prolongation(self, finer: THBSpace) -> csr_array:
         """Return P, csr_array (finer.dim, dim), with c_finer = P @ c for the same spline.
 
         The coefficient of an active function of the finer space is the coefficient that the
@@ -157,7 +159,7 @@ class THBSpace:
         nets = target.operators(own, self.dim)
         return csr_array(vstack([net[rows] for net, rows in zip(nets, target.active)], format="csr"))
 
-    def collocation(self, u, v, derivative=(0, 0)):
+    def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim)."""
         u, v = self._points(u, v)
         e = self.embedding
@@ -172,7 +174,7 @@ class THBSpace:
         return csr_array((values.ravel(), indices.ravel(), indptr), shape=shape) @ e.operator()
 
     @cached_property
-    def hierarchy(self):
+    def hierarchy(self) -> tuple[Level, ...]:
         """The levels as `Level` records, coarsest first."""
         levels = []
         for number in range(self.levels):
@@ -184,7 +186,7 @@ class THBSpace:
             levels.append(Level(rows, columns, inside, refined, *self._functions(number, rows, columns, inside, refined)))
         return tuple(levels)
 
-    def _existing(self, number):
+    def _existing(self, number: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Return the compressed coordinates and the mask of Omega at a level."""
         if number == 0:
             shape = tuple(axis.spans(0) for axis in self.axes)
@@ -196,13 +198,15 @@ class THBSpace:
         rows, columns = ((2 * p[:, None] + np.arange(2)).ravel() for p in (parents_u, parents_v))
         return rows, columns, mask.repeat(2, axis=0).repeat(2, axis=1)
 
-    def _functions(self, number, rows, columns, inside, refined):
+    def _functions(
+        self, number: int, rows: NDArray[np.int64], columns: NDArray[np.int64], inside: NDArray[np.bool_], refined: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Return the functions supported in Omega_l, their heads, and whether they are active."""
         fu, start_u, length_u = self.axes[0].functions_within(number, rows)
         fv, start_v, length_v = self.axes[1].functions_within(number, columns)
         area = length_u[:, None] * length_v
 
-        def covered(mask):
+        def covered(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
             table = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1), dtype=np.int64)
             table[1:, 1:] = mask.cumsum(axis=0).cumsum(axis=1)
             by_u = table[start_u + length_u] - table[start_u]
@@ -213,7 +217,7 @@ class THBSpace:
         heads = np.stack([rows[start_u[a]], columns[start_v[b]]], axis=1)
         return supported, heads, ~covered(refined)[a, b]
 
-    def _keys(self, level, pairs):
+    def _keys(self, level: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """Pack cells (i, j) of a level into sortable integers; refuse cells outside."""
         n_u, n_v = (axis.spans(level) for axis in self.axes)
         bad = (pairs < 0).any(axis=1) | (pairs[:, 0] >= n_u) | (pairs[:, 1] >= n_v)
@@ -222,10 +226,10 @@ class THBSpace:
             raise ValueError(f"cell ({i}, {j}) lies outside level {level}, which has {n_u} x {n_v} cells")
         return pairs[:, 0] * n_v + pairs[:, 1]
 
-    def _split(self, level, keys):
+    def _split(self, level: int, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return np.divmod(keys, self.axes[1].spans(level))
 
-    def _require_leaves(self, level, keys):
+    def _require_leaves(self, level: int, keys: NDArray[np.int64]) -> None:
         refined = (*self._refined, np.zeros(0, dtype=np.int64))
         i, j = self._split(level, keys)
         if level > len(self._refined):
@@ -240,7 +244,7 @@ class THBSpace:
         if twice.any():
             raise ValueError(f"cell ({i[twice][0]}, {j[twice][0]}) of level {level} is refined already")
 
-    def _require_nested(self, finer):
+    def _require_nested(self, finer: THBSpace) -> None:
         if not isinstance(finer, THBSpace) or not all(
             a.degree == b.degree and np.array_equal(a.knots, b.knots) for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
         ):
@@ -248,7 +252,7 @@ class THBSpace:
         if finer.levels < self.levels or not all(np.isin(a, b).all() for a, b in zip(self._refined, finer._refined)):
             raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
 
-    def _points(self, u, v):
+    def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
         if u.shape != v.shape or u.ndim != 1:
             raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
@@ -257,17 +261,17 @@ class THBSpace:
         return u, v
 
 
-def _numbered(level, pairs):
+def _numbered(level: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.column_stack([np.full(len(pairs), level), pairs])
 
 
-def _position(sorted_values, wanted):
+def _position(sorted_values: NDArray[np.int64], wanted: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return (index, found) of `wanted` in `sorted_values`."""
     index = np.minimum(np.searchsorted(sorted_values, wanted), len(sorted_values) - 1)
     return index, sorted_values[index] == wanted
 
 
-def _checked_cells(cells):
+def _checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, NDArray[np.int64]]:
     """Return {level: (n, 2) int64} without empty entries."""
     checked = {}
     for level, pairs in cells.items():

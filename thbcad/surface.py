@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector, read_only
 from thbcad.space import THBSpace
@@ -17,9 +19,9 @@ class BSplineSurface:
 
     kv_u: KnotVector
     kv_v: KnotVector
-    coefficients: np.ndarray
+    coefficients: NDArray[np.float64]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         c = read_only(self.coefficients)
         wanted = (self.kv_u.dim, self.kv_v.dim)
         if c.shape[:2] != wanted or c.ndim > 3:
@@ -28,7 +30,7 @@ class BSplineSurface:
             raise ValueError("coefficients must be finite")
         object.__setattr__(self, "coefficients", c)
 
-    def __call__(self, u, v, derivative=(0, 0)):
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
         first_u, values_u = self.kv_u.basis(u, derivative[0])
         first_v, values_v = self.kv_v.basis(v, derivative[1])
@@ -42,7 +44,7 @@ class BSplineSurface:
                 out += weight * c[first_u + a, first_v + b]
         return out
 
-    def grid(self, u, v, derivative=(0, 0)):
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
         a, b = self.kv_u.collocation(u, derivative[0]), self.kv_v.collocation(v, derivative[1])
         c = self.coefficients
@@ -51,7 +53,7 @@ class BSplineSurface:
         out = b @ by_u.reshape(c.shape[1], -1)
         return np.moveaxis(out.reshape((len(out), *by_u.shape[1:])), 0, 1)
 
-    def integral(self):
+    def integral(self) -> np.float64 | NDArray[np.float64]:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
         return np.einsum("i,j,ij...->...", self.kv_u.integrals(), self.kv_v.integrals(), self.coefficients)
 
@@ -61,9 +63,9 @@ class THBSurface:
     """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space."""
 
     space: THBSpace
-    coefficients: np.ndarray
+    coefficients: NDArray[np.float64]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         c = read_only(self.coefficients)
         if c.shape[:1] != (self.space.dim,) or c.ndim > 2:
             raise ValueError(f"coefficients must have shape ({self.space.dim},) or ({self.space.dim}, d), got {c.shape}")
@@ -72,23 +74,23 @@ class THBSurface:
         object.__setattr__(self, "coefficients", c)
 
     @cached_property
-    def _tensor(self):
+    def _tensor(self) -> BSplineSurface:
         embedding = self.space.embedding
         return BSplineSurface(embedding.kv_u, embedding.kv_v, embedding.coefficients(self.coefficients))
 
-    def to_bspline(self):
+    def to_bspline(self) -> BSplineSurface:
         """Return the same surface as one tensor-product B-spline with only the knots needed."""
         return self._tensor
 
-    def __call__(self, u, v, derivative=(0, 0)):
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
         return self._tensor(u, v, derivative)
 
-    def grid(self, u, v, derivative=(0, 0)):
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
         return self._tensor.grid(u, v, derivative)
 
-    def refine(self, cells):
+    def refine(self, cells: Mapping[int, ArrayLike]) -> THBSurface:
         """Return the same surface over ``space.refine(cells)``."""
         finer = self.space.refine(cells)
         return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)

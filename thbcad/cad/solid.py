@@ -6,7 +6,11 @@ construction: 8 vertices, 12 edges, 6 faces.  Nothing is sewn.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_Line, Geom_Plane
 from OCP.Geom2d import Geom2d_Line
@@ -20,13 +24,19 @@ from thbcad.bspline import KnotVector
 from thbcad.graph import graph_poles, merged
 from thbcad.surface import BSplineSurface
 
+if TYPE_CHECKING:
+    from OCP.Geom import Geom_Curve
+    from OCP.TopoDS import TopoDS_Shape
+
+    from thbcad.lens import Lens
+
 TOLERANCE = 1e-7  # mm, OCCT's default confusion
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # counter-clockwise seen from +z; 0 and 1 are low and high x, y
 SIDES = ((0, 1), (1, 2), (3, 2), (0, 3))  # corners of each side in the direction of increasing x or y
 UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
 
 
-def lens_surfaces(lens):
+def lens_surfaces(lens: Lens) -> tuple[BSplineSurface, BSplineSurface]:
     """Return front and rear as BSplineSurfaces with poles (x, y, z) in the lens frame, in mm.
 
     Both are parametrised over the rear's rectangle, so that their rims can be ruled.
@@ -35,7 +45,7 @@ def lens_surfaces(lens):
     return graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
 
 
-def lens_solid(lens):
+def lens_solid(lens: Lens) -> TopoDS_Solid:
     """Return the lens as a closed TopoDS_Solid of six faces."""
     surfaces = lens_surfaces(lens)
     planar = lens.front.half_width == lens.rear.half_width
@@ -64,7 +74,7 @@ def lens_solid(lens):
     return solid
 
 
-def geom_surface(surface):
+def geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
     """Return a three-component BSplineSurface as Geom_BSplineSurface."""
     poles = surface.coefficients
     array = TColgp_Array2OfPnt(1, poles.shape[0], 1, poles.shape[1])
@@ -75,7 +85,7 @@ def geom_surface(surface):
     return Geom_BSplineSurface(array, ku, kv, mu, mv, surface.kv_u.degree, surface.kv_v.degree)
 
 
-def _knots(kv):
+def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
     values, counts = np.unique(kv.knots, return_counts=True)
     knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
     for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
@@ -84,27 +94,27 @@ def _knots(kv):
     return knots, multiplicities
 
 
-def _curve(kv, poles):
+def _curve(kv: KnotVector, poles: NDArray[np.float64]) -> Geom_BSplineCurve:
     array = TColgp_Array1OfPnt(1, len(poles))
     for k, (x, y, z) in enumerate(poles.tolist(), 1):
         array.SetValue(k, gp_Pnt(x, y, z))
     return Geom_BSplineCurve(array, *_knots(kv), kv.degree)
 
 
-def _vertex(builder, point):
+def _vertex(builder: BRep_Builder, point: NDArray[np.float64]) -> TopoDS_Vertex:
     vertex = TopoDS_Vertex()
     builder.MakeVertex(vertex, gp_Pnt(*point.tolist()), TOLERANCE)
     return vertex
 
 
-def _boundary(surface, side):
+def _boundary(surface: BSplineSurface, side: int) -> tuple[KnotVector, NDArray[np.float64]]:
     """Return (KnotVector, poles) of a side: 0 low y, 1 high x, 2 high y, 3 low x."""
     c = surface.coefficients
     along_x = side in (0, 2)
     return (surface.kv_u, c[:, 0 if side == 0 else -1]) if along_x else (surface.kv_v, c[-1 if side == 1 else 0])
 
 
-def _edge(builder, curve, first, last, start, stop):
+def _edge(builder: BRep_Builder, curve: Geom_Curve, first: float, last: float, start: TopoDS_Vertex, stop: TopoDS_Vertex) -> TopoDS_Edge:
     edge = TopoDS_Edge()
     builder.MakeEdge(edge, curve, TOLERANCE)
     builder.Add(edge, start)
@@ -114,14 +124,16 @@ def _edge(builder, curve, first, last, start, stop):
     return edge
 
 
-def _rim(builder, surface, side, vertices):
+def _rim(builder: BRep_Builder, surface: BSplineSurface, side: int, vertices: Sequence[TopoDS_Vertex]) -> TopoDS_Edge:
     """Return the edge of a side, running towards increasing x or y."""
     kv, poles = _boundary(surface, side)
     start, stop = SIDES[side]
     return _edge(builder, _curve(kv, poles), kv.start, kv.stop, vertices[start], vertices[stop])
 
 
-def _strut(builder, surfaces, corner, vertices, straight):
+def _strut(
+    builder: BRep_Builder, surfaces: Sequence[BSplineSurface], corner: int, vertices: Sequence[Sequence[TopoDS_Vertex]], straight: bool
+) -> TopoDS_Edge:
     """Return the edge from the front corner to the rear corner."""
     a, b = CORNERS[corner]
     ends = np.array([s.coefficients[-a, -b] for s in surfaces])
@@ -133,7 +145,7 @@ def _strut(builder, surfaces, corner, vertices, straight):
     return _edge(builder, curve, 0.0, length, vertices[0][corner], vertices[1][corner])
 
 
-def _side_line(surface, side):
+def _side_line(surface: BSplineSurface, side: int) -> Geom2d_Line:
     """Return the parameter-space line of a side of a tensor-product face."""
     ku, kv = surface.kv_u, surface.kv_v
     if side in (0, 2):
@@ -141,11 +153,11 @@ def _side_line(surface, side):
     return Geom2d_Line(gp_Pnt2d(ku.stop if side == 1 else ku.start, 0.0), gp_Dir2d(0, 1))
 
 
-def _turned(edge, reverse):
+def _turned(edge: TopoDS_Edge, reverse: bool) -> TopoDS_Shape:
     return edge.Reversed() if reverse else edge
 
 
-def _wire(builder, edges):
+def _wire(builder: BRep_Builder, edges: Sequence[TopoDS_Shape]) -> TopoDS_Wire:
     wire = TopoDS_Wire()
     builder.MakeWire(wire)
     for edge in edges:
@@ -154,14 +166,14 @@ def _wire(builder, edges):
     return wire
 
 
-def _spline_face(builder, surface, loop):
+def _spline_face(builder: BRep_Builder, surface: BSplineSurface, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
     face = TopoDS_Face()
     builder.MakeFace(face, geom_surface(surface), TOLERANCE)
     builder.Add(face, _wire(builder, loop))
     return face
 
 
-def _flat_face(builder, surfaces, side, loop):
+def _flat_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
     """Return the plane edge face of a lens whose front and rear have the same size."""
     _, poles = _boundary(surfaces[0], side)
     normal = gp_Dir(0, -1, 0) if side in (0, 2) else gp_Dir(1, 0, 0)
@@ -171,7 +183,7 @@ def _flat_face(builder, surfaces, side, loop):
     return face
 
 
-def _ruled_face(builder, surfaces, side, loop):
+def _ruled_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
     """Return the ruled face between two rims; its second parameter runs from front to rear."""
     rims = [_boundary(s, side) for s in surfaces]
     kv = merged(*(rim[0] for rim in rims))

@@ -7,8 +7,10 @@ The time stamp is fixed: the same lens gives the same bytes.
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
@@ -34,6 +36,12 @@ from thbcad.bspline import KnotVector
 from thbcad.cad.solid import lens_solid
 from thbcad.surface import BSplineSurface
 
+if TYPE_CHECKING:
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopoDS import TopoDS_Shape
+
+    from thbcad.lens import Lens
+
 STAMP = "2000-01-01T00:00:00"
 VOLUME_TOLERANCE = 1e-6  # relative, asked of OCCT's volume integral
 
@@ -58,7 +66,7 @@ class StepLens:
     volume: float
 
 
-def write_step(lens, path):
+def write_step(lens: Lens, path: str | Path) -> None:
     """Write the lens as one closed solid of six faces, in mm.
 
     Raises
@@ -87,7 +95,7 @@ def write_step(lens, path):
     write_bytes(path, buffer.getvalue())
 
 
-def read_step(path):
+def read_step(path: str | Path) -> StepLens:
     """Read a STEP file with a lens solid; lengths are converted to mm.
 
     Raises
@@ -127,12 +135,12 @@ def read_step(path):
     )
 
 
-def _silence():
+def _silence() -> None:
     """Keep OCCT's transfer statistics off stdout."""
     Message.DefaultMessenger_s().ChangePrinters().Clear()
 
 
-def _explore(shape, kind):
+def _explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
     explorer, found = TopExp_Explorer(shape, kind), []
     while explorer.More():
         found.append(explorer.Current())
@@ -140,13 +148,13 @@ def _explore(shape, kind):
     return found
 
 
-def _free_edges(shape):
+def _free_edges(shape: TopoDS_Shape) -> int:
     owners = TopTools_IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, owners)
     return sum(owners.FindFromIndex(k).Extent() != 2 for k in range(1, owners.Extent() + 1))
 
 
-def _spline(surface):
+def _spline(surface: Geom_BSplineSurface) -> BSplineSurface:
     """Return a Geom_BSplineSurface as BSplineSurface, with the very numbers of the file."""
     kv_u = _knot_vector(surface.UDegree(), surface.UKnot, surface.UMultiplicity, surface.NbUKnots())
     kv_v = _knot_vector(surface.VDegree(), surface.VKnot, surface.VMultiplicity, surface.NbVKnots())
@@ -155,6 +163,6 @@ def _spline(surface):
     return BSplineSurface(kv_u, kv_v, np.array(xyz))
 
 
-def _knot_vector(degree, knot, multiplicity, count):
+def _knot_vector(degree: int, knot: Callable[[int], float], multiplicity: Callable[[int], int], count: int) -> KnotVector:
     numbers = range(1, count + 1)
     return KnotVector(degree, np.repeat([knot(k) for k in numbers], [multiplicity(k) for k in numbers]))
