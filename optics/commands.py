@@ -134,25 +134,25 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     lens = base_lens(problem)
     screen = target_screen(problem)
     target = target_irradiance(light, screen, problem.target.fit, problem.source.flux)
-    least, (x, y) = lens.least_thickness()
+    least = lens.least_thickness()
     plan = stages(problem)
     data = {
         "title": problem.title,
         "picture_pixels": list(light.shape[::-1]),
         "target_pixels": list(screen.pixels),
         "dark_share": float((target <= 0.01 * target.max()).mean()),
-        "least_thickness_mm": least,
-        "least_thickness_at_mm": [x, y],
+        "least_thickness_mm": least.lower,
+        "least_thickness_at_mm": [least.u, least.v],
         "volume_mm3": lens.volume(),
         "levels": [{"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan],
     }
     lines = [
         f"{problem.title}: the problem is sound",
         f"picture {_by(light.shape[::-1])}, target {_by(screen.pixels)} pixels, {data['dark_share']:.0%} of them dark",
-        f"least thickness {least:.4g} mm at x = {x:.4g}, y = {y:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
+        f"least thickness {least.lower:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
     ]
     lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
-    if least <= problem.lens.rear.freeform.z_freedom:
+    if least.lower <= problem.lens.rear.freeform.z_freedom:
         lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
     return data, lines, True
 

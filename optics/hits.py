@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from optics.backend import Backend, DrArray
     from optics.beam import Beam
     from thbcad.bspline import KnotVector
-    from thbcad.lens import Conic
+    from thbcad.conic import Conic
 
 
 @dataclass(eq=False)

@@ -11,7 +11,8 @@ from optics.errors import UserError
 from optics.picture import fit_picture, read_picture
 from optics.screen import Screen
 from thbcad.bspline import KnotVector
-from thbcad.lens import Conic, FreeformSurface, Lens
+from thbcad.conic import Conic
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface
 

@@ -13,7 +13,7 @@ _HOMES = {
     "THBSpace": "thbcad.space",
     "BSplineSurface": "thbcad.surface",
     "THBSurface": "thbcad.surface",
-    "Conic": "thbcad.lens",
+    "Conic": "thbcad.conic",
     "FreeformSurface": "thbcad.lens",
     "Lens": "thbcad.lens",
     "read_lens": "thbcad.native",

@@ -57,15 +57,16 @@ def blossom_rows(
         # functions mu-k+1 .. mu of degree k-1; their knots t_j and t_(j+k)
         j = span[:, None] + np.arange(1 - k, 1)
         low, high = knots[j], knots[j + k]
-        share = rows / (high - low)
+        width, before = high - low, rows
         rows = np.zeros((len(span), k + 1))
         if k > degree - derivative:
-            rows[:, 1:] += k * share
-            rows[:, :-1] -= k * share
+            share = k * before / width
+            rows[:, 1:] += share
+            rows[:, :-1] -= share
         else:
             a = arguments[:, k - 1 : k]
-            rows[:, 1:] += share * (a - low)
-            rows[:, :-1] += share * (high - a)
+            rows[:, 1:] += before * ((a - low) / width)
+            rows[:, :-1] += before * ((high - a) / width)
     return rows
 
 
@@ -154,7 +155,9 @@ class KnotVector:
         The spline with these coefficients is the identity (thesis 3.16).
         """
         p = self.degree
-        return sum(self.knots[k : k + self.dim] for k in range(1, p + 1)) / p
+        first = self.knots[1 : self.dim + 1]
+        # as an offset from the first knot, so that the ends are exact
+        return first + sum(self.knots[k : k + self.dim] - first for k in range(1, p + 1)) / p
 
     def span_of(self, u: ArrayLike) -> NDArray[np.int64]:
         """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.
@@ -226,3 +229,19 @@ class KnotVector:
         span = self.span_of(finer.knots[:n])
         arguments = finer.knots[np.arange(n)[:, None] + np.arange(1, p + 1)]
         return band_matrix(span - p, blossom_rows(self.knots, p, span, arguments), self.dim)
+
+    def elevate(self) -> KnotVector:
+        """Return the knot vector of degree p + 1 whose splines contain those of this one."""
+        return KnotVector(self.degree + 1, np.sort(np.concatenate([self.knots, self.breaks])))
+
+    def elevation(self) -> csr_array:
+        """Return the degree elevation, csr_array (elevate().dim, dim).
+
+        The polar form of degree p + 1 is the mean of those of degree p over the arguments with
+        one left out:  F[a_1, ..., a_(p+1)] = 1/(p + 1) sum_k f[..., a_(k-1), a_(k+1), ...].
+        """
+        p, finer = self.degree, self.elevate()
+        span = self.span_of(finer.knots[: finer.dim])
+        arguments = finer.knots[np.arange(finer.dim)[:, None] + np.arange(1, p + 2)]
+        rows = sum(blossom_rows(self.knots, p, span, np.delete(arguments, k, axis=1)) for k in range(p + 1))
+        return band_matrix(span - p, rows / (p + 1), self.dim)

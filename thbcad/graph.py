@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from thbcad.bspline import KnotVector
+from thbcad.conic import Conic
 from thbcad.surface import BSplineSurface
 
 CONIC_TOLERANCE = 1e-11  # mm
 MAX_CONIC_NET = 2000  # control points per direction
-
-
-class ConicSection(Protocol):
-    """What is needed of a `thbcad.lens.Conic` (that module imports this one)."""
-
-    @property
-    def radius(self) -> float: ...
-
-    @property
-    def constant(self) -> float: ...
-
-    @property
-    def is_paraboloid(self) -> bool: ...
-
-    def __call__(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 
 def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
@@ -41,7 +26,7 @@ def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
     return sum(kv.knots[a : a + kv.dim] * kv.knots[b : b + kv.dim] for a, b in pairs) / len(pairs)
 
 
-def conic_graph(conic: ConicSection, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None) -> BSplineSurface:
+def conic_graph(conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None) -> BSplineSurface:
     """Return conic + sag as one BSplineSurface.
 
     sag : (kv_x.dim, kv_y.dim) or None.
@@ -63,7 +48,7 @@ def conic_graph(conic: ConicSection, kv_x: KnotVector, kv_y: KnotVector, sag: ND
     return BSplineSurface(fine_x, fine_y, heights)
 
 
-def _interpolated(conic: ConicSection, kv_x: KnotVector, kv_y: KnotVector) -> tuple[KnotVector, KnotVector, NDArray[np.float64]]:
+def _interpolated(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> tuple[KnotVector, KnotVector, NDArray[np.float64]]:
     while True:
         x, y = kv_x.greville(), kv_y.greville()
         by_x = splu(kv_x.collocation(x).tocsc()).solve(conic(x[:, None], y[None, :]))
@@ -74,16 +59,16 @@ def _interpolated(conic: ConicSection, kv_x: KnotVector, kv_y: KnotVector) -> tu
             s = _between(kv_x) if first else x
             t = y if first else _between(kv_y)
             errors.append(np.abs(surface.grid(s, t) - conic(s[:, None], t[None, :])).max())
-        if max(errors) <= CONIC_TOLERANCE:
+        if sum(errors) <= CONIC_TOLERANCE / 2:  # errors in x and in y add up; half is kept for what lies between the samples
             return kv_x, kv_y, heights
         if max(kv_x.dim, kv_y.dim) > MAX_CONIC_NET:
             raise ValueError(
                 f"the conic with radius {conic.radius} and K {conic.constant} cannot be written as a spline to "
                 f"{CONIC_TOLERANCE} mm with {MAX_CONIC_NET} control points per direction; use K = -1 or a higher degree"
             )
-        if errors[0] > CONIC_TOLERANCE:
+        if errors[0] > CONIC_TOLERANCE / 4:
             kv_x = kv_x.bisect()
-        if errors[1] > CONIC_TOLERANCE:
+        if errors[1] > CONIC_TOLERANCE / 4:
             kv_y = kv_y.bisect()
 
 
@@ -119,6 +104,29 @@ def rescaled(kv: KnotVector, half_width: float) -> KnotVector:
         return kv
     share = (kv.knots - kv.start) / (kv.stop - kv.start)
     return KnotVector(kv.degree, np.where(share == 1, half_width, -half_width + 2 * half_width * share))
+
+
+def elevated(graph: BSplineSurface, degrees: tuple[int, int]) -> BSplineSurface:
+    """Return the same graph with (at least) the given degrees."""
+    kv_u, kv_v, heights = graph.kv_u, graph.kv_v, graph.coefficients
+    while kv_u.degree < degrees[0]:
+        kv_u, heights = kv_u.elevate(), kv_u.elevation() @ heights
+    while kv_v.degree < degrees[1]:
+        kv_v, heights = kv_v.elevate(), (kv_v.elevation() @ heights.T).T
+    return BSplineSurface(kv_u, kv_v, heights)
+
+
+def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> BSplineSurface:
+    """Return thickness + rear - front at equal relative positions, as a spline over the rear's rectangle."""
+    nets, target = [], []
+    for d in (0, 1):
+        mine, other = (rear.kv_u, front.kv_u) if d == 0 else (rear.kv_v, front.kv_v)
+        other = _aligned(other, mine)
+        both = merged(mine, other)
+        target.append(both)
+        nets.append([own.prolongation(both) for own in (other, mine)])
+    heights = [nets[0][k] @ (nets[1][k] @ graph.coefficients.T).T for k, graph in enumerate((front, rear))]
+    return BSplineSurface(*target, thickness + heights[1] - heights[0])
 
 
 def volume_between(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> float:

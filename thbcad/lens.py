@@ -7,65 +7,15 @@ A surface is the graph z(x, y) = conic(x, y) + sag(x, y) over |x| <= half_width[
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thbcad.bounds import Minimum, minimum
 from thbcad.bspline import KnotVector
-from thbcad.graph import conic_graph, rescaled, volume_between
+from thbcad.conic import Conic
+from thbcad.graph import conic_graph, elevated, gap_graph, rescaled, volume_between
 from thbcad.surface import BSplineSurface, THBSurface
-
-Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
-
-
-@dataclass(frozen=True)
-class Conic:
-    """The conic z = c r^2 / (1 + sqrt(1 - (1 + K) c^2 r^2)), c = 1 / radius (thesis 3.2).
-
-    radius : float, mm; inf is a plane.  constant : float, K = -1 is a paraboloid.
-    """
-
-    radius: float = np.inf
-    constant: float = 0.0
-
-    def __post_init__(self) -> None:
-        if np.isnan(self.radius) or self.radius == 0:
-            raise ValueError(f"radius must be a number other than 0, got {self.radius}")
-        if not np.isfinite(self.constant):
-            raise ValueError(f"conic constant must be finite, got {self.constant}")
-
-    @property
-    def is_plane(self) -> bool:
-        return np.isinf(self.radius)
-
-    @property
-    def is_paraboloid(self) -> bool:
-        """True where the conic is a polynomial of degree 2: planes and K = -1."""
-        return self.is_plane or self.constant == -1.0
-
-    def require(self, half_width: tuple[float, float]) -> None:
-        """Raise ValueError unless the conic is defined on the whole rectangle."""
-        reach = np.hypot(*half_width)
-        if not self.is_plane and (1 + self.constant) * (reach / self.radius) ** 2 >= 1:
-            limit = abs(self.radius) / np.sqrt(1 + self.constant)
-            raise ValueError(
-                f"the conic (radius {self.radius}, K {self.constant}) ends at r = {limit:.6g} mm, "
-                f"but the corner of the aperture lies at r = {reach:.6g} mm"
-            )
-
-    def __call__(self, x: Coordinate, y: Coordinate, derivative: tuple[int, int] = (0, 0)) -> Coordinate:
-        """Return z or, for derivative (1, 0) or (0, 1), its slope in x or y."""
-        c = 1.0 / self.radius
-        r2 = x * x + y * y
-        root = np.sqrt(1 - (1 + self.constant) * c * c * r2)
-        if derivative == (0, 0):
-            return c * r2 / (1 + root)
-        if derivative == (1, 0):
-            return c * x / root + 0 * y
-        if derivative == (0, 1):
-            return c * y / root + 0 * x
-        raise ValueError(f"conics have derivatives (0, 0), (1, 0) and (0, 1), got {derivative}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +71,14 @@ class FreeformSurface:
             for a, h, s, kv in zip((x, y), self.half_width, self._scale(), (space.kv_u, space.kv_v))
         )
 
-    def graph(self, degree: int = 3) -> BSplineSurface:
+    def graph(self, degrees: tuple[int, int] = (3, 3)) -> BSplineSurface:
         """Return the exact surface as a scalar BSplineSurface z(x, y) on x, y in mm.
 
-        degree : of a surface without sag; with one, the sag's degree and needed knots are used.
+        degrees : in x and y, of a surface without sag; with one, the sag's degree and needed knots are used.
         Paraboloids and planes are exact, other conics are interpolated to 1e-11 mm.
         """
         if self.sag is None:
-            kv_x, kv_y = (KnotVector.uniform(degree, 1, -h, h) for h in self.half_width)
+            kv_x, kv_y = (KnotVector.uniform(p, 1, -h, h) for p, h in zip(degrees, self.half_width))
             return conic_graph(self.conic, kv_x, kv_y)
         sag = self.sag.to_bspline()
         kv_x, kv_y = (rescaled(kv, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
@@ -159,35 +109,34 @@ class Lens:
     index: float
 
     def __post_init__(self) -> None:
+        for name in ("thickness", "index"):
+            object.__setattr__(self, name, float(getattr(self, name)))
         if not (np.isfinite(self.index) and self.index > 1):
             raise ValueError(f"index must be a number greater than 1, got {self.index}")
         if not (np.isfinite(self.thickness) and self.thickness > 0):
             raise ValueError(f"thickness must be a positive number of mm, got {self.thickness}")
-        least, (x, y) = self.least_thickness()
-        if least <= 0:
+        least = self.least_thickness()
+        if least.lower <= 0:
+            amount = abs(min(least.value, 0.0))
             raise ValueError(
-                f"the surfaces cross: at x = {x:.6g}, y = {y:.6g} mm the rear lies {-least:.6g} mm before the front; "
-                f"raise lens.thickness by more than {-least:.6g} mm or change the radii"
+                f"the surfaces cross or touch: at x = {least.u:.6g}, y = {least.v:.6g} mm the rear lies {amount:.6g} mm before the front; "
+                f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
             )
 
-    def least_thickness(self) -> tuple[float, tuple[float, float]]:
-        """Return (mm, (x, y)): the least distance in z, sampled four times per knot span.
+    def least_thickness(self) -> Minimum:
+        """Return certified bounds of the least distance in z, mm, and its place on the rear.
 
         Surfaces of different size are compared between points of equal relative position, as
         the ruled edges join them.
         """
-        samples = [_samples(graph) for graph in self.graphs()]
-        s, t = (np.union1d(a, b) for a, b in zip(*samples))
-        front, rear = (f.grid(s * f.half_width[0], t * f.half_width[1]) for f in (self.front, self.rear))
-        gap = self.thickness + rear - front
-        i, j = np.unravel_index(np.argmin(gap), gap.shape)
-        return float(gap[i, j]), (float(s[i] * self.rear.half_width[0]), float(t[j] * self.rear.half_width[1]))
+        return minimum(gap_graph(*self.graphs(), self.thickness))
 
     def graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
-        """Return front and rear as exact scalar BSplineSurfaces of one degree."""
-        sags = [f.sag.space.kv_u.degree for f in (self.front, self.rear) if f.sag is not None]
-        degree = max(sags, default=3)
-        return self.front.graph(degree), self.rear.graph(degree)
+        """Return front and rear as exact scalar BSplineSurfaces of the same degrees (elevated where needed)."""
+        spaces = [f.sag.space for f in (self.front, self.rear) if f.sag is not None]
+        common = tuple(max((kv.degree for kv in row), default=3) for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces]))
+        graphs = self.front.graph(common), self.rear.graph(common)
+        return elevated(graphs[0], common), elevated(graphs[1], common)
 
     def volume(self) -> float:
         """Return the volume in mm^3, by Gauss quadrature that is exact for the splines."""
@@ -196,12 +145,3 @@ class Lens:
     def with_rear(self, rear: FreeformSurface) -> Lens:
         """Return the lens with another rear surface."""
         return Lens(self.front, rear, self.thickness, self.index)
-
-
-def _samples(graph: BSplineSurface) -> list[NDArray[np.float64]]:
-    """Return relative positions in x and y, four per knot span, both ends included."""
-    rows = []
-    for kv in (graph.kv_u, graph.kv_v):
-        b = kv.breaks / kv.stop
-        rows.append(np.unique(np.concatenate([b[:-1] + f * np.diff(b) for f in (0, 0.25, 0.5, 0.75)] + [b[-1:]])))
-    return rows

@@ -11,15 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thbcad.atomic import write_text
 from thbcad.bspline import KnotVector
-from thbcad.lens import Conic, FreeformSurface, Lens
+from thbcad.conic import Conic
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface
 
 SCHEMA = "thbcad-lens"
 VERSION = 1
+MOST_CELLS = 10_000_000  # on level 0, so that a small file cannot ask for all memory
 
 
 def lens_to_dict(lens: Lens) -> dict[str, Any]:
@@ -47,12 +50,10 @@ def lens_from_dict(data: object) -> Lens:
     if data.get("version") != VERSION:
         raise ValueError(f"lens file version {data.get('version')!r} is unknown, this program reads version {VERSION}")
     try:
-        front, rear = (_surface_from_dict(data[name]) for name in ("front", "rear"))
-        return Lens(front, rear, float(data["thickness"]), float(data["index"]))
+        front, rear = (_surface_from_dict(_table(data, name)) for name in ("front", "rear"))
+        return Lens(front, rear, _number(data, "thickness"), _number(data, "index"))
     except KeyError as error:
         raise ValueError(f"the lens file lacks the key {error}") from None
-    except TypeError as error:
-        raise ValueError(f"the lens file holds a value of the wrong type: {error}") from None
 
 
 def write_lens(lens: Lens, path: str | Path) -> None:
@@ -71,6 +72,8 @@ def read_lens(path: str | Path) -> Lens:
         return lens_from_dict(json.loads(Path(path).read_text("utf-8")))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is not a lens file: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path} is not a lens file: it is nested too deeply") from None
 
 
 def _surface_to_dict(surface: FreeformSurface) -> dict[str, Any]:
@@ -83,9 +86,12 @@ def _surface_to_dict(surface: FreeformSurface) -> dict[str, Any]:
 
 
 def _surface_from_dict(data: dict[str, Any]) -> FreeformSurface:
-    radius = np.inf if data["radius"] is None else float(data["radius"])
-    sag = sag_from_dict(data["sag"]) if "sag" in data else None
-    return FreeformSurface(tuple(data["half_width"]), Conic(radius, float(data["conic"])), sag)
+    radius = np.inf if data["radius"] is None else _number(data, "radius")
+    sag = sag_from_dict(_table(data, "sag")) if "sag" in data else None
+    half_width = _numbers(data, "half_width")
+    if len(half_width) != 2:
+        raise ValueError(f"the lens file's half_width must be 2 numbers, got {len(half_width)}")
+    return FreeformSurface((half_width[0], half_width[1]), Conic(radius, _number(data, "conic")), sag)
 
 
 def sag_to_dict(sag: THBSurface) -> dict[str, Any]:
@@ -100,8 +106,49 @@ def sag_to_dict(sag: THBSurface) -> dict[str, Any]:
 
 
 def sag_from_dict(data: dict[str, Any]) -> THBSurface:
-    """Return the THB surface of `sag_to_dict`."""
-    space = THBSpace(*(KnotVector(p, t) for p, t in zip(data["degree"], data["knots"])))
-    for level, cells in enumerate(data["refined"]):
+    """Return the THB surface of `sag_to_dict`.
+
+    Raises
+    ------
+    ValueError : values of the wrong type or number, more cells than MOST_CELLS.
+    """
+    degrees, knots, refined = (_list(data, name) for name in ("degree", "knots", "refined"))
+    if len(degrees) != 2 or len(knots) != 2:
+        raise ValueError(f"a sag has 2 degrees and 2 knot vectors, the file has {len(degrees)} and {len(knots)}")
+    kv_u, kv_v = (KnotVector(p, _row(t, "knots")) for p, t in zip(degrees, knots))
+    if kv_u.spans * kv_v.spans > MOST_CELLS:
+        raise ValueError(f"the sag has {kv_u.spans} x {kv_v.spans} cells on level 0, more than {MOST_CELLS}")
+    space = THBSpace(kv_u, kv_v)
+    for level, cells in enumerate(refined):
         space = space.refine({level: cells})
-    return THBSurface(space, data["coefficients"])
+    return THBSurface(space, _numbers(data, "coefficients"))
+
+
+def _number(data: dict[str, Any], key: str) -> float:
+    return float(_row([data[key]], key)[0])
+
+
+def _numbers(data: dict[str, Any], key: str) -> NDArray[np.float64]:
+    return _row(data[key], key)
+
+
+def _row(values: object, key: str) -> NDArray[np.float64]:
+    """Return a list of JSON numbers as floats; nothing else passes for a number."""
+    if not isinstance(values, list) or not all(type(v) in (int, float) for v in values):
+        raise ValueError(f"the lens file's {key} must hold numbers only")
+    try:
+        return np.array(values, dtype=np.float64)
+    except OverflowError:
+        raise ValueError(f"the lens file's {key} holds a number that float64 cannot hold") from None
+
+
+def _list(data: dict[str, Any], key: str) -> list[Any]:
+    if not isinstance(data[key], list):
+        raise ValueError(f"the lens file's {key} must be a list")
+    return data[key]
+
+
+def _table(data: dict[str, Any], key: str) -> dict[str, Any]:
+    if not isinstance(data[key], dict):
+        raise ValueError(f"the lens file's {key} must be an object")
+    return data[key]

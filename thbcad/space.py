@@ -8,9 +8,8 @@ level l.  *Leaf cells* are the cells that are not refined.  A function (level, i
 *active* when its support lies in Omega_l but not in Omega_(l+1).  Degrees of freedom are
 ordered by level, then i, then j.
 
-Cells are stored as sorted integers, masks in compressed coordinates (only the rows and
-columns in which a level has cells), so that memory follows the cells that exist and never
-the full grid of a level.
+Cells are stored as sorted integers, masks in compressed coordinates: only the rows and
+columns in which a level has cells, never the full grid of a level.
 
 Source: C. Giannelli, B. Juettler, H. Speleers, THB-splines: the truncated basis for
 hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional masks.
@@ -30,7 +29,7 @@ from thbcad.bspline import KnotVector, read_only
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis
 
-MAX_LEVEL = 30
+MAX_LEVEL = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +219,8 @@ class THBSpace:
     def _keys(self, level: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """Pack cells (i, j) of a level into sortable integers; refuse cells outside."""
         n_u, n_v = (axis.spans(level) for axis in self.axes)
+        if n_u * n_v >= 1 << 62:
+            raise ValueError(f"level {level} is too deep: its {n_u} x {n_v} cells cannot be counted in 64 bits")
         bad = (pairs < 0).any(axis=1) | (pairs[:, 0] >= n_u) | (pairs[:, 1] >= n_v)
         if bad.any():
             i, j = pairs[bad][0]

@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from thbcad.bspline import KnotVector
-from thbcad.lens import Conic, FreeformSurface, Lens
+from thbcad.conic import Conic
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface
 

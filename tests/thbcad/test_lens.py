@@ -12,8 +12,9 @@ from scipy.spatial import ConvexHull
 from tests.thbcad.oracle import flux_volume, gamma
 from tests.thbcad.strategies import lenses, surfaces
 from thbcad.bspline import KnotVector
+from thbcad.conic import Conic
 from thbcad.graph import CONIC_TOLERANCE, merged, rescaled, square_coefficients
-from thbcad.lens import Conic, FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface
 
@@ -200,7 +201,7 @@ def test_square_coefficients(degree, spans):
 @pytest.mark.parametrize("radius", [9.0, -40.0, np.inf])
 def test_paraboloid_graph_is_exact(degree, radius):
     """No knots are added and the error is that of rounding."""
-    graph = FreeformSurface((5, 4), Conic(radius, -1.0)).graph(degree)
+    graph = FreeformSurface((5, 4), Conic(radius, -1.0)).graph((degree, degree))
     assert graph.coefficients.shape == (degree + 1, degree + 1)
     assert (graph.kv_u.start, graph.kv_u.stop, graph.kv_v.start, graph.kv_v.stop) == (-5, 5, -4, 4)
     scale = 41 / (2 * abs(radius))
@@ -217,7 +218,7 @@ def test_paraboloid_graph_is_exact(degree, radius):
     ids=lambda x: f"R{x.radius}K{x.constant}" if isinstance(x, Conic) else str(x),
 )
 def test_conic_graph_is_within_its_tolerance(conic, half_width, degree):
-    graph = FreeformSurface(half_width, conic).graph(degree)
+    graph = FreeformSurface(half_width, conic).graph((degree, degree))
     x, y = (np.linspace(-h, h, 801) for h in half_width)
     assert CONIC_TOLERANCE == 1e-11
     assert abs(graph.grid(x, y) - conic(x[:, None], y[None, :])).max() <= 1e-11
@@ -251,7 +252,7 @@ def test_graphs_of_random_surfaces(surface):
 def test_spheres_of_any_size_have_a_graph(half_width, degree):
     """The interpolation points must not leave the domain by rounding."""
     conic = Conic(20 * half_width)
-    graph = FreeformSurface((half_width, half_width), conic).graph(degree)
+    graph = FreeformSurface((half_width, half_width), conic).graph((degree, degree))
     corner = graph.grid([-half_width, half_width], [-half_width, half_width])
     assert abs(corner - conic(half_width, half_width)).max() <= 1e-11
 
@@ -330,26 +331,30 @@ def test_volume_against_the_flux_through_the_faces(lens):
 
 
 def test_least_thickness_at_a_corner_and_at_the_centre():
-    least, place = plano(FreeformSurface((3, 4), Conic(-10, -1)), 2.0).least_thickness()
-    assert least == pytest.approx(2 - 25 / 20, rel=1e-14)
-    assert tuple(map(abs, place)) == (3, 4)
-    least, place = plano(FreeformSurface((3, 4), Conic(10, -1)), 2.0).least_thickness()
-    assert least == pytest.approx(2, rel=1e-14)
-    assert place == (0, 0)
+    least = plano(FreeformSurface((3, 4), Conic(-10, -1)), 2.0).least_thickness()
+    assert least.value == pytest.approx(2 - 25 / 20, rel=1e-14)
+    assert least.lower == pytest.approx(least.value, abs=1e-11)
+    assert (abs(least.u), abs(least.v)) == (3, 4)
+    least = plano(FreeformSurface((3, 4), Conic(10, -1)), 2.0).least_thickness()
+    assert least.lower <= 2 <= least.value
+    assert least.value == pytest.approx(least.lower, abs=1e-11)
+    assert np.hypot(least.u, least.v) < 1e-5
 
 
 def test_least_thickness_between_points_of_equal_relative_position():
     lens = Lens(FreeformSurface((5, 5), Conic(-5, -1)), FreeformSurface((8, 8), Conic(-10, -1)), 5.0, 1.5)
     # 5 - 64 / 10 + 25 / 5 in the corners, 5 in the middle, in between 5 + s^2 (5 - 6.4)
-    assert lens.least_thickness()[0] == pytest.approx(3.6, rel=1e-14)
+    assert lens.least_thickness().value == pytest.approx(3.6, rel=1e-14)
 
 
 def test_surfaces_that_cross_are_refused_with_place_and_amount():
     rear = FreeformSurface((3, 4), Conic(-10, -1))
-    with pytest.raises(ValueError, match=r"cross: at x = -?3, y = -?4 mm the rear lies 0\.25 mm before the front.*by more than 0\.25 mm"):
+    with pytest.raises(
+        ValueError, match=r"cross or touch: at x = -?3, y = -?4 mm the rear lies 0\.25 mm before the front.*by more than 0\.25 mm"
+    ):
         plano(rear, 1.0)
     front = FreeformSurface((3, 4), Conic(50, -1), flat_sag(0.5))
-    with pytest.raises(ValueError, match=r"cross: at x = 0, y = 0 mm the rear lies 0\.3 mm before the front"):
+    with pytest.raises(ValueError, match=r"cross or touch: at x = 0, y = 0 mm the rear lies 0\.3 mm before the front"):
         Lens(front, FreeformSurface((3, 4), Conic(10, -1)), 0.2, 1.5)
 
 

@@ -14,7 +14,8 @@ from hypothesis import given
 from tests.thbcad.strategies import AWKWARD, lenses
 from thbcad import atomic
 from thbcad.bspline import KnotVector
-from thbcad.lens import Conic, FreeformSurface, Lens
+from thbcad.conic import Conic
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.native import lens_from_dict, lens_to_dict, read_lens, sag_from_dict, sag_to_dict, write_lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface

@@ -19,7 +19,8 @@ from thbcad import atomic
 from thbcad.bspline import KnotVector
 from thbcad.cad.solid import lens_solid, lens_surfaces
 from thbcad.cad.step import read_step, write_step
-from thbcad.lens import Conic, FreeformSurface, Lens
+from thbcad.conic import Conic
+from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface
 

@@ -7,7 +7,8 @@ The time stamp is fixed: the same lens gives the same bytes.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,9 +21,10 @@ from OCP.BRepGProp import BRepGProp
 from OCP.Geom import Geom_BSplineSurface
 from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_RetDone
-from OCP.Interface import Interface_Static
+from OCP.Interface import Interface_InterfaceModel, Interface_Static
 from OCP.Message import Message
 from OCP.StepAP214 import StepAP214
+from OCP.StepBasic import StepBasic_Product
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_HAsciiString
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 STAMP = "2000-01-01T00:00:00"
+PRODUCT = "lens"
 VOLUME_TOLERANCE = 1e-6  # relative, asked of OCCT's volume integral
 
 
@@ -75,16 +78,15 @@ def write_step(lens: Lens, path: str | Path) -> None:
     RuntimeError : OCCT refuses the solid.
     """
     _silence()
-    writer = STEPControl_Writer()
-    # these settings exist only once a writer has been made
-    Interface_Static.SetIVal_s("write.surfacecurve.mode", 0)
-    Interface_Static.SetCVal_s("write.step.unit", "MM")
-    Interface_Static.SetCVal_s("write.step.product.name", "lens")
-    if writer.Transfer(lens_solid(lens), STEPControl_AsIs) != IFSelect_RetDone:
-        raise RuntimeError("OCCT could not translate the lens solid to STEP")
+    STEPControl_Writer()  # the settings exist only once a writer has been made
+    with _settings({"write.step.schema": "AP214IS", "write.step.unit": "MM", "write.surfacecurve.mode": "0"}):
+        writer = STEPControl_Writer()  # takes the schema when it is made
+        if writer.Transfer(lens_solid(lens), STEPControl_AsIs) != IFSelect_RetDone:
+            raise RuntimeError("OCCT could not translate the lens solid to STEP")
     model = writer.Model()
+    _name_product(model)
     header = APIHeaderSection_MakeHeader(model)
-    header.SetName(TCollection_HAsciiString("lens"))
+    header.SetName(TCollection_HAsciiString(PRODUCT))
     header.SetTimeStamp(TCollection_HAsciiString(STAMP))
     text = StepData_StepWriter(model)
     text.FloatWriter().SetFormat("%#.17G")
@@ -108,9 +110,10 @@ def read_step(path: str | Path) -> StepLens:
         pass
     _silence()
     reader = STEPControl_Reader()
-    if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
-        raise ValueError(f"{path} is not a readable STEP file")
-    shape = reader.OneShape()
+    with _settings({"xstep.cascade.unit": "MM"}):
+        if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
+            raise ValueError(f"{path} is not a readable STEP file")
+        shape = reader.OneShape()
     splines = []
     for face in _explore(shape, TopAbs_FACE):
         surface = BRep_Tool.Surface_s(TopoDS.Face_s(face))
@@ -119,7 +122,7 @@ def read_step(path: str | Path) -> StepLens:
             splines.append(_spline(surface))
     if len(splines) != 2:
         raise ValueError(f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear")
-    front, rear = sorted(splines, key=lambda s: s.coefficients[..., 2].mean())
+    front, rear = sorted(splines, key=_centre_height)
     shells = [TopoDS.Shell_s(s) for s in _explore(shape, TopAbs_SHELL)]
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(shape, properties, VOLUME_TOLERANCE)
@@ -133,6 +136,34 @@ def read_step(path: str | Path) -> StepLens:
         valid=BRepCheck_Analyzer(shape).IsValid(),
         volume=properties.Mass(),
     )
+
+
+@contextmanager
+def _settings(values: dict[str, str]) -> Iterator[None]:
+    """Set OCCT's process-wide parameters for a while."""
+    before = {name: Interface_Static.CVal_s(name) for name in values}
+    for name, value in values.items():
+        Interface_Static.SetCVal_s(name, value)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            Interface_Static.SetCVal_s(name, value)
+
+
+def _name_product(model: Interface_InterfaceModel) -> None:
+    """Give the product a name without the counter that OCCT appends."""
+    for number in range(1, model.NbEntities() + 1):
+        entity = model.Value(number)
+        if isinstance(entity, StepBasic_Product):
+            entity.SetId(TCollection_HAsciiString(PRODUCT))
+            entity.SetName(TCollection_HAsciiString(PRODUCT))
+
+
+def _centre_height(spline: BSplineSurface) -> float:
+    """Return z at the middle of the parameters."""
+    u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
+    return float(spline([u], [v])[0, 2])
 
 
 def _silence() -> None:
