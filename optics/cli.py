@@ -7,7 +7,6 @@ Results go to stdout (--json for machines), progress and messages to stderr.  Ex
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Sequence
@@ -60,7 +59,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         where = f" {error.filename}" if error.filename else ""
         print(f"thbcad: cannot write or read{where}: {error.strerror or error}", file=sys.stderr)
         return UserError.exit_code
-    print(json.dumps(result, indent=1) if options.json else "\n".join(lines))
+    from thbcad.files import json_text
+
+    print(json_text(result) if options.json else "\n".join(lines))
     return 0 if ok else 1
 
 

@@ -96,8 +96,8 @@ def _finish(
     from optics.metrics import measure
     from optics.report import report_html
     from optics.verify import verification, verify
-    from thbcad.atomic import write_bytes, write_text
     from thbcad.cad.step import write_step
+    from thbcad.files import write_bytes, write_text
 
     folder.write_lens(lens)
     folder.write_history(state.history)

@@ -80,8 +80,10 @@ def _overlap(count: int, extent: float, pixels: int) -> NDArray[np.float64]:
 
 def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
     if image.mode in DEEP_MODES:
-        values = np.asarray(image, dtype=np.float64) / 65535
-        return _decoded(values, encoding)
+        values = np.asarray(image, dtype=np.float64)
+        if values.max() > 65535:
+            raise ValueError("its whole numbers have more than 16 bits; save it with 16 bits or as floating point")
+        return _decoded(values / 65535, encoding)
     if image.mode == "F":
         return _decoded(np.asarray(image, dtype=np.float64), encoding)
     if image.mode == "1" or image.mode == "L":

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from optics.design import Row, State
 from optics.errors import UserError
 from optics.problem import Problem, load_problem, problem_to_toml
-from thbcad.atomic import write_bytes, write_text
+from thbcad.files import json_text, write_bytes, write_text
 from thbcad.native import read_lens, sag_from_dict, sag_to_dict, write_lens
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class ResultFolder:
             raise UserError(f"{self.lens}: {error}") from None
 
     def write_json(self, name: str, data: dict[str, Any]) -> None:
-        write_text(self.path / name, json.dumps(data, indent=1) + "\n")
+        write_text(self.path / name, json_text(data))
 
     def write_history(self, history: Sequence[Row]) -> None:
         text = io.StringIO()

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.atomic import write_text
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
+from thbcad.files import write_text
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.surface import THBSurface

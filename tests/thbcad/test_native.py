@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 
 from tests.thbcad.strategies import AWKWARD, lenses
-from thbcad import atomic
+from thbcad import files
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
@@ -269,7 +269,7 @@ def test_a_failed_write_leaves_the_old_file(path, monkeypatch, failing):
     def fail(*arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(atomic.os, failing, fail)
+    monkeypatch.setattr(files.os, failing, fail)
     with pytest.raises(OSError, match="No space left"):
         write_lens(example(), path)
     monkeypatch.undo()
@@ -283,7 +283,7 @@ def test_an_interrupted_write_leaves_the_old_file(path, monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(atomic.os, "replace", interrupt)
+    monkeypatch.setattr(files.os, "replace", interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_lens(example(), path)
     monkeypatch.undo()

@@ -15,7 +15,7 @@ from OCP.GProp import GProp_GProps
 from OCP.Interface import Interface_Static
 
 from tests.thbcad.oracle import flux_volume
-from thbcad import atomic
+from thbcad import files
 from thbcad.bspline import KnotVector
 from thbcad.cad.solid import lens_solid, lens_surfaces
 from thbcad.cad.step import read_step, write_step
@@ -367,7 +367,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     def fail(*arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(atomic.os, "replace", fail)
+    monkeypatch.setattr(files.os, "replace", fail)
     with pytest.raises(OSError, match="No space left"):
         write_step(LENSES["plano"], path)
     monkeypatch.undo()

@@ -33,9 +33,9 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
-from thbcad.atomic import write_bytes
 from thbcad.bspline import KnotVector
 from thbcad.cad.solid import lens_solid
+from thbcad.files import write_bytes
 from thbcad.surface import BSplineSurface
 
 if TYPE_CHECKING:

@@ -1,10 +1,13 @@
-"""Files appear whole or not at all."""
+"""Files that appear whole or not at all, and strict JSON."""
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -31,6 +34,19 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 def write_text(path: str | Path, text: str) -> None:
     """Write `text` as UTF-8, atomically."""
     write_bytes(path, text.encode("utf-8"))
+
+
+def json_text(data: object) -> str:
+    """Return strict JSON; numbers that JSON does not have (inf, nan) become null."""
+    return json.dumps(_finite(data), indent=1, allow_nan=False) + "\n"
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 def _umask() -> int:
