@@ -12,7 +12,7 @@ from optics import llvm
 
 DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
 
-PRECISIONS = {"double": "Float64", "single": "Float32"}
+PRECISIONS = {"double": ("Float64", 1e-9), "single": ("Float32", 1e-4)}  # array type, resolution in mm
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,13 @@ class Backend:
 
     dr : the drjit module
     Float, Index : differentiable float and unsigned integer array types
+    resolution : mm, within which a ray counts as meeting a surface
     """
 
     dr: ModuleType
     Float: type[DrArray]
     Index: type[DrArray]
+    resolution: float
 
 
 def load_backend(precision: str = "double", threads: int = 0) -> Backend:
@@ -42,4 +44,5 @@ def load_backend(precision: str = "double", threads: int = 0) -> Backend:
 
     types = import_module("drjit.llvm.ad")
     drjit.set_thread_count(threads or len(os.sched_getaffinity(0)))
-    return Backend(drjit, getattr(types, PRECISIONS[precision]), types.UInt32)
+    name, resolution = PRECISIONS[precision]
+    return Backend(drjit, getattr(types, name), types.UInt32, resolution)

@@ -141,7 +141,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         "picture_pixels": list(light.shape[::-1]),
         "target_pixels": list(screen.pixels),
         "dark_share": float((target <= 0.01 * target.max()).mean()),
-        "least_thickness_mm": least.lower,
+        "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
         "volume_mm3": lens.volume(),
         "levels": [{"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan],
@@ -149,7 +149,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     lines = [
         f"{problem.title}: the problem is sound",
         f"picture {_by(light.shape[::-1])}, target {_by(screen.pixels)} pixels, {data['dark_share']:.0%} of them dark",
-        f"least thickness {least.lower:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
+        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
     ]
     lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
     if least.lower <= problem.lens.rear.freeform.z_freedom:
@@ -186,6 +186,11 @@ def bench(options: Namespace) -> tuple[list[dict[str, Any]], list[str], bool]:
     return [row.plain() for row in rows], [machine(), *table(rows)], all(row.ok for row in rows)
 
 
+def _shown(value: float | None, form: str) -> str:
+    """Return a figure as text, "-" where it is not defined."""
+    return "-" if value is None else format(value, form)
+
+
 def _by(size: Sequence[int]) -> str:
     return f"{size[0]} x {size[1]}"
 
@@ -202,7 +207,7 @@ def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[s
     return [
         *_check_lines(checked),
         f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   "
-        f"psnr {metrics['psnr_db']:.2f} dB   ssim {metrics['ssim']:.3f}",
+        f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
         f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
         f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
         f"solid {folder.step}   report {folder.path / 'report.html'}",

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from optics.screen import Screen
     from thbcad.lens import Lens
 
+MOST_RAYS = 40_000_000  # at once
 MARGIN = 8  # dark pixels around the target
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
 
@@ -129,6 +130,11 @@ def stages(problem: Problem) -> list[Stage]:
         screen = target_screen(problem, _coarsening(problem, level), MARGIN)
         rays = tuple(max(64, ceil(optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
         skipped = uses_transport(problem) and level < freeform.max_level
+        if rays[0] * rays[1] > MOST_RAYS:
+            raise UserError(
+                f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most machines; "
+                "use fewer target.pixels, lens.rear.freeform.spans or levels, or fewer optimizer.rays_per_pixel"
+            )
         out.append(Stage(level, 0 if skipped else per_level(optimizer.iterations, level), screen, rays))
     return out
 
@@ -257,11 +263,11 @@ class _Recorder:
 
 def _minimize(recorder: _Recorder, problem: Problem, stage: Stage) -> THBSurface:
     """Return the best THB surface that L-BFGS finds."""
-    if stage.iterations == 0:
-        recorder(recorder.variables.zeros())
-        return recorder.best_sag
     options = {"maxiter": stage.iterations, "maxcor": problem.optimizer.memory, "maxfun": 2 * stage.iterations + 10}
     try:
+        if stage.iterations == 0:
+            recorder(recorder.variables.zeros())
+            return recorder.best_sag
         minimize(recorder, recorder.variables.zeros(), jac=True, method="L-BFGS-B", options=options)
     except KeyboardInterrupt:
         raise Interrupted(State(stage.level, recorder.best_sag, True, recorder.state.history)) from None

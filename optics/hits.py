@@ -57,15 +57,17 @@ class RearHits:
 class KnownHits:
     """Parallel rays along z: x and y are known before, evaluation is one constant matrix.
 
-    The rays form a grid, so the matrix is a Kronecker product of two sparse ones.
+    The rays form a grid, so the matrix is a Kronecker product of two sparse ones.  Rays beside
+    the rear surface carry hit = False.
     """
 
-    def __init__(self, backend: Backend, beam: Beam, conic: Conic, knots: Sequence[KnotVector]) -> None:
+    def __init__(self, backend: Backend, beam: Beam, conic: Conic, half_width: tuple[float, float], knots: Sequence[KnotVector]) -> None:
         self._backend = backend
         self.shape = len(beam.x), len(beam.y)
-        self._points = beam.x, beam.y
+        self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
         self._matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
-        x, y = beam.x[:, None], beam.y[None, :]
+        x, y = self._points[0][:, None], self._points[1][None, :]
+        self._hit = backend.dr.mask_t(backend.Float)(((x == beam.x[:, None]) & (y == beam.y[None, :])).ravel())
         full = np.zeros(self.shape)
         self._x, self._y = (backend.Float((a + full).ravel()) for a in (x, y))
         self._base = [backend.Float((conic(x, y, d) + full).ravel()) for d in ((0, 0), (1, 0), (0, 1))]
@@ -78,7 +80,7 @@ class KnownHits:
         leaves = tuple(Float(np.ascontiguousarray(s).ravel()) for s in sags)
         dr.enable_grad(*leaves)
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
-        return RearHits(self._x, self._y, z, zx, zy, True, leaves, dr)
+        return RearHits(self._x, self._y, z, zx, zy, self._hit, leaves, dr)
 
     def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
@@ -129,7 +131,7 @@ class SearchedHits:
             inside = (dr.abs(x) <= self._half_width[0]) & (dr.abs(y) <= self._half_width[1])
             cx, cy = self._clip(x, y)
             z, zx, zy, zxx, zxy, zyy = self._surface(cx, cy)
-            hit = inside & (dr.abs(z - (oz + t * dz)) < 1e-9)
+            hit = inside & (dr.abs(z - (oz + t * dz)) < self._backend.resolution)
             speed = dz - zx * dx - zy * dy
             dr.eval(z, zx, zy, zxx, zxy, zyy, x, y, hit, speed)
         self._points = cx, cy

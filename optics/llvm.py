@@ -53,6 +53,8 @@ def version_of(path: str | Path) -> int | None:
     The version is read from the name; only where the name has none is the library asked.
     """
     real = Path(path).resolve().name
+    if not Path(path).exists():
+        return None
     match = re.match(r"libLLVM(?:-|\.so\.|\.)(\d+)", real)
     if match:
         return int(match.group(1))

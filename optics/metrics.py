@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 RAYS_PER_PIXEL = 11  # in each direction, for each of the two ray sets
+LEAST_PER_PIXEL, MOST_RAYS = 3, 4096  # on large screens: so many per pixel, or so many per direction
 RAYS_AT_ONCE = 1 << 21
 
 
@@ -44,7 +45,7 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
     rng = np.random.default_rng(problem.run.seed)
     images, budgets = [], []
     for extra in (0, 1):
-        rays = [RAYS_PER_PIXEL * n + 2 * extra + 1 for n in screen.pixels]
+        rays = [min(RAYS_PER_PIXEL * n, max(LEAST_PER_PIXEL * n, MOST_RAYS)) + 2 * extra + 1 for n in screen.pixels]
         image, budget = _trace(backend, problem, lens, screen, rays, rng.uniform(-0.5, 0.5, 2))
         images.append(image)
         budgets.append(budget)
@@ -60,7 +61,11 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
 
 
 def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
-    """Return rel_l2, psnr_db and ssim of two images, both scaled to unit mean."""
+    """Return rel_l2, psnr_db and ssim of two images, both scaled to unit mean.
+
+    None stands for a figure that is not defined: psnr_db of equal images, ssim of images
+    narrower than its least window of 3 pixels.
+    """
     from skimage.metrics import structural_similarity
 
     if irradiance.sum() <= 0:
@@ -68,12 +73,12 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
     e, t = irradiance / irradiance.mean(), target / target.mean()
     peak = float(t.max())
     window = min(7, (min(t.shape) - 1) // 2 * 2 + 1)
-    similarity = structural_similarity(e, t, data_range=peak, win_size=window) if window >= 3 else float("nan")
+    similarity = structural_similarity(e, t, data_range=peak, win_size=window) if window >= 3 else None
     error = float(np.mean((e - t) ** 2))
     return {
         "rel_l2": float(np.linalg.norm(e - t) / np.linalg.norm(t)),
-        "psnr_db": float(10 * np.log10(peak**2 / error)) if error else float("inf"),
-        "ssim": float(similarity),
+        "psnr_db": float(10 * np.log10(peak**2 / error)) if error else None,
+        "ssim": None if similarity is None else float(similarity),
     }
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from optics.errors import UserError
 
@@ -32,8 +32,7 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64
             with Image.open(path) as image:
                 if image.width * image.height > MAX_SOURCE_PIXELS:
                     raise UserError(f"{path} has {image.width} x {image.height} pixels; make it smaller than {MAX_SOURCE_PIXELS} pixels")
-                image.load()
-                light = _linear(image, encoding)
+                light = _linear(ImageOps.exif_transpose(image), encoding)
     except (UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as error:
         raise UserError(f"{path} is not a picture that can be read: {error}") from None
     except OSError as error:

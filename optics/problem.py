@@ -6,6 +6,7 @@ Unknown keys, wrong types and impossible numbers are UserErrors that name the ke
 from __future__ import annotations
 
 import math
+import reprlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
@@ -22,6 +23,7 @@ Record = TypeVar("Record", bound="DataclassInstance")
 
 MAX_FILE_BYTES = 1_000_000
 MAX_PIXELS = 4096
+LARGEST = 10**15  # whole numbers
 
 
 def option(
@@ -151,7 +153,7 @@ def load_problem(path: str | Path) -> Problem:
         data = tomllib.loads(path.read_text("utf-8"))
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise UserError(f"{path} is not valid TOML: {error}") from None
     try:
         return _record(Problem, data, "", path.parent)
@@ -171,7 +173,7 @@ def per_level(values: Sequence[Number], level: int) -> Number:
 
 def _record(kind: type[Record], data: object, prefix: str, folder: Path) -> Record:
     if not isinstance(data, dict):
-        raise UserError(f"{prefix.rstrip('.')} must be a table, got {data!r}")
+        raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
     known = {f.name: f for f in fields(kind)}
     for key in data:
         if key not in known:
@@ -199,13 +201,17 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
         return _row(key, hint, value, limits)
     if hint is str:
         if not isinstance(value, str):
-            raise UserError(f"{key} must be a string, got {value!r}")
+            raise UserError(f"{key} must be a string, got {_brief(value)}")
+        if key == "target.image" and "\0" in value:
+            raise UserError(f"{key} must not hold a zero character")
         if limits["choices"] and value not in limits["choices"]:
-            raise UserError(f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {value!r}")
+            raise UserError(f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}")
         return value
     wanted = "a whole number" if hint is int else "a number"
     if isinstance(value, bool) or not isinstance(value, int if hint is int else (int, float)):
-        raise UserError(f"{key} must be {wanted}, got {value!r}")
+        raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
+    if isinstance(value, int) and abs(value) > LARGEST:
+        raise UserError(f"{key} must not be larger than {LARGEST:g} in size")
     finite = math.isfinite(value) or (key.endswith("radius") and not math.isnan(value))
     if not finite:
         raise UserError(f"{key} must be a finite number, got {value!r}")
@@ -228,8 +234,13 @@ def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple
         value = [value]
     if not isinstance(value, list) or not value or (not open_ended and len(value) != len(kinds)):
         wanted = "a list of numbers" if open_ended else f"a list of {len(kinds)} numbers"
-        raise UserError(f"{key} must be {wanted}, got {value!r}")
+        raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
+
+
+def _brief(value: object) -> str:
+    """Return a short text of any value, for messages."""
+    return reprlib.repr(value) if not isinstance(value, int) or abs(value) <= LARGEST else "a huge number"
 
 
 def _toml(record: DataclassInstance, prefix: str) -> str:
@@ -246,7 +257,7 @@ def _toml(record: DataclassInstance, prefix: str) -> str:
 def _toml_value(value: object) -> str:
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+        return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
     if isinstance(value, tuple):
         return "[" + ", ".join(map(_toml_value, value)) + "]"
     return repr(value)

@@ -42,7 +42,7 @@ def report_html(
 
 def _summary(metrics: dict[str, Any]) -> str:
     return (
-        f"Relative error {metrics['rel_l2']:.1%} (PSNR {metrics['psnr_db']:.1f} dB), "
+        f"Relative error {metrics['rel_l2']:.1%}, "
         f"{metrics['efficiency']:.1%} of the source flux inside the target, {metrics['stray']:.2%} stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, {metrics['wall_s']['total']:.1f} s."
     )

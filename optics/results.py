@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
-import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -111,11 +111,14 @@ class ResultFolder:
             if data["schema"] != "thbcad-checkpoint" or data["version"] != VERSION:
                 raise ValueError("unknown schema or version")
             same = data["problem"] == _fingerprint(problem)
-            state = State(data["level"], sag_from_dict(data["sag"]), data["begun"], [Row(*row) for row in data["history"]])
+            state = _state(data)
         except OSError as error:
             raise UserError(f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume") from None
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
+        last = problem.lens.rear.freeform.max_level + 1
+        if same and not 0 <= state.level <= last:
+            raise UserError(f"cannot resume: {path} is damaged (level {state.level} of at most {last}); run without --resume")
         if not same:
             raise UserError(f"cannot resume: {path} belongs to another problem; run without --resume or change --out")
         return state
@@ -128,8 +131,19 @@ class ResultFolder:
         (self.path / CHECKPOINT).unlink(missing_ok=True)
 
 
+def _state(data: dict[str, Any]) -> State:
+    """Return the State of a checkpoint's data; ValueError where an entry is not what was written."""
+    level, begun, history = data["level"], data["begun"], [Row(*row) for row in data["history"]]
+    if type(level) is not int or type(begun) is not bool:
+        raise ValueError("level must be a whole number and begun true or false")
+    for row in history:
+        if not all(type(v) in (int, float) for v in asdict(row).values()):
+            raise ValueError("the history must hold numbers")
+    return State(level, sag_from_dict(data["sag"]), begun, history)
+
+
 def _fingerprint(problem: Problem) -> str:
-    """Return the text that tells problems apart; the picture's folder does not matter."""
-    name = os.path.basename(problem.target.image)
+    """Return the text that tells problems apart: their values and what is in the picture, not where it lies."""
+    picture = hashlib.sha256(Path(problem.target.image).read_bytes()).hexdigest()
     run = replace(problem.run, threads=0)
-    return problem_to_toml(replace(problem, run=run, target=replace(problem.target, image=name)))
+    return problem_to_toml(replace(problem, run=run, target=replace(problem.target, image=picture)))

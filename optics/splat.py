@@ -33,22 +33,26 @@ class Splat:
         dr, Float, Index = self.backend.dr, self.backend.Float, self.backend.Index
         screen, taps = self.screen, self.window.taps
         rows, columns = screen.padded
+        guard = taps - 1  # pixels around the image for windows that reach over its border
         # sizes are opaque, so that every screen runs the same compiled kernel
-        height, width = dr.opaque(Float, rows), dr.opaque(Float, columns)
+        height, width, stride = dr.opaque(Float, rows), dr.opaque(Float, columns), dr.opaque(Index, rows + 2 * guard)
         (sx, ox), (sy, oy) = ((dr.opaque(Float, a), dr.opaque(Float, b)) for a, b in screen.pixel_map())
         shift = 0.5 if taps % 2 == 0 else 0.0
         column, wx = self._taps(x * sx + ox, shift)
         row, wy = self._taps(y * sy + oy, shift)
-        inside = (row >= 0) & (column >= 0) & (row + taps <= height) & (column + taps <= width)
-        first = Index(dr.select(inside, column * height + row, 0))
-        image = dr.zeros(Float, rows * columns)
+        touches = (row >= -guard) & (column >= -guard) & (row < height) & (column < width)
+        first = Index(dr.select(touches, column + guard, 0)) * stride + Index(dr.select(touches, row + guard, 0))
+        image = dr.zeros(Float, (rows + 2 * guard) * (columns + 2 * guard))
         flux = flux * dr.opaque(Float, 1.0 / screen.pixel_area)
         for a in range(taps):
-            line = first + Index(a) * Index(height)
+            line = first + Index(a) * stride
             weighted = flux * wx[a]
             for b in range(taps):
-                dr.scatter_reduce(dr.ReduceOp.Add, image, weighted * wy[b], line + b, inside)
-        return image
+                dr.scatter_reduce(dr.ReduceOp.Add, image, weighted * wy[b], line + b, touches)
+        if guard == 0:
+            return image
+        pixel, tall = dr.arange(Index, rows * columns), dr.opaque(Index, rows)
+        return dr.gather(Float, image, (pixel // tall + guard) * stride + pixel % tall + guard)
 
     def _taps(self, position: DrArray, shift: float) -> tuple[DrArray, list[DrArray]]:
         """Return (first pixel, weights) in one direction."""

@@ -78,7 +78,7 @@ class Tracer:
         self.hits: KnownHits | SearchedHits
         if self.parallel:
             _, self._front_flux, _ = refract(dr, self._direction, (Float(0), Float(0)), 1 / lens.index)
-            self.hits = KnownHits(backend, beam, lens.rear.conic, knots)
+            self.hits = KnownHits(backend, beam, lens.rear.conic, lens.rear.half_width, knots)
         else:
             x, y = (Float(a) for a in _mesh(beam))
             z, zx, zy, *_ = conic_jet(dr, front.conic, x, y)

@@ -118,8 +118,9 @@ class Lens:
         least = self.least_thickness()
         if least.lower <= 0:
             amount = abs(min(least.value, 0.0))
+            word = "cross" if amount else "touch"
             raise ValueError(
-                f"the surfaces cross or touch: at x = {least.u:.6g}, y = {least.v:.6g} mm the rear lies {amount:.6g} mm before the front; "
+                f"the surfaces {word}: at x = {least.u:.6g}, y = {least.v:.6g} mm the rear lies {amount:.6g} mm before the front; "
                 f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
             )
 

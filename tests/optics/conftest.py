@@ -1,0 +1,22 @@
+"""Fixtures shared by the optics tests."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pytest
+
+from optics.backend import load_backend
+from tests.optics.small import write_problem
+
+
+@pytest.fixture(scope="session")
+def backend():
+    """Dr.Jit in double precision on two threads."""
+    return load_backend("double", 2)
+
+
+@pytest.fixture
+def problem_file(tmp_path):
+    """A function that writes the small problem into the test's folder and returns its path."""
+    return partial(write_problem, tmp_path)

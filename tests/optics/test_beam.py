@@ -1,0 +1,41 @@
+"""Collimated beams: where the rays start and what they carry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from optics.beam import collimated_beam
+
+
+@pytest.mark.parametrize(("source", "aperture"), [((9.5, 9.5), (10.0, 10.0)), ((14.0, 9.0), (10.0, 10.0)), ((30.0, 20.0), (10.0, 5.0))])
+@pytest.mark.parametrize("rays", [(1, 1), (64, 17)])
+def test_rays_carry_the_share_that_meets_the_lens(source, aperture, rays):
+    beam = collimated_beam(source, 3.0, aperture, rays)
+    width, height = (min(s, a) for s, a in zip(source, aperture))
+    entering = 3.0 * width * height / (source[0] * source[1])
+    assert beam.ray_flux * rays[0] * rays[1] == pytest.approx(entering, rel=1e-15)
+    assert beam.missed == pytest.approx(3.0 - entering, abs=1e-15)
+
+
+def test_rays_stand_in_the_middle_of_equal_cells():
+    beam = collimated_beam((9.0, 4.0), 1.0, (10.0, 10.0), (3, 2))
+    np.testing.assert_allclose(beam.x, [-6, 0, 6], atol=1e-15)
+    np.testing.assert_allclose(beam.y, [-2, 2], atol=1e-15)
+
+
+@pytest.mark.parametrize("shift", [(0.5, -0.5), (-0.5, 0.5)])
+@pytest.mark.parametrize("rays", [7, 49, 1000])
+def test_a_full_shift_stays_inside_the_aperture(shift, rays):
+    beam = collimated_beam((47.5, 47.5), 1.0, (50.0, 50.0), (rays, rays), shift)
+    assert max(np.abs(beam.x).max(), np.abs(beam.y).max()) <= 47.5
+
+
+@pytest.mark.parametrize("most", [1, 20, 21, 100, 10**6])
+def test_slices_are_the_beam(most):
+    beam = collimated_beam((14.0, 9.0), 3.0, (10.0, 10.0), (13, 7))
+    parts = list(beam.slices(most))
+    np.testing.assert_array_equal(np.concatenate([p.x for p in parts]), beam.x)
+    assert all(len(p.x) * len(p.y) <= max(most, 7) for p in parts)
+    assert sum(p.missed for p in parts) == beam.missed
+    assert {p.ray_flux for p in parts} == {beam.ray_flux}
