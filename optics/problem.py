@@ -23,7 +23,7 @@ Record = TypeVar("Record", bound="DataclassInstance")
 
 MAX_FILE_BYTES = 1_000_000
 MAX_PIXELS = 4096
-LARGEST = 10**15  # whole numbers
+LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
 
 
 def option(
