@@ -349,9 +349,7 @@ def test_least_thickness_between_points_of_equal_relative_position():
 
 def test_surfaces_that_cross_are_refused_with_place_and_amount():
     rear = FreeformSurface((3, 4), Conic(-10, -1))
-    with pytest.raises(
-        ValueError, match=r"cross: at x = -?3, y = -?4 mm the rear lies 0\.25 mm before the front.*by more than 0\.25 mm"
-    ):
+    with pytest.raises(ValueError, match=r"cross: at x = -?3, y = -?4 mm the rear lies 0\.25 mm before the front.*by more than 0\.25 mm"):
         plano(rear, 1.0)
     front = FreeformSurface((3, 4), Conic(50, -1), flat_sag(0.5))
     with pytest.raises(ValueError, match=r"cross: at x = 0, y = 0 mm the rear lies 0\.3 mm before the front"):
