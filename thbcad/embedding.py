@@ -14,37 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, kron
 
-if TYPE_CHECKING:
-    from thbcad.bspline import KnotVector
-    from thbcad.hierarchy import DyadicAxis
-
-
-class LevelRecord(Protocol):
-    """What is needed of a `thbcad.space.Level` (that module imports this one)."""
-
-    @property
-    def rows(self) -> NDArray[np.int64]: ...
-
-    @property
-    def columns(self) -> NDArray[np.int64]: ...
-
-    @property
-    def refined(self) -> NDArray[np.bool_]: ...
-
-    @property
-    def supported(self) -> NDArray[np.int64]: ...
-
-    @property
-    def heads(self) -> NDArray[np.int64]: ...
-
-    @property
-    def active(self) -> NDArray[np.bool_]: ...
+from thbcad.bspline import KnotVector
+from thbcad.hierarchy import DyadicAxis, Level
 
 
 class Embedding:
@@ -55,7 +31,7 @@ class Embedding:
         Omega_l, and of those that are active
     """
 
-    def __init__(self, axes: Sequence[DyadicAxis], hierarchy: Sequence[LevelRecord]) -> None:
+    def __init__(self, axes: Sequence[DyadicAxis], hierarchy: Sequence[Level]) -> None:
         self._axes = axes
         self._hierarchy = hierarchy
         top = len(hierarchy) - 1
@@ -77,7 +53,7 @@ class Embedding:
         (u, _), (v, _) = self._chain[number]
         return u.dim, v.dim
 
-    def positions(self, number: int, level: LevelRecord) -> NDArray[np.int64]:
+    def positions(self, number: int, level: Level) -> NDArray[np.int64]:
         """Return where the supported functions of a level record sit in the flat net of W_l."""
         shift = len(self._hierarchy) - 1 - number
         index = []

@@ -1,4 +1,4 @@
-"""Integer bookkeeping of dyadic refinement in one direction.
+"""Integer bookkeeping of dyadic refinement.
 
 At level l every non-empty span of the first knot vector is cut into 2^l equal parts.  Breaks
 and spans are counted in integers; break b of level l stands for the rational position
@@ -8,10 +8,34 @@ Old knots keep their multiplicity, new ones are simple.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.bspline import KnotVector
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level: its existing cells in compressed coordinates and its active functions."""
+
+    rows: NDArray[np.int64]  # distinct i of the cells of Omega_l
+    columns: NDArray[np.int64]  # distinct j
+    inside: NDArray[np.bool_]  # (rows, columns) bool, cell lies in Omega_l
+    refined: NDArray[np.bool_]  # (rows, columns) bool, cell is refined
+    supported: NDArray[np.int64]  # (n, 2) functions (i, j) whose support lies in Omega_l
+    heads: NDArray[np.int64]  # (n, 2) breaks of the level at which their supports start
+    active: NDArray[np.bool_]  # (n,) bool, the support is not inside Omega_(l+1)
+
+    @property
+    def functions(self) -> NDArray[np.int64]:
+        """Active functions (i, j), (m, 2) int."""
+        return self.supported[self.active]
+
+    @property
+    def leaves(self) -> NDArray[np.bool_]:
+        return self.inside & ~self.refined
 
 
 class DyadicAxis:

@@ -18,7 +18,6 @@ hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional mask
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,31 +26,9 @@ from scipy.sparse import csr_array, vstack
 
 from thbcad.bspline import KnotVector, read_only
 from thbcad.embedding import Embedding
-from thbcad.hierarchy import DyadicAxis
+from thbcad.hierarchy import DyadicAxis, Level
 
 MAX_LEVEL = 24
-
-
-@dataclass(frozen=True, eq=False)
-class Level:
-    """One level: its existing cells in compressed coordinates and its active functions."""
-
-    rows: NDArray[np.int64]  # distinct i of the cells of Omega_l
-    columns: NDArray[np.int64]  # distinct j
-    inside: NDArray[np.bool_]  # (rows, columns) bool, cell lies in Omega_l
-    refined: NDArray[np.bool_]  # (rows, columns) bool, cell is refined
-    supported: NDArray[np.int64]  # (n, 2) functions (i, j) whose support lies in Omega_l
-    heads: NDArray[np.int64]  # (n, 2) breaks of the level at which their supports start
-    active: NDArray[np.bool_]  # (n,) bool, the support is not inside Omega_(l+1)
-
-    @property
-    def functions(self) -> NDArray[np.int64]:
-        """Active functions (i, j), (m, 2) int."""
-        return self.supported[self.active]
-
-    @property
-    def leaves(self) -> NDArray[np.bool_]:
-        return self.inside & ~self.refined
 
 
 class THBSpace:
