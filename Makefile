@@ -1,13 +1,12 @@
 # make demo   sets everything up and designs the lens of examples/pearl.toml
 # make test   sets everything up and runs the tests
 # make lint   ruff
-# make slow   the tests that take longer
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=
 export PYTHON
 
-.PHONY: demo test slow lint setup clean
+.PHONY: demo test lint setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -16,10 +15,7 @@ demo:
 	@echo "Done. Look at exports/pearl/report.html (pictures and checks) and exports/pearl/lens.step (the solid)."
 
 test: setup
-	@.venv/bin/python -m pytest -m "not slow"
-
-slow: setup
-	@.venv/bin/python -m pytest -m slow
+	@.venv/bin/python -m pytest
 
 lint: setup
 	@.venv/bin/ruff check .
