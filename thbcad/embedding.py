@@ -55,14 +55,22 @@ class Embedding:
 
     def positions(self, number: int, level: Level) -> NDArray[np.int64]:
         """Return where the supported functions of a level record sit in the flat net of W_l."""
-        shift = len(self._hierarchy) - 1 - number
         index = []
         for d, axis in enumerate(self._axes):
-            _, keys = self._chain[number][d]
             head = level.heads[:, d]
             rank = level.supported[:, d] - axis.first_knot(number, head)
-            index.append(np.searchsorted(keys, head << shift) + rank)
+            index.append(self.first_at(number, d, number, head) + rank)
         return index[0] * self.shape(number)[1] + index[1]
+
+    def first_at(self, number: int, direction: int, level: int, breaks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the index in W_number's knots of the first knot at breaks of a level."""
+        keys = self._chain[number][direction][1]
+        return np.searchsorted(keys, breaks << (len(self._hierarchy) - 1 - level))
+
+    def last_at(self, number: int, direction: int, level: int, breaks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the index in W_number's knots of the last knot at breaks of a level."""
+        keys = self._chain[number][direction][1]
+        return np.searchsorted(keys, breaks << (len(self._hierarchy) - 1 - level), side="right") - 1
 
     @cached_property
     def steps(self) -> list[tuple[csr_array, csr_array]]:
@@ -79,13 +87,24 @@ class Embedding:
             raise ValueError(f"coefficients must have shape ({self.dim},) or ({self.dim}, d), got {c.shape}")
         if c.ndim == 2:
             return np.stack([self.coefficients(column) for column in c.T], axis=-1)
+        *_, last = self.nets(c)
+        return last
+
+    def nets(self, c: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+        """Yield the nets G_0, G_1, ... for scalar coefficients; G_l is the spline on the leaf cells of level l."""
         parts = np.split(c, np.cumsum([len(rows) for rows in self.active])[:-1])
         net = np.zeros(self.shape(0))
-        net.ravel()[self.active[0]] = parts[0]
-        for (pu, pv), rows, part in zip(self.steps, self.active[1:], parts[1:]):
-            net = np.ascontiguousarray((pv @ (pu @ net).T).T)
+        for number, (rows, part) in enumerate(zip(self.active, parts)):
+            if number:
+                pu, pv = self.steps[number - 1]
+                net = np.ascontiguousarray((pv @ (pu @ net).T).T)
             net.ravel()[rows] = part
-        return net
+            yield net.copy()
+
+    def knot_vectors(self, number: int) -> tuple[KnotVector, KnotVector]:
+        """Return the knot vectors of W_l."""
+        (u, _), (v, _) = self._chain[number]
+        return u, v
 
     def adjoint(self, net: ArrayLike) -> NDArray[np.float64]:
         """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""

@@ -88,16 +88,19 @@ class DyadicAxis:
         rank = np.arange(len(start)) - np.repeat(np.cumsum(count) - count, count)
         head = spans[start]
         index = self.first_knot(level, head) + rank
-        last_knot = index + self.degree + 1
-        length = np.zeros_like(index)
-        for step in range(1, self.degree + 2):
-            tail = head + step
-            inside = tail <= self.spans(level)
-            length += inside & (self.first_knot(level, np.where(inside, tail, 0)) <= last_knot)
+        length = self.support_length(level, index, head)
         end = start + length - 1
         whole = end < len(spans)
         whole &= spans[np.minimum(end, len(spans) - 1)] == head + length - 1
         return index[whole], start[whole], length[whole]
+
+    def support_length(self, level: int, index: NDArray[np.int64], head: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the number of spans in the supports of functions `index`, which start at the breaks `head`."""
+        length = np.zeros_like(index)
+        for step in range(1, self.degree + 2):
+            tail = np.minimum(head + step, self.spans(level))
+            length += (head + step <= self.spans(level)) & (self.first_knot(level, tail) <= index + self.degree + 1)
+        return length
 
     def knots_with(self, level: int, keys: NDArray[np.int64]) -> tuple[KnotVector, NDArray[np.int64]]:
         """Return the level-0 knots together with simple knots at the breaks `keys` of a level."""

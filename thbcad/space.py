@@ -22,8 +22,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array, eye_array
 
+from thbcad import transfer
 from thbcad.bspline import KnotVector, read_only
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis, Level
@@ -103,6 +104,26 @@ class THBSpace:
         space._refined = tuple(refined)
         return space
 
+    def coarsen(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
+        """Return the space in which the given refined cells are whole again: the inverse of `refine`.
+
+        cells : {level: [(i, j), ...]}, the cells that were passed to `refine`.
+
+        Raises
+        ------
+        ValueError : a cell that is not refined, or whose children are.
+        """
+        refined = list(self._refined)
+        for level, pairs in sorted(_checked_cells(cells).items(), reverse=True):
+            keys = np.unique(self._keys(level, pairs))
+            self._require_parents_of_leaves(level, keys, refined)
+            refined[level] = np.setdiff1d(refined[level], keys)
+        while refined and len(refined[-1]) == 0:
+            refined.pop()
+        space = THBSpace(self.kv_u, self.kv_v)
+        space._refined = tuple(refined)
+        return space
+
     def locate(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.int64]:
         """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int."""
         u, v = self._points(u, v)
@@ -129,11 +150,29 @@ class THBSpace:
         ValueError : `finer` is not a refinement of this space.
         """
         self._require_nested(finer)
-        target = finer.embedding
-        own = [target.positions(number, level)[level.active] for number, level in enumerate(self.hierarchy)]
-        own += [np.zeros(0, dtype=np.int64)] * (finer.levels - self.levels)
-        nets = target.operators(own, self.dim)
-        return csr_array(vstack([net[rows] for net, rows in zip(nets, target.active)], format="csr"))
+        return transfer.prolongation(self.hierarchy, finer.embedding)
+
+    def restriction(self, coarser: THBSpace) -> csr_array:
+        """Return Q, csr_array (coarser.dim, dim), a local projection onto a coarser space: Q @ P == identity.
+
+        P is ``coarser.prolongation(self)``.
+
+        Raises
+        ------
+        ValueError : this space is not a refinement of `coarser`.
+        """
+        if not isinstance(coarser, THBSpace):
+            raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
+        coarser._require_nested(self)
+        whole, operator = self, eye_array(self.dim, format="csr")
+        for level in range(self.levels - 2, -1, -1):
+            held = coarser._refined[level] if level < len(coarser._refined) else np.zeros(0, dtype=np.int64)
+            extra = np.setdiff1d(whole._refined[level], held)
+            if len(extra):
+                less = whole.coarsen({level: np.stack(self._split(level, extra), axis=1)})
+                operator = transfer.restriction(less.hierarchy, whole.hierarchy, whole.embedding, self.axes, level) @ operator
+                whole = less
+        return csr_array(operator)
 
     def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim)."""
@@ -221,6 +260,20 @@ class THBSpace:
         twice = np.isin(keys, refined[level])
         if twice.any():
             raise ValueError(f"cell ({i[twice][0]}, {j[twice][0]}) of level {level} is refined already")
+
+    def _require_parents_of_leaves(self, level: int, keys: NDArray[np.int64], refined: list[NDArray[np.int64]]) -> None:
+        known = refined[level] if level < len(refined) else np.zeros(0, dtype=np.int64)
+        whole = ~np.isin(keys, known)
+        if whole.any():
+            i, j = self._split(level, keys[whole][:1])
+            raise ValueError(f"cell ({i[0]}, {j[0]}) of level {level} is not refined")
+        if level + 1 < len(refined):
+            i, j = self._split(level + 1, refined[level + 1])
+            parents = (i >> 1) * self.axes[1].spans(level) + (j >> 1)
+            deep = np.isin(keys, parents)
+            if deep.any():
+                i, j = self._split(level, keys[deep][:1])
+                raise ValueError(f"cell ({i[0]}, {j[0]}) of level {level} has children that are refined; coarsen them first")
 
     def _require_nested(self, finer: THBSpace) -> None:
         if not isinstance(finer, THBSpace) or not all(

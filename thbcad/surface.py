@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector, read_only
+from thbcad.patches import patch_operators
 from thbcad.space import THBSpace
 
 
@@ -89,6 +90,17 @@ class THBSurface:
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
         return self._tensor.grid(u, v, derivative)
+
+    def to_patches(self) -> list[BSplineSurface]:
+        """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level cells."""
+        columns = self.coefficients.reshape(self.space.dim, -1).T
+        nets = [np.stack(level, axis=-1) for level in zip(*(self.space.embedding.nets(c) for c in columns))]
+        shape = self.coefficients.shape[1:]
+        out = []
+        for level, (kv_u, a_u), (kv_v, a_v) in patch_operators(self.space):
+            net = np.stack([(a_v @ (a_u @ nets[level][..., k]).T).T for k in range(len(columns))], axis=-1)
+            out.append(BSplineSurface(kv_u, kv_v, net.reshape((kv_u.dim, kv_v.dim, *shape))))
+        return out
 
     def refine(self, cells: Mapping[int, ArrayLike]) -> THBSurface:
         """Return the same surface over ``space.refine(cells)``."""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from optics.design import Interrupted, State, design, stages, transmitted_flux
+from optics.design import Interrupted, State, _vertices, design, stages, transmitted_flux
 from optics.errors import NumericalError, UserError
-from optics.model import base_lens, target_light
+from optics.model import base_lens, target_light, target_screen
 from optics.problem import load_problem
 from tests.optics.small import ROOT, write_problem
 from thbcad.surface import THBSurface
@@ -193,6 +194,23 @@ def test_stages_refine_pixels_until_the_targets_own(tmp_path):
         assert stage.screen.half_width == problem.target.half_width
 
 
+def test_merged_pixels_cover_the_whole_target(tmp_path):
+    """51 x 49 pixels merged by two give 26 x 25 over the same rectangle."""
+    problem, _ = loaded(tmp_path, {"target.pixels": [51, 49]})
+    screen = target_screen(problem, 2, 8)
+    assert (screen.pixels, screen.half_width, screen.margin) == ((26, 25), (20.0, 20.0), 8)
+
+
+@pytest.mark.parametrize("spans", [1, 3, 4, 5, 6, 7, 30, 35])
+def test_vertices_for_marking_lie_on_no_knot_line(spans):
+    """A vertex on a line between two cells would count for one of them and spoil the mirror symmetry."""
+    for rays in range(65, 140):
+        steps = _vertices(rays, spans) - 1
+        assert rays <= steps < rays + 20
+        inner = {Fraction(k, steps) for k in range(1, steps)}
+        assert not inner & {Fraction(k, spans << 5) for k in range(1, spans << 5)}
+
+
 def test_a_mirror_symmetric_problem_is_refined_symmetrically(tmp_path, backend):
     """A picture without features of its own: marking from the unoptimised, symmetric lens is symmetric."""
     image = np.full((48, 48), 40, dtype=np.uint8)
@@ -231,7 +249,7 @@ for path in sys.argv[1:]:
 def repeated(tmp_path_factory):
     """Two processes that each design on one thread; per process and start the hashes of a whole and of a resumed run.
 
-    They are processes of their own because Dr.Jit does not stand a change of its thread count.
+    Processes of their own also show that nothing depends on what ran before, or on where memory lies.
     """
     folder = tmp_path_factory.mktemp("repeated")
     paths = [str(write_problem(folder, {"optimizer.start": start}, name=f"{start}.toml")) for start in ("flat", "transport")]
@@ -280,6 +298,25 @@ def test_an_interrupted_run_goes_on_to_the_end(small, backend, level):
 def test_an_interrupted_run_goes_on_after_a_transport_start(moved, backend):
     evaluation = rows_of(moved.state.history, 2)[3].evaluation
     check_going_on(moved, backend, interrupted_at(moved, backend, evaluation))
+
+
+def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backend):
+    """Ctrl-C right after a step that made things worse, as line searches take them now and then."""
+    problem, light = loaded(tmp_path, FLAT | {"optimizer.iterations": [40]})
+    best = {}
+
+    def stop(stage, row):
+        if row.loss > best.setdefault(row.level, row.loss):
+            raise KeyboardInterrupt
+        best[row.level] = row.loss
+
+    with pytest.raises(Interrupted) as caught:
+        design(problem, light, backend, None, stop)
+    state = caught.value.state
+    before = len(state.history)
+    assert state.history[-1].loss > best[state.level]
+    _, final = design(problem, light, backend, state)
+    assert final.history[before].loss == pytest.approx(best[state.level], rel=1e-11)
 
 
 @pytest.mark.parametrize("evaluation", [1, 2])

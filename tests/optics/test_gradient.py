@@ -19,6 +19,7 @@ from thbcad.space import THBSpace
 
 PLANE = Conic()
 CUBIC = BSplineWindow(3)
+SPHEROID = Conic(45.0, 0.4)  # every second derivative differs from zero
 SCREEN = Screen((20.0, 20.0), (48, 48), 8)
 TARGET_Z = 66.0
 
@@ -31,7 +32,7 @@ def asked_for(screen=SCREEN):
 
 def make_tracer(backend, front, space, rays=85, source=(9.5, 9.5)):
     beam = collimated_beam(source, 1.0, (10.0, 10.0), (rays, rays))
-    return Tracer(backend, small_lens(front), beam, TARGET_Z, (space.embedding.kv_u, space.embedding.kv_v))
+    return Tracer(backend, small_lens(front, SPHEROID), beam, TARGET_Z, (space.embedding.kv_u, space.embedding.kv_v))
 
 
 def make_objective(backend, front, space, window=CUBIC, **options):

@@ -72,6 +72,25 @@ def test_fluxes_of_the_budget_sum_to_the_source(tmp_path, backend):
     assert budget["beside_lens"] == pytest.approx(3.0 * (1 - 100 / 154), rel=1e-12)
 
 
+def test_two_ray_sets_give_the_mean_and_its_error(tmp_path, backend, monkeypatch):
+    """E = (A + B) / 2, and half their difference is what the mean is known to."""
+    first, second = np.random.default_rng(3).uniform(1, 2, (2, 48, 48))
+    given = iter([first, second])
+    trace, grids = metrics._trace, []
+
+    def instead(*arguments):
+        grids.append((tuple(arguments[-2]), tuple(arguments[-1])))
+        return next(given), trace(*arguments)[1]
+
+    monkeypatch.setattr(metrics, "_trace", instead)
+    result = measured(tmp_path, backend)
+    np.testing.assert_allclose(result.irradiance, (first + second) / 2, rtol=1e-15)
+    expected = np.linalg.norm(first - second) / 2 / np.linalg.norm(result.target)
+    assert result.figures["rel_l2_floor"] == pytest.approx(expected, rel=1e-14)
+    assert grids[0][0] != grids[1][0]
+    assert grids[0][1] != grids[1][1]
+
+
 def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
     whole = measured(tmp_path, backend)
     monkeypatch.setattr(metrics, "RAYS_AT_ONCE", 50_000)

@@ -318,6 +318,14 @@ def test_target_irradiance_carries_the_flux():
     assert target.sum() * screen.pixel_area == pytest.approx(0.7, rel=1e-14)
 
 
+@pytest.mark.parametrize("fit", ["crop", "pad"])
+def test_a_picture_of_the_targets_shape_is_kept_whole(fit):
+    """Twice as wide as high, on a target twice as wide as high."""
+    screen, light = Screen((20.0, 10.0), (30, 17)), np.random.default_rng(1).uniform(0, 1, (40, 80))
+    whole = target_irradiance(light, screen, "stretch", 0.7)
+    np.testing.assert_allclose(target_irradiance(light, screen, fit, 0.7), whole, rtol=1e-14)
+
+
 def test_a_picture_whose_middle_is_black_is_refused_when_cropped():
     light = np.zeros((10, 100))
     light[:, 0] = 1.0

@@ -323,6 +323,25 @@ def test_independent_trace_counts_total_reflection_alike(backend, tmp_path):
     assert np.isnan(reference.points[reference.flux == 0]).all()
 
 
+def test_light_that_would_turn_back_is_lost(backend):
+    """n = 2.5, front R = 5, rear tilted by 20 degrees: close to the critical angle some rays leave by more than 90 degrees to the axis."""
+    tilt, radius, index, thickness = np.radians(20), 5.0, 2.5, 40.0
+    space = small_space((30.0, 30.0), refined=False)
+    net = -np.tan(tilt) * np.repeat(space.kv_u.greville()[:, None], space.kv_v.dim, axis=1)
+    rear = FreeformSurface((30.0, 30.0), PLANE, THBSurface(space, net.ravel()))
+    lens = Lens(FreeformSurface((10.0, 10.0), Conic(radius, -1.0)), rear, thickness, index)
+    _, landing, budget, beam = traced(backend, lens, (10.0, 1e-6), (2000, 1), 100.0)
+    ray = meridional(-beam.x)  # mirrored, so that the normal leans towards -r as in the formulas
+    ray = ray.refracted(-beam.x / radius, 1.0, index)
+    beyond_critical = np.abs(np.sin(ray.angle + tilt)) >= 1 / index
+    with np.errstate(invalid="ignore"):
+        out = np.where(beyond_critical, np.nan, ray.refracted(np.tan(tilt), index, 1.0).angle)
+    backwards = np.abs(out) > np.pi / 2
+    assert backwards.sum() > 10
+    np.testing.assert_array_equal(landing.flux.numpy() == 0, beyond_critical | backwards)
+    assert budget.total_internal == pytest.approx(ray.share[beyond_critical | backwards].sum() / 2000, rel=1e-9)
+
+
 # Limits
 
 

@@ -84,6 +84,20 @@ def test_darkness_is_carried_over_a_floor():
     assert (found.tx < -0.1).mean() < 0.05
 
 
+def test_high_contrast_is_followed_to_the_lowest_floor():
+    """A bright ring on a ground that is 50 times darker: the map solves the equation to a tenth and does not fold."""
+
+    def ring(grid):
+        x, y = ((2 * np.arange(n) + 1) / n - 1 for n in grid)
+        return 0.02 + np.exp(-(((np.hypot(x[:, None], y[None, :]) - 0.6) / 0.1) ** 2))
+
+    found = transport(ring, (96, 96), 1.0)
+    assert found.floor == 0.02
+    assert found.residual < 0.1
+    assert (np.diff(found.tx, axis=0) > 0).all()
+    assert (np.diff(found.ty, axis=1) > 0).all()
+
+
 @pytest.mark.parametrize("shape", [(64, 64), (65, 33), (2, 40), (3, 3)])
 def test_any_grid_gives_finite_positions_inside_the_target(shape):
     found = transport(blob, shape, 1.0)

@@ -1,0 +1,89 @@
+"""The result folder: checkpoints and stored problems."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from optics.design import Row, State
+from optics.errors import UserError
+from optics.problem import load_problem
+from optics.results import ResultFolder
+from tests.optics.small import picture, rough, small_space, write_problem
+from thbcad.surface import THBSurface
+
+
+@pytest.fixture
+def folder(tmp_path):
+    out = ResultFolder(tmp_path / "deep" / "out")
+    out.prepare()
+    return out
+
+
+def some_state(begun=False):
+    space = small_space()
+    history = [Row(0, 49, 1, 0.1, 0.3, 0.25), Row(0, 49, 2, 1 / 3, 1e-17, 1.5)]
+    return State(2, THBSurface(space, rough(space)), begun, history)
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_checkpoint_gives_back_every_bit(folder, problem_file, begun):
+    problem, state = load_problem(problem_file()), some_state(begun)
+    assert not folder.has_checkpoint()
+    folder.write_checkpoint(problem, state)
+    assert folder.has_checkpoint()
+    found = folder.read_checkpoint(problem)
+    assert (found.level, found.begun, found.history) == (2, begun, state.history)
+    assert found.sag.coefficients.tobytes() == state.sag.coefficients.tobytes()
+    np.testing.assert_array_equal(found.sag.space.cells, state.sag.space.cells)
+    folder.drop_checkpoint()
+    assert not folder.has_checkpoint()
+    folder.drop_checkpoint()
+
+
+def test_threads_and_the_pictures_place_may_change_between_runs(folder, problem_file, tmp_path):
+    folder.write_checkpoint(load_problem(problem_file()), some_state())
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    moved = load_problem(write_problem(elsewhere, {"run.threads": 1}))
+    assert folder.read_checkpoint(moved).level == 2
+
+
+@pytest.mark.parametrize(
+    "changes", [{"run.seed": 1}, {"optimizer.iterations": [7]}, {"target.fit": "pad"}, {"run.precision": "single"}], ids=str
+)
+def test_anything_else_makes_another_problem(folder, problem_file, changes):
+    folder.write_checkpoint(load_problem(problem_file()), some_state())
+    with pytest.raises(UserError, match="belongs to another problem"):
+        folder.read_checkpoint(load_problem(problem_file(changes)))
+
+
+def test_another_picture_of_the_same_name_makes_another_problem(folder, problem_file):
+    folder.write_checkpoint(load_problem(problem_file()), some_state())
+    with pytest.raises(UserError, match="belongs to another problem"):
+        folder.read_checkpoint(load_problem(problem_file(None, picture()[:, ::-1].copy())))
+
+
+def test_a_stored_problem_brings_its_picture(folder, problem_file):
+    given = problem_file()
+    folder.write_problem(load_problem(given))
+    (given.parent / "picture.png").unlink()
+    given.unlink()
+    stored = folder.read_problem()
+    assert stored.target.image == str(folder.path / "target.png")
+    folder.write_problem(stored)  # onto itself
+    assert folder.read_problem() == stored
+
+
+def test_nothing_is_left_where_a_folder_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(UserError, match=r"cannot write to the result folder .*file/out: Not a directory; choose another with --out"):
+        ResultFolder(tmp_path / "file" / "out").prepare()
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_history_is_written_with_every_digit(folder):
+    folder.write_history(some_state().history)
+    lines = (folder.path / "history.csv").read_text().splitlines()
+    assert lines[0] == "level,dof,evaluation,loss,fit,seconds"
+    assert [float(v) for v in lines[2].split(",")] == [0, 49, 2, 1 / 3, 1e-17, 1.5]
