@@ -102,6 +102,14 @@ class DyadicAxis:
             length += (head + step <= self.spans(level)) & (self.first_knot(level, tail) <= index + self.degree + 1)
         return length
 
+    def knots_around(self, level: int, span: int) -> NDArray[np.float64]:
+        """Return the p knots of a level on either side of a span, (2p,)."""
+        p = self.degree
+        breaks = np.arange(max(0, span - p), min(self.spans(level), span + 1 + p) + 1)
+        count = self.multiplicity(level, breaks)
+        last = int(count[breaks <= span].sum()) - 1
+        return np.repeat(self.value(level, breaks), count)[last - p + 1 : last + p + 1]
+
     def knots_with(self, level: int, keys: NDArray[np.int64]) -> tuple[KnotVector, NDArray[np.int64]]:
         """Return the level-0 knots together with simple knots at the breaks `keys` of a level."""
         old = np.repeat(np.arange(self.spans0 + 1) << level, self._multiplicity)

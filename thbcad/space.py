@@ -27,6 +27,7 @@ from scipy.sparse import csr_array, eye_array
 from thbcad import transfer
 from thbcad.bspline import KnotVector, read_only
 from thbcad.embedding import Embedding
+from thbcad.extraction import extraction
 from thbcad.hierarchy import DyadicAxis, Level
 
 MAX_LEVEL = 24
@@ -173,6 +174,14 @@ class THBSpace:
                 operator = transfer.restriction(less.hierarchy, whole.hierarchy, whole.embedding, self.axes, level) @ operator
                 whole = less
         return csr_array(operator)
+
+    def extraction(self) -> csr_array:
+        """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).
+
+        On leaf cell k the spline is an ordinary B-spline of the cell's level; rows
+        k (p + 1)(q + 1) ... hold its coefficients, the functions in u first, then in v.
+        """
+        return extraction(self.hierarchy, self.embedding, self.axes)
 
     def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim)."""

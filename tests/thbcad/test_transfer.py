@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import BSpline
 
 from tests.thbcad.strategies import knot_vectors
 from thbcad.bspline import KnotVector
@@ -87,3 +88,27 @@ def test_restriction_needs_nested_spaces():
         space.restriction(space.refine({0: [(0, 0)]}))
     with pytest.raises(ValueError, match="must be a THBSpace"):
         space.restriction(None)
+
+
+@given(knot_vectors(max_degree=4, max_spans=4, scales=(1.0,)), st.integers(0, 2**32 - 1))
+def test_extraction_gives_the_level_s_own_coefficients(kv, seed):
+    """On every leaf cell scipy's B-spline of that level, on the full bisected knots, is the surface."""
+    rng = np.random.default_rng(seed)
+    chain, _ = refined_at_random(THBSpace(kv, kv), rng, 2)
+    space = chain[-1]
+    c = rng.normal(size=space.dim)
+    p = kv.degree
+    local = (space.extraction() @ c).reshape(len(space.cells), p + 1, p + 1)
+    full = [kv, kv.bisect(), kv.bisect().bisect()]
+    for (level, i, j), net in list(zip(space.cells.tolist(), local))[::7]:
+        knots = full[level].knots
+        breaks = full[level].breaks
+        at = [breaks[k] + (breaks[k + 1] - breaks[k]) * np.array([0.1, 0.5, 0.9]) for k in (i, j)]
+        last = [int(np.searchsorted(knots, breaks[k], "right")) - 1 for k in (i, j)]
+        values = [
+            np.stack([BSpline.basis_element(knots[m - p + a : m + a + 2], extrapolate=False)(x) for a in range(p + 1)])
+            for m, x in zip(last, at)
+        ]
+        there = np.nan_to_num(values[0]).T @ net @ np.nan_to_num(values[1])
+        u, v = np.meshgrid(*at, indexing="ij")
+        assert np.allclose(there, (space.collocation(u.ravel(), v.ravel()) @ c).reshape(3, 3), atol=1e-11)
