@@ -50,32 +50,49 @@ def blossom_rows(
     -------
     (n, degree + 1) float : weights of the coefficients mu - degree ... mu.
     """
-    rows = np.ones((len(span), 1))
     if derivative > degree:
         return np.zeros((len(span), degree + 1))
+    # the knots t_(mu+1-p) ... t_(mu+p), one contiguous row for each offset from mu
+    near = {offset: knots[span + offset] for offset in range(1 - degree, degree + 1)}
+    rows = [np.ones(len(span))]
     for k in range(1, degree + 1):
-        # functions mu-k+1 .. mu of degree k-1; their knots t_j and t_(j+k)
-        j = span[:, None] + np.arange(1 - k, 1)
-        low, high = knots[j], knots[j + k]
-        width, before = high - low, rows
-        rows = np.zeros((len(span), k + 1))
-        if k > degree - derivative:
-            share = k * before / width
-            rows[:, 1:] += share
-            rows[:, :-1] -= share
-        else:
-            a = arguments[:, k - 1 : k]
-            rows[:, 1:] += before * ((a - low) / width)
-            rows[:, :-1] += before * ((high - a) / width)
-    return rows
+        argument, out = arguments[:, k - 1], [np.zeros(0)] * (k + 1)
+        for r, before in enumerate(rows):
+            # function mu - k + 1 + r of degree k - 1 lies on [low, high] = [t_j, t_(j+k)]
+            low, high = near[r + 1 - k], near[r + 1]
+            if k > degree - derivative:
+                right = k * before / (high - low)
+                left = -right
+            else:
+                right = before * ((argument - low) / (high - low))
+                left = before * ((high - argument) / (high - low))
+            out[r] = out[r] + left if r else left
+            out[r + 1] = right
+        rows = out
+    return np.stack(rows, axis=1)
+
+
+def csr_rows(values: NDArray[np.float64], indices: NDArray[np.int64], columns: int) -> csr_array:
+    """Return the csr_array with the same number of entries in every row; both arrays are (n, ...).
+
+    Small matrices get 32-bit indices, which makes products with them faster.
+    """
+    n = len(values)
+    width = values.size // n if n else 1
+    kind = np.int32 if max(columns, values.size) < np.iinfo(np.int32).max else np.int64
+    indptr = np.arange(n + 1, dtype=kind) * width
+    return csr_array((values.ravel(), indices.ravel().astype(kind), indptr), shape=(n, columns))
 
 
 def band_matrix(first: NDArray[np.int64], values: NDArray[np.float64], columns: int) -> csr_array:
     """Return the csr_array whose row r holds `values[r]` from column `first[r]` on."""
-    n, width = values.shape
-    indices = first[:, None] + np.arange(width)
-    indptr = np.arange(0, n * width + 1, width)
-    return csr_array((values.ravel(), indices.ravel(), indptr), shape=(n, columns))
+    return csr_rows(values, first[:, None] + np.arange(values.shape[1]), columns)
+
+
+def require_order(derivative: object) -> None:
+    """Raise ValueError unless the order of a derivative is a non-negative integer."""
+    if isinstance(derivative, bool) or not isinstance(derivative, (int, np.integer)) or derivative < 0:
+        raise ValueError(f"derivative must be a non-negative integer, got {derivative!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,18 +184,21 @@ class KnotVector:
         ValueError : u that is NaN or outside [start, stop].
         """
         u = np.asarray(u, dtype=np.float64)
+        self.require_inside(u)
+        return np.minimum(np.searchsorted(self.knots, u, side="right") - 1, self.dim - 1)
+
+    def require_inside(self, u: NDArray[np.float64]) -> None:
+        """Raise ValueError for u that is NaN or outside [start, stop]."""
         bad = ~((u >= self.start) & (u <= self.stop))
         if bad.any():
             raise ValueError(f"parameter {u[bad].flat[0]} lies outside the domain [{self.start}, {self.stop}]")
-        return np.minimum(np.searchsorted(self.knots, u, side="right") - 1, self.dim - 1)
 
     def basis(self, u: ArrayLike, derivative: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return (first, values): at u only functions first .. first + p differ from zero.
 
         u : (n,) float.  first : (n,) int.  values : (n, p + 1) float.
         """
-        if isinstance(derivative, bool) or not isinstance(derivative, (int, np.integer)) or derivative < 0:
-            raise ValueError(f"derivative must be a non-negative integer, got {derivative!r}")
+        require_order(derivative)
         u = np.atleast_1d(np.asarray(u, dtype=np.float64))
         if u.ndim != 1:
             raise ValueError(f"u must be one row of numbers, got shape {u.shape}")

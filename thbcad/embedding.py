@@ -117,9 +117,11 @@ class Embedding:
         parts.append(net.ravel()[self.active[0]])
         return np.concatenate(parts[::-1])
 
+    @cached_property
     def operator(self) -> csr_array:
-        """Return E as a csr_array (n_u * n_v, dim)."""
+        """E as a csr_array (n_u * n_v, dim) with read-only entries."""
         *_, last = self.operators(self.active, self.dim)
+        last.data.flags.writeable = False
         return last
 
     def operators(self, positions: Sequence[NDArray[np.int64]], dim: int) -> Iterator[csr_array]:
@@ -130,7 +132,9 @@ class Embedding:
         net, start = None, 0
         for number, rows in enumerate(positions):
             size = int(np.prod(self.shape(number)))
-            place = csr_array((np.ones(len(rows)), (rows, start + np.arange(len(rows)))), shape=(size, dim))
+            kind = np.int32 if size < np.iinfo(np.int32).max else np.int64
+            entries = rows.astype(kind), np.arange(start, start + len(rows), dtype=kind)
+            place = csr_array((np.ones(len(rows)), entries), shape=(size, dim))
             if number:
                 keep = np.ones(size)
                 keep[rows] = 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
-from thbcad.bspline import blossom_rows
+from thbcad.bspline import blossom_rows, csr_rows
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis, Level
 
@@ -34,9 +34,7 @@ def extraction(hierarchy: Sequence[Level], embedding: Embedding, axes: Sequence[
         values = u[i][:, :, None, :, None] * v[j][:, None, :, None, :]
         columns = (at_u[i][:, None] + np.arange(p))[:, :, None] * embedding.shape(number)[1] + (at_v[j][:, None] + np.arange(q))[:, None, :]
         columns = np.broadcast_to(columns[:, None, None], values.shape)
-        indptr = np.arange(len(i) * p * q + 1) * (p * q)
-        local = csr_array((values.ravel(), columns.ravel(), indptr), shape=(len(i) * p * q, net.shape[0]))
-        parts.append(local @ net)
+        parts.append(csr_rows(values.reshape(-1, p * q), columns.reshape(-1, p * q), net.shape[0]) @ net)
     return csr_array(vstack(parts, format="csr"))
 
 

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, eye_array
 
 from thbcad import transfer
-from thbcad.bspline import KnotVector, read_only
+from thbcad.bspline import KnotVector, csr_rows, read_only
 from thbcad.embedding import Embedding
 from thbcad.extraction import extraction
 from thbcad.hierarchy import DyadicAxis, Level
@@ -193,9 +193,7 @@ class THBSpace:
         columns = first_v[:, None] + np.arange(values_v.shape[1])
         indices = rows[:, :, None] * e.kv_v.dim + columns[:, None, :]
         values = values_u[:, :, None] * values_v[:, None, :]
-        indptr = np.arange(len(u) + 1) * (values_u.shape[1] * values_v.shape[1])
-        shape = (len(u), e.kv_u.dim * e.kv_v.dim)
-        return csr_array((values.ravel(), indices.ravel(), indptr), shape=shape) @ e.operator()
+        return csr_rows(values, indices, e.kv_u.dim * e.kv_v.dim) @ e.operator
 
     @cached_property
     def hierarchy(self) -> tuple[Level, ...]:
@@ -296,8 +294,8 @@ class THBSpace:
         u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
         if u.shape != v.shape or u.ndim != 1:
             raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
-        self.kv_u.span_of(u)
-        self.kv_v.span_of(v)
+        self.kv_u.require_inside(u)
+        self.kv_v.require_inside(v)
         return u, v
 
 

@@ -8,8 +8,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import NdBSpline
+from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, read_only
+from thbcad.bspline import KnotVector, read_only, require_order
 from thbcad.patches import patch_operators
 from thbcad.space import THBSpace
 
@@ -33,26 +35,30 @@ class BSplineSurface:
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
-        first_u, values_u = self.kv_u.basis(u, derivative[0])
-        first_v, values_v = self.kv_v.basis(v, derivative[1])
-        if len(first_u) != len(first_v):
-            raise ValueError(f"u and v must have equal lengths, got {len(first_u)} and {len(first_v)}")
-        c = self.coefficients
-        out = np.zeros((len(first_u), *c.shape[2:]))
-        for a, wu in enumerate(values_u.T):
-            for b, wv in enumerate(values_v.T):
-                weight = (wu * wv).reshape((-1,) + (1,) * (c.ndim - 2))
-                out += weight * c[first_u + a, first_v + b]
-        return out
+        u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
+        if u.shape != v.shape or u.ndim != 1:
+            raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
+        for kv, x, order in ((self.kv_u, u, derivative[0]), (self.kv_v, v, derivative[1])):
+            kv.require_inside(x)
+            require_order(order)
+        if derivative[0] > self.kv_u.degree or derivative[1] > self.kv_v.degree:
+            return np.zeros((len(u), *self.coefficients.shape[2:]))
+        return self._scattered(np.column_stack([u, v]), nu=derivative)
+
+    @cached_property
+    def _scattered(self) -> NdBSpline:
+        """The same spline in scipy, whose compiled loop over points is the fastest at hand."""
+        return NdBSpline((self.kv_u.knots, self.kv_v.knots), self.coefficients, (self.kv_u.degree, self.kv_v.degree))
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
         a, b = self.kv_u.collocation(u, derivative[0]), self.kv_v.collocation(v, derivative[1])
-        c = self.coefficients
-        by_u = a @ c.reshape(c.shape[0], -1)
-        by_u = np.moveaxis(by_u.reshape((len(by_u), *c.shape[1:])), 1, 0)
-        out = b @ by_u.reshape(c.shape[1], -1)
-        return np.moveaxis(out.reshape((len(out), *by_u.shape[1:])), 0, 1)
+        return _apply(a, b, self.coefficients)
+
+    def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:
+        """Return the same surface with knots inserted in u and in v."""
+        kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
+        return BSplineSurface(kv_u, kv_v, _apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients))
 
     def integral(self) -> np.float64 | NDArray[np.float64]:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
@@ -106,3 +112,10 @@ class THBSurface:
         """Return the same surface over ``space.refine(cells)``."""
         finer = self.space.refine(cells)
         return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)
+
+
+def _apply(a: csr_array, b: csr_array, net: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a @ net @ b.T, for every component of a net (n_u, n_v) or (n_u, n_v, d)."""
+    by_u = (a @ net.reshape(net.shape[0], -1)).reshape((a.shape[0], *net.shape[1:]))
+    turned = np.ascontiguousarray(np.moveaxis(by_u, 1, 0)).reshape(net.shape[1], -1)
+    return np.moveaxis((b @ turned).reshape((b.shape[0], a.shape[0], *net.shape[2:])), 0, 1)

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
+from thbcad.bspline import csr_rows
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis, Level
 
@@ -78,11 +79,10 @@ def _dual_weights(coarser: Level, lost: NDArray[np.bool_], embedding: Embedding,
         at, values = _local_inverse(embedding, d, level, cell[:, d], own)
         first.append(at)
         weights.append(values)
-    reach = [w.shape[1] for w in weights]
-    columns = (first[0][:, None] + np.arange(reach[0]))[:, :, None] * shape[1] + (first[1][:, None] + np.arange(reach[1]))[:, None, :]
+    rows, columns = (at[:, None] + np.arange(w.shape[1]) for at, w in zip(first, weights))
+    columns = rows[:, :, None] * shape[1] + columns[:, None, :]
     values = weights[0][:, :, None] * weights[1][:, None, :]
-    indptr = np.arange(len(cell) + 1) * (reach[0] * reach[1])
-    return csr_array((values.ravel(), columns.ravel(), indptr), shape=(len(cell), shape[0] * shape[1]))
+    return csr_rows(values, columns, shape[0] * shape[1])
 
 
 def _middle_leaf(

@@ -253,10 +253,11 @@ def repeated(tmp_path_factory):
     """
     folder = tmp_path_factory.mktemp("repeated")
     paths = [str(write_problem(folder, {"optimizer.start": start}, name=f"{start}.toml")) for start in ("flat", "transport")]
-    runs = [subprocess.Popen([sys.executable, "-c", ON_ONE_THREAD, *paths], cwd=ROOT, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    results = [run.communicate()[0] for run in runs]
-    assert [run.returncode for run in runs] == [0, 0]
-    return [dict(zip(("flat", "transport"), (line.split() for line in result.splitlines()))) for result in results]
+    program = [sys.executable, "-c", ON_ONE_THREAD, *paths]
+    runs = [subprocess.Popen(program, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    results = [run.communicate() for run in runs]
+    assert [run.returncode for run in runs] == [0, 0], results
+    return [dict(zip(("flat", "transport"), (line.split() for line in out.splitlines()))) for out, _ in results]
 
 
 @pytest.mark.parametrize("start", ["flat", "transport"])

@@ -7,6 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from OCP.BRep import BRep_Builder
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+from OCP.gp import gp_Pnt
+from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+from OCP.TopoDS import TopoDS_Compound
 
 from optics.model import base_lens
 from optics.problem import load_problem
@@ -15,10 +20,10 @@ from optics.screen import Screen
 from optics.verify import Check, surface_deviation, verification, verify
 from tests.optics.small import rough, write_problem
 from thbcad import write_step
-from thbcad.cad.solid import lens_surfaces
+from thbcad.cad.solid import lens_solid, lens_surfaces
 from thbcad.cad.step import read_step
 from thbcad.lens import FreeformSurface
-from thbcad.surface import THBSurface
+from thbcad.surface import BSplineSurface, THBSurface
 
 
 def shaped(folder, changes=None, height=0.05):
@@ -126,8 +131,48 @@ def test_a_missing_edge_face_is_caught(good, tmp_path, backend, which):
     assert len(faces) == 6
     text = good.text.replace(shell[1], ",".join(f for k, f in enumerate(faces) if k != which))
     names = failed(good, tmp_path, text, backend)
-    assert "faces besides the six expected" in names
-    assert "free edges" in names
+    assert {"faces besides the six expected", "free edges", "shell not closed"} <= set(names)
+
+
+def entity(text, number):
+    """Return the match of an entity's coordinates, #number = CARTESIAN_POINT('',(...))."""
+    return re.search(rf"#{number} = CARTESIAN_POINT\('',\(([^)]*)\)\)", text)
+
+
+def shifted(text, number, change):
+    """Return the text with CARTESIAN_POINT #number moved."""
+    found = entity(text, number)
+    numbers = ",".join(f"{float(v) + c:#.17G}" for v, c in zip(found[1].split(","), change))
+    return text[: found.start(1)] + numbers + text[found.end(1) :]
+
+
+@pytest.mark.parametrize("which", [0, 3, 5, 7])
+def test_a_corner_moved_by_a_micrometre_is_caught(good, tmp_path, backend, which):
+    """The vertex alone moves: faces and edges no longer meet in it, whatever tolerance a reader grants."""
+    corners = re.findall(r"VERTEX_POINT\('',#(\d+)\)", good.text)
+    assert len(corners) == 8
+    assert failed(good, tmp_path, shifted(good.text, corners[which], [0, 0, 1e-3]), backend)
+
+
+@pytest.mark.parametrize("which", [0, 2, 4, 6])
+def test_a_rim_moved_by_a_micrometre_is_caught(good, tmp_path, backend, which):
+    """The curve of an edge leaves the face that it bounds."""
+    rims = re.findall(r"B_SPLINE_CURVE_WITH_KNOTS\('',\d+,\(([#\d,\s]*)\)", good.text)
+    assert len(rims) == 8
+    poles = [p.strip("# \n") for p in rims[which].split(",")]
+    assert failed(good, tmp_path, shifted(good.text, poles[len(poles) // 2], [0, 0, 1e-3]), backend)
+
+
+def test_a_second_solid_is_caught(good, tmp_path, backend):
+    compound, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(compound)
+    builder.Add(compound, lens_solid(good.lens))
+    builder.Add(compound, BRepPrimAPI_MakeBox(gp_Pnt(30, 30, 0), 1.0, 1.0, 1.0).Shape())
+    writer = STEPControl_Writer()
+    writer.Transfer(compound, STEPControl_AsIs)
+    writer.Write(str(tmp_path / "two.step"))
+    names = failed(good, tmp_path, (tmp_path / "two.step").read_text(), backend)
+    assert {"solids besides the one expected", "faces besides the six expected"} <= set(names)
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -195,10 +240,18 @@ def test_surface_deviation_is_the_greatest_distance_in_z(good):
     assert surface_deviation(rear, good.lens.rear, good.lens.thickness + 0.25) == pytest.approx(0.25, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("value", "limit", "ok"),
-    [(0, 0, True), (1e-9, 1e-8, True), (1e-8, 1e-8, True), (2e-8, 1e-8, False), (np.nan, 1, False), (np.inf, 1, False)],
-)
+CHECKS = [(0, 0, True), (1e-9, 1e-8, True), (1e-8, 1e-8, True), (2e-8, 1e-8, False), (np.nan, 1, False), (np.inf, 1, False)]
+
+
+@pytest.mark.parametrize("scale", [1.001, 0.999])
+def test_surface_deviation_sees_a_face_of_another_size(good, scale):
+    """A plane is the same height everywhere: a face that is too large or too small is still another face."""
+    front = lens_surfaces(good.lens)[0]
+    face = BSplineSurface(front.kv_u, front.kv_v, front.coefficients * [scale, 1.0, 1.0])
+    assert surface_deviation(face, good.lens.front, 0.0) == pytest.approx(abs(scale - 1) * 10, rel=1e-9)
+
+
+@pytest.mark.parametrize(("value", "limit", "ok"), CHECKS)
 def test_a_check_passes_up_to_its_limit(value, limit, ok):
     check = Check("name", value, limit, "mm")
     assert check.ok is ok

@@ -174,7 +174,7 @@ def test_partition_of_unity_and_non_negative(data):
 @given(spaces(max_spans=3))
 def test_linear_independence(space):
     """The nets of the functions in the tensor-product form have full rank."""
-    e = space.embedding.operator().toarray()
+    e = space.embedding.operator.toarray()
     assert np.linalg.matrix_rank(e) == space.dim
 
 
@@ -315,7 +315,7 @@ def test_embedding_operator_coefficients_and_adjoint_agree(data):
     e = space.embedding
     c = data.draw(coefficients(space.dim))
     g = data.draw(coefficients(e.kv_u.dim, e.kv_v.dim))
-    net, back, operator = e.coefficients(c), e.adjoint(g), e.operator()
+    net, back, operator = e.coefficients(c), e.adjoint(g), e.operator
     tolerance = float(gamma(2 * entry_roundings(space)))
     assert abs(net.ravel() - operator @ c).max() <= tolerance
     size = (abs(operator).T @ abs(g.ravel())).max()

@@ -234,7 +234,7 @@ def test_evaluation_errors(surface):
             method([0.5], [np.nan])
         with pytest.raises(ValueError, match="derivative must be a non-negative integer"):
             method([0.5], [0.5], (0, -1))
-    with pytest.raises(ValueError, match="u and v must have equal lengths, got 2 and 1"):
+    with pytest.raises(ValueError, match="u and v must be two rows of equal length"):
         surface([0.1, 0.2], [0.1])
     with pytest.raises(ValueError, match="one row of numbers"):
         surface.grid([[0.1]], [0.1])
