@@ -121,6 +121,7 @@ class Embedding:
     def operator(self) -> csr_array:
         """E as a csr_array (n_u * n_v, dim) with read-only entries."""
         *_, last = self.operators(self.active, self.dim)
+        last.sum_duplicates()  # sorts too, which scipy would otherwise do in place later
         last.data.flags.writeable = False
         return last
 
