@@ -8,11 +8,15 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from optics import llvm
 
 DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
 
-PRECISIONS = {"double": ("Float64", 1e-9), "single": ("Float32", 1e-4)}  # array type, resolution in mm
+PACKET = 64  # numbers, more than any processor handles at once
+PRECISIONS = {"double": ("Float64", np.float64, 1e-9), "single": ("Float32", np.float32, 1e-4)}  # resolution in mm
 
 
 @dataclass(frozen=True)
@@ -21,13 +25,26 @@ class Backend:
 
     dr : the drjit module
     Float, Index : differentiable float and unsigned integer array types
+    dtype : of numpy, like Float
     resolution : mm, within which a ray counts as meeting a surface
     """
 
     dr: ModuleType
     Float: type[DrArray]
     Index: type[DrArray]
+    dtype: type[np.floating]
     resolution: float
+
+    def array(self, values: ArrayLike) -> DrArray:
+        """Return numbers as a flat Dr.Jit array.
+
+        Dr.Jit takes numpy's memory as it is, and its kernels read whole packets, past the end of
+        it; so the numbers are laid into a longer buffer first.
+        """
+        flat = np.ravel(values)
+        buffer = np.zeros(len(flat) + PACKET, dtype=self.dtype)
+        buffer[: len(flat)] = flat
+        return self.Float(buffer[: len(flat)])
 
 
 def load_backend(precision: str = "double", threads: int = 0) -> Backend:
@@ -44,5 +61,5 @@ def load_backend(precision: str = "double", threads: int = 0) -> Backend:
 
     types = import_module("drjit.llvm.ad")
     drjit.set_thread_count(threads or len(os.sched_getaffinity(0)))
-    name, resolution = PRECISIONS[precision]
-    return Backend(drjit, getattr(types, name), types.UInt32, resolution)
+    name, dtype, resolution = PRECISIONS[precision]
+    return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)

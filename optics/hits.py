@@ -69,15 +69,15 @@ class KnownHits:
         x, y = self._points[0][:, None], self._points[1][None, :]
         self._hit = backend.dr.mask_t(backend.Float)(((x == beam.x[:, None]) & (y == beam.y[None, :])).ravel())
         full = np.zeros(self.shape)
-        self._x, self._y = (backend.Float((a + full).ravel()) for a in (x, y))
-        self._base = [backend.Float((conic(x, y, d) + full).ravel()) for d in ((0, 0), (1, 0), (0, 1))]
+        self._x, self._y = (backend.array(a + full) for a in (x, y))
+        self._base = [backend.array(conic(x, y, d) + full) for d in ((0, 0), (1, 0), (0, 1))]
 
     def evaluate(self, net: NDArray[np.float64]) -> RearHits:
-        dr, Float = self._backend.dr, self._backend.Float
+        dr = self._backend.dr
         (a0, a1), (b0, b1) = self._matrices
         half = a0 @ net
         sags = (_columns(b0, half), _columns(b0, a1 @ net), _columns(b1, half))
-        leaves = tuple(Float(np.ascontiguousarray(s).ravel()) for s in sags)
+        leaves = tuple(self._backend.array(s) for s in sags)
         dr.enable_grad(*leaves)
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
         return RearHits(self._x, self._y, z, zx, zy, self._hit, leaves, dr)

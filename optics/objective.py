@@ -49,7 +49,7 @@ class Objective:
         self._screen = screen
         self._splat = Splat(backend, screen, window)
         measured = filter_image(screen.pad(target), window)
-        self._target = backend.Float(measured.ravel(order="F"))
+        self._target = backend.array(measured.T)
         scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
         self._norm = backend.dr.opaque(backend.Float, 1.0 / np.square(measured).sum())
         self._charge = backend.dr.opaque(backend.Float, lost_flux_weight / scale)

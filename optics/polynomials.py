@@ -27,7 +27,7 @@ class PolynomialTable:
         self._maps = [_power_map(kv) for kv in knots]
         self._orders = [kv.degree + 1 for kv in knots]
         self._cells = [kv.spans for kv in knots]
-        self._breaks = [backend.Float(kv.breaks) for kv in knots]
+        self._breaks = [backend.array(kv.breaks) for kv in knots]
         self._data: DrArray = None
 
     def load(self, net: NDArray[np.float64]) -> None:
@@ -35,7 +35,7 @@ class PolynomialTable:
         ax, ay = self._maps
         power = ax @ (ay @ net.T).T
         (nx, ny), (p, q) = self._cells, self._orders
-        self._data = self._backend.Float(power.reshape(nx, p, ny, q).transpose(0, 2, 1, 3).ravel())
+        self._data = self._backend.array(power.reshape(nx, p, ny, q).transpose(0, 2, 1, 3))
 
     def __call__(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
         """Return z, zx, zy, zxx, zxy, zyy."""
@@ -63,7 +63,7 @@ class PolynomialTable:
     def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points."""
         dr, Float = self._backend.dr, self._backend.Float
-        gz, gx, gy = (Float(g) for g in gradients)
+        gz, gx, gy = (self._backend.array(g) for g in gradients)
         first, s, t, hx, hy = self._locate(x, y)
         (p, q), (nx, ny) = self._orders, self._cells
         power = dr.zeros(Float, nx * ny * p * q)

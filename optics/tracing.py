@@ -80,7 +80,7 @@ class Tracer:
             _, self._front_flux, _ = refract(dr, self._direction, (Float(0), Float(0)), 1 / lens.index)
             self.hits = KnownHits(backend, beam, lens.rear.conic, lens.rear.half_width, knots)
         else:
-            x, y = (Float(a) for a in _mesh(beam))
+            x, y = (backend.array(a) for a in _mesh(beam))
             z, zx, zy, *_ = conic_jet(dr, front.conic, x, y)
             self._direction, self._front_flux, _ = refract(dr, self._direction, (zx, zy), 1 / lens.index)
             origin = (x, y, z - lens.thickness)

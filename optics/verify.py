@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.surface import BSplineSurface
 
+TOLERANCE = 1e-6  # mm
 SURFACE_SAMPLES = 6  # per knot span and direction
 
 
@@ -52,6 +53,7 @@ def verify(problem: Problem, lens: Lens, path: str | Path, backend: Backend) -> 
         Check("solids besides the one expected", abs(step.solids - 1), 0, ""),
         Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
         Check("free edges", step.free_edges, 0, ""),
+        Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
         Check("shell not closed", int(not step.closed), 0, ""),
         Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
     ]
@@ -88,9 +90,9 @@ def surface_deviation(face: BSplineSurface, surface: FreeformSurface, vertex: fl
     x, y = points[:, 0, 0], points[0, :, 1]
     bent = max(np.abs(points[..., 0] - x[:, None]).max(), np.abs(points[..., 1] - y[None, :]).max())
     hx, hy = surface.half_width
-    outside = max(np.abs(x).max() - hx, np.abs(y).max() - hy, 0.0)
+    size = max(abs(np.abs(x).max() - hx), abs(np.abs(y).max() - hy))
     z = vertex + surface.grid(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
-    return float(max(np.abs(points[..., 2] - z).max(), bent, outside))
+    return float(max(np.abs(points[..., 2] - z).max(), bent, size))
 
 
 def _samples(kv: KnotVector) -> NDArray[np.float64]:

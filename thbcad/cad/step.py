@@ -23,6 +23,7 @@ from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_InterfaceModel, Interface_Static
 from OCP.Message import Message
+from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.StepAP214 import StepAP214
 from OCP.StepBasic import StepBasic_Product
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
@@ -55,6 +56,7 @@ class StepLens:
 
     front, rear : BSplineSurface with poles (x, y, z) in mm, as in the file
     solids, faces, free_edges : int; an edge is free when it does not border two faces
+    tolerance : float, mm, the greatest that faces, edges and vertices need to meet
     closed, valid : bool, OCCT's closedness of the shell and its validity check
     volume : float, mm^3, by OCCT
     """
@@ -64,6 +66,7 @@ class StepLens:
     solids: int
     faces: int
     free_edges: int
+    tolerance: float
     closed: bool
     valid: bool
     volume: float
@@ -132,6 +135,7 @@ def read_step(path: str | Path) -> StepLens:
         solids=len(_explore(shape, TopAbs_SOLID)),
         faces=len(_explore(shape, TopAbs_FACE)),
         free_edges=_free_edges(shape),
+        tolerance=ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1),
         closed=bool(shells) and all(BRep_Tool.IsClosed_s(s) for s in shells),
         valid=BRepCheck_Analyzer(shape).IsValid(),
         volume=properties.Mass(),
