@@ -28,7 +28,7 @@ RAYS_AT_ONCE = 1 << 21
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """irradiance, target : (rows, columns), W/mm^2; figures : see design.md's metrics."""
+    """irradiance, target : (rows, columns), W/mm^2; figures : the metrics that the README explains."""
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]

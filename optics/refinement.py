@@ -29,7 +29,7 @@ def cell_indicator(space: THBSpace, knots: Sequence[KnotVector], gradients: NDAr
 def mark(space: THBSpace, indicator: NDArray[np.float64], alpha: float, max_level: int) -> dict[int, NDArray[np.int64]]:
     """Return {level: cells} of the leaf cells with Z > alpha * mean(Z), below `max_level`.
 
-    The mean is taken over the active cells (6.3 with the errata's normalisation).
+    The mean is taken over the active cells (thesis 6.3 divides by the number of cells of a full level instead).
     """
     cells = space.cells
     chosen = cells[(indicator > alpha * indicator.mean()) & (cells[:, 0] < max_level)]

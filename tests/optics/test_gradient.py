@@ -85,7 +85,7 @@ def test_gradient_holds_where_light_misses_the_target_and_the_lens(backend):
 
 
 def test_gradient_with_the_gaussian_window(backend):
-    """The window lowered to zero at its cut has a kink there: differences agree to 2e-5 (errata 17)."""
+    """The window lowered to zero at its cut has a kink there: differences agree to 2e-5."""
     space = small_space()
     objective = make_objective(backend, PLANE, space, GaussianWindow(1.0))
     at = optimised(objective, space, 5)

@@ -198,7 +198,7 @@ def test_inserting_nothing_and_scalars():
 
 
 def test_thesis_bisection_3_34():
-    """Degree 2 with an interior knot: the first and last rows of the matrix of (3.30), with 1/4 last (errata 3)."""
+    """Degree 2 with an interior knot: the first and last rows of the matrix of (3.30), with 1/4 last (the thesis prints 1/2)."""
     kv = KnotVector.uniform(2, 4)
     p = kv.prolongation(kv.bisect()).toarray()
     assert p.shape == (10, 6)
