@@ -26,13 +26,14 @@ def parser() -> argparse.ArgumentParser:
     design.add_argument("problem", metavar="PROBLEM.toml")
     design.add_argument("--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)")
     design.add_argument("--resume", action="store_true", help="go on from the checkpoint in the result folder")
+    new = commands.add_parser("new", help="print a commented problem file to start from")
     check = commands.add_parser("check", help="read the problem and say what would be done, without tracing")
     check.add_argument("problem", metavar="PROBLEM.toml")
     verify = commands.add_parser("verify", help="check the STEP file of a result folder against its lens")
     verify.add_argument("result", metavar="DIR", help="result folder of a design")
     bench = commands.add_parser("bench", help="run a benchmark of a checkout and print its figures beside their limits")
     bench.add_argument("name", metavar="NAME", help="a module of benchmarks/, such as overview")
-    for command in (design, check, verify, bench):
+    for command in (design, new, check, verify, bench):
         command.add_argument("--json", action="store_true", help="print the result as JSON")
     return main
 
@@ -61,8 +62,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return UserError.exit_code
     from thbcad.files import json_text
 
-    print(json_text(result) if options.json else "\n".join(lines))
+    _print(json_text(result) if options.json else "\n".join(lines))
     return 0 if ok else 1
+
+
+def _print(text: str) -> None:
+    """Print to stdout; a reader that has gone (`| head`) is no error."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def entry() -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from optics.design import Interrupted, stages
 from optics.errors import UserError
 from optics.model import base_lens, target_irradiance, target_light, target_screen
-from optics.problem import load_problem, problem_to_toml
+from optics.problem import commented_problem, load_problem, problem_to_toml
 from optics.progress import DesignProgress
 from optics.results import ResultFolder
 
@@ -125,6 +125,12 @@ def _finish(
     write_text(folder.path / "report.html", report_html(problem, metrics, checked, pictures, problem_to_toml(folder.read_problem())))
     folder.drop_checkpoint()
     return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, _design_lines(folder, metrics, checked), checked["ok"]
+
+
+def new(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Print a problem file to start from."""
+    text = commented_problem()
+    return {"problem": text}, text.splitlines(), True
 
 
 def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
