@@ -32,7 +32,8 @@ class DesignProgress:
         self._last = row
         self._in_level += 1
         self._bar.set_description_str(
-            f"level {row.level}  DOF {row.dof}  evaluation {self._in_level}/{stage.evaluations}  misfit {row.fit:.4f}", refresh=False
+            f"level {row.level}  DOF {row.dof}  evaluation {self._in_level} of about {stage.evaluations}  misfit {row.fit:.4f}",
+            refresh=False,
         )
         room = stage.work if self._in_level <= stage.evaluations else 0
         self._bar.update(room // stage.evaluations)
