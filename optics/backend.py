@@ -60,6 +60,11 @@ def load_backend(precision: str = "double", threads: int = 0) -> Backend:
     import drjit
 
     types = import_module("drjit.llvm.ad")
-    drjit.set_thread_count(threads or len(os.sched_getaffinity(0)))
+    drjit.set_thread_count(threads or _cores())
     name, dtype, resolution = PRECISIONS[precision]
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

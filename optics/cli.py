@@ -43,9 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from optics import commands
-
     try:
+        from optics import commands
+
         result, lines, ok = getattr(commands, options.command)(options)
     except (UserError, NumericalError) as error:
         print(f"thbcad: {error}", file=sys.stderr)

@@ -53,7 +53,8 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     folder.prepare()
     state = folder.read_checkpoint(problem) if options.resume else None
-    folder.write_problem(problem)
+    if not options.resume:
+        folder.drop_checkpoint()
     from optics.backend import load_backend
 
     backend = load_backend(problem.run.precision, problem.run.threads)
@@ -99,6 +100,8 @@ def _finish(
     from thbcad.cad.step import write_step
     from thbcad.files import write_bytes, write_text
 
+    # only now: until then a folder keeps the problem and the lens of an earlier run, which belong together
+    folder.write_problem(problem)
     folder.write_lens(lens)
     folder.write_history(state.history)
     write_step(lens, folder.step)

@@ -67,8 +67,9 @@ class KnownHits:
         self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
         self._matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         x, y = self._points[0][:, None], self._points[1][None, :]
-        self._hit = backend.dr.mask_t(backend.Float)(((x == beam.x[:, None]) & (y == beam.y[None, :])).ravel())
         full = np.zeros(self.shape)
+        beside = np.abs(x - beam.x[:, None]) + np.abs(y - beam.y[None, :])
+        self._hit = backend.array(beside) == 0
         self._x, self._y = (backend.array(a + full) for a in (x, y))
         self._base = [backend.array(conic(x, y, d) + full) for d in ((0, 0), (1, 0), (0, 1))]
 
@@ -151,13 +152,15 @@ class SearchedHits:
         return dr.clip(x, -hx, hx), dr.clip(y, -hy, hy)
 
     def _surface(self, x: DrArray, y: DrArray) -> list[DrArray]:
-        base = conic_jet(self._backend.dr, self._conic, x, y)
+        base = conic_jet(self._backend, self._conic, x, y)
         return [a + b for a, b in zip(base, self._table(x, y))]
 
 
-def conic_jet(dr: ModuleType, conic: Conic, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
+def conic_jet(backend: Backend, conic: Conic, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
     """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
-    c, k = 1.0 / conic.radius, (1.0 + conic.constant) / conic.radius**2
+    dr, Float = backend.dr, backend.Float
+    # opaque, so that every conic runs the same compiled kernel
+    c, k = dr.opaque(Float, 1.0 / conic.radius), dr.opaque(Float, (1.0 + conic.constant) / conic.radius**2)
     r2 = x * x + y * y
     inverse = dr.rsqrt(1 - k * r2)
     slope, bend = c * inverse, c * k * inverse * inverse * inverse

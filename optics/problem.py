@@ -96,7 +96,7 @@ class Optimizer:
     start: str = option("transport", choices=("transport", "flat"), note="transport needs a plane front, otherwise flat is used")
     window: str = option("bspline", choices=("bspline", "gaussian"), note="measurement window")
     window_degree: int = option(2, low=1, high=5, note="of the B-spline window, which is window_degree + 1 pixels wide")
-    sigma: float = option(1.0, low=0.3, high=10, note="pixels, of the Gaussian window")
+    sigma: float = option(1.0, low=0.3, high=2.5, note="pixels, of the Gaussian window")
     rays_per_pixel: float = option(3.0, low=0.5, high=16, note="in each direction")
     lost_flux_weight: float = option(100.0, low=0, note="charge for light beside the target")
 

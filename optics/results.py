@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 CHECKPOINT = "checkpoint.json"
+FILES = ("problem.toml", "lens.json", "lens.step", "metrics.json", "verify.json", "history.csv", "report.html", CHECKPOINT)
 VERSION = 1
 
 
@@ -48,6 +49,9 @@ class ResultFolder:
                 probe.write(b"0")
         except OSError as error:
             raise UserError(f"cannot write to the result folder {self.path}: {error.strerror}; choose another with --out") from None
+        for name in FILES:
+            if (self.path / name).is_dir():
+                raise UserError(f"cannot write {self.path / name}: it is a folder; move it or choose another with --out")
 
     def write_problem(self, problem: Problem) -> None:
         """Store the resolved problem and its picture, so that the folder can be run again."""

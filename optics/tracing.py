@@ -81,7 +81,7 @@ class Tracer:
             self.hits = KnownHits(backend, beam, lens.rear.conic, lens.rear.half_width, knots)
         else:
             x, y = (backend.array(a) for a in _mesh(beam))
-            z, zx, zy, *_ = conic_jet(dr, front.conic, x, y)
+            z, zx, zy, *_ = conic_jet(backend, front.conic, x, y)
             self._direction, self._front_flux, _ = refract(dr, self._direction, (zx, zy), 1 / lens.index)
             origin = (x, y, z - lens.thickness)
             dr.eval(origin, self._direction, self._front_flux)

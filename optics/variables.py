@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SHARPNESS = 8
 STEP = 0.02  # of the bound: the length of the optimiser's unit
+FAR = 1e6  # of the bound: far outside, where the powers still are numbers
 INSIDE = 0.99  # of the bound: where coefficients that lie on it start
 
 
@@ -39,10 +40,10 @@ class BoundedVariables:
 
     def coefficients(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return c and keep the slope of the squashing for `gradient`."""
-        y = self._start + STEP * self._basis.coefficients(weights)
+        y = np.clip(self._start + STEP * self._basis.coefficients(weights), -FAR, FAR)
         base = 1 + np.abs(y) ** SHARPNESS
         self._slope = base ** (-1 / SHARPNESS - 1)
-        return self._bound * y * base ** (-1 / SHARPNESS)
+        return np.clip(self._bound * y * base ** (-1 / SHARPNESS), -self._bound, self._bound)
 
     def gradient(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return dL/dw from dL/dc at the last coefficients."""

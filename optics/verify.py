@@ -15,7 +15,7 @@ from optics.model import target_screen
 from optics.reference import deposit, trace_step
 from optics.tracing import Tracer
 from thbcad.cad.solid import lens_surfaces
-from thbcad.cad.step import StepLens, read_step
+from thbcad.cad.step import StepLens, read_step, step_bytes
 
 if TYPE_CHECKING:
     from optics.backend import Backend
@@ -54,6 +54,7 @@ def verify(problem: Problem, lens: Lens, path: str | Path, backend: Backend) -> 
         Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
         Check("free edges", step.free_edges, 0, ""),
         Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
+        Check("file differs from a fresh export of the lens", int(Path(path).read_bytes() != step_bytes(lens)), 0, ""),
         Check("shell not closed", int(not step.closed), 0, ""),
         Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
     ]

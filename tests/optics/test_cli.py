@@ -346,6 +346,20 @@ def test_a_result_path_that_is_a_file_is_refused(tmp_path, capsys, out):
     assert (tmp_path / "file").read_text() == "keep me"
 
 
+def test_an_old_result_stays_whole_until_the_new_one_is_there(tmp_path, monkeypatch):
+    """Interrupted, a folder still holds the problem and the lens of the run before, which belong together."""
+    out = tmp_path / "out"
+    assert main(["design", str(write_problem(tmp_path, QUICK)), "--out", str(out)]) == 0
+    before = (out / "problem.toml").read_text(), (out / "lens.json").read_text()
+
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optics.design.design", interrupted)
+    assert main(["design", str(write_problem(tmp_path, QUICK | {"lens.index": 1.6})), "--out", str(out)]) == 130
+    assert ((out / "problem.toml").read_text(), (out / "lens.json").read_text()) == before
+
+
 def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):
     (tmp_path / "out" / "problem.toml").mkdir(parents=True)
     refused(capsys, "design", write_problem(tmp_path, QUICK), "--out", tmp_path / "out")

@@ -247,7 +247,7 @@ LIMITS = {
     "lens.rear.freeform.spans": ([1, 1], [1000, 1000]),
     "optimizer.iterations": ([1], [100_000]),
     "optimizer.memory": (1, 100),
-    "optimizer.sigma": (0.3, 10.0),
+    "optimizer.sigma": (0.3, 2.5),
     "optimizer.rays_per_pixel": (0.5, 16.0),
     "verify.rays": (8, 2049),
     "run.threads": (0, 1024),

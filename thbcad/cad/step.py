@@ -80,6 +80,11 @@ def write_step(lens: Lens, path: str | Path) -> None:
     OSError : the file cannot be written.
     RuntimeError : OCCT refuses the solid.
     """
+    write_bytes(path, step_bytes(lens))
+
+
+def step_bytes(lens: Lens) -> bytes:
+    """Return the STEP file of a lens; the same lens gives the same bytes."""
     _silence()
     STEPControl_Writer()  # the settings exist only once a writer has been made
     with _settings({"write.step.schema": "AP214IS", "write.step.unit": "MM", "write.surfacecurve.mode": "0"}):
@@ -91,13 +96,16 @@ def write_step(lens: Lens, path: str | Path) -> None:
     header = APIHeaderSection_MakeHeader(model)
     header.SetName(TCollection_HAsciiString(PRODUCT))
     header.SetTimeStamp(TCollection_HAsciiString(STAMP))
+    header.SetAuthorValue(1, TCollection_HAsciiString(""))
+    header.SetOrganizationValue(1, TCollection_HAsciiString(""))
+    header.SetOriginatingSystem(TCollection_HAsciiString("thbcad"))
     text = StepData_StepWriter(model)
     text.FloatWriter().SetFormat("%#.17G")
     text.SendModel(StepAP214.Protocol_s())
     buffer = io.BytesIO()
     if not text.Print(buffer):
         raise RuntimeError("OCCT could not print the STEP file")
-    write_bytes(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def read_step(path: str | Path) -> StepLens:
