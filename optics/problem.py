@@ -175,7 +175,7 @@ def commented_problem() -> str:
             index=1.5,
             thickness=20.0,
             front=Front(half_width=(50.0, 50.0)),
-            rear=Rear(half_width=(50.0, 50.0), radius=150.0, conic=-1.0),
+            rear=Rear(half_width=(50.0, 50.0), radius=150.0, conic=-1.0, freeform=Freeform(z_freedom=15.0)),
         ),
         target=Target(kind="image", image="picture.png", distance=300.0, half_width=(100.0, 100.0)),
     )
