@@ -310,6 +310,6 @@ def _vertices(rays: int, spans: int) -> int:
 
 def _with_sag(lens: Lens, sag: THBSurface) -> Lens:
     try:
-        return lens.with_rear(type(lens.rear)(lens.rear.half_width, lens.rear.conic, sag))
+        return lens.with_rear(lens.rear.with_sag(sag))
     except ValueError as error:
         raise NumericalError(f"the optimised lens cannot exist: {error}; lower lens.rear.freeform.z_freedom") from None

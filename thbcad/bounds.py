@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, band_matrix, blossom_rows
+from thbcad.bspline import KnotVector, band_matrix, blossom_rows, tensor_apply
 from thbcad.surface import BSplineSurface
 
 MOST_CELLS = 200_000
@@ -52,7 +52,7 @@ def minimum(surface: BSplineSurface) -> Minimum:
     curve the search stops early, with a wider but still certified interval.
     """
     kv_u, kv_v = surface.kv_u, surface.kv_v
-    table = bezier_operator(kv_u) @ (bezier_operator(kv_v) @ surface.coefficients.T).T
+    table = tensor_apply(bezier_operator(kv_u), bezier_operator(kv_v), surface.coefficients)
     shape = kv_u.spans, kv_u.degree + 1, kv_v.spans, kv_v.degree + 1
     cells = table.reshape(shape).transpose(0, 2, 1, 3).reshape(-1, shape[1], shape[3])
     corner = np.stack(np.meshgrid(kv_u.breaks[:-1], kv_v.breaks[:-1], indexing="ij"), axis=-1).reshape(-1, 2)

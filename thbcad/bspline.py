@@ -89,6 +89,13 @@ def band_matrix(first: NDArray[np.int64], values: NDArray[np.float64], columns: 
     return csr_rows(values, first[:, None] + np.arange(values.shape[1]), columns)
 
 
+def tensor_apply(a: csr_array, b: csr_array, net: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a @ net @ b.T, for every component of a net (n_u, n_v) or (n_u, n_v, d)."""
+    by_u = (a @ net.reshape(net.shape[0], -1)).reshape((a.shape[0], *net.shape[1:]))
+    turned = np.ascontiguousarray(np.moveaxis(by_u, 1, 0)).reshape(net.shape[1], -1)
+    return np.moveaxis((b @ turned).reshape((b.shape[0], a.shape[0], *net.shape[2:])), 0, 1)
+
+
 def require_order(derivative: object) -> None:
     """Raise ValueError unless the order of a derivative is a non-negative integer."""
     if isinstance(derivative, bool) or not isinstance(derivative, (int, np.integer)) or derivative < 0:

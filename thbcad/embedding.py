@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, kron
 
-from thbcad.bspline import KnotVector
+from thbcad.bspline import KnotVector, tensor_apply
 from thbcad.hierarchy import DyadicAxis, Level
 
 
@@ -77,6 +77,16 @@ class Embedding:
         """One-dimensional refinement operators (P_u, P_v) from W_(l-1) to W_l."""
         return [tuple(a.prolongation(b) for (a, _), (b, _) in zip(*pair)) for pair in zip(self._chain, self._chain[1:])]
 
+    def refined(self, number: int, net: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return P_u net P_v^T, a net of W_(number - 1) in W_number."""
+        pu, pv = self.steps[number - 1]
+        return np.ascontiguousarray(tensor_apply(pu, pv, net))
+
+    def refined_adjoint(self, number: int, net: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return P_u^T net P_v, the transpose of `refined`."""
+        pu, pv = self.steps[number - 1]
+        return np.ascontiguousarray(tensor_apply(pu.T, pv.T, net))
+
     def coefficients(self, c: ArrayLike) -> NDArray[np.float64]:
         """Return the tensor-product net of the spline with THB coefficients c.
 
@@ -96,8 +106,7 @@ class Embedding:
         net = np.zeros(self.shape(0))
         for number, (rows, part) in enumerate(zip(self.active, parts)):
             if number:
-                pu, pv = self.steps[number - 1]
-                net = np.ascontiguousarray((pv @ (pu @ net).T).T)
+                net = self.refined(number, net)
             net.ravel()[rows] = part
             yield net.copy()
 
@@ -110,10 +119,11 @@ class Embedding:
         """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""
         net = np.array(net, dtype=np.float64, order="C")
         parts = []
-        for (pu, pv), rows in zip(self.steps[::-1], self.active[:0:-1]):
+        for number in range(len(self.steps), 0, -1):
+            rows = self.active[number]
             parts.append(net.ravel()[rows])
             net.ravel()[rows] = 0.0
-            net = np.ascontiguousarray((pv.T @ (pu.T @ net).T).T)
+            net = self.refined_adjoint(number, net)
         parts.append(net.ravel()[self.active[0]])
         return np.concatenate(parts[::-1])
 

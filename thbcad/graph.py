@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from thbcad.bspline import KnotVector
+from thbcad.bspline import KnotVector, tensor_apply
 from thbcad.conic import Conic
 from thbcad.surface import BSplineSurface
 
@@ -44,7 +44,7 @@ def conic_graph(conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[n
         return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
     fine_x, fine_y, heights = _interpolated(conic, kv_x, kv_y)
     if sag is not None:
-        heights = heights + kv_x.prolongation(fine_x) @ (kv_y.prolongation(fine_y) @ sag.T).T
+        heights = heights + tensor_apply(kv_x.prolongation(fine_x), kv_y.prolongation(fine_y), sag)
     return BSplineSurface(fine_x, fine_y, heights)
 
 
@@ -125,7 +125,7 @@ def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> 
         both = merged(mine, other)
         target.append(both)
         nets.append([own.prolongation(both) for own in (other, mine)])
-    heights = [nets[0][k] @ (nets[1][k] @ graph.coefficients.T).T for k, graph in enumerate((front, rear))]
+    heights = [tensor_apply(nets[0][k], nets[1][k], graph.coefficients) for k, graph in enumerate((front, rear))]
     return BSplineSurface(*target, thickness + heights[1] - heights[0])
 
 

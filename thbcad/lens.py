@@ -59,9 +59,9 @@ class FreeformSurface:
             z = z + self.sag.grid(u, v, derivative) * self._chain(derivative)
         return z
 
-    def with_coefficients(self, coefficients: NDArray[np.float64]) -> FreeformSurface:
-        """Return the surface with other sag coefficients on the same space."""
-        return FreeformSurface(self.half_width, self.conic, THBSurface(self.sag.space, coefficients))
+    def with_sag(self, sag: THBSurface) -> FreeformSurface:
+        """Return the surface with another sag on the same conic."""
+        return FreeformSurface(self.half_width, self.conic, sag)
 
     def to_parameters(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the spline parameters (u, v) of positions (x, y)."""

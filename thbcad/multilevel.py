@@ -37,11 +37,7 @@ class MultilevelBasis:
         e = self._embedding
         parts, out, net = np.split(weights, np.cumsum(self._counts)[:-1]), [], None
         for level, (part, scale) in enumerate(zip(parts, self._scales)):
-            if level == 0:
-                net = np.zeros(e.shape(0))
-            else:
-                pu, pv = e.steps[level - 1]
-                net = np.ascontiguousarray((pv @ (pu @ net).T).T)
+            net = np.zeros(e.shape(0)) if level == 0 else e.refined(level, net)
             net.ravel()[e.supported[level]] += scale * part
             out.append(net.ravel()[e.active[level]])
         return np.concatenate(out)
@@ -51,11 +47,7 @@ class MultilevelBasis:
         e = self._embedding
         parts, out, net = np.split(gradient, np.cumsum([len(rows) for rows in e.active])[:-1]), [], None
         for level in range(len(self._counts) - 1, -1, -1):
-            if net is None:
-                net = np.zeros(e.shape(level))
-            else:
-                pu, pv = e.steps[level]
-                net = np.ascontiguousarray((pv.T @ (pu.T @ net).T).T)
+            net = np.zeros(e.shape(level)) if net is None else e.refined_adjoint(level + 1, net)
             net.ravel()[e.active[level]] += parts[level]
             out.append(self._scales[level] * net.ravel()[e.supported[level]])
         return np.concatenate(out[::-1])

@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
-from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, read_only, require_order
+from thbcad.bspline import KnotVector, read_only, require_order, tensor_apply
 from thbcad.patches import patch_operators
 from thbcad.space import THBSpace
 
@@ -53,12 +52,12 @@ class BSplineSurface:
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
         a, b = self.kv_u.collocation(u, derivative[0]), self.kv_v.collocation(v, derivative[1])
-        return _apply(a, b, self.coefficients)
+        return tensor_apply(a, b, self.coefficients)
 
     def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:
         """Return the same surface with knots inserted in u and in v."""
         kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
-        return BSplineSurface(kv_u, kv_v, _apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients))
+        return BSplineSurface(kv_u, kv_v, tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients))
 
     def integral(self) -> np.float64 | NDArray[np.float64]:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
@@ -104,7 +103,7 @@ class THBSurface:
         shape = self.coefficients.shape[1:]
         out = []
         for level, (kv_u, a_u), (kv_v, a_v) in patch_operators(self.space):
-            net = np.stack([(a_v @ (a_u @ nets[level][..., k]).T).T for k in range(len(columns))], axis=-1)
+            net = tensor_apply(a_u, a_v, nets[level])
             out.append(BSplineSurface(kv_u, kv_v, net.reshape((kv_u.dim, kv_v.dim, *shape))))
         return out
 
@@ -112,10 +111,3 @@ class THBSurface:
         """Return the same surface over ``space.refine(cells)``."""
         finer = self.space.refine(cells)
         return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)
-
-
-def _apply(a: csr_array, b: csr_array, net: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a @ net @ b.T, for every component of a net (n_u, n_v) or (n_u, n_v, d)."""
-    by_u = (a @ net.reshape(net.shape[0], -1)).reshape((a.shape[0], *net.shape[1:]))
-    turned = np.ascontiguousarray(np.moveaxis(by_u, 1, 0)).reshape(net.shape[1], -1)
-    return np.moveaxis((b @ turned).reshape((b.shape[0], a.shape[0], *net.shape[2:])), 0, 1)

@@ -362,7 +362,8 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(tmp_path, monkeypa
 
 def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):
     (tmp_path / "out" / "problem.toml").mkdir(parents=True)
-    refused(capsys, "design", write_problem(tmp_path, QUICK), "--out", tmp_path / "out")
+    message = refused(capsys, "design", write_problem(tmp_path, QUICK), "--out", tmp_path / "out")
+    assert "problem.toml: it is a folder" in message
 
 
 @pytest.mark.parametrize(

@@ -122,4 +122,4 @@ def test_the_floor_is_the_size_of_the_estimators_error(tmp_path, backend, monkey
 def test_figures_of_coarse_targets_are_numbers(tmp_path, backend, pixels):
     """metrics.json must be JSON: it knows no NaN and no Infinity."""
     figures = measured(tmp_path, backend, {"target.pixels": pixels}).figures
-    json.dumps(figures, allow_nan=False)
+    assert json.loads(json.dumps(figures, allow_nan=False)) == figures

@@ -180,9 +180,9 @@ def test_scalars_and_shapes():
     assert FreeformSurface((1, 1))([0.5, 0.2], [0.1, 0.1]).tolist() == [0, 0]
 
 
-def test_with_coefficients():
+def test_with_sag():
     surface = wavy_surface()
-    other = surface.with_coefficients(np.ones(surface.sag.space.dim))
+    other = surface.with_sag(THBSurface(surface.sag.space, np.ones(surface.sag.space.dim)))
     assert other.sag.space is surface.sag.space
     assert abs(other(X, Y) - surface.conic(X, Y) - 1).max() <= 20 * EPS
 
