@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, band_matrix, blossom_rows, tensor_apply
+from thbcad.bspline import tensor_apply
 from thbcad.surface import BSplineSurface
 
 MOST_CELLS = 200_000
@@ -32,19 +31,6 @@ class Minimum:
     v: float
 
 
-def bezier_operator(kv: KnotVector) -> csr_array:
-    """Return the Bezier extraction, (spans (p + 1), dim): Bernstein coefficients of every span in turn.
-
-    Coefficient k of the span [a, b] is the polar form at p - k times a and k times b.
-    """
-    p, spans = kv.degree, kv.spans
-    a, b = np.repeat(kv.breaks[:-1], p + 1), np.repeat(kv.breaks[1:], p + 1)
-    span = kv.span_of(a)
-    late = np.arange(p)[None, :] >= p - np.tile(np.arange(p + 1), spans)[:, None]
-    arguments = np.where(late, b[:, None], a[:, None])
-    return band_matrix(span - p, blossom_rows(kv.knots, p, span, arguments), kv.dim)
-
-
 def minimum(surface: BSplineSurface) -> Minimum:
     """Return bounds of the least value of a scalar spline, to 1e-12 of its greatest coefficient.
 
@@ -52,7 +38,7 @@ def minimum(surface: BSplineSurface) -> Minimum:
     curve the search stops early, with a wider but still certified interval.
     """
     kv_u, kv_v = surface.kv_u, surface.kv_v
-    table = tensor_apply(bezier_operator(kv_u), bezier_operator(kv_v), surface.coefficients)
+    table = tensor_apply(kv_u.bezier(), kv_v.bezier(), surface.coefficients)
     shape = kv_u.spans, kv_u.degree + 1, kv_v.spans, kv_v.degree + 1
     cells = table.reshape(shape).transpose(0, 2, 1, 3).reshape(-1, shape[1], shape[3])
     corner = np.stack(np.meshgrid(kv_u.breaks[:-1], kv_v.breaks[:-1], indexing="ij"), axis=-1).reshape(-1, 2)

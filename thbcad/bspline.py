@@ -32,16 +32,12 @@ def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.fl
     return out
 
 
-def blossom_rows(
-    knots: NDArray[np.float64], degree: int, span: NDArray[np.int64], arguments: NDArray[np.float64], derivative: int = 0
-) -> NDArray[np.float64]:
-    """Return the rows R_1(a_1) ... R_p(a_p) for many spans at once.
+def blossom(near: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+    """Return the rows R_1(a_1) ... R_p(a_p) for many spans [t_mu, t_mu+1) at once.
 
     Parameters
     ----------
-    knots : (m,) float
-    degree : int
-    span : (n,) int, index mu of a non-empty span [t_mu, t_mu+1) for each row
+    near : (2 degree, n) float, the knots t_(mu+1-p) ... t_(mu+p) around each span
     arguments : (n, degree) float, arguments of the polar form
     derivative : int, the last `derivative` factors are replaced by k R_k', so that equal
         arguments u give the derivative of that order at u
@@ -50,16 +46,15 @@ def blossom_rows(
     -------
     (n, degree + 1) float : weights of the coefficients mu - degree ... mu.
     """
+    count, degree = arguments.shape
     if derivative > degree:
-        return np.zeros((len(span), degree + 1))
-    # the knots t_(mu+1-p) ... t_(mu+p), one contiguous row for each offset from mu
-    near = {offset: knots[span + offset] for offset in range(1 - degree, degree + 1)}
-    rows = [np.ones(len(span))]
+        return np.zeros((count, degree + 1))
+    rows = [np.ones(count)]
     for k in range(1, degree + 1):
         argument, out = arguments[:, k - 1], [np.zeros(0)] * (k + 1)
         for r, before in enumerate(rows):
             # function mu - k + 1 + r of degree k - 1 lies on [low, high] = [t_j, t_(j+k)]
-            low, high = near[r + 1 - k], near[r + 1]
+            low, high = near[degree + r - k], near[degree + r]
             if k > degree - derivative:
                 right = k * before / (high - low)
                 left = -right
@@ -70,6 +65,14 @@ def blossom_rows(
             out[r + 1] = right
         rows = out
     return np.stack(rows, axis=1)
+
+
+def blossom_rows(
+    knots: NDArray[np.float64], degree: int, span: NDArray[np.int64], arguments: NDArray[np.float64], derivative: int = 0
+) -> NDArray[np.float64]:
+    """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots."""
+    near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
+    return blossom(near, arguments, derivative)
 
 
 def csr_rows(values: NDArray[np.float64], indices: NDArray[np.int64], columns: int) -> csr_array:
@@ -252,9 +255,39 @@ class KnotVector:
         lacking = (held < counts) | (finer.start != self.start) | (finer.stop != self.stop)
         if lacking.any():
             raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
-        p, n = self.degree, finer.dim
-        span = self.span_of(finer.knots[:n])
-        arguments = finer.knots[np.arange(n)[:, None] + np.arange(1, p + 1)]
+        return self._polar(finer)
+
+    def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:
+        """Return the clamped knot vector of the piece on [start, stop] and the operator to its coefficients, csr_array (own.dim, dim).
+
+        Splitting at u is the two segments [start, u] and [u, stop].
+
+        Raises
+        ------
+        ValueError : unless self.start <= start < stop <= self.stop.
+        """
+        if not self.start <= start < stop <= self.stop:
+            raise ValueError(f"a segment needs {self.start} <= start < stop <= {self.stop}, got {start} and {stop}")
+        inner = self.knots[(self.knots > start) & (self.knots < stop)]
+        own = KnotVector(self.degree, np.concatenate([[start] * (self.degree + 1), inner, [stop] * (self.degree + 1)]))
+        return own, self._polar(own)
+
+    def bezier(self) -> csr_array:
+        """Return the Bezier extraction, csr_array (spans (p + 1), dim): Bernstein coefficients of every span in turn.
+
+        Coefficient k of the span [a, b] is the polar form at p - k times a and k times b.
+        """
+        p = self.degree
+        a, b = np.repeat(self.breaks[:-1], p + 1), np.repeat(self.breaks[1:], p + 1)
+        late = np.arange(p) >= p - np.tile(np.arange(p + 1), self.spans)[:, None]
+        span = self.span_of(a)
+        return band_matrix(span - p, blossom_rows(self.knots, p, span, np.where(late, b[:, None], a[:, None])), self.dim)
+
+    def _polar(self, own: KnotVector) -> csr_array:
+        """Return the operator to the coefficients on `own`, a clamped piece of these knots and possibly more: polar forms at its knots."""
+        p = self.degree
+        span = self.span_of(own.knots[: own.dim])
+        arguments = own.knots[np.arange(own.dim)[:, None] + np.arange(1, p + 1)]
         return band_matrix(span - p, blossom_rows(self.knots, p, span, arguments), self.dim)
 
     def elevate(self) -> KnotVector:

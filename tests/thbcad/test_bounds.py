@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import BPoly
 
 from tests.thbcad.strategies import knot_vectors
-from thbcad.bounds import bezier_operator, minimum
+from thbcad.bounds import minimum
 from thbcad.bspline import KnotVector
 from thbcad.surface import BSplineSurface
 
@@ -46,26 +45,3 @@ def test_a_valley_along_a_line_stops_early_and_stays_certified():
     found = minimum(BSplineSurface(kv, kv, c))
     assert -1e-6 < found.lower <= 1e-16
     assert 0 <= found.value < 1e-6
-
-
-@given(knot_vectors(), st.integers(0, 2**32 - 1))
-def test_bezier_extraction_against_scipy(kv, seed):
-    """scipy evaluates the Bernstein coefficients, the kernel its own B-spline basis."""
-    c = np.random.default_rng(seed).normal(size=kv.dim)
-    bernstein = (bezier_operator(kv) @ c).reshape(kv.spans, kv.degree + 1).T
-    piecewise = BPoly(bernstein, kv.breaks)
-    u = kv.start + np.linspace(0, 1, 33) * (kv.stop - kv.start)
-    u = np.clip(u, kv.start, kv.stop)
-    assert np.allclose(piecewise(u), kv.collocation(u) @ c, atol=1e-12)
-
-
-@given(knot_vectors(max_degree=9), st.integers(0, 2**32 - 1))
-def test_elevation_keeps_the_curve(kv, seed):
-    c = np.random.default_rng(seed).normal(size=kv.dim)
-    finer = kv.elevate()
-    operator = kv.elevation()
-    u = np.clip(kv.start + np.linspace(0, 1, 41) * (kv.stop - kv.start), kv.start, kv.stop)
-    assert finer.degree == kv.degree + 1
-    assert operator.shape == (finer.dim, kv.dim)
-    assert np.allclose(operator.sum(axis=1), 1, atol=1e-13)
-    assert np.allclose(finer.collocation(u) @ (operator @ c), kv.collocation(u) @ c, atol=1e-12)
