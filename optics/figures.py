@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from optics.metrics import Measurement
     from optics.problem import Problem
     from thbcad.lens import Lens
-    from thbcad.space import THBSpace
 
 DPI = 110
 
@@ -90,8 +89,10 @@ def _sag(lens: Lens) -> bytes:
 def _mesh(lens: Lens) -> bytes:
     space, (hx, hy) = lens.rear.sag.space, lens.rear.half_width
     cells = space.cells
-    corner, size = (_cell_boxes(space, cells, d, h) for d, h in ((0, hx), (1, hy)))
-    (x0, x1), (y0, y1) = corner, size
+    (x0, x1), (y0, y1) = (
+        h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
+        for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
+    )
     loops = np.stack([np.stack([x0, y0], 1), np.stack([x1, y0], 1), np.stack([x1, y1], 1), np.stack([x0, y1], 1)], 1)
     figure, axes = _axes()
     colours = plt.get_cmap("viridis")(cells[:, 0] / max(1, space.levels - 1))
@@ -101,18 +102,6 @@ def _mesh(lens: Lens) -> bytes:
     axes.set_aspect("equal")
     axes.set_title(f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9)
     return _png(figure)
-
-
-def _cell_boxes(space: THBSpace, cells: NDArray[np.int64], direction: int, half_width: float) -> NDArray[np.float64]:
-    """Return low and high positions of leaf cells in one direction, mm."""
-    axis = space.axes[direction]
-    kv = axis.knot_vector
-    ends = np.empty((2, len(cells)))
-    for level in np.unique(cells[:, 0]):
-        here = cells[:, 0] == level
-        for k in (0, 1):
-            ends[k, here] = axis.value(int(level), cells[here, 1 + direction] + k)
-    return half_width * (2 * (ends - kv.start) / (kv.stop - kv.start) - 1)
 
 
 def _loss(history: Sequence[Row]) -> bytes:

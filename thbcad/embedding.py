@@ -17,10 +17,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array, kron
+from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector, tensor_apply
-from thbcad.hierarchy import DyadicAxis, Level
+from thbcad.hierarchy import DyadicAxis, Integers, Level
+
+MOST_POINTS = 100_000_000  # control points of the tensor-product form
 
 
 class Embedding:
@@ -37,15 +39,20 @@ class Embedding:
         top = len(hierarchy) - 1
         keys = [np.zeros(0, dtype=np.int64)] * 2
         # per level and direction: (KnotVector, integer keys on the top level's scale)
-        self._chain: list[list[tuple[KnotVector, NDArray[np.int64]]]] = []
+        self._chain: list[list[tuple[KnotVector, Integers]]] = []
         for number, level in enumerate(hierarchy):
             self._chain.append([axis.knots_with(top, k) for axis, k in zip(axes, keys)])
-            for d, index in enumerate((level.rows[level.refined.any(axis=1)], level.columns[level.refined.any(axis=0)])):
-                middle = ((2 * index + 1) << (top - number)) >> 1
-                keys[d] = np.concatenate([keys[d], middle])
+            for d in (0, 1):
+                index = np.unique(level.cells[level.refined, d])
+                keys[d] = np.concatenate([keys[d], ((2 * index + 1) << (top - number)) >> 1])
         (self.kv_u, _), (self.kv_v, _) = self._chain[-1]
-        self.supported = [self.positions(number, level) for number, level in enumerate(hierarchy)]
-        self.active = [rows[level.active] for rows, level in zip(self.supported, hierarchy)]
+        if self.kv_u.dim * self.kv_v.dim > MOST_POINTS:
+            raise ValueError(
+                f"the tensor-product form needs {self.kv_u.dim} x {self.kv_v.dim} control points, more than {MOST_POINTS}; "
+                "use to_patches, or evaluate the THB surface itself"
+            )
+        self.supported = [self._positions(level, level.functions[level.supported]) for level in hierarchy]
+        self.active = [self._positions(level, level.functions[level.active]) for level in hierarchy]
         self.dim = sum(len(rows) for rows in self.active)
 
     def shape(self, number: int) -> tuple[int, int]:
@@ -53,24 +60,15 @@ class Embedding:
         (u, _), (v, _) = self._chain[number]
         return u.dim, v.dim
 
-    def positions(self, number: int, level: Level) -> NDArray[np.int64]:
-        """Return where the supported functions of a level record sit in the flat net of W_l."""
-        index = []
+    def _positions(self, level: Level, functions: Integers) -> Integers:
+        """Return where functions of a level whose supports lie in Omega_l sit in the flat net of W_l."""
+        top, index = len(self._hierarchy) - 1, []
         for d, axis in enumerate(self._axes):
-            head = level.heads[:, d]
-            rank = level.supported[:, d] - axis.first_knot(number, head)
-            index.append(self.first_at(number, d, number, head) + rank)
-        return index[0] * self.shape(number)[1] + index[1]
-
-    def first_at(self, number: int, direction: int, level: int, breaks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the index in W_number's knots of the first knot at breaks of a level."""
-        keys = self._chain[number][direction][1]
-        return np.searchsorted(keys, breaks << (len(self._hierarchy) - 1 - level))
-
-    def last_at(self, number: int, direction: int, level: int, breaks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the index in W_number's knots of the last knot at breaks of a level."""
-        keys = self._chain[number][direction][1]
-        return np.searchsorted(keys, breaks << (len(self._hierarchy) - 1 - level), side="right") - 1
+            head = axis.knot_break(level.number, functions[:, d])
+            rank = functions[:, d] - axis.first_knot(level.number, head)
+            keys = self._chain[level.number][d][1]
+            index.append(np.searchsorted(keys, head << (top - level.number)) + rank)
+        return index[0] * self.shape(level.number)[1] + index[1]
 
     @cached_property
     def steps(self) -> list[tuple[csr_array, csr_array]]:
@@ -110,11 +108,6 @@ class Embedding:
             net.ravel()[rows] = part
             yield net.copy()
 
-    def knot_vectors(self, number: int) -> tuple[KnotVector, KnotVector]:
-        """Return the knot vectors of W_l."""
-        (u, _), (v, _) = self._chain[number]
-        return u, v
-
     def adjoint(self, net: ArrayLike) -> NDArray[np.float64]:
         """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""
         net = np.array(net, dtype=np.float64, order="C")
@@ -126,33 +119,3 @@ class Embedding:
             net = self.refined_adjoint(number, net)
         parts.append(net.ravel()[self.active[0]])
         return np.concatenate(parts[::-1])
-
-    @cached_property
-    def operator(self) -> csr_array:
-        """E as a csr_array (n_u * n_v, dim) with read-only entries."""
-        *_, last = self.operators(self.active, self.dim)
-        last.sum_duplicates()  # sorts too, which scipy would otherwise do in place later
-        last.data.flags.writeable = False
-        return last
-
-    def operators(self, positions: Sequence[NDArray[np.int64]], dim: int) -> Iterator[csr_array]:
-        """Yield "refine, then overwrite" as operators (size of W_l, dim), level by level.
-
-        positions : per level, the flat positions in W_l that the next coefficients overwrite.
-        """
-        net, start = None, 0
-        for number, rows in enumerate(positions):
-            size = int(np.prod(self.shape(number)))
-            kind = np.int32 if size < np.iinfo(np.int32).max else np.int64
-            entries = rows.astype(kind), np.arange(start, start + len(rows), dtype=kind)
-            place = csr_array((np.ones(len(rows)), entries), shape=(size, dim))
-            if number:
-                keep = np.ones(size)
-                keep[rows] = 0.0
-                step = kron(*self.steps[number - 1], format="csr")
-                step.data *= np.repeat(keep, np.diff(step.indptr))
-                step.eliminate_zeros()
-                place = place + csr_array(step) @ net
-            net = csr_array(place)
-            start += len(rows)
-            yield net

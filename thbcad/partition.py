@@ -19,116 +19,146 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-Mask = NDArray[np.bool_]
+Integers = NDArray[np.int64]
 
 
-def rectangles(mask: Mask) -> NDArray[np.int64]:
-    """Return the fewest rectangles that tile the True cells, (n, 4) int [i0, i1, j0, j1), sorted."""
-    if not mask.any():
+def rectangles(cells: Integers) -> Integers:
+    """Return the fewest rectangles that tile a set of cells, (m, 4) int [i0, i1, j0, j1), sorted.
+
+    cells : (n, 2) int, different cells (i, j) in order of i, then j; they may lie anywhere.
+    """
+    if len(cells) == 0:
         return np.zeros((0, 4), dtype=np.int64)
-    corners = _concave(mask)
-    along_i, along_j = _chords(mask, corners, 0), _chords(mask, corners, 1)
-    cuts = _Cuts(mask)
-    for axis, chosen in enumerate(_disjoint(along_i, along_j)):
-        for line, start, stop in chosen:
+    region = _Region(cells)
+    corners = region.concave_corners()
+    chords = [_chords(corners, region.inner_edges[axis], axis) for axis in (0, 1)]
+    cuts = _Cuts(region)
+    for axis, keep in enumerate(_disjoint(*chords)):
+        for line, start, stop in chords[axis][keep].tolist():
             cuts.draw(axis, line, start, stop)
-    for i, j in np.argwhere(corners):
+    for i, j in corners.tolist():
         if not cuts.touch(i, j):
             cuts.extend(i, j)
     return cuts.rooms()
 
 
-def _concave(mask: Mask) -> Mask:
-    """Return the grid points (rows + 1, columns + 1) where exactly three of the four cells are in the set."""
-    p = np.pad(mask, 1).astype(np.int8)
-    return p[:-1, :-1] + p[1:, :-1] + p[:-1, 1:] + p[1:, 1:] == 3
+class _Region:
+    """Cells as sorted keys i width + j, and the edges between neighbouring cells.
+
+    A grid point (i, j) is the corner of the cell (i, j) with the least i and j.
+    inner_edges : per axis, the edges along it inside the region, (k, 2) int: the point at which they start
+    """
+
+    def __init__(self, cells: Integers) -> None:
+        self.cells = cells
+        self.origin = cells.min(axis=0) - 1
+        i, j = (cells - self.origin).T
+        self.width = int(j.max()) + 2
+        self.keys = i * self.width + j
+        before_j, before_i = (np.isin(self.keys - step, self.keys) for step in (1, self.width))
+        self.inner_edges = tuple(np.stack([i[here], j[here]], axis=1) for here in (before_j, before_i))
+
+    def concave_corners(self) -> Integers:
+        """Return the grid points where exactly three of the four cells are in the region, (k, 2) int."""
+        around = self.keys[:, None] + [0, 1, self.width, self.width + 1]
+        points, count = np.unique(around, return_counts=True)
+        return np.stack(np.divmod(points[count == 3], self.width), axis=1)
 
 
-def _chords(mask: Mask, corners: Mask, axis: int) -> list[tuple[int, int, int]]:
-    """Return chords (line, start, stop) along an axis: between neighbouring concave corners, inside the set."""
-    m, c = (mask, corners) if axis == 0 else (mask.T, corners.T)
-    chords = []
-    for line in range(1, m.shape[1]):
-        ends = np.flatnonzero(c[:, line])
-        if len(ends) < 2:
-            continue
-        inside = np.r_[0, np.cumsum(m[:, line - 1] & m[:, line])]
-        for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist()):
-            if inside[stop] - inside[start] == stop - start:
-                chords.append((line, start, stop))
-    return chords
+def _chords(corners: Integers, edges: Integers, axis: int) -> Integers:
+    """Return chords along an axis, between neighbouring concave corners and inside the region, (k, 3) int [line, start, stop]."""
+    line, place = corners[:, 1 - axis], corners[:, axis]
+    order = np.lexsort((place, line))
+    line, place = line[order], place[order]
+    same = line[1:] == line[:-1]
+    line, start, stop = line[1:][same], place[:-1][same], place[1:][same]
+    length = max(int(edges[:, axis].max(initial=0)), int(stop.max(initial=0))) + 1
+    inside = np.sort(edges[:, 1 - axis] * length + edges[:, axis])
+    count = np.searchsorted(inside, line * length + stop) - np.searchsorted(inside, line * length + start)
+    return np.stack([line, start, stop], axis=1)[count == stop - start]
 
 
-def _disjoint(along_i: list[tuple[int, int, int]], along_j: list[tuple[int, int, int]]) -> tuple[list, list]:
-    """Return the largest sets of chords of both directions that neither cross nor touch."""
-    if not along_i or not along_j:
-        return along_i, along_j
-    a, b = np.array(along_i), np.array(along_j)
-    # a lies on j = line for i in [start, stop], b on i = line for j in [start, stop]
-    meet = (a[:, 1, None] <= b[:, 0]) & (b[:, 0] <= a[:, 2, None]) & (b[:, 1] <= a[:, 0, None]) & (a[:, 0, None] <= b[:, 2])
-    partner = maximum_bipartite_matching(csr_array(meet), perm_type="column")
+def _disjoint(along_i: Integers, along_j: Integers) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which chords of both directions form a largest set that neither crosses nor touches."""
+    meet = _meetings(along_i, along_j)
+    left, right = np.ones(len(along_i), dtype=bool), np.zeros(len(along_j), dtype=bool)
+    if meet.nnz == 0:
+        return left, ~right
+    partner = maximum_bipartite_matching(meet, perm_type="column")
     # Koenig: what alternating paths from the unmatched chords reach
     left = partner < 0
-    owner = np.full(len(b), -1)
+    owner = np.full(len(along_j), -1)
     owner[partner[~left]] = np.flatnonzero(~left)
-    right = np.zeros(len(b), dtype=bool)
     while True:
-        reached = meet[left].any(axis=0) & ~right
+        reached = (left @ meet > 0) & ~right
         if not reached.any():
-            break
+            return left, ~right
         right |= reached
         left[owner[reached]] = True
-    return [c for c, keep in zip(along_i, left) if keep], [c for c, keep in zip(along_j, ~right) if keep]
+
+
+def _meetings(along_i: Integers, along_j: Integers) -> csr_array:
+    """Return which chords (j = line, i in [start, stop]) meet which chords (i = line, j in [start, stop]), csr_array of counts."""
+    order = np.argsort(along_j[:, 0], kind="stable")
+    lines, low, high = along_j[order].T
+    first, last = np.searchsorted(lines, along_i[:, 1]), np.searchsorted(lines, along_i[:, 2], side="right")
+    row = np.repeat(np.arange(len(along_i)), last - first)
+    column = np.arange(len(row)) - np.repeat(np.cumsum(last - first) - last, last - first)
+    line = along_i[row, 0]
+    meet = (low[column] <= line) & (line <= high[column])
+    entries = np.ones(int(meet.sum()), dtype=np.int64), (row[meet], order[column[meet]])
+    return csr_array(entries, shape=(len(along_i), len(along_j)))
 
 
 class _Cuts:
-    """Walls between cells: along axis 0 at a line j, and along axis 1 at a line i."""
+    """Walls along the edges of a region: per axis, the keys of the points at which walled edges start."""
 
-    def __init__(self, mask: Mask) -> None:
-        self._mask = np.pad(mask, 1)  # cell (i, j) is at [i + 1, j + 1]
-        rows, columns = mask.shape
-        self._walls = np.zeros((rows, columns + 1), dtype=bool), np.zeros((rows + 1, columns), dtype=bool)
+    def __init__(self, region: _Region) -> None:
+        self._region = region
+        self._width = region.width
+        self._cells = set(region.keys.tolist())
+        self._walls: tuple[set[int], set[int]] = (set(), set())
 
     def draw(self, axis: int, line: int, start: int, stop: int) -> None:
         """Cut along `axis` at the given line, from grid point start to stop."""
         if axis == 0:
-            self._walls[0][start:stop, line] = True
+            self._walls[0].update(range(start * self._width + line, stop * self._width + line, self._width))
         else:
-            self._walls[1][line, start:stop] = True
+            self._walls[1].update(range(line * self._width + start, line * self._width + stop))
 
     def touch(self, i: int, j: int) -> bool:
-        """Return whether a cut starts, ends or passes at a grid point inside."""
-        w0, w1 = self._walls
-        rows, columns = w0.shape[0], w1.shape[1]
-        return bool((i > 0 and w0[i - 1, j]) or (i < rows and w0[i, j]) or (j > 0 and w1[i, j - 1]) or (j < columns and w1[i, j]))
+        """Return whether a cut starts, ends or passes at a grid point."""
+        at = i * self._width + j
+        return at in self._walls[0] or at - self._width in self._walls[0] or at in self._walls[1] or at - 1 in self._walls[1]
 
     def extend(self, i: int, j: int) -> None:
         """Cut from a concave corner along axis 0 until the border or another cut."""
-        m, (w0, w1) = self._mask, self._walls
+        cells, (along_i, along_j), width = self._cells, self._walls, self._width
+        at = i * width + j
         # the missing cell lies on one side in i; the cut goes to the other
-        forward = not (m[i, j] and m[i, j + 1])
+        forward = not (at - width in cells and at - width - 1 in cells)
         while True:
-            cell = i if forward else i - 1
-            if not (0 <= cell < w0.shape[0] and m[cell + 1, j] and m[cell + 1, j + 1]):
+            edge = at if forward else at - width
+            if not (edge in cells and edge - 1 in cells):
                 return
-            w0[cell, j] = True
-            i += 1 if forward else -1
-            if w1[i, j - 1] or w1[i, j]:
+            along_i.add(edge)
+            at += width if forward else -width
+            if at in along_j or at - 1 in along_j:
                 return
 
-    def rooms(self) -> NDArray[np.int64]:
+    def rooms(self) -> Integers:
         """Return the rectangles between the walls."""
-        m = self._mask[1:-1, 1:-1]
-        number = np.arange(m.size).reshape(m.shape)
-        ok_i = m[:-1] & m[1:] & ~self._walls[1][1:-1]
-        ok_j = m[:, :-1] & m[:, 1:] & ~self._walls[0][:, 1:-1]
-        a = np.r_[number[:-1][ok_i], number[:, :-1][ok_j]]
-        b = np.r_[number[1:][ok_i], number[:, 1:][ok_j]]
-        graph = csr_array((np.ones(len(a), dtype=bool), (a, b)), shape=(m.size, m.size))
-        label = connected_components(graph, directed=False)[1].reshape(m.shape)
-        i, j = np.nonzero(m)
-        _, first, inverse = np.unique(label[m], return_index=True, return_inverse=True)
-        last = np.zeros(len(first), dtype=np.int64)
-        np.maximum.at(last, inverse, np.arange(len(i)))  # cells run row by row: first and last are opposite corners
-        found = np.stack([i[first], i[last] + 1, j[first], j[last] + 1], axis=1)
-        return found[np.lexsort((found[:, 2], found[:, 0]))]
+        region, keys = self._region, self._region.keys
+        pairs = []
+        for edges, walls, step in zip(region.inner_edges, self._walls, (1, self._width)):
+            own = edges @ np.array([self._width, 1])
+            free = own[~np.isin(own, np.fromiter(walls, dtype=np.int64, count=len(walls)))]
+            pairs.append(np.searchsorted(keys, np.stack([free - step, free])))
+        a, b = np.concatenate(pairs, axis=1)
+        graph = csr_array((np.ones(len(a), dtype=bool), (a, b)), shape=(len(keys), len(keys)))
+        _, label = connected_components(graph, directed=False)
+        _, first = np.unique(label, return_index=True)
+        last = len(keys) - 1 - np.unique(label[::-1], return_index=True)[1]
+        # cells run row by row: the first and the last of a room are opposite corners
+        (i0, j0), (i1, j1) = region.cells[first].T, region.cells[last].T + 1
+        return np.stack([i0, i1, j0, j1], axis=1)[np.lexsort((j0, i0))]

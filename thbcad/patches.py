@@ -7,61 +7,53 @@ its knots, so that nothing is fitted.
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, band_matrix, blossom_rows
+from thbcad.bspline import KnotVector, band_matrix, blossom, tensor_apply
+from thbcad.hierarchy import DyadicAxis, Integers
 from thbcad.partition import rectangles
 from thbcad.space import THBSpace
 
-Operator = tuple[KnotVector, csr_array]
 
-
-def cell_rectangles(space: THBSpace) -> NDArray[np.int64]:
+def cell_rectangles(space: THBSpace) -> Integers:
     """Return the fewest rectangles of same-level leaf cells, (n, 5) int [level, i0, i1, j0, j1)."""
     rows = []
-    for number, level in enumerate(space.hierarchy):
-        at_i, at_j = _spread(level.rows), _spread(level.columns)
-        mask = np.zeros((at_i[-1] + 1, at_j[-1] + 1), dtype=bool)
-        mask[np.ix_(at_i, at_j)] = level.leaves
-        found = rectangles(mask)
-        i0, j0 = (np.searchsorted(at, found[:, k]) for at, k in ((at_i, 0), (at_j, 2)))
-        i, j = level.rows[i0], level.columns[j0]
-        size = found[:, 1] - found[:, 0], found[:, 3] - found[:, 2]
-        rows.append(np.stack([np.full(len(found), number), i, i + size[0], j, j + size[1]], axis=1))
+    for level in space.hierarchy:
+        found = rectangles(level.leaves)
+        rows.append(np.column_stack([np.full(len(found), level.number), found]))
     return np.concatenate(rows)
 
 
-def patch_operators(space: THBSpace) -> list[tuple[int, Operator, Operator]]:
-    """Return per patch (level, (knot vector, operator) in u, the same in v).
-
-    The patch has the coefficients ``A_u @ G_l @ A_v.T`` of the level's net G_l.
-    """
-
-    @cache
-    def operator(level: int, direction: int, start: int, stop: int) -> Operator:
-        axis = space.axes[direction]
-        breaks = np.arange(start, stop + 1)
-        count = axis.multiplicity(level, breaks)
-        count[[0, -1]] = axis.degree + 1
-        own = KnotVector(axis.degree, np.repeat(axis.value(level, breaks), count))
-        return own, _polar(space.embedding.knot_vectors(level)[direction], own)
-
-    found = cell_rectangles(space).tolist()
-    return [(level, operator(level, 0, i0, i1), operator(level, 1, j0, j1)) for level, i0, i1, j0, j1 in found]
+def patches(space: THBSpace, coefficients: NDArray[np.float64]) -> Iterator[tuple[KnotVector, KnotVector, NDArray[np.float64]]]:
+    """Yield (knot vector in u, knot vector in v, net) of every patch, nets (n_u, n_v, ...)."""
+    nets = list(space.nets.coefficients(coefficients))
+    known: dict[tuple[int, int, int, int], tuple[KnotVector, csr_array, Integers]] = {}
+    for number, i0, i1, j0, j1 in cell_rectangles(space).tolist():
+        level, sides = space.hierarchy[number], []
+        for d, (start, stop) in enumerate(((i0, i1), (j0, j1))):
+            key = number, d, start, stop
+            if key not in known:
+                known[key] = _side(level.axes[d], number, start, stop)
+            sides.append(known[key])
+        (kv_u, by_u, rows), (kv_v, by_v, columns) = sides
+        at = level.find(np.stack(np.broadcast_arrays(rows[:, None], columns), axis=-1))
+        yield kv_u, kv_v, tensor_apply(by_u, by_v, nets[number][at])
 
 
-def _polar(kv: KnotVector, own: KnotVector) -> csr_array:
-    """Return the operator to the coefficients on `own`, a clamped piece of the spline's knots."""
-    p = kv.degree
-    span = kv.span_of(own.knots[: own.dim])
+def _side(axis: DyadicAxis, level: int, start: int, stop: int) -> tuple[KnotVector, csr_array, Integers]:
+    """Return the clamped knots of [start, stop), the operator to their coefficients and the functions it applies to."""
+    p = axis.degree
+    breaks = np.arange(start, stop + 1)
+    count = axis.multiplicity(level, breaks)
+    count[[0, -1]] = p + 1
+    own = KnotVector(p, np.repeat(axis.value(level, breaks), count))
+    spans = np.repeat(breaks[:-1], count[:-1])
+    first = axis.acting(level, spans)
+    functions = np.arange(first[0], first[-1] + p + 1)
     arguments = own.knots[np.arange(own.dim)[:, None] + np.arange(1, p + 1)]
-    return band_matrix(span - p, blossom_rows(kv.knots, p, span, arguments), kv.dim)
-
-
-def _spread(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return positions of sorted numbers in which neighbours stay neighbours and others keep a gap."""
-    return np.r_[0, np.cumsum(np.minimum(np.diff(numbers), 2))]
+    weights = blossom(axis.knots_around(level, spans), arguments)
+    return own, band_matrix(first - first[0], weights, len(functions)), functions

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from thbcad.bspline import KnotVector, read_only, require_order, tensor_apply
-from thbcad.patches import patch_operators
+from thbcad.patches import patches
 from thbcad.space import THBSpace
 
 
@@ -84,28 +84,38 @@ class THBSurface:
         embedding = self.space.embedding
         return BSplineSurface(embedding.kv_u, embedding.kv_v, embedding.coefficients(self.coefficients))
 
+    @cached_property
+    def _local(self) -> NDArray[np.float64]:
+        """Local coefficients of the leaf cells, (cells, p + 1, q + 1, ...)."""
+        nets = np.concatenate(list(self.space.nets.coefficients(self.coefficients)))
+        return nets[self.space.local_basis.blocks]
+
     def to_bspline(self) -> BSplineSurface:
         """Return the same surface as one tensor-product B-spline with only the knots needed."""
         return self._tensor
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
-        return self._tensor(u, v, derivative)
+        if self.space.is_compact:
+            return self._tensor(u, v, derivative)
+        return self._cellwise(u, v, derivative)
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
-        return self._tensor.grid(u, v, derivative)
+        if self.space.is_compact:
+            return self._tensor.grid(u, v, derivative)
+        u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
+        values = self._cellwise(np.repeat(u, len(v)), np.tile(v, len(u)), derivative)
+        return values.reshape(len(u), len(v), *values.shape[1:])
+
+    def _cellwise(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
+        """Return the values at scattered points from the local coefficients of their cells."""
+        by_u, by_v, cell = self.space.local_values(u, v, derivative)
+        return np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True)
 
     def to_patches(self) -> list[BSplineSurface]:
         """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level cells."""
-        columns = self.coefficients.reshape(self.space.dim, -1).T
-        nets = [np.stack(level, axis=-1) for level in zip(*(self.space.embedding.nets(c) for c in columns))]
-        shape = self.coefficients.shape[1:]
-        out = []
-        for level, (kv_u, a_u), (kv_v, a_v) in patch_operators(self.space):
-            net = tensor_apply(a_u, a_v, nets[level])
-            out.append(BSplineSurface(kv_u, kv_v, net.reshape((kv_u.dim, kv_v.dim, *shape))))
-        return out
+        return [BSplineSurface(*patch) for patch in patches(self.space, self.coefficients)]
 
     def refine(self, cells: Mapping[int, ArrayLike]) -> THBSurface:
         """Return the same surface over ``space.refine(cells)``."""

@@ -50,17 +50,17 @@ def assert_tiles(mask, found):
 
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=5)))
 def test_rectangles_are_the_fewest_that_tile(mask):
-    found = rectangles(mask)
+    found = rectangles(np.argwhere(mask))
     assert_tiles(mask, found)
     assert len(found) == fewest(mask)
 
 
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=30)))
 def test_rectangles_tile_and_the_transposed_mask_needs_as_many(mask):
-    found = rectangles(mask)
+    found = rectangles(np.argwhere(mask))
     assert_tiles(mask, found)
-    assert len(rectangles(mask.T)) == len(found)
-    assert len(rectangles(mask[::-1])) == len(found)
+    assert len(rectangles(np.argwhere(mask.T))) == len(found)
+    assert len(rectangles(np.argwhere(mask[::-1]))) == len(found)
 
 
 def annulus():
