@@ -6,14 +6,13 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
+from thbcad.approximation import Approximation, approximated, error_bounds
 from thbcad.bspline import KnotVector, tensor_apply
 from thbcad.conic import Conic
 from thbcad.surface import BSplineSurface
 
 CONIC_TOLERANCE = 1e-11  # mm
-MAX_CONIC_NET = 2000  # control points per direction
 
 
 def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
@@ -33,48 +32,43 @@ def conic_graph(conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[n
 
     Raises
     ------
+    ValueError : as `conic_approximation`.
+    """
+    _require_normals(kv_x, kv_y)
+    if conic.is_paraboloid:
+        heights = _paraboloid(conic, kv_x, kv_y)
+        return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
+    graph = approximated(conic, kv_x, kv_y, CONIC_TOLERANCE).surface
+    if sag is None:
+        return graph
+    sag = tensor_apply(kv_x.prolongation(graph.kv_u), kv_y.prolongation(graph.kv_v), sag)
+    return BSplineSurface(graph.kv_u, graph.kv_v, graph.coefficients + sag)
+
+
+def conic_approximation(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> Approximation:
+    """Return the conic as a spline on the given knots, refined where needed, with the proven bound of its error.
+
+    Planes and paraboloids are exact but for rounding and keep the knots, other conics are within 1e-11 mm.
+
+    Raises
+    ------
     ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs
         more than 2000 control points per direction for 1e-11 mm.
     """
+    _require_normals(kv_x, kv_y)
+    if not conic.is_paraboloid:
+        return approximated(conic, kv_x, kv_y, CONIC_TOLERANCE)
+    graph = BSplineSurface(kv_x, kv_y, _paraboloid(conic, kv_x, kv_y))
+    return Approximation(graph, float(error_bounds(conic, graph).total.max()))
+
+
+def _require_normals(kv_x: KnotVector, kv_y: KnotVector) -> None:
     if min(kv_x.degree, kv_y.degree) < 2:
         raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
-    if conic.is_paraboloid:
-        c = 0.5 / conic.radius
-        heights = c * (square_coefficients(kv_x)[:, None] + square_coefficients(kv_y)[None, :])
-        return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
-    fine_x, fine_y, heights = _interpolated(conic, kv_x, kv_y)
-    if sag is not None:
-        heights = heights + tensor_apply(kv_x.prolongation(fine_x), kv_y.prolongation(fine_y), sag)
-    return BSplineSurface(fine_x, fine_y, heights)
 
 
-def _interpolated(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> tuple[KnotVector, KnotVector, NDArray[np.float64]]:
-    while True:
-        x, y = kv_x.greville(), kv_y.greville()
-        by_x = splu(kv_x.collocation(x).tocsc()).solve(conic(x[:, None], y[None, :]))
-        heights = splu(kv_y.collocation(y).tocsc()).solve(np.ascontiguousarray(by_x.T)).T
-        surface = BSplineSurface(kv_x, kv_y, heights)
-        errors = []
-        for first in (True, False):
-            s = _between(kv_x) if first else x
-            t = y if first else _between(kv_y)
-            errors.append(np.abs(surface.grid(s, t) - conic(s[:, None], t[None, :])).max())
-        if sum(errors) <= CONIC_TOLERANCE / 2:  # errors in x and in y add up; half is kept for what lies between the samples
-            return kv_x, kv_y, heights
-        if max(kv_x.dim, kv_y.dim) > MAX_CONIC_NET:
-            raise ValueError(
-                f"the conic with radius {conic.radius} and K {conic.constant} cannot be written as a spline to "
-                f"{CONIC_TOLERANCE} mm with {MAX_CONIC_NET} control points per direction; use K = -1 or a higher degree"
-            )
-        if errors[0] > CONIC_TOLERANCE / 4:
-            kv_x = kv_x.bisect()
-        if errors[1] > CONIC_TOLERANCE / 4:
-            kv_y = kv_y.bisect()
-
-
-def _between(kv: KnotVector) -> NDArray[np.float64]:
-    b = kv.breaks
-    return np.concatenate([b[:-1] + f * np.diff(b) for f in (0.15, 0.4, 0.65, 0.9)])
+def _paraboloid(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> NDArray[np.float64]:
+    return 0.5 / conic.radius * (square_coefficients(kv_x)[:, None] + square_coefficients(kv_y)[None, :])
 
 
 def graph_poles(graph: BSplineSurface, vertex: float, domain: BSplineSurface) -> BSplineSurface:

@@ -83,9 +83,9 @@ def test_conic_slopes_by_the_complex_step(conic):
     assert np.allclose(conic(X, Y, (0, 1)), conic(X, Y + 1j * h).imag / h, rtol=20 * EPS, atol=20 * EPS)
 
 
-@pytest.mark.parametrize("derivative", [(2, 0), (1, 1), (0, 2), (-1, 0)])
-def test_higher_conic_derivatives_are_refused(derivative):
-    with pytest.raises(ValueError, match=r"conics have derivatives \(0, 0\), \(1, 0\) and \(0, 1\), got"):
+@pytest.mark.parametrize("derivative", [(-1, 0), (0, 1.5), (True, 2)])
+def test_orders_that_are_no_counts_are_refused(derivative):
+    with pytest.raises(ValueError, match="derivative must be a non-negative integer, got"):
         Conic(50.0)(X, Y, derivative)
 
 
