@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.bounds import Minimum, minimum
+from thbcad.bounds import Enclosure, minimum
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.graph import conic_graph, elevated, gap_graph, rescaled, volume_between
@@ -124,13 +124,13 @@ class Lens:
                 f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
             )
 
-    def least_thickness(self) -> Minimum:
+    def least_thickness(self) -> Enclosure:
         """Return certified bounds of the least distance in z, mm, and its place on the rear.
 
         Surfaces of different size are compared between points of equal relative position, as
         the ruled edges join them.
         """
-        return minimum(gap_graph(*self.graphs(), self.thickness))
+        return minimum(gap_graph(*self.graphs(), self.thickness), tolerance=1e-12)
 
     def graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
         """Return front and rear as exact scalar BSplineSurfaces of the same degrees (elevated where needed)."""
