@@ -105,6 +105,45 @@ def require_order(derivative: object) -> None:
         raise ValueError(f"derivative must be a non-negative integer, got {derivative!r}")
 
 
+def require_degree(degree: object) -> None:
+    """Raise ValueError unless the degree is an integer from 1 to 10."""
+    if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not 1 <= degree <= MAX_DEGREE:
+        raise ValueError(f"degree must be an integer from 1 to {MAX_DEGREE}, got {degree!r}")
+
+
+def require_sorted(knots: NDArray[np.float64]) -> None:
+    """Raise ValueError unless the knots are finite and do not decrease."""
+    if not np.isfinite(knots).all():
+        raise ValueError(f"knots[{int(np.argmin(np.isfinite(knots)))}] is not finite")
+    if (np.diff(knots) < 0).any():
+        k = int(np.argmax(np.diff(knots) < 0))
+        raise ValueError(f"knots must not decrease, got knots[{k}] = {knots[k]} > knots[{k + 1}] = {knots[k + 1]}")
+
+
+def require_subset(knots: NDArray[np.float64], finer: NDArray[np.float64]) -> None:
+    """Raise ValueError unless the sorted row `finer` holds every one of `knots`, as often at least."""
+    values, counts = np.unique(knots, return_counts=True)
+    lacking = np.searchsorted(finer, values, "right") - np.searchsorted(finer, values, "left") < counts
+    if lacking.any():
+        raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
+
+
+def uniform_breaks(spans: int, start: float, stop: float) -> NDArray[np.float64]:
+    """Return the ends of `spans` equal spans on [start, stop], (spans + 1,).
+
+    Raises
+    ------
+    ValueError : spans that is no positive integer; start that is not less than stop.
+    """
+    if isinstance(spans, bool) or not isinstance(spans, (int, np.integer)) or spans < 1:
+        raise ValueError(f"spans must be an integer of at least 1, got {spans!r}")
+    if not start < stop:
+        raise ValueError(f"start must be less than stop, got {start} and {stop}")
+    breaks = start + (stop - start) * (np.arange(spans + 1) / spans)
+    breaks[-1] = stop
+    return breaks
+
+
 @dataclass(frozen=True, eq=False)
 class KnotVector:
     """A clamped knot vector t_0 <= ... <= t_(m) of degree p with ``dim = m - p`` functions.
@@ -122,16 +161,11 @@ class KnotVector:
 
     def __post_init__(self) -> None:
         p = self.degree
-        if isinstance(p, bool) or not isinstance(p, (int, np.integer)) or not 1 <= p <= MAX_DEGREE:
-            raise ValueError(f"degree must be an integer from 1 to {MAX_DEGREE}, got {p!r}")
+        require_degree(p)
         t = read_only(self.knots)
         if t.ndim != 1 or len(t) < 2 * p + 2:
             raise ValueError(f"knots must be one row of at least 2 * degree + 2 = {2 * p + 2} numbers, got shape {t.shape}")
-        if not np.isfinite(t).all():
-            raise ValueError(f"knots[{int(np.argmin(np.isfinite(t)))}] is not finite")
-        if (np.diff(t) < 0).any():
-            k = int(np.argmax(np.diff(t) < 0))
-            raise ValueError(f"knots must not decrease, got knots[{k}] = {t[k]} > knots[{k + 1}] = {t[k + 1]}")
+        require_sorted(t)
         if t[p] != t[0] or t[-p - 1] != t[-1] or t[0] == t[-1]:
             raise ValueError(f"the first and the last {p + 1} knots must be equal (clamped) and differ from each other")
         same = t[1 : -p - 1] == t[p + 1 : -1]
@@ -143,13 +177,7 @@ class KnotVector:
     @classmethod
     def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> KnotVector:
         """Return the clamped knot vector with `spans` equal spans on [start, stop]."""
-        if isinstance(spans, bool) or not isinstance(spans, (int, np.integer)) or spans < 1:
-            raise ValueError(f"spans must be an integer of at least 1, got {spans!r}")
-        if not start < stop:
-            raise ValueError(f"start must be less than stop, got {start} and {stop}")
-        breaks = start + (stop - start) * (np.arange(spans + 1) / spans)
-        breaks[-1] = stop
-        return cls(degree, np.r_[[start] * degree, breaks, [stop] * degree])
+        return cls(degree, np.r_[[start] * degree, uniform_breaks(spans, start, stop), [stop] * degree])
 
     @property
     def dim(self) -> int:
@@ -250,11 +278,7 @@ class KnotVector:
         """
         if finer.degree != self.degree:
             raise ValueError(f"degrees differ: {self.degree} and {finer.degree}")
-        values, counts = np.unique(self.knots, return_counts=True)
-        held = np.searchsorted(finer.knots, values, "right") - np.searchsorted(finer.knots, values, "left")
-        lacking = (held < counts) | (finer.start != self.start) | (finer.stop != self.stop)
-        if lacking.any():
-            raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
+        require_subset(self.knots, finer.knots)
         return self._polar(finer)
 
     def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:
