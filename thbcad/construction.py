@@ -1,0 +1,144 @@
+"""Exact rational curves and surfaces: circular arcs, conic sections, lens meridians, revolution, ruled surfaces.
+
+Source: L. Piegl and W. Tiller, The NURBS Book, chapters 7 and 8.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thbcad.bspline import KnotVector
+from thbcad.conic import Conic
+from thbcad.graph import merged
+from thbcad.rational import NURBSCurve, NURBSSurface
+
+UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
+QUADRATIC = KnotVector(2, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+
+
+def line(start: ArrayLike, stop: ArrayLike) -> NURBSCurve:
+    """Return the straight segment (1 - u) start + u stop over [0, 1]; start and stop (d,)."""
+    return NURBSCurve(UNIT, np.array([start, stop], dtype=np.float64))
+
+
+def circular_arc(radius: float, angle: float = 2 * np.pi, start: float = 0.0, centre: ArrayLike = (0.0, 0.0)) -> NURBSCurve:
+    """Return the arc of a circle in the plane, from the angle `start` to `start + angle`, over [0, 1].
+
+    Quadratic, with the fewest segments of at most 120 degrees: then no weight is less than 1/2.
+    A segment of the angle 2 a has the weights 1, cos a, 1; its middle point lies at radius / cos a.
+
+    radius : float, mm.  angle, start : float, rad; a negative angle runs clockwise.  centre : (2,) float, mm.
+
+    Raises
+    ------
+    ValueError : radius not positive; angle 0 or of more than one turn.
+
+    Source: The NURBS Book, 7.5.
+    """
+    if not 0 < radius < np.inf:
+        raise ValueError(f"radius must be positive and finite, got {radius}")
+    if not 0 < abs(angle) <= 2 * np.pi:
+        raise ValueError(f"angle must be at most one turn (2 pi) and not 0, got {angle}")
+    segments = int(np.ceil(abs(angle) / (2 * np.pi) * 3))
+    at = start + angle * (np.arange(2 * segments + 1) / (2 * segments))
+    weights = np.where(np.arange(len(at)) % 2, np.cos(angle / (2 * segments)), 1.0)
+    points = radius * np.stack([np.cos(at), np.sin(at)], axis=1) / weights[:, None]
+    if abs(angle) == 2 * np.pi:
+        points[-1] = points[0]
+    breaks = np.arange(segments + 1) / segments
+    return NURBSCurve(KnotVector(2, np.repeat(breaks, [3, *[2] * (segments - 1), 3])), points + np.asarray(centre), weights)
+
+
+def conic_arc(start: ArrayLike, middle: ArrayLike, stop: ArrayLike, weight: float) -> NURBSCurve:
+    """Return the conic section from `start` to `stop`, with tangents that meet in `middle`, over [0, 1].
+
+        C(u) = ((1-u)^2 P_0 + 2 u (1-u) w P_1 + u^2 P_2) / ((1-u)^2 + 2 u (1-u) w + u^2)
+
+    It is an ellipse for a weight below 1, a parabola for 1 and a hyperbola above.
+
+    start, middle, stop : (d,) float.
+
+    Raises
+    ------
+    ValueError : weight not positive.
+
+    Source: The NURBS Book, 7.3.
+    """
+    return NURBSCurve(QUADRATIC, np.array([start, middle, stop], dtype=np.float64), np.array([1.0, weight, 1.0]))
+
+
+def meridian(conic: Conic, radius: float) -> NURBSCurve:
+    """Return the points (r, z) of a lens conic from its vertex to r = `radius`, exactly, over [0, 1].
+
+    With s = sqrt(1 - (1 + K) c^2 r^2) the points are (0, 0), (r / (1 + s), 0), (r, z(r)) and the
+    weights 1, 1, 2 / (1 + s): the conic r^2 = 2 R z - (1 + K) z^2 cut by the lines z = t r, with
+    t proportional to u.  This covers all K and planes; s = 0 is the equator of a sphere.
+
+    radius : float, mm.
+
+    Raises
+    ------
+    ValueError : radius not positive, or beyond the end of the conic.
+    """
+    if not 0 < radius < np.inf:
+        raise ValueError(f"radius must be positive and finite, got {radius}")
+    square = 1 - (1 + conic.constant) * (radius / conic.radius) ** 2
+    if square < 0:
+        limit = abs(conic.radius) / np.sqrt(1 + conic.constant)
+        raise ValueError(f"the conic (radius {conic.radius}, K {conic.constant}) ends at r = {limit:.6g} mm, before r = {radius:.6g} mm")
+    share = 1 + np.sqrt(square)
+    points = [[0.0, 0.0], [radius / share, 0.0], [radius, radius**2 / (conic.radius * share)]]
+    return NURBSCurve(QUADRATIC, np.array(points), np.array([1.0, 1.0, 2 / share]))
+
+
+def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:
+    """Return the surface of a curve turned about the z axis: u along the curve, v in [0, 1] around the axis.
+
+        S(u, v) = (x a - y b, x b + y a, z),  (x, y, z) = C(u), (a, b) = the unit arc at v
+
+    curve : with points (r, z) in the half-plane y = 0 or (x, y, z) in space.  angle : float, rad.
+
+    Raises
+    ------
+    ValueError : points of another dimension; angle 0 or of more than one turn.
+
+    Source: The NURBS Book, 8.5.
+    """
+    if curve.points.shape[1] not in (2, 3):
+        raise ValueError(f"curve must have points (r, z) or (x, y, z), got {curve.points.shape[1]} components")
+    arc = circular_arc(1.0, angle)
+    x, z = curve.points[:, :1], curve.points[:, -1:]
+    y = curve.points[:, 1:2] if curve.points.shape[1] == 3 else 0 * x
+    a, b = arc.points.T
+    points = np.stack([x * a - y * b, x * b + y * a, np.broadcast_to(z, (len(z), len(a)))], axis=-1)
+    return NURBSSurface(curve.kv, arc.kv, points, np.outer(curve.weights, arc.weights))
+
+
+def ruled(curve: NURBSCurve, other: NURBSCurve) -> NURBSSurface:
+    """Return the surface of the straight lines between points of equal parameters, v in [0, 1] from `curve` to `other`.
+
+    It is linear in v in homogeneous coordinates.  Degrees are elevated and knots inserted until both agree.
+
+    Raises
+    ------
+    ValueError : the parameters run over different intervals; points of different dimensions.
+
+    Source: The NURBS Book, 8.4.
+    """
+    ends = [(c.kv.start, c.kv.stop) for c in (curve, other)]
+    if ends[0] != ends[1]:
+        raise ValueError(f"the curves must have the same interval of parameters, got {ends[0]} and {ends[1]}")
+    if curve.points.shape[1] != other.points.shape[1]:
+        raise ValueError(f"the curves must have points of the same dimension, got {curve.points.shape[1]} and {other.points.shape[1]}")
+    degree = max(curve.kv.degree, other.kv.degree)
+    curve, other = _elevated(curve, degree), _elevated(other, degree)
+    kv = merged(curve.kv, other.kv)
+    rows = np.stack([c.kv.prolongation(kv) @ c.homogeneous for c in (curve, other)], axis=1)
+    return NURBSSurface.from_homogeneous(kv, UNIT, rows)
+
+
+def _elevated(curve: NURBSCurve, degree: int) -> NURBSCurve:
+    while curve.kv.degree < degree:
+        curve = curve.elevate()
+    return curve
