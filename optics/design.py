@@ -31,7 +31,7 @@ from optics.start import TransportStart
 from optics.tracing import Tracer
 from optics.variables import BoundedVariables
 from optics.windows import BSplineWindow, GaussianWindow
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 if TYPE_CHECKING:
     from optics.backend import Backend

@@ -14,7 +14,7 @@ from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 if TYPE_CHECKING:
     from optics.problem import Problem

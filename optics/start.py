@@ -12,7 +12,7 @@ from optics.model import target_irradiance, target_screen
 from optics.screen import Screen
 from optics.transport import transport
 from thbcad.multilevel import MultilevelBasis
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 if TYPE_CHECKING:
     from optics.problem import Problem

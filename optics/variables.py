@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thbcad.multilevel import MultilevelBasis
 
 if TYPE_CHECKING:
-    from thbcad.surface import THBSurface
+    from thbcad.thb import THBSurface
 
 SHARPNESS = 8
 STEP = 0.02  # of the bound: the length of the optimiser's unit

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector, band_matrix, blossom, require_order, tensor_apply
-from thbcad.surface import BSplineSurface, THBSurface
+from thbcad.surface import BSplineSurface
+from thbcad.thb import THBSurface
 
 MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers

@@ -15,7 +15,8 @@ from thbcad.bounds import Enclosure, minimum
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.graph import conic_graph, elevated, gap_graph, rescaled, volume_between
-from thbcad.surface import BSplineSurface, THBSurface
+from thbcad.surface import BSplineSurface
+from thbcad.thb import THBSurface
 
 
 @dataclass(frozen=True, eq=False)

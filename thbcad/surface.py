@@ -1,8 +1,7 @@
-"""Tensor-product B-spline surfaces and THB surfaces."""
+"""Tensor-product B-spline surfaces."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from thbcad.bspline import KnotVector, read_only, require_order, tensor_apply
-from thbcad.patches import patches
-from thbcad.space import THBSpace
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,62 +59,3 @@ class BSplineSurface:
     def integral(self) -> np.float64 | NDArray[np.float64]:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
         return np.einsum("i,j,ij...->...", self.kv_u.integrals(), self.kv_v.integrals(), self.coefficients)
-
-
-@dataclass(frozen=True, eq=False)
-class THBSurface:
-    """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space."""
-
-    space: THBSpace
-    coefficients: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        c = read_only(self.coefficients)
-        if c.shape[:1] != (self.space.dim,) or c.ndim > 2:
-            raise ValueError(f"coefficients must have shape ({self.space.dim},) or ({self.space.dim}, d), got {c.shape}")
-        if not np.isfinite(c).all():
-            raise ValueError("coefficients must be finite")
-        object.__setattr__(self, "coefficients", c)
-
-    @cached_property
-    def _tensor(self) -> BSplineSurface:
-        embedding = self.space.embedding
-        return BSplineSurface(embedding.kv_u, embedding.kv_v, embedding.coefficients(self.coefficients))
-
-    @cached_property
-    def _local(self) -> NDArray[np.float64]:
-        """Local coefficients of the leaf cells, (cells, p + 1, q + 1, ...)."""
-        nets = np.concatenate(list(self.space.nets.coefficients(self.coefficients)))
-        return nets[self.space.local_basis.blocks]
-
-    def to_bspline(self) -> BSplineSurface:
-        """Return the same surface as one tensor-product B-spline with only the knots needed."""
-        return self._tensor
-
-    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
-        if self.space.is_compact:
-            return self._tensor(u, v, derivative)
-        return self._cellwise(u, v, derivative)
-
-    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
-        if self.space.is_compact:
-            return self._tensor.grid(u, v, derivative)
-        u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
-        values = self._cellwise(np.repeat(u, len(v)), np.tile(v, len(u)), derivative)
-        return values.reshape(len(u), len(v), *values.shape[1:])
-
-    def _cellwise(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
-        """Return the values at scattered points from the local coefficients of their cells."""
-        by_u, by_v, cell = self.space.local_values(u, v, derivative)
-        return np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True)
-
-    def to_patches(self) -> list[BSplineSurface]:
-        """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level cells."""
-        return [BSplineSurface(*patch) for patch in patches(self.space, self.coefficients)]
-
-    def refine(self, cells: Mapping[int, ArrayLike]) -> THBSurface:
-        """Return the same surface over ``space.refine(cells)``."""
-        finer = self.space.refine(cells)
-        return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)

@@ -12,7 +12,7 @@ from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 ROOT = Path(__file__).parents[2]  # of the checkout: where `python -m optics.cli` works
 

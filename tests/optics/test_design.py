@@ -15,7 +15,7 @@ from optics.errors import NumericalError, UserError
 from optics.model import base_lens, target_light, target_screen
 from optics.problem import load_problem
 from tests.optics.small import ROOT, write_problem
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 FLAT = {"optimizer.start": "flat"}
 

@@ -10,7 +10,7 @@ from optics.errors import UserError
 from optics.problem import load_problem
 from optics.results import ResultFolder
 from tests.optics.small import picture, rough, small_space, write_problem
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from tests.optics.test_tracing import mesh, traced
 from thbcad.bspline import KnotVector
 from thbcad.lens import FreeformSurface
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 WHITE = np.full((48, 48), 255, dtype=np.uint8)
 

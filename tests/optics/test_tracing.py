@@ -19,7 +19,7 @@ from tests.optics.small import rough, small_lens, small_space
 from thbcad import read_step, write_step
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 PLANE = Conic()
 INDEX = 1.5

@@ -7,7 +7,7 @@ import pytest
 
 from optics.variables import BoundedVariables
 from tests.optics.small import rough, small_space
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 BOUND = 0.7
 

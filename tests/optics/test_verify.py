@@ -23,7 +23,8 @@ from thbcad import write_step
 from thbcad.cad.solid import lens_solid, lens_surfaces
 from thbcad.cad.step import read_step
 from thbcad.lens import FreeformSurface
-from thbcad.surface import BSplineSurface, THBSurface
+from thbcad.surface import BSplineSurface
+from thbcad.thb import THBSurface
 
 
 def shaped(folder, changes=None, height=0.05):

@@ -9,7 +9,7 @@ from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 SCALES = (1.0, 1 / 7, 0.1, 25.4)  # 1 keeps all knots and their bisections exact in float64
 AWKWARD = np.array([-0.0, 5e-324, 1 / 3, -0.1, 2.0**-52, -np.pi, 1e-17])

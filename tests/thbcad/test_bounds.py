@@ -13,7 +13,8 @@ from tests.thbcad.strategies import SCALES, coefficients, knot_vectors, paramete
 from thbcad.bounds import minimum, value_range
 from thbcad.bspline import KnotVector
 from thbcad.graph import square_coefficients
-from thbcad.surface import BSplineSurface, THBSurface
+from thbcad.surface import BSplineSurface
+from thbcad.thb import THBSurface
 
 EPS = np.finfo(float).eps
 ORDERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]

@@ -11,7 +11,8 @@ from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.curvature import greatest_slope, least_radii
 from thbcad.graph import conic_graph, graph_poles, square_coefficients
-from thbcad.surface import BSplineSurface, THBSurface
+from thbcad.surface import BSplineSurface
+from thbcad.thb import THBSurface
 
 
 @st.composite

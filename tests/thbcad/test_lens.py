@@ -16,7 +16,7 @@ from thbcad.conic import Conic
 from thbcad.graph import CONIC_TOLERANCE, merged, rescaled, square_coefficients
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 EPS = np.finfo(float).eps
 X, Y = (a.ravel() for a in np.meshgrid(np.linspace(-5, 5, 21), np.linspace(-4, 4, 17)))

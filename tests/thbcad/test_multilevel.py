@@ -11,7 +11,7 @@ from tests.thbcad.strategies import hierarchies, points, seeds
 from thbcad.bspline import KnotVector
 from thbcad.multilevel import MultilevelBasis
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 
 def generating_system(space, refined, u, v):

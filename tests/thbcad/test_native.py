@@ -18,7 +18,7 @@ from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.native import lens_from_dict, lens_to_dict, read_lens, sag_from_dict, sag_to_dict, write_lens
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 ROOT = Path(__file__).parents[2]
 # what a message for people does not hold: the interpreter's own words

@@ -15,7 +15,7 @@ from thbcad.bspline import KnotVector
 from thbcad.partition import rectangles
 from thbcad.patches import cell_rectangles
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 DATA = Path(__file__).parent.parent / "data"
 

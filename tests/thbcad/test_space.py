@@ -14,7 +14,7 @@ from tests.thbcad.strategies import coefficients, hierarchies, parameters, point
 from thbcad.bspline import KnotVector
 from thbcad.hierarchy import DyadicAxis
 from thbcad.space import MAX_LEVEL, THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 EPS = np.finfo(float).eps
 DATA = Path(__file__).parents[1] / "data"

@@ -22,7 +22,7 @@ from thbcad.cad.step import read_step, write_step
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
-from thbcad.surface import THBSurface
+from thbcad.thb import THBSurface
 
 ROOT = Path(__file__).parents[2]
 

@@ -10,7 +10,8 @@ from tests.thbcad.oracle import DefinitionTHB, gamma, gauss
 from tests.thbcad.strategies import coefficients, hierarchies, points, refined_spaces, spaces, tensor_spaces
 from thbcad.bspline import KnotVector
 from thbcad.space import THBSpace
-from thbcad.surface import BSplineSurface, THBSurface
+from thbcad.surface import BSplineSurface
+from thbcad.thb import THBSurface
 
 EPS = np.finfo(float).eps
 ORDERS = [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 3), (2, 2)]
