@@ -43,7 +43,7 @@ class FreeformSurface:
         self.conic.require(h)
 
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return z or a first derivative at scattered points, (n,)."""
+        """Return z or a partial derivative at scattered points, (n,)."""
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (x, y))
         z = self.conic(x, y, derivative)
         if self.sag is not None:
@@ -52,7 +52,7 @@ class FreeformSurface:
         return z
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return z or a first derivative on the grid x x y, (len(x), len(y))."""
+        """Return z or a partial derivative on the grid x x y, (len(x), len(y))."""
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (x, y))
         z = self.conic(x[:, None], y[None, :], derivative)
         if self.sag is not None:
@@ -76,7 +76,7 @@ class FreeformSurface:
         """Return the exact surface as a scalar BSplineSurface z(x, y) on x, y in mm.
 
         degrees : in x and y, of a surface without sag; with one, the sag's degree and needed knots are used.
-        Paraboloids and planes are exact, other conics are interpolated to 1e-11 mm.
+        Paraboloids and planes are exact, other conics are splines with a proven error of at most 1e-11 mm.
         """
         if self.sag is None:
             kv_x, kv_y = (KnotVector.uniform(p, 1, -h, h) for p, h in zip(degrees, self.half_width))
