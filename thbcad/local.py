@@ -38,6 +38,22 @@ class LocalBasis:
             for knots, x, order in zip(self._knots, (u, v), derivative)
         )
 
+    def bernstein(self, net: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells, p + 1, q + 1, ...).
+
+        Coefficient k of the span [a, b] is the polar form at p - k times a and k times b.
+        """
+        by_u, by_v = (_extraction(knots) for knots in self._knots)
+        return np.einsum("cki,cij...,clj->ckl...", by_u, net, by_v, optimize=True)
+
+
+def _extraction(knots: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Bezier extraction of every cell, (cells, p + 1, p + 1), from the knots around it, (2p, cells)."""
+    p, cells = len(knots) // 2, knots.shape[1]
+    late = np.arange(p) >= p - np.arange(p + 1)[:, None]
+    arguments = np.where(late, knots[p][:, None, None], knots[p - 1][:, None, None])
+    return blossom(np.repeat(knots, p + 1, axis=1), arguments.reshape(-1, p)).reshape(cells, p + 1, p + 1)
+
 
 def _knots_around(level: Level, direction: int) -> NDArray[np.float64]:
     """Return the knots on either side of every leaf cell of a level, (2p, cells)."""

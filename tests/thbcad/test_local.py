@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import comb
 
 from tests.thbcad.oracle import gamma
 from tests.thbcad.strategies import coefficients, points, spaces
@@ -58,6 +59,20 @@ def test_cost_is_in_proportion_to_cells_not_to_the_grid():
     assert np.allclose(a.sum(axis=1), 1, rtol=0, atol=1e-13)
     with pytest.raises(ValueError, match="the tensor-product form needs 32771 x 32771 control points"):
         THBSurface(space, np.zeros(space.dim)).to_bspline()
+
+
+@given(st.data())
+def test_bezier_patches_of_all_cells(data):
+    """The middle is the mean with binomial weights; corners are values."""
+    space = data.draw(spaces(max_spans=4))
+    surface = THBSurface(space, data.draw(coefficients(space.dim, 2)))
+    u0, u1, v0, v1 = space.boxes.T
+    patches = surface.to_bezier()
+    assert patches.shape == (len(space.cells), space.kv_u.degree + 1, space.kv_v.degree + 1, 2)
+    by_u, by_v = (comb(p, np.arange(p + 1)) / 2**p for p in (space.kv_u.degree, space.kv_v.degree))
+    middle = np.einsum("i,cijd,j->cd", by_u, patches, by_v)
+    assert np.allclose(middle, surface((u0 + u1) / 2, (v0 + v1) / 2), rtol=0, atol=1e-12)
+    assert np.allclose(patches[:, 0, -1], surface(u0, v1), rtol=0, atol=1e-12)
 
 
 @given(st.data())
