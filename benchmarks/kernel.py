@@ -1,141 +1,221 @@
-"""The THB kernel: run time beside error, on the annulus hierarchy that five codes agree on.
+"""The THB kernel: run time beside error and beside other codes, on the annulus hierarchy that five codes agree on.
 
 Run on one core: thbcad bench kernel
 """
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.interpolate import BSpline, NdBSpline
+from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from benchmarks.peers import NUTILS_DEPTH, PYGISMO_DEPTH, Annulus, Peer, annulus_marks, annulus_peers, coefficients, tensor_peers
 from benchmarks.rows import Row, median_seconds
 from thbcad import BSplineSurface, KnotVector, THBSpace, THBSurface
 
-WIDTHS = (0.25, 0.15, 0.08, 0.04, 0.02)
 REPEATS = 9
+AGREEMENT = 1e-12  # with other codes, relative to the greatest value
+# ms of other codes in an earlier run on another machine, shown for those that this run has not measured
+EARLIER = {
+    "build": {"pygismo": 40, "nutils": 3500, "pyiga": 75},
+    "grid": {"pygismo": 5070, "nutils": 302, "pyiga": 57},
+    "gradient": {"pygismo": 11500, "nutils": 2090, "pyiga": 117},
+    "scattered": {"pygismo": 5070},
+    "collocation": {"pygismo": 6540, "nutils": 16000, "pyiga": 3300},
+    "transfer": {"pygismo": 187, "pyiga": 276},
+    "corner, level 12": {"nutils": 1700},
+    "tensor grid": {"splipy": 7.8},
+    "insert": {"splipy": 135},
+}
 
 
 def rows() -> list[Row]:
     """Return the figures."""
+    case = annulus_case()
+    own = THBSurface(annulus(case.marks), coefficients(case.functions))
+    tensor = own.to_bspline()
+    peers = annulus_peers(case, (tensor.kv_u.knots, tensor.kv_v.knots), tensor.coefficients)
+    return [
+        *_evaluation(case, own, peers),
+        *_matrices(case, own, peers),
+        *_patches(own),
+        *_transfer(case, own, peers),
+        *_restriction(),
+        *_corner(peers),
+        *_diagonal(),
+        *_tensor(),
+    ]
+
+
+def annulus_case() -> Annulus:
+    """Return the case: hierarchy, spline and points."""
     marks = annulus_marks()
-    space = annulus(marks)
-    surface = THBSurface(space, coefficients(space))
-    return [*_hierarchy(marks, space, surface), *_transfer(marks, space), *_corner(), *_tensor()]
+    points = np.random.default_rng(0).random((2, 201_601))
+    return Annulus(marks, annulus(marks).functions, annulus(marks[:-1]).functions, np.linspace(0, 1, 449), points)
 
 
-def annulus_marks() -> list[np.ndarray]:
-    """Return the cells of every level that meet the open annulus |r - 0.3| < w about (1/2, 1/2)."""
-    marks = []
-    for level, width in enumerate(WIDTHS):
-        n = 7 << level
-        # in units of 1 / (2 n), so that the test is exact up to the square root
-        low, high = np.arange(n) / n - 0.5, (np.arange(n) + 1) / n - 0.5
-        near = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(abs(low), abs(high)))
-        far = np.maximum(abs(low), abs(high))
-        least, most = np.hypot.outer(near, near), np.hypot.outer(far, far)
-        marks.append(np.argwhere((least < 0.3 + width) & (most > 0.3 - width)))
-    return marks
-
-
-def annulus(marks: list[np.ndarray]) -> THBSpace:
-    """Return the hierarchy, ready to evaluate."""
+def annulus(marks: Sequence[NDArray[np.int64]]) -> THBSpace:
+    """Return the annulus hierarchy."""
     kv = KnotVector.uniform(3, 7)
-    space = THBSpace(kv, kv)
+    return _refined(THBSpace(kv, kv), marks)
+
+
+def _refined(space: THBSpace, marks: Sequence[NDArray[np.int64]]) -> THBSpace:
     for level, cells in enumerate(marks):
         space = space.refine({level: cells})
-    assert space.embedding.steps
     return space
 
 
-def coefficients(space: THBSpace) -> np.ndarray:
-    """Return the oracle's coefficients."""
-    level, i, j = space.functions.T.astype(float)
-    return np.sin(1.3 * i + 2.1 * j + 0.7 * level) + 0.3 * np.cos(0.37 * i * j + level)
+def ready(space: THBSpace) -> THBSpace:
+    """Return a space when the first value of a surface over it is known: what later evaluations need is there."""
+    THBSurface(space, np.ones(space.dim))([0.5 * space.kv_u.stop], [0.5 * space.kv_v.stop])
+    return space
 
 
-def _ms(function, repeats: int = REPEATS) -> float:
+def _others(peers: Sequence[Peer], task: str) -> str:
+    """Return the times of the other codes as text."""
+    now = {peer.name: peer.times[task] for peer in peers if task in peer.times}
+    before = {name: time for name, time in EARLIER.get(task, {}).items() if name not in now}
+    parts = [(now, "this run"), (before, "earlier")]
+    return "; ".join(", ".join(f"{name} {_shown(time)}" for name, time in times.items()) + f" ({when})" for times, when in parts if times)
+
+
+def _shown(time: float) -> str:
+    return f"{time:.2g} ms" if time < 10 else f"{time:.0f} ms" if time < 1000 else f"{time / 1000:.1f} s"
+
+
+def _ms(function: Callable[[], object], repeats: int = REPEATS) -> float:
     return 1e3 * median_seconds(function, repeats)
 
 
-def _hierarchy(marks: list[np.ndarray], space: THBSpace, surface: THBSurface) -> list[Row]:
-    grid = np.linspace(0, 1, 449)
-    u, v = np.random.default_rng(0).random((2, 201_601))
-    c = surface.coefficients
-
-    def fresh() -> THBSurface:
-        return THBSurface(space, c)
-
-    def with_gradient() -> None:
-        own = fresh()
-        for derivative in ((0, 0), (1, 0), (0, 1)):
-            own.grid(grid, grid, derivative)
-
-    tensor = surface.to_bspline()
-    scipy_tensor = NdBSpline((tensor.kv_u.knots, tensor.kv_v.knots), tensor.coefficients, 3)
-    points = np.column_stack([u, v])
-    error = float(abs(space.collocation(u, v) @ c - scipy_tensor(points)).max())
-    patches = surface.to_patches()
+def _differences(peers: Sequence[Peer], task: str, values: NDArray[np.float64] | csr_array) -> list[Row]:
+    """Return rows with the greatest difference from the other codes, relative to the greatest value."""
+    scale = float(abs(values).max())
     return [
-        Row("annulus: degrees of freedom", space.dim, "", "5593"),
-        Row("annulus: build and 5 refinements, ready to evaluate", _ms(lambda: annulus(marks)), "ms", "pygismo 40, pyiga 75", 10),
-        Row("annulus: values on 449^2, operators built", _ms(lambda: fresh().grid(grid, grid)), "ms", "pyiga 57", 3),
-        Row("annulus: values and gradient on 449^2", _ms(with_gradient), "ms", "60 and up", 10),
-        Row("annulus: 201,601 scattered points", _ms(lambda: surface(u, v), 5), "ms", "pygismo 5070", 80),
-        Row("   scipy NdBSpline on the tensor-product form, same run", _ms(lambda: scipy_tensor(points), 5), "ms"),
-        Row("   collocation matrix times coefficients against scipy", error, "", "", 1e-13),
-        Row("annulus: collocation matrix of these points", _ms(lambda: space.collocation(u, v), 3), "ms", "pyiga 3300", 150),
+        Row(f"   difference from {peer.name}", float(abs(peer.values[task] - values).max()) / scale, "", "", AGREEMENT)
+        for peer in peers
+        if task in peer.values
+    ]
+
+
+def _evaluation(case: Annulus, surface: THBSurface, peers: Sequence[Peer]) -> list[Row]:
+    space, c, x = surface.space, surface.coefficients, case.grid
+
+    def with_gradient() -> list[NDArray[np.float64]]:
+        own = THBSurface(space, c)
+        return [own.grid(x, x, derivative) for derivative in ((0, 0), (1, 0), (0, 1))]
+
+    gradient = np.stack(with_gradient()[1:]).reshape(2, -1)
+    return [
+        Row("annulus: degrees of freedom", space.dim, "", "5593; the other codes are held to it"),
+        Row("annulus: 5 refinements up to the first value", _ms(lambda: ready(annulus(case.marks))), "ms", _others(peers, "build"), 10),
+        Row("annulus: values on 449^2, operators built", _ms(lambda: THBSurface(space, c).grid(x, x)), "ms", _others(peers, "grid"), 3),
+        *_differences(peers, "grid", surface.grid(x, x).ravel()),
+        Row("annulus: values and gradient on 449^2", _ms(with_gradient), "ms", _others(peers, "gradient"), 10),
+        *_differences(peers, "gradient", gradient),
+        Row("annulus: 201,601 scattered points", _ms(lambda: surface(*case.points), 5), "ms", _others(peers, "scattered"), 80),
+        *_differences(peers, "scattered", surface(*case.points)),
+    ]
+
+
+def _matrices(case: Annulus, surface: THBSurface, peers: Sequence[Peer]) -> list[Row]:
+    space, (u, v) = surface.space, case.points
+    time = _ms(lambda: space.collocation(u, v), 3)
+    matrix = space.collocation(u, v)
+    error = float(abs(matrix @ surface.coefficients - surface(u, v)).max())
+    return [
+        Row("annulus: collocation matrix of these points", time, "ms", _others(peers, "collocation"), 150),
+        *_differences(peers, "collocation", matrix),
+        Row("   times the coefficients, against the surface", error, "", "", 1e-13),
         Row("annulus: its derivative in u", _ms(lambda: space.collocation(u, v, (1, 0)), 3), "ms", "", 200),
-        Row("annulus: exact patches", len(patches), "", "leaves 1261, minimum 381", 381),
+        Row("annulus: its derivative in v", _ms(lambda: space.collocation(u, v, (0, 1)), 3), "ms", "", 200),
+    ]
+
+
+def _patches(surface: THBSurface) -> list[Row]:
+    return [
+        Row("annulus: exact patches", len(surface.to_patches()), "", "leaves 1261, minimum 381", 381),
         Row("annulus: time of the patches", _ms(surface.to_patches, 5), "ms", "", 200),
     ]
 
 
-def _transfer(marks: list[np.ndarray], fine: THBSpace) -> list[Row]:
-    coarse = annulus(marks[:-1])
+def _transfer(case: Annulus, surface: THBSurface, peers: Sequence[Peer]) -> list[Row]:
+    fine, coarse, c = surface.space, annulus(case.marks[:-1]), coefficients(case.before)
     p = coarse.prolongation(fine)
-    c = coefficients(coarse)
-    grid = np.linspace(0, 1, 301)
-    error = abs(THBSurface(coarse, c).grid(grid, grid) - THBSurface(fine, p @ c).grid(grid, grid)).max()
-    identity = fine.restriction(coarse) @ p
-    identity.setdiag(identity.diagonal() - 1)
+    x = np.linspace(0, 1, 301)
+    error = abs(THBSurface(coarse, c).grid(x, x) - THBSurface(fine, p @ c).grid(x, x)).max()
     return [
-        Row("transfer 2797 to 5593, explicit", _ms(lambda: coarse.prolongation(fine)), "ms", "pygismo 187", 10),
+        Row("transfer 2797 to 5593, explicit", _ms(lambda: coarse.prolongation(fine)), "ms", _others(peers, "transfer"), 10),
         Row("   error of the geometry", float(error), "", "", 2e-15),
+        *_differences(peers, "transfer", p @ c),
         Row("restriction 5593 to 2797", _ms(lambda: fine.restriction(coarse), 3), "ms"),
-        Row("   |Q P - I|", float(abs(identity).max()), "", "", 1e-13),
     ]
 
 
-def _corner() -> list[Row]:
-    def build(depth: int) -> THBSpace:
-        kv = KnotVector.uniform(3, 8)
-        space = THBSpace(kv, kv)
-        block = np.argwhere(np.ones((4, 4)))
-        for level in range(depth):
-            space = space.refine({level: block})
-        assert space.embedding.steps
-        return space
+def _restriction() -> list[Row]:
+    """8 x 8 cells in the middle of 12 x 12 refined, and 12 x 12 of their children: every degree to 5 loses functions."""
+    defects = []
+    for degree in range(1, 6):
+        kv = KnotVector.uniform(degree, 12)
+        coarse = THBSpace(kv, kv)
+        fine = _refined(coarse, [2 + np.argwhere(np.ones((8, 8))), 6 + np.argwhere(np.ones((12, 12)))])
+        product = fine.restriction(coarse) @ coarse.prolongation(fine)
+        product.setdiag(product.diagonal() - 1)
+        defects.append(float(abs(product).max()))
+    each = ", ".join(f"{defect:.1e}" for defect in defects)
+    return [Row("restriction of nested blocks, degree 1 to 5: |Q P - I|", max(defects), "", f"each: {each}", 1e-13)]
 
+
+def _corner(peers: Sequence[Peer]) -> list[Row]:
+    def time(depth: int) -> tuple[float, float]:
+        space, marks = THBSpace(kv, kv), [np.argwhere(np.ones((4, 4)))] * depth
+        return _ms(lambda: ready(_refined(space, marks)), 5), len(_refined(space, marks).cells)
+
+    kv = KnotVector.uniform(3, 8)
+    (low, few), (high, many) = time(6), time(24)
+    others = [_others(peers, f"corner, level {depth}") for depth in (NUTILS_DEPTH, PYGISMO_DEPTH)]
     return [
-        Row("corner refinement, 8 x 8, level 12 (697 DOF)", _ms(lambda: build(12)), "ms", "nutils 1700", 50),
-        Row("corner refinement, 8 x 8, level 20 (1081 DOF)", _ms(lambda: build(20)), "ms", "", 100),
+        Row("corner refinement, 8 x 8, level 12 (697 DOF)", time(12)[0], "ms", others[0], 50),
+        Row("corner refinement, 8 x 8, level 20 (1081 DOF)", time(20)[0], "ms", "", 100),
+        Row(f"corner refinement, 8 x 8, level {PYGISMO_DEPTH}", time(PYGISMO_DEPTH)[0], "ms", others[1]),
+        Row("   time per cell, level 24 to level 6", high / many / (low / few), "", f"{many} and {few} cells", 1.5),
     ]
+
+
+def _diagonal() -> list[Row]:
+    """Cells (i, j) with |i - j| <= 3 of every level: a band of 4 x 4 blocks along the diagonal."""
+    kv = KnotVector.uniform(3, 8)
+    marks = []
+    for level in range(8):
+        i, shift = (x.ravel() for x in np.meshgrid(np.arange(8 << level), np.arange(-3, 4), indexing="ij"))
+        pairs = np.stack([i, i + shift], axis=1)
+        marks.append(pairs[(pairs[:, 1] >= 0) & (pairs[:, 1] < 8 << level)])
+    cells = len(_refined(THBSpace(kv, kv), marks).cells)
+    time = _ms(lambda: ready(_refined(THBSpace(kv, kv), marks)), 1)
+    return [
+        Row("diagonal refinement, 8 x 8, level 8: cells", cells),
+        Row("   8 refinements up to the first value", time, "ms"),
+        Row("   the same per 1000 cells", 1e3 * time / cells, "ms"),
+    ]
+
+
+def tensor_case() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return knots, a net (227, 227, 3), the parameters of a grid and 100 new knots."""
+    kv = KnotVector.uniform(3, 224)
+    net = np.random.default_rng(1).random((kv.dim, kv.dim, 3))
+    return kv.knots, net, np.linspace(0, 1, 449), (np.arange(100) + 0.37) / 100
 
 
 def _tensor() -> list[Row]:
-    kv = KnotVector.uniform(3, 224)
-    net = np.random.default_rng(1).random((kv.dim, kv.dim, 3))
-    surface = BSplineSurface(kv, kv, net)
-    grid = np.linspace(0, 1, 449)
-
-    def by_scipy() -> np.ndarray:
-        return BSpline(kv.knots, BSpline(kv.knots, net, 3)(grid).swapaxes(0, 1), 3)(grid).swapaxes(0, 1)
-
-    new = (np.arange(100) + 0.37) / 100
-    error = float(abs(surface.grid(grid, grid) - by_scipy()).max())
+    knots, net, x, new = tensor_case()
+    kv = KnotVector(3, knots)
+    surface, peers = BSplineSurface(kv, kv, net), tensor_peers(knots, net, x, new)
+    finer = surface.insert(new, new).coefficients
     return [
-        Row("227^2 bicubic, 3 components, on 449^2", _ms(lambda: surface.grid(grid, grid)), "ms", "", 2.5),
-        Row("   scipy BSpline twice, same run", _ms(by_scipy), "ms"),
-        Row("   difference from scipy", error, "", "", 1e-14),
-        Row("insert 100 knots in u and in v, 227^2, 3 components", _ms(lambda: surface.insert(new, new)), "ms", "splipy 135", 10),
+        Row("227^2 bicubic, 3 components, on 449^2", _ms(lambda: surface.grid(x, x)), "ms", _others(peers, "tensor grid"), 2.5),
+        *_differences(peers, "tensor grid", surface.grid(x, x).reshape(-1, 3)),
+        Row("insert 100 knots in u and in v, 227^2 x 3", _ms(lambda: surface.insert(new, new)), "ms", _others(peers, "insert"), 10),
+        *_differences(peers, "insert", finer),
     ]

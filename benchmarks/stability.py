@@ -1,0 +1,300 @@
+"""How far the THB kernel is from exact rational arithmetic, and where it refuses input.
+
+Run: thbcad bench stability
+
+Errors are relative: values to the greatest coefficient, Q P - I to the greatest absolute row sum of Q, derivatives to the
+sum of |derivatives| of the B-splines at the point times the greatest coefficient; of the B-splines of the tensor-product form,
+and of those of the leaf cell's own level, which are flatter where the cell lies in the row or column of deeper ones.
+The limits are u = 2^-53 times a bound of the number of roundings on the way.  Each step of a stable method is a sum with
+non-negative weights that come from differences of given numbers, so that the limit grows with degree and level, not with the
+knots.  Q P - I itself is held to 1e-13 up to degree 5, as in `thbcad bench kernel`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.rows import Row
+from tests.thbcad.exact import ExactPatches, ExactTHB, roundings
+from tests.thbcad.oracle import gamma
+from thbcad import KnotVector, THBSpace, THBSurface
+
+POINTS = 4
+SEQUENCES = 2000
+STEPS = 2
+Figures = dict[str, tuple[float, float]]  # quantity: (error, limit)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One space under stress.  x : the degree, level or decade against which the growth of errors is fitted."""
+
+    label: str
+    x: float
+    space: THBSpace
+
+
+def rows() -> list[Row]:
+    """Return the figures."""
+    rng = np.random.default_rng(20)
+    out = []
+    for name, cases, per in STRESSES:
+        measured = [(case, measure(case.space, rng)) for case in cases(rng)]
+        out += _worst(name, measured)
+        if per:
+            out += _growth(name, per, measured)
+    return [*out, *_walks(rng), *_refusals()]
+
+
+def measure(space: THBSpace, rng: np.random.Generator) -> Figures:
+    """Return the errors of a random spline with coefficients up to 1, and their limits."""
+    surface = THBSurface(space, np.append(rng.uniform(-1, 1, space.dim - 1), 1.0))
+    twin = ExactTHB(surface)
+    u, v = twin.sample(POINTS, rng)
+    bound = roundings(space)
+    exact = [twin(a, b)[0] for a, b in zip(u.tolist(), v.tolist())]
+    weights = space.collocation(u, v)
+    finer = further(space)
+    moved = ExactTHB(THBSurface(finer, space.prolongation(finer) @ surface.coefficients))
+    tensor, patches = ExactTHB.of_bspline(surface.to_bspline()), ExactPatches(surface)
+    by_tensor, by_cell = _derivative_errors(surface, twin, tensor, u, v)
+    defect, norm = projection_defect(space, finer)
+
+    def against(values: Sequence[float | Fraction]) -> float:
+        return max(float(abs(Fraction(a) - b)) for a, b in zip(values, exact))
+
+    def at_points(other: Callable[[float, float], tuple[Fraction, Fraction]]) -> list[Fraction]:
+        return [other(a, b)[0] for a, b in zip(u.tolist(), v.tolist())]
+
+    limits = [float(gamma(n)) for n in (bound, 2 * bound, roundings(finer))]
+    return {
+        "sum of functions - 1": (float(abs(weights.sum(axis=1) - 1).max()), limits[1]),
+        "negative part of functions": (float(max(0.0, -weights.data.min())), 0.0),
+        "values of the surface": (against(surface(u, v).tolist()), limits[0]),
+        "values, collocation": (against((weights @ surface.coefficients).tolist()), limits[0]),
+        "derivatives, to the tensor product's": (by_tensor, limits[0]),
+        "derivatives, to the leaf cell's": (by_cell, limits[0]),
+        "prolongation": (against(at_points(moved)), limits[2]),
+        "to_bspline": (against(at_points(tensor)), limits[0]),
+        "to_patches": (against(at_points(patches)), limits[1]),
+        "Q P - I": (defect, 1e-13 if max(space.kv_u.degree, space.kv_v.degree) <= 5 else np.inf),
+        "Q P - I, to row sum of |Q|": (defect / norm, limits[2]),
+        "row sum of |Q|": (norm, np.inf),
+    }
+
+
+def further(space: THBSpace) -> THBSpace:
+    """Return a finer space: p + 2 by q + 2 cells from the lowest leaf cell on, of the coarsest and of the finest level."""
+    cells = {}
+    for level in {int(space.cells[0, 0]), space.levels - 1}:
+        leaves = space.cells[space.cells[:, 0] == level, 1:]
+        window = leaves[0] // 2 * 2 + [space.kv_u.degree + 2, space.kv_v.degree + 2]
+        cells[level] = leaves[(leaves < window).all(axis=1)]
+    return space.refine(cells)
+
+
+def projection_defect(space: THBSpace, finer: THBSpace) -> tuple[float, float]:
+    """Return (greatest entry of |Q P - I|, greatest row sum of |Q|)."""
+    q = finer.restriction(space)
+    product = q @ space.prolongation(finer)
+    product.setdiag(product.diagonal() - 1)
+    return float(abs(product).max()), float(abs(q).sum(axis=1).max())
+
+
+def _derivative_errors(
+    surface: THBSurface, twin: ExactTHB, tensor: ExactTHB, u: NDArray[np.float64], v: NDArray[np.float64]
+) -> list[float]:
+    """Return the greatest error of the first derivatives, to the scale of the tensor-product form and to that of the leaf cells."""
+    errors = []
+    for order in ((1, 0), (0, 1)):
+        for a, b, value in zip(u.tolist(), v.tolist(), surface(u, v, order).tolist()):
+            exact, scale = twin(a, b, order)
+            error = abs(Fraction(value) - exact)
+            errors.append([float(error / tensor(a, b, order)[1]), float(error / scale)])
+    return np.max(errors, axis=0).tolist()
+
+
+def _worst(name: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
+    """Return for each quantity the greatest error, of the cases above their limit if there are any."""
+    out = []
+    for quantity in measured[0][1]:
+        figures = ((figures[quantity], case.label) for case, figures in measured)
+        (error, limit), label = max(figures, key=lambda pair: (pair[0][0] > pair[0][1], pair[0][0]))
+        out.append(Row(f"{name}: {quantity}", error, "", label, None if limit == np.inf else limit))
+    return out
+
+
+def _growth(name: str, per: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
+    """Return the factors exp(b) of the fits log(error) = a + b x; errors below half a unit roundoff count as that."""
+    out, x = [], np.array([case.x for case, _ in measured])
+    for quantity in ("values of the surface", "derivatives, to the leaf cell's", "row sum of |Q|"):
+        y = np.array([max(figures[quantity][0], 2.0**-54) for _, figures in measured])
+        slope, _ = np.polyfit(x, np.log(y), 1)
+        out.append(Row(f"{name}: growth of {quantity}", float(np.exp(slope)), f"/{per}", f"fitted to {len(x)} cases"))
+    return out
+
+
+def clamped(degree: int, breaks: NDArray[np.float64], multiplicity: int = 1) -> KnotVector:
+    """Return the clamped knot vector on the given breaks."""
+    inner = np.full(len(breaks) - 2, multiplicity)
+    return KnotVector(degree, np.repeat(breaks, [degree + 1, *inner, degree + 1]))
+
+
+def random_breaks(rng: np.random.Generator, spans: int) -> NDArray[np.float64]:
+    """Return breaks whose spans have ratios up to 4."""
+    return np.r_[0, np.cumsum(rng.uniform(1, 4, spans))]
+
+
+def graded(rng: np.random.Generator, count: int, decades: float) -> NDArray[np.float64]:
+    """Return spans of which the longest is 10^decades times the shortest, in random order."""
+    return rng.permutation(10.0 ** -np.r_[0, decades, decades * rng.random(count - 2)])
+
+
+def corner(kv_u: KnotVector, kv_v: KnotVector, depth: int, width: int) -> THBSpace:
+    """Return the space with the lowest width x width cells of every level refined."""
+    space = THBSpace(kv_u, kv_v)
+    block = np.argwhere(np.ones((width, width)))
+    for level in range(depth):
+        space = space.refine({level: block})
+    return space
+
+
+def _degrees(rng: np.random.Generator) -> Iterator[Case]:
+    for p in range(1, 11):
+        kvs = [clamped(p, random_breaks(rng, p + 3)) for _ in range(2)]
+        yield Case(f"degree {p}", p, corner(*kvs, 2, p + 1))
+
+
+def _depths(rng: np.random.Generator) -> Iterator[Case]:
+    kv = KnotVector.uniform(3, 8)
+    for depth in (1, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20):
+        yield Case(f"level {depth}", depth, corner(kv, kv, depth, 4))
+
+
+def _spacings(rng: np.random.Generator) -> Iterator[Case]:
+    for decades in range(9):
+        for p in (2, 3, 5, 7):
+            kvs = [clamped(p, np.r_[0, np.cumsum(graded(rng, 8, decades))]) for _ in range(2)]
+            yield Case(f"ratio 1e{decades}, degree {p}", decades, corner(*kvs, 2, p + 1))
+
+
+def _offsets(rng: np.random.Generator) -> Iterator[Case]:
+    for decades in range(-6, 7, 2):
+        for offset in (0.0, 1e6, -1e6):
+            size = 10.0**decades
+            kvs = [clamped(3, offset + size * random_breaks(rng, 6)) for _ in range(2)]
+            yield Case(f"offset {offset:g}, size {size:g}", decades, corner(*kvs, 3, 4))
+
+
+def _multiples(rng: np.random.Generator) -> Iterator[Case]:
+    for p in range(2, 8):
+        for multiplicity in sorted({2, p}):
+            kvs = [clamped(p, random_breaks(rng, 5), multiplicity) for _ in range(2)]
+            yield Case(f"degree {p}, {multiplicity}-fold knots", p, corner(*kvs, 2, 3))
+
+
+def _orphans(rng: np.random.Generator) -> Iterator[Case]:
+    """Lone refined cells, which add no function, and lone cells within them."""
+    for p in range(2, 6):
+        kvs = [clamped(p, random_breaks(rng, p + 4)) for _ in range(2)]
+        space = THBSpace(*kvs).refine({0: [(1, 1), (3, 3)]}).refine({1: [(2, 3)]})
+        assert space.dim == THBSpace(*kvs).dim
+        yield Case(f"degree {p}", p, space)
+
+
+STRESSES: tuple[tuple[str, Callable[[np.random.Generator], Iterator[Case]], str], ...] = (
+    ("degree 1 to 10", _degrees, "degree"),
+    ("corner to level 20", _depths, "level"),
+    ("span ratios to 1e8", _spacings, "decade"),
+    ("offset and size to 1e6", _offsets, ""),
+    ("multiple knots", _multiples, ""),
+    ("orphan cells", _orphans, ""),
+)
+
+
+def _walks(rng: np.random.Generator) -> list[Row]:
+    """Return the worst figures of random sequences of refinement and coarsening, as multiples of their limits."""
+    figures = []
+    for _ in range(SEQUENCES):
+        p, q = rng.integers(1, 5, 2)
+        space = THBSpace(clamped(p, random_breaks(rng, p + 2)), clamped(q, random_breaks(rng, q + 2)))
+        surface = THBSurface(space, rng.uniform(-1, 1, space.dim))
+        for _ in range(STEPS):
+            surface, found = _step(surface, rng)
+            figures.append(found)
+    unity, negative, moved, back = np.max(figures, axis=0).tolist()
+    name = f"{SEQUENCES} random walks"
+    return [
+        Row(f"{name}: sum of functions - 1, of its limit", unity, "", f"{STEPS} steps each", 1),
+        Row(f"{name}: negative part of functions", negative, "", "", 0),
+        Row(f"{name}: refine moves the surface, of its limit", moved, "", "", 1),
+        Row(f"{name}: refine then coarsen, of its limit", back, "", "", 1),
+    ]
+
+
+def _step(surface: THBSurface, rng: np.random.Generator) -> tuple[THBSurface, tuple[float, float, float, float]]:
+    """Return a surface over a coarsened or refined space, and four figures of the refinement tried."""
+    space, size = surface.space, float(abs(surface.coefficients).max())
+    cells = window(space, rng)
+    finer = surface.refine(cells)
+    u, v = (kv.start + (kv.stop - kv.start) * rng.random(20) for kv in (space.kv_u, space.kv_v))
+    weights, limit = finer.space.collocation(u, v), float(gamma(3 * roundings(finer.space)))
+    q = finer.space.restriction(finer.space.coarsen(cells))
+    back = abs(q @ finer.coefficients - surface.coefficients).max() / abs(q).sum(axis=1).max()
+    figures = (
+        float(abs(weights.sum(axis=1) - 1).max()) / limit,
+        float(max(0.0, -weights.data.min())),
+        float(abs(finer(u, v) - surface(u, v)).max()) / (size * limit),
+        float(back) / (size * limit),
+    )
+    level = int(rng.integers(0, finer.space.levels - 1))
+    return finer if rng.random() < 0.6 else coarsened(finer, level, rng), figures
+
+
+def window(space: THBSpace, rng: np.random.Generator) -> dict[int, NDArray[np.int64]]:
+    """Return the leaf cells of one level, at most 3, in a random window about a random one."""
+    leaves = space.cells[space.cells[:, 0] <= 3]
+    level, i, j = leaves[rng.integers(len(leaves))]
+    low = np.array([i, j]) - rng.integers(0, 4, 2)
+    same = leaves[leaves[:, 0] == level, 1:]
+    return {int(level): same[((same >= low) & (same < low + rng.integers(4, 9, 2))).all(axis=1)]}
+
+
+def coarsened(surface: THBSurface, level: int, rng: np.random.Generator) -> THBSurface:
+    """Return the projection of a surface to the space without some of the refined cells of a level."""
+    space = surface.space
+    children = space.refined[level + 1] // 2 if level + 1 < len(space.refined) else np.zeros((0, 2), dtype=np.int64)
+    keep = (space.refined[level][:, None] == children).all(axis=2).any(axis=1) | (rng.random(len(space.refined[level])) < 0.3)
+    coarser = space.coarsen({level: space.refined[level][~keep]})
+    return THBSurface(coarser, space.restriction(coarser) @ surface.coefficients)
+
+
+def deepest(kv: KnotVector, width: int) -> tuple[int, str]:
+    """Return the deepest level that the lowest cells reach, and the sentence that refuses the next."""
+    space, block = THBSpace(kv, kv), np.argwhere(np.ones((width, width)))
+    for level in range(64):
+        try:
+            space = space.refine({level: block})
+            THBSurface(space, np.ones(space.dim)).to_bspline()
+        except ValueError as error:
+            return level, str(error)
+    raise AssertionError("nothing refuses level 64")
+
+
+def _refusals() -> list[Row]:
+    """Return the deepest levels; a knot span s at an offset x reaches the level with s / 2^level >= spacing of floats at x."""
+    out = []
+    for name, kv, wanted in (
+        ("offset 1e6, one span of 1e-3", KnotVector.uniform(3, 1, 1e6, 1e6 + 1e-3), np.log2(1e-3 / np.spacing(1e6))),
+        ("offset 1e6, 8 spans on 1e-6", KnotVector.uniform(3, 8, 1e6, 1e6 + 1e-6), np.log2(1e-6 / 8 / np.spacing(1e6))),
+        ("8 spans on [0, 1]", KnotVector.uniform(3, 8), 24),
+        ("256 spans on [0, 1]", KnotVector.uniform(3, 256), 23),
+    ):
+        level, sentence = deepest(kv, min(kv.spans, 4))
+        out.append(Row(f"deepest level, {name}", level, "", f"then: {sentence}", int(wanted), ">="))
+    return out
