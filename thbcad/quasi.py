@@ -20,7 +20,6 @@ Numer. Math. 132 (2016); T. Lyche and K. Moerken, Spline Methods, chapter 8.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,7 @@ from scipy.sparse import csr_array
 from thbcad.bspline import KnotVector, blossom
 from thbcad.sampling import Function, evaluate, level_knots
 from thbcad.space import THBSpace
+from thbcad.supports import intervals, least_norm
 from thbcad.thb import THBSurface
 
 
@@ -75,7 +75,7 @@ def _level_functionals(space: THBSpace, level: int) -> list[NDArray[np.float64]]
         tables.append(_axis_functionals(kv, level, distinct))
         rows.append(inverse)
     leaves = _leaf_masks(space, level, *(table.centres[r] for table, r in zip(tables, rows)))
-    choice = _least_norm(leaves, *(table.norms[r] for table, r in zip(tables, rows)))
+    choice, _ = least_norm(leaves, *(table.norms[r] for table, r in zip(tables, rows)))
     return [x[r, c] for table, r, c in zip(tables, rows, choice) for x in (table.points, table.weights)]
 
 
@@ -86,32 +86,6 @@ def _leaf_masks(space: THBSpace, level: int, u: NDArray[np.float64], v: NDArray[
     leaves = ~(np.isnan(u) | np.isnan(v))
     leaves[leaves] = space.cells[space.locate(u[leaves], v[leaves]), 0] == level
     return leaves
-
-
-def _least_norm(
-    leaves: NDArray[np.bool_], norms_u: NDArray[np.float64], norms_v: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return for every function the numbers of the two intervals whose rectangle is all leaf cells and has the least norm."""
-    count = np.zeros((len(leaves), leaves.shape[1] + 1, leaves.shape[2] + 1), dtype=np.int64)
-    count[:, 1:, 1:] = leaves.cumsum(axis=1).cumsum(axis=2)
-    (low, high), best = _intervals(leaves.shape[2]).T, np.full(len(leaves), np.inf)
-    choice = np.zeros((2, len(leaves)), dtype=np.int64)
-    for number, (start, stop) in enumerate(_intervals(leaves.shape[1])):
-        strip = count[:, stop] - count[:, start]
-        whole = strip[:, high] - strip[:, low] == (stop - start) * (high - low)
-        norm = np.where(whole, norms_u[:, number, None] * norms_v, np.inf)
-        least = norm.argmin(axis=1)
-        norm = norm[np.arange(len(norm)), least]
-        better = norm < best
-        best[better] = norm[better]
-        choice[:, better] = np.full(better.sum(), number), least[better]
-    return choice[0], choice[1]
-
-
-def _intervals(spans: int) -> NDArray[np.int64]:
-    """Return all (start, stop) with 0 <= start < stop <= spans, shortest first."""
-    pairs = np.array(list(combinations(range(spans + 1), 2)))
-    return pairs[np.argsort(pairs[:, 1] - pairs[:, 0], kind="stable")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +107,7 @@ def _axis_functionals(kv: KnotVector, level: int, index: NDArray[np.int64]) -> _
     left, right = (np.take_along_axis(side, order, axis=1) for side in (knots[:, :-1], knots[:, 1:]))
     count = filled.sum(axis=1)
     centres = np.where(np.arange(p + 1) < count[:, None], left + (right - left) / 2, np.nan)
-    start, stop = _intervals(p + 1).T
+    start, stop = intervals(p + 1).T
     owner, interval = np.nonzero(stop <= count[:, None])
     first, last = (index[owner] + order[owner, at[interval]] for at in (start, stop - 1))  # knot spans at both ends
     norms = np.full((len(index), len(start)), np.inf)

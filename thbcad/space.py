@@ -30,6 +30,7 @@ from thbcad.hierarchy import DyadicAxis, Integers, Level, make_level
 from thbcad.local import LocalBasis
 from thbcad.nets import Nets
 from thbcad.quadtree import Quadtree
+from thbcad.restriction import restriction
 
 __all__ = ["MAX_LEVEL", "THBSpace"]
 
@@ -179,7 +180,7 @@ class THBSpace:
             extra = np.setdiff1d(whole._domains.refined(level), coarser._domains.refined(level))
             if len(extra):
                 less = whole.coarsen({level: whole._domains.pairs(level, extra)})
-                operator = transfer.restriction(less.hierarchy, whole.nets, level) @ operator
+                operator = restriction(less.hierarchy, whole.nets, level) @ operator
                 whole = less
         return csr_array(operator)
 
@@ -236,12 +237,20 @@ class THBSpace:
 
     @cached_property
     def is_compact(self) -> bool:
-        """Whether the tensor-product form has no more coefficients than the leaf cells hold together."""
-        size = [self.kv_u.dim, self.kv_v.dim]
+        """Whether the tensor-product form is as good as the leaf cells, for evaluation.
+
+        It must have no more coefficients than the cells hold together.  Its derivatives are differences over
+        the finest spans, which costs a coarse cell in the rows or columns of fine ones a factor of at most
+        2^(levels - 1) longest / shortest level-0 span: that must not exceed 256.
+        """
+        size, spread = [self.kv_u.dim, self.kv_v.dim], 1.0
         for level in self.hierarchy:
             for d in (0, 1):
                 size[d] += len(np.unique(level.cells[level.refined, d]))
-        return size[0] * size[1] <= len(self.cells) * (self.kv_u.degree + 1) * (self.kv_v.degree + 1)
+        for kv in (self.kv_u, self.kv_v):
+            spans = np.diff(kv.breaks)
+            spread = max(spread, float(spans.max() / spans.min()) * 2 ** (self.levels - 1))
+        return spread <= 256 and size[0] * size[1] <= len(self.cells) * (self.kv_u.degree + 1) * (self.kv_v.degree + 1)
 
     def _require_nested(self, finer: THBSpace) -> None:
         if not isinstance(finer, THBSpace) or not all(

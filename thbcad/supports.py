@@ -1,0 +1,42 @@
+"""Rectangles of leaf cells inside the supports of B-splines.
+
+A coefficient can be found on any rectangle of leaf cells in the support of its B-spline: the more
+cells, the less a functional magnifies rounding errors.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def least_norm(
+    leaves: NDArray[np.bool_], norms_u: NDArray[np.float64], norms_v: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2, n), and the norms, (n,).
+
+    leaves : (n, p + 1, q + 1), which cells of the supports are leaf cells
+    norms_u, norms_v : (n, intervals), of the functionals in one direction; inf for those that do not serve
+    """
+    count = np.zeros((len(leaves), leaves.shape[1] + 1, leaves.shape[2] + 1), dtype=np.int64)
+    count[:, 1:, 1:] = leaves.cumsum(axis=1).cumsum(axis=2)
+    (low, high), best = intervals(leaves.shape[2]).T, np.full(len(leaves), np.inf)
+    choice = np.zeros((2, len(leaves)), dtype=np.int64)
+    for number, (start, stop) in enumerate(intervals(leaves.shape[1])):
+        strip = count[:, stop] - count[:, start]
+        whole = strip[:, high] - strip[:, low] == (stop - start) * (high - low)
+        norm = np.where(whole, norms_u[:, number, None] * norms_v, np.inf)
+        least = norm.argmin(axis=1)
+        norm = norm[np.arange(len(norm)), least]
+        better = norm < best
+        best[better] = norm[better]
+        choice[:, better] = np.full(better.sum(), number), least[better]
+    return choice, best
+
+
+def intervals(spans: int) -> NDArray[np.int64]:
+    """Return all (start, stop) with 0 <= start < stop <= spans, shortest first."""
+    pairs = np.array(list(combinations(range(spans + 1), 2)))
+    return pairs[np.argsort(pairs[:, 1] - pairs[:, 0], kind="stable")]
