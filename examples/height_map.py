@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from thbcad import KnotVector, Samples, THBSpace, THBSurface, least_squares
-from thbcad.sampling import cell_boxes
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -108,8 +107,7 @@ def relief(ax: plt.Axes, heights: NDArray[np.float64], title: str) -> None:
 
 def mesh(ax: plt.Axes, space: THBSpace, title: str) -> None:
     """Draw the leaf cells, darker by level."""
-    boxes = cell_boxes(space)
-    patches = [Rectangle(low, *size) for low, size in zip(boxes[:, :, 0], np.diff(boxes, axis=2)[:, :, 0])]
+    patches = [Rectangle((u0, v0), u1 - u0, v1 - v0) for u0, u1, v0, v1 in space.boxes]
     cells = PatchCollection(patches, edgecolor="0.25", linewidth=0.25, cmap="Blues", clim=(-0.5, LEVELS))
     cells.set_array(space.cells[:, 0])
     ax.add_collection(cells)

@@ -35,7 +35,7 @@ _HOMES = {
     "least_radii": "thbcad.curvature",
     "Samples": "thbcad.fitting",
     "Underdetermined": "thbcad.fitting",
-    "interpolate": "thbcad.fitting",
+    "interpolate": "thbcad.interpolation",
     "least_squares": "thbcad.fitting",
     "quasi_interpolate": "thbcad.quasi",
     "Fit": "thbcad.adaptive",

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.fitting import Samples, Underdetermined, least_squares
-from thbcad.sampling import Function, cell_boxes, cell_points, evaluate, gauss_points, level_breaks
+from thbcad.sampling import Function, cell_points, evaluate, gauss_points
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 
@@ -135,7 +135,7 @@ def surroundings(space: THBSpace, cells: NDArray[np.int64]) -> dict[int, NDArray
         reach = [np.arange(-(kv.degree // 2), kv.degree // 2 + 1) for kv in (space.kv_u, space.kv_v)]
         ring = (here[:, None] + np.stack(np.meshgrid(*reach), axis=-1).reshape(1, -1, 2)).reshape(-1, 2)
         ring = np.unique(np.clip(ring, 0, [(kv.spans << level) - 1 for kv in (space.kv_u, space.kv_v)]), axis=0)
-        centres = (level_breaks(kv, level + 1, 2 * k + 1) for kv, k in zip((space.kv_u, space.kv_v), ring.T))
+        centres = (axis.value(level + 1, 2 * k + 1) for axis, k in zip(space.axes, ring.T))
         leaves = space.cells[np.unique(space.locate(*centres))]
         found.append(leaves[leaves[:, 0] <= level])
     leaves = np.unique(np.concatenate(found), axis=0)
@@ -152,7 +152,7 @@ def _function_errors(surface: THBSurface, function: Function) -> NDArray[np.floa
     """Return the greatest error on every leaf cell, (cells,)."""
     space = surface.space
     shares = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
-    u, v = cell_points(cell_boxes(space), *shares)
+    u, v = cell_points(space, *shares)
     difference = surface(u.ravel(), v.ravel()) - evaluate(function, u.ravel(), v.ravel())
     return _distance(difference).reshape(u.shape).max(axis=1)
 

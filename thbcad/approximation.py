@@ -22,9 +22,9 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import make_interp_spline
 
 from thbcad.bspline import KnotVector
+from thbcad.interpolation import interpolate
 from thbcad.surface import BSplineSurface
 
 MOST_CONTROL_POINTS = 2000  # per direction
@@ -106,13 +106,6 @@ def node_slack(breaks: ArrayLike, degree: int) -> NDArray[np.float64]:
     return 1 + 8 * (degree + 1) ** 3 * EPS * abs(b).max() / np.diff(b)
 
 
-def interpolated(function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector) -> BSplineSurface:
-    """Return the spline that equals the function at the Greville abscissae."""
-    x, y = kv_x.greville(), kv_y.greville()
-    by_x = make_interp_spline(x, function.grid(x, y), kv_x.degree, t=kv_x.knots).c
-    return BSplineSurface(kv_x, kv_y, make_interp_spline(y, by_x.T, kv_y.degree, t=kv_y.knots).c.T)
-
-
 def error_bounds(function: BoundedFunction, surface: BSplineSurface) -> CellBounds:
     """Return proven bounds of |f - s| on every cell of any scalar spline surface, rounding errors included."""
     kv_x, kv_y = surface.kv_u, surface.kv_v
@@ -141,7 +134,7 @@ def approximated(function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, 
     if not tolerance > 0:
         raise ValueError(f"tolerance must be a positive number of mm, got {tolerance}")
     while True:
-        surface = interpolated(function, kv_x, kv_y)
+        surface = interpolate(kv_x, kv_y, function.grid(kv_x.greville(), kv_y.greville()))
         bounds = error_bounds(function, surface)
         bound = float(bounds.total.max())
         if bound <= tolerance:

@@ -25,7 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, band_matrix, blossom, require_order, tensor_apply
+from thbcad.bspline import KnotVector
+from thbcad.checks import require_order
+from thbcad.operators import band_matrix, tensor_apply
+from thbcad.polar import blossom
 from thbcad.surface import BSplineSurface
 from thbcad.thb import THBSurface
 

@@ -1,13 +1,4 @@
-"""Univariate B-splines: knot vectors, collocation, knot insertion.
-
-Everything here rests on one product of bidiagonal matrices.  On the non-empty knot span
-``mu`` the polar form (blossom) of a spline of degree p with coefficients c is
-
-    f[a_1, ..., a_p] = R_1(a_1) R_2(a_2) ... R_p(a_p) c[mu-p : mu+1],
-
-where ``R_k`` is the k x (k+1) matrix of de Boor's triangle.  Equal arguments give values,
-derivatives of the ``R_k`` give derivatives, and the knots of a finer vector give the rows
-of the refinement matrix (Oslo algorithm).
+"""Univariate B-splines: clamped knot vectors and their exact operators.
 
 Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 and 3.30-3.35.
 """
@@ -16,132 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-MAX_DEGREE = 10
-
-
-def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.float64) -> NDArray[Any]:
-    """Return a contiguous read-only copy of `array`."""
-    out = np.array(array, dtype=dtype, order="C")
-    out.flags.writeable = False
-    return out
-
-
-def blossom(near: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
-    """Return the rows R_1(a_1) ... R_p(a_p) for many spans [t_mu, t_mu+1) at once.
-
-    Parameters
-    ----------
-    near : (2 degree, n) float, the knots t_(mu+1-p) ... t_(mu+p) around each span
-    arguments : (n, degree) float, arguments of the polar form
-    derivative : int, the last `derivative` factors are replaced by k R_k', so that equal
-        arguments u give the derivative of that order at u
-
-    Returns
-    -------
-    (n, degree + 1) float : weights of the coefficients mu - degree ... mu.
-    """
-    count, degree = arguments.shape
-    if derivative > degree:
-        return np.zeros((count, degree + 1))
-    rows = [np.ones(count)]
-    for k in range(1, degree + 1):
-        argument, out = arguments[:, k - 1], [np.zeros(0)] * (k + 1)
-        for r, before in enumerate(rows):
-            # function mu - k + 1 + r of degree k - 1 lies on [low, high] = [t_j, t_(j+k)]
-            low, high = near[degree + r - k], near[degree + r]
-            if k > degree - derivative:
-                right = k * before / (high - low)
-                left = -right
-            else:
-                right = before * ((argument - low) / (high - low))
-                left = before * ((high - argument) / (high - low))
-            out[r] = out[r] + left if r else left
-            out[r + 1] = right
-        rows = out
-    return np.stack(rows, axis=1)
-
-
-def blossom_rows(
-    knots: NDArray[np.float64], degree: int, span: NDArray[np.int64], arguments: NDArray[np.float64], derivative: int = 0
-) -> NDArray[np.float64]:
-    """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots."""
-    near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
-    return blossom(near, arguments, derivative)
-
-
-def csr_rows(values: NDArray[np.float64], indices: NDArray[np.int64], columns: int) -> csr_array:
-    """Return the csr_array with the same number of entries in every row; both arrays are (n, ...).
-
-    Small matrices get 32-bit indices, which makes products with them faster.
-    """
-    n = len(values)
-    width = values.size // n if n else 1
-    kind = np.int32 if max(columns, values.size) < np.iinfo(np.int32).max else np.int64
-    indptr = np.arange(n + 1, dtype=kind) * width
-    return csr_array((values.ravel(), indices.ravel().astype(kind), indptr), shape=(n, columns))
-
-
-def band_matrix(first: NDArray[np.int64], values: NDArray[np.float64], columns: int) -> csr_array:
-    """Return the csr_array whose row r holds `values[r]` from column `first[r]` on."""
-    return csr_rows(values, first[:, None] + np.arange(values.shape[1]), columns)
-
-
-def tensor_apply(a: csr_array, b: csr_array, net: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a @ net @ b.T, for every component of a net (n_u, n_v) or (n_u, n_v, d)."""
-    by_u = (a @ net.reshape(net.shape[0], -1)).reshape((a.shape[0], *net.shape[1:]))
-    turned = np.ascontiguousarray(np.moveaxis(by_u, 1, 0)).reshape(net.shape[1], -1)
-    return np.moveaxis((b @ turned).reshape((b.shape[0], a.shape[0], *net.shape[2:])), 0, 1)
-
-
-def require_order(derivative: object) -> None:
-    """Raise ValueError unless the order of a derivative is a non-negative integer."""
-    if isinstance(derivative, bool) or not isinstance(derivative, (int, np.integer)) or derivative < 0:
-        raise ValueError(f"derivative must be a non-negative integer, got {derivative!r}")
-
-
-def require_degree(degree: object) -> None:
-    """Raise ValueError unless the degree is an integer from 1 to 10."""
-    if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not 1 <= degree <= MAX_DEGREE:
-        raise ValueError(f"degree must be an integer from 1 to {MAX_DEGREE}, got {degree!r}")
-
-
-def require_sorted(knots: NDArray[np.float64]) -> None:
-    """Raise ValueError unless the knots are finite and do not decrease."""
-    if not np.isfinite(knots).all():
-        raise ValueError(f"knots[{int(np.argmin(np.isfinite(knots)))}] is not finite")
-    if (np.diff(knots) < 0).any():
-        k = int(np.argmax(np.diff(knots) < 0))
-        raise ValueError(f"knots must not decrease, got knots[{k}] = {knots[k]} > knots[{k + 1}] = {knots[k + 1]}")
-
-
-def require_subset(knots: NDArray[np.float64], finer: NDArray[np.float64]) -> None:
-    """Raise ValueError unless the sorted row `finer` holds every one of `knots`, as often at least."""
-    values, counts = np.unique(knots, return_counts=True)
-    lacking = np.searchsorted(finer, values, "right") - np.searchsorted(finer, values, "left") < counts
-    if lacking.any():
-        raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
-
-
-def uniform_breaks(spans: int, start: float, stop: float) -> NDArray[np.float64]:
-    """Return the ends of `spans` equal spans on [start, stop], (spans + 1,).
-
-    Raises
-    ------
-    ValueError : spans that is no positive integer; start that is not less than stop.
-    """
-    if isinstance(spans, bool) or not isinstance(spans, (int, np.integer)) or spans < 1:
-        raise ValueError(f"spans must be an integer of at least 1, got {spans!r}")
-    if not start < stop:
-        raise ValueError(f"start must be less than stop, got {start} and {stop}")
-    breaks = start + (stop - start) * (np.arange(spans + 1) / spans)
-    breaks[-1] = stop
-    return breaks
+from thbcad.checks import read_only, require_degree, require_order, require_sorted, require_subset, uniform_breaks
+from thbcad.operators import band_matrix, banded_least_squares
+from thbcad.polar import blossom_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +51,9 @@ class KnotVector:
     def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> KnotVector:
         """Return the clamped knot vector with `spans` equal spans on [start, stop]."""
         return cls(degree, np.r_[[start] * degree, uniform_breaks(spans, start, stop), [stop] * degree])
+
+    def __repr__(self) -> str:
+        return f"KnotVector(degree {self.degree}, {self.spans} spans on [{self.start:g}, {self.stop:g}], dim {self.dim})"
 
     @property
     def dim(self) -> int:
@@ -280,6 +156,17 @@ class KnotVector:
             raise ValueError(f"degrees differ: {self.degree} and {finer.degree}")
         require_subset(self.knots, finer.knots)
         return self._polar(finer)
+
+    def restriction(self, coarser: KnotVector) -> csr_array:
+        """Return Q = (P^T P)^-1 P^T, csr_array (coarser.dim, dim), with P = coarser.prolongation(self): Q @ P == identity.
+
+        Q @ c are the coefficients on the coarser knots that come closest to c in least squares.
+
+        Raises
+        ------
+        ValueError : this vector lacks a knot of `coarser` or has another degree.
+        """
+        return csr_array(banded_least_squares(coarser.prolongation(self), self.degree, np.eye(self.dim)))
 
     def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:
         """Return the clamped knot vector of the piece on [start, stop] and the operator to its coefficients, csr_array (own.dim, dim).

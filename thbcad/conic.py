@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import Legendre
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.bspline import require_order
+from thbcad.checks import require_order
 
 Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
 EPS = float(np.finfo(float).eps)
@@ -78,8 +78,15 @@ class Conic:
         return c * factorial(a) * factorial(b) * self._taylor(x, y, a, b)
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return z or a derivative on the grid x x y, (len(x), len(y))."""
-        return self(np.asarray(x)[:, None], np.asarray(y)[None, :], derivative)
+        """Return z or a derivative on the grid x x y, (len(x), len(y)).
+
+        Raises
+        ------
+        ValueError : a grid that reaches beyond the end of the conic.
+        """
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        self.require((float(abs(x).max()), float(abs(y).max())))
+        return self(x[:, None], y[None, :], derivative)
 
     def _taylor(self, x: Coordinate, y: Coordinate, a: int, b: int) -> Coordinate:
         """Return the Taylor coefficient z_ab / c, a + b >= 1, of z(x + s, y + t) = sum z_ij s^i t^j.

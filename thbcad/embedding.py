@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, tensor_apply
+from thbcad.bspline import KnotVector
 from thbcad.hierarchy import DyadicAxis, Integers, Level
+from thbcad.operators import tensor_apply
 
 MOST_POINTS = 100_000_000  # control points of the tensor-product form
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, tensor_apply
+from thbcad.bspline import KnotVector
 from thbcad.hierarchy import DyadicAxis, Integers
-from thbcad.removal import restriction
+from thbcad.operators import tensor_apply
 from thbcad.space import THBSpace
 from thbcad.surface import BSplineSurface
 
@@ -67,7 +67,7 @@ class _Side:
 
 
 def faces(space: THBSpace, surface: BSplineSurface, price: float) -> Iterator[BSplineSurface]:
-    """Yield the faces of the cheapest bisection.
+    """Yield the faces of the cheapest pruning of one bisection.
 
     surface : the tensor-product form of a surface over `space`
     price : control points that a face is worth; 0 gives the fewest control points, inf one face
@@ -128,5 +128,5 @@ def _face(sides: tuple[_Side, _Side], surface: BSplineSurface, box: Box) -> BSpl
         own = side.knot_vector(*ends, cells)
         segment, operator = kv.segment(own.start, own.stop)
         vectors.append(own)
-        operators.append(csr_array(restriction(segment, own) @ operator))
+        operators.append(csr_array(segment.restriction(own) @ operator))
     return BSplineSurface(*vectors, tensor_apply(*operators, surface.coefficients))

@@ -1,11 +1,11 @@
-"""Interpolation at the Greville points and least squares with thin-plate smoothing.
+"""Least squares in a THB space, with thin-plate smoothing.
 
 The normal equations N c = A^T W z, N = A^T W A + smoothing E, are scaled to a unit diagonal
 (condition 2e3 instead of 3e5 for bicubic THB-splines of six levels), factorised, and solved twice: the second
 time for the residual, which brings back the digits that forming A^T W A loses.
 
 Source: A. Bjoerck, Numerical Methods for Least Squares Problems, sections 2.9 and 6.6.5; C. de Boor,
-A Practical Guide to Splines, chapters 13 and 14.
+A Practical Guide to Splines, chapter 14.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from thbcad.bspline import KnotVector, read_only
-from thbcad.sampling import Function, evaluate, gauss_points
+from thbcad.checks import read_only
+from thbcad.sampling import gauss_points
 from thbcad.space import THBSpace
-from thbcad.surface import BSplineSurface
 from thbcad.thb import THBSurface
 
 
@@ -74,32 +73,6 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.u)
-
-
-def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike) -> BSplineSurface:
-    """Return the spline that takes given values at the Greville points.
-
-    Solves A_u C A_v^T = Z with the collocation matrices at the Greville abscissae.
-
-    Parameters
-    ----------
-    target : a function of u and v, (n,) float each, that returns (n,) or (n, d), or the values Z,
-        (kv_u.dim, kv_v.dim) or (kv_u.dim, kv_v.dim, d)
-
-    Raises
-    ------
-    ValueError : values of another shape, or not finite.
-    """
-    u, v = kv_u.greville(), kv_v.greville()
-    if callable(target):
-        flat = evaluate(target, np.repeat(u, len(v)), np.tile(v, len(u)))
-        values = flat.reshape(len(u), len(v), *flat.shape[1:])
-    else:
-        values = BSplineSurface(kv_u, kv_v, target).coefficients  # refuses what has the wrong shape
-    for kv, x in ((kv_u, u), (kv_v, v)):
-        solved = splu(kv.collocation(x).tocsc()).solve(values.reshape(len(x), -1)).reshape(values.shape)
-        values = np.ascontiguousarray(np.swapaxes(solved, 0, 1))
-    return BSplineSurface(kv_u, kv_v, values)
 
 
 def least_squares(space: THBSpace, samples: Samples, smoothing: float = 0.0) -> THBSurface:

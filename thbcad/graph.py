@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.approximation import Approximation, approximated, error_bounds
-from thbcad.bspline import KnotVector, tensor_apply
+from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
+from thbcad.operators import tensor_apply
 from thbcad.surface import BSplineSurface
 
 CONIC_TOLERANCE = 1e-11  # mm

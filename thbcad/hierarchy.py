@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, blossom
+from thbcad.bspline import KnotVector
+from thbcad.polar import blossom
 
 Integers = NDArray[np.int64]
 EPS = float(np.finfo(np.float64).eps)

@@ -18,6 +18,8 @@ from thbcad.graph import conic_graph, elevated, gap_graph, rescaled, volume_betw
 from thbcad.surface import BSplineSurface
 from thbcad.thb import THBSurface
 
+RIM = 1e-12  # of the half-width: rounding of positions on the rim
+
 
 @dataclass(frozen=True, eq=False)
 class FreeformSurface:
@@ -44,7 +46,7 @@ class FreeformSurface:
 
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return z or a partial derivative at scattered points, (n,)."""
-        x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (x, y))
+        x, y = self._inside(x, y)
         z = self.conic(x, y, derivative)
         if self.sag is not None:
             u, v = self.to_parameters(x, y)
@@ -53,7 +55,7 @@ class FreeformSurface:
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return z or a partial derivative on the grid x x y, (len(x), len(y))."""
-        x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (x, y))
+        x, y = self._inside(x, y)
         z = self.conic(x[:, None], y[None, :], derivative)
         if self.sag is not None:
             u, v = self.to_parameters(x, y)
@@ -63,6 +65,17 @@ class FreeformSurface:
     def with_sag(self, sag: THBSurface) -> FreeformSurface:
         """Return the surface with another sag on the same conic."""
         return FreeformSurface(self.half_width, self.conic, sag)
+
+    def _inside(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return positions as rows, on the rim those that rounding put beside it; refuse others."""
+        rows = []
+        for name, a, h in zip("xy", (x, y), self.half_width):
+            a = np.atleast_1d(np.asarray(a, dtype=np.float64))
+            bad = ~(np.abs(a) <= h * (1 + RIM))
+            if bad.any():
+                raise ValueError(f"{name} = {a[bad].flat[0]} mm lies outside the surface, whose half-width is {h} mm")
+            rows.append(np.clip(a, -h, h))
+        return rows[0], rows[1]
 
     def to_parameters(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the spline parameters (u, v) of positions (x, y)."""
@@ -136,7 +149,8 @@ class Lens:
     def graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
         """Return front and rear as exact scalar BSplineSurfaces of the same degrees (elevated where needed)."""
         spaces = [f.sag.space for f in (self.front, self.rear) if f.sag is not None]
-        common = tuple(max((kv.degree for kv in row), default=3) for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces]))
+        default = 3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5  # other conics need fewer knots then
+        common = tuple(max((kv.degree for kv in row), default=default) for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces]))
         graphs = self.front.graph(common), self.rear.graph(common)
         return elevated(graphs[0], common), elevated(graphs[1], common)
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.bspline import blossom
 from thbcad.hierarchy import Integers, Level
+from thbcad.polar import blossom
 
 
 class LocalBasis:

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, band_matrix, blossom, tensor_apply
+from thbcad.bspline import KnotVector
 from thbcad.hierarchy import DyadicAxis, Integers
+from thbcad.operators import band_matrix, tensor_apply
 from thbcad.partition import rectangles
+from thbcad.polar import blossom
 from thbcad.space import THBSpace
 
 

@@ -16,17 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import (
-    KnotVector,
-    blossom_rows,
-    csr_rows,
-    read_only,
-    require_degree,
-    require_order,
-    require_sorted,
-    require_subset,
-    uniform_breaks,
-)
+from thbcad.bspline import KnotVector
+from thbcad.checks import read_only, require_degree, require_order, require_sorted, require_subset, uniform_breaks
+from thbcad.operators import csr_rows
+from thbcad.polar import blossom_rows
 
 
 @dataclass(frozen=True, eq=False)

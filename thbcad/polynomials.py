@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import eval_jacobi
 
 from thbcad.approximation import EPS, cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
-from thbcad.bspline import read_only, require_order
+from thbcad.checks import read_only, require_order
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, blossom
-from thbcad.sampling import Function, evaluate, level_knots
+from thbcad.hierarchy import DyadicAxis
+from thbcad.polar import blossom
+from thbcad.sampling import Function, evaluate
 from thbcad.space import THBSpace
 from thbcad.supports import intervals, least_norm
 from thbcad.thb import THBSurface
@@ -70,9 +71,9 @@ def _level_functionals(space: THBSpace, level: int) -> list[NDArray[np.float64]]
     """Return points and weights in u, points and weights in v of the active functions of a level, (n, 2 p + 1) each."""
     functions = space.functions[space.functions[:, 0] == level, 1:]
     tables, rows = [], []
-    for kv, index in zip((space.kv_u, space.kv_v), functions.T):
+    for axis, index in zip(space.axes, functions.T):
         distinct, inverse = np.unique(index, return_inverse=True)
-        tables.append(_axis_functionals(kv, level, distinct))
+        tables.append(_axis_functionals(axis, level, distinct))
         rows.append(inverse)
     leaves = _leaf_masks(space, level, *(table.centres[r] for table, r in zip(tables, rows)))
     choice, _ = least_norm(leaves, *(table.norms[r] for table, r in zip(tables, rows)))
@@ -98,10 +99,10 @@ class _AxisFunctionals:
     weights: NDArray[np.float64]  # (n, m, 2 p + 1), zero beyond the points in use
 
 
-def _axis_functionals(kv: KnotVector, level: int, index: NDArray[np.int64]) -> _AxisFunctionals:
+def _axis_functionals(axis: DyadicAxis, level: int, index: NDArray[np.int64]) -> _AxisFunctionals:
     """Return the functionals of the B-splines `index`, (n,) int, of a level."""
-    p = kv.degree
-    knots = level_knots(kv, level, index[:, None] + np.arange(p + 2))
+    p = axis.degree
+    knots = axis.knots(level, index[:, None] + np.arange(p + 2))
     filled = np.diff(knots) > 0
     order = np.argsort(~filled, axis=1, kind="stable")  # non-empty spans first
     left, right = (np.take_along_axis(side, order, axis=1) for side in (knots[:, :-1], knots[:, 1:]))
@@ -115,7 +116,7 @@ def _axis_functionals(kv: KnotVector, level: int, index: NDArray[np.int64]) -> _
     for size in np.unique(last - first) + p + 1:
         here = last - first + p + 1 == size
         at = owner[here], interval[here]
-        x, w = _functionals(level_knots(kv, level, first[here, None] + np.arange(-p, size + 1)), p, index[at[0]] - first[here] + p)
+        x, w = _functionals(axis.knots(level, first[here, None] + np.arange(-p, size + 1)), p, index[at[0]] - first[here] + p)
         points[*at, :size], weights[*at, :size], norms[at] = x, w, abs(w).sum(axis=1)
     return _AxisFunctionals(centres, norms, points, weights)
 

@@ -17,7 +17,9 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.bspline import KnotVector, read_only, require_order, tensor_apply
+from thbcad.bspline import KnotVector
+from thbcad.checks import read_only, require_order
+from thbcad.operators import tensor_apply
 from thbcad.surface import BSplineSurface
 
 

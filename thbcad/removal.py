@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array
 
-from thbcad.bspline import KnotVector, read_only, tensor_apply
+from thbcad.bspline import KnotVector
+from thbcad.checks import read_only
+from thbcad.operators import banded_least_squares, tensor_apply
 from thbcad.surface import BSplineSurface
 
 # nets are (n, m, d): n coefficients along the knots, m across them, d components
@@ -97,18 +97,6 @@ def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRe
     return SurfaceRemoval(BSplineSurface(by_u.kv, by_v.kv, fitted.reshape(shape)), bound)
 
 
-def restriction(finer: KnotVector, coarser: KnotVector) -> NDArray[np.float64]:
-    """Return Q = (P^T P)^-1 P^T, (coarser.dim, finer.dim), with P = coarser.prolongation(finer): Q P = I.
-
-    Q @ c are the coefficients on the coarser knots that come closest to c in least squares.
-
-    Raises
-    ------
-    ValueError : `finer` lacks a knot of `coarser` or has another degree.
-    """
-    return _least_squares(coarser.prolongation(finer), coarser.degree, np.eye(finer.dim))
-
-
 def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return for each interior break the least max_i |c - P d|_i over all d, one copy of it removed, (spans - 1,).
 
@@ -183,22 +171,8 @@ def _fit(kv: KnotVector, net: Net, own: KnotVector, breaks: NDArray[np.float64])
     """Return the least-squares fit to the net over `kv` on the knots `own` without one copy of each of the breaks."""
     coarser = KnotVector(kv.degree, np.delete(own.knots, np.searchsorted(own.knots, breaks, "right") - 1))
     p = coarser.prolongation(kv)
-    d = _least_squares(p, kv.degree, net.reshape(kv.dim, -1))
+    d = banded_least_squares(p, kv.degree, net.reshape(kv.dim, -1))
     return _Fit(coarser, d.reshape(-1, *net.shape[1:]), _distance(net, (p @ d).reshape(net.shape)))
-
-
-def _least_squares(p: csr_array, degree: int, net: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the d of least |net - P d|, for net (n, m).
-
-    Banded normal equations, corrected once: cond P grows like 2^p only, so that this is as accurate as QR.
-    """
-    gram = (p.T @ p).tocoo()
-    lower = gram.row >= gram.col
-    band = np.zeros((degree + 1, p.shape[1]))
-    band[(gram.row - gram.col)[lower], gram.col[lower]] = gram.data[lower]
-    factor = cholesky_banded(band, lower=True), True
-    d = cho_solve_banded(factor, p.T @ net)
-    return d + cho_solve_banded(factor, p.T @ (net - p @ d))
 
 
 def _turned(net: Net) -> Net:

@@ -23,12 +23,14 @@ from scipy.sparse import csr_array, eye_array
 
 from thbcad import transfer
 from thbcad.admissible import closure
-from thbcad.bspline import KnotVector, csr_rows, read_only, require_order
+from thbcad.bspline import KnotVector
+from thbcad.checks import read_only, require_order
 from thbcad.domains import MAX_LEVEL, Domains
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis, Integers, Level, make_level
 from thbcad.local import LocalBasis
 from thbcad.nets import Nets
+from thbcad.operators import csr_rows
 from thbcad.quadtree import Quadtree
 from thbcad.restriction import restriction
 
@@ -53,6 +55,15 @@ class THBSpace:
         space = object.__new__(THBSpace)
         space.kv_u, space.kv_v, space._domains = self.kv_u, self.kv_v, domains
         return space
+
+    def __repr__(self) -> str:
+        degrees, cells = (self.kv_u.degree, self.kv_v.degree), len(self.cells)
+        return f"THBSpace(degree {degrees}, {self.levels} levels, {cells} cells, dim {self.dim})"
+
+    @property
+    def axes(self) -> tuple[DyadicAxis, DyadicAxis]:
+        """Knots, spans and functions of every level, in u and in v."""
+        return self._domains.axes
 
     @property
     def levels(self) -> int:

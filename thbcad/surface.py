@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
-from thbcad.bspline import KnotVector, read_only, require_order, tensor_apply
+from thbcad.bspline import KnotVector
+from thbcad.checks import read_only, require_order
+from thbcad.operators import tensor_apply
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.bspline import read_only
+from thbcad.checks import read_only
 from thbcad.faces import faces
 from thbcad.patches import patches
 from thbcad.space import THBSpace
@@ -89,7 +89,7 @@ class THBSurface:
         """
         return list(faces(self.space, self._tensor, price))
 
-    def refine(self, cells: Mapping[int, ArrayLike]) -> THBSurface:
-        """Return the same surface over ``space.refine(cells)``."""
-        finer = self.space.refine(cells)
+    def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSurface:
+        """Return the same surface over ``space.refine(cells, admissible)``."""
+        finer = self.space.refine(cells, admissible)
         return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)

@@ -12,7 +12,6 @@ from tests.thbcad.test_fitting import everywhere, refined, smooth, tensor
 from thbcad.adaptive import fit, surroundings
 from thbcad.fitting import Samples, Underdetermined
 from thbcad.quasi import quasi_interpolate
-from thbcad.sampling import cell_boxes
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 
@@ -106,7 +105,8 @@ def test_surroundings_make_room_for_functions_of_the_next_level(kv_u, kv_v, rng)
     space = THBSpace(kv_u, kv_v)
     k = [rng.integers(len(space.cells))]
     finer = space.refine(surroundings(space, space.cells[k]))
-    u, v = cell_boxes(space)[k].mean(axis=2).T
+    u0, u1, v0, v1 = space.boxes[k].T
+    u, v = (u0 + u1) / 2, (v0 + v1) / 2
     new = finer.functions[:, 0] == 1
     assert (finer.collocation(u, v).toarray()[0, new] > 0).any()
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tests.thbcad.strategies import random_knot_vector, seeds
 from tests.thbcad.test_conic import conics
-from thbcad.approximation import approximated, cell_maxima, error_bounds, interpolated, lebesgue_bound, lobatto_nodes
+from thbcad import interpolate
+from thbcad.approximation import approximated, cell_maxima, error_bounds, lebesgue_bound, lobatto_nodes
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.graph import CONIC_TOLERANCE, conic_approximation, conic_graph, rescaled
@@ -18,6 +19,10 @@ from thbcad.polynomials import PolynomialSag
 from thbcad.surface import BSplineSurface
 
 EPS = np.finfo(float).eps
+
+
+def interpolated(function, kv_x, kv_y):
+    return interpolate(kv_x, kv_y, function.grid(kv_x.greville(), kv_y.greville()))
 
 
 @dataclass(frozen=True)

@@ -245,6 +245,7 @@ def test_degree_is_refused(degree):
         (1, [0, 0, 0, 1, 1], r"knot 0.0 occurs more than degree = 1 times"),
         (1, [0, 0, 1, 1, 1], r"knot 1.0 occurs more than degree = 1 times"),
         (1, ["a", 0, 1, 1], "could not convert"),
+        (1, [-1.7e308, -1.7e308, 1.7e308, 1.7e308], r"knots from -1.7e\+308 to 1.7e\+308 span more than float64 can hold"),
     ],
 )
 def test_knots_are_refused(degree, knots, message):

@@ -319,7 +319,7 @@ def test_surfaces_are_refused(tmp_path):
     with pytest.raises(ValueError, match="at least one surface"):
         write_surfaces([], tmp_path / "a.step")
     plane = NURBSSurface(CUBIC, CUBIC, WAVE.coefficients[..., :2])
-    with pytest.raises(ValueError, match=r"surfaces\[1\] must have points \(x, y, z\), got 2 components"):
+    with pytest.raises(ValueError, match=r"surfaces\[1\] must have points \(x, y, z\), got a net of shape \(6, 6, 2\)"):
         write_surfaces([WAVE, plane], tmp_path / "a.step")
     small = NURBSSurface(CUBIC, CUBIC, WAVE.coefficients, np.where(np.arange(36).reshape(6, 6), 1.0, 1e-10))
     with pytest.raises(ValueError, match="weights must be at least 1e-09 in IGES, got 1e-10"):

@@ -11,7 +11,8 @@ from tests.thbcad.oracle import gamma
 from tests.thbcad.strategies import knot_vectors, seeds, spaces
 from thbcad.adaptive import fit
 from thbcad.bspline import KnotVector
-from thbcad.fitting import Samples, Underdetermined, interpolate, least_squares, thin_plate
+from thbcad.fitting import Samples, Underdetermined, least_squares, thin_plate
+from thbcad.interpolation import interpolate
 from thbcad.quasi import quasi_interpolate
 from thbcad.sampling import gauss_points
 from thbcad.space import THBSpace

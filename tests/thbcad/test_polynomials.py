@@ -12,12 +12,17 @@ from scipy.special import roots_jacobi
 
 from tests.thbcad.strategies import seeds
 from tests.thbcad.test_approximation import greatest_errors
-from thbcad.approximation import approximated, error_bounds, interpolated
+from thbcad import interpolate
+from thbcad.approximation import approximated, error_bounds
 from thbcad.bspline import KnotVector
 from thbcad.polynomials import PolynomialSag, osa_orders, zernike
 
 EPS = np.finfo(float).eps
 TERMS = [osa_orders(j) for j in range(66)]  # to degree 10
+
+
+def interpolated(function, kv_x, kv_y):
+    return interpolate(kv_x, kv_y, function.grid(kv_x.greville(), kv_y.greville()))
 
 
 def exact_zernike(n, m, x, y):

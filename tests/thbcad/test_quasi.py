@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.thbcad.oracle import gamma
-from tests.thbcad.strategies import knot_vectors, seeds, spaces
+from tests.thbcad.strategies import seeds, spaces
 from tests.thbcad.test_fitting import refined, tensor
 from thbcad.quasi import quasi_interpolate, quasi_interpolation
-from thbcad.sampling import cell_boxes, level_knots
 from thbcad.thb import THBSurface
 
 EPS = np.finfo(float).eps
@@ -23,27 +21,6 @@ def corner(degree, levels):
         cells = space.cells[space.cells[:, 0] == level, 1:]
         space = space.refine({level: cells[abs(cells - middle).max(axis=1) <= (degree + 1) // 2]})
     return space
-
-
-# ---- knots and cells of the levels ----
-
-
-@given(knot_vectors(max_degree=5), st.integers(0, 3))
-def test_level_knots_are_those_of_repeated_bisection(kv, level):
-    fine = kv
-    for _ in range(level):
-        fine = fine.bisect()
-    # b + h / 2 of bisect and b + h (2^-l k) round differently, by one unit per level
-    scale = np.abs(kv.knots).max()
-    assert abs(level_knots(kv, level, np.arange(len(fine.knots))) - fine.knots).max() <= (level + 1) * EPS * scale
-
-
-@given(spaces(max_degree=4))
-def test_cells_tile_the_domain_and_hold_their_centres(space):
-    boxes = cell_boxes(space)
-    area = (space.kv_u.stop - space.kv_u.start) * (space.kv_v.stop - space.kv_v.start)
-    assert np.diff(boxes, axis=2).prod(axis=(1, 2)).sum() == pytest.approx(area, rel=1e-13)
-    assert np.array_equal(space.locate(*boxes.mean(axis=2).T), np.arange(len(space.cells)))
 
 
 # ---- quasi-interpolation ----

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 
 from tests.thbcad.strategies import insertions, knot_vectors, seeds
 from thbcad import BSplineSurface, KnotVector
-from thbcad.removal import removal_errors, remove_knots, remove_surface_knots, restriction
+from thbcad.removal import removal_errors, remove_knots, remove_surface_knots
 
 EPS = np.finfo(float).eps
 UNIFORM = KnotVector.uniform(3, 4)
@@ -166,7 +166,7 @@ def test_errors_of_curves_are_norms_over_the_components():
 @given(knot_vectors(), st.data())
 def test_restriction_is_the_least_squares_left_inverse(kv, data):
     finer = kv.insert(data.draw(insertions(kv)))
-    p, q = kv.prolongation(finer).toarray(), restriction(finer, kv)
+    p, q = kv.prolongation(finer).toarray(), finer.restriction(kv).toarray()
     assert q.shape == (kv.dim, finer.dim)
     # backward stable: a few roundings per entry, magnified by the condition, not by its square
     error = 20 * EPS * np.linalg.cond(p)
@@ -179,12 +179,12 @@ def test_restriction_is_accurate_where_the_condition_is_worst():
     kv = KnotVector(10, [0] * 11 + [1, 1, 1, 2, 300] + [301] * 11)
     finer = kv.insert(np.linspace(0, 301, 40)[1:-1])
     p = kv.prolongation(finer).toarray()
-    assert abs(restriction(finer, kv) @ p - np.eye(kv.dim)).max() <= 20 * EPS * np.linalg.cond(p)
+    assert abs(finer.restriction(kv) @ p - np.eye(kv.dim)).max() <= 20 * EPS * np.linalg.cond(p)
 
 
 def test_restriction_to_knots_that_the_finer_vector_lacks_is_refused():
     with pytest.raises(ValueError, match=r"lacks the knot 0\.25"):
-        restriction(KnotVector.uniform(3, 2), UNIFORM)
+        KnotVector.uniform(3, 2).restriction(UNIFORM)
 
 
 @pytest.mark.parametrize("degree", range(1, 5))

@@ -82,12 +82,13 @@ def write_surfaces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str 
     """
     path = Path(path)
     write = _format(path)[0]
-    nurbs = [NURBSSurface.from_bspline(s) if isinstance(s, BSplineSurface) else s for s in surfaces]
-    if not nurbs:
+    if not surfaces:
         raise ValueError("surfaces must hold at least one surface")
-    for k, surface in enumerate(nurbs):
-        if surface.points.shape[2] != 3:
-            raise ValueError(f"surfaces[{k}] must have points (x, y, z), got {surface.points.shape[2]} components")
+    for k, surface in enumerate(surfaces):
+        shape = (surface.coefficients if isinstance(surface, BSplineSurface) else surface.points).shape
+        if shape[2:] != (3,):
+            raise ValueError(f"surfaces[{k}] must have points (x, y, z), got a net of shape {shape}")
+    nurbs = [NURBSSurface.from_bspline(s) if isinstance(s, BSplineSurface) else s for s in surfaces]
     write_bytes(path, write(nurbs))
 
 

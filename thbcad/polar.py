@@ -1,0 +1,61 @@
+"""Polar forms: the one product of bidiagonal matrices on which all B-splines here rest.
+
+On the non-empty knot span ``mu`` the polar form (blossom) of a spline of degree p with
+coefficients c is
+
+    f[a_1, ..., a_p] = R_1(a_1) R_2(a_2) ... R_p(a_p) c[mu-p : mu+1],
+
+where ``R_k`` is the k x (k+1) matrix of de Boor's triangle.  Equal arguments give values,
+derivatives of the ``R_k`` give derivatives, and the knots of a finer vector give the rows
+of the refinement matrix (Oslo algorithm).
+
+Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 and 3.30-3.35.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def blossom(near: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+    """Return the rows R_1(a_1) ... R_p(a_p) for many spans [t_mu, t_mu+1) at once.
+
+    Parameters
+    ----------
+    near : (2 degree, n) float, the knots t_(mu+1-p) ... t_(mu+p) around each span
+    arguments : (n, degree) float, arguments of the polar form
+    derivative : int, the last `derivative` factors are replaced by k R_k', so that equal
+        arguments u give the derivative of that order at u
+
+    Returns
+    -------
+    (n, degree + 1) float : weights of the coefficients mu - degree ... mu.
+    """
+    count, degree = arguments.shape
+    if derivative > degree:
+        return np.zeros((count, degree + 1))
+    rows = [np.ones(count)]
+    for k in range(1, degree + 1):
+        argument, out = arguments[:, k - 1], [np.zeros(0)] * (k + 1)
+        for r, before in enumerate(rows):
+            # function mu - k + 1 + r of degree k - 1 lies on [low, high] = [t_j, t_(j+k)]
+            low, high = near[degree + r - k], near[degree + r]
+            if k > degree - derivative:
+                right = k * before / (high - low)
+                left = -right
+            else:
+                right = before * ((argument - low) / (high - low))
+                left = before * ((high - argument) / (high - low))
+            out[r] = out[r] + left if r else left
+            out[r + 1] = right
+        rows = out
+    return np.stack(rows, axis=1)
+
+
+def blossom_rows(
+    knots: NDArray[np.float64], degree: int, span: NDArray[np.int64], arguments: NDArray[np.float64], derivative: int = 0
+) -> NDArray[np.float64]:
+    """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots."""
+    near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
+    return blossom(near, arguments, derivative)
