@@ -86,10 +86,10 @@ class FreeformSurface:
         )
 
     def graph(self, degrees: tuple[int, int] = (3, 3)) -> BSplineSurface:
-        """Return the exact surface as a scalar BSplineSurface z(x, y) on x, y in mm.
+        """Return the surface as a scalar BSplineSurface z(x, y) on x, y in mm.
 
         degrees : in x and y, of a surface without sag; with one, the sag's degree and needed knots are used.
-        Paraboloids and planes are exact, other conics are splines with a proven error of at most 1e-11 mm.
+        Paraboloids, planes and sags are exact but for rounding, other conics are within a proven 1e-11 mm.
         """
         if self.sag is None:
             kv_x, kv_y = (KnotVector.uniform(p, 1, -h, h) for p, h in zip(degrees, self.half_width))
@@ -147,7 +147,10 @@ class Lens:
         return minimum(gap_graph(*self.graphs(), self.thickness), tolerance=1e-12)
 
     def graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
-        """Return front and rear as exact scalar BSplineSurfaces of the same degrees (elevated where needed)."""
+        """Return front and rear as scalar BSplineSurfaces of the same degrees (elevated where needed).
+
+        Paraboloids, planes and sags are exact but for rounding, other conics are within a proven 1e-11 mm.
+        """
         spaces = [f.sag.space for f in (self.front, self.rear) if f.sag is not None]
         default = 3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5  # other conics need fewer knots then
         common = tuple(max((kv.degree for kv in row), default=default) for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces]))
