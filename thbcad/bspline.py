@@ -160,7 +160,8 @@ class KnotVector:
     def restriction(self, coarser: KnotVector) -> csr_array:
         """Return Q = (P^T P)^-1 P^T, csr_array (coarser.dim, dim), with P = coarser.prolongation(self): Q @ P == identity.
 
-        Q @ c are the coefficients on the coarser knots that come closest to c in least squares.
+        Q @ c are the coefficients on the coarser knots that come closest to c in least squares.  Q is full: it takes
+        coarser.dim * dim numbers.
 
         Raises
         ------

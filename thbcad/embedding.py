@@ -12,7 +12,7 @@ are non-negative and sum to one: the operation is stable at any depth.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,10 @@ class Embedding:
     kv_u, kv_v : KnotVector of the last (finest) one
     supported, active : per level, the flat positions in W_l of the functions supported in
         Omega_l, and of those that are active
+
+    Raises
+    ------
+    ValueError : the last one has more than 10^8 functions.
     """
 
     def __init__(self, axes: Sequence[DyadicAxis], hierarchy: Sequence[Level]) -> None:
@@ -90,24 +94,20 @@ class Embedding:
         """Return the tensor-product net of the spline with THB coefficients c.
 
         c : (dim,) or (dim, d).  Returns (n_u, n_v) or (n_u, n_v, d).
+
+        Raises
+        ------
+        ValueError : coefficients of another shape.
         """
         c = np.asarray(c, dtype=np.float64)
         if c.shape[:1] != (self.dim,) or c.ndim > 2:
             raise ValueError(f"coefficients must have shape ({self.dim},) or ({self.dim}, d), got {c.shape}")
-        if c.ndim == 2:
-            return np.stack([self.coefficients(column) for column in c.T], axis=-1)
-        *_, last = self.nets(c)
-        return last
-
-    def nets(self, c: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-        """Yield the nets G_0, G_1, ... for scalar coefficients; G_l is the spline on the leaf cells of level l."""
         parts = np.split(c, np.cumsum([len(rows) for rows in self.active])[:-1])
-        net = np.zeros(self.shape(0))
+        net = np.zeros((*self.shape(0), *c.shape[1:]))
         for number, (rows, part) in enumerate(zip(self.active, parts)):
-            if number:
-                net = self.refined(number, net)
-            net.ravel()[rows] = part
-            yield net.copy()
+            net = self.refined(number, net) if number else net
+            net.reshape(-1, *c.shape[1:])[rows] = part
+        return net
 
     def adjoint(self, net: ArrayLike) -> NDArray[np.float64]:
         """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""

@@ -16,11 +16,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
 from thbcad.hierarchy import DyadicAxis, Integers
-from thbcad.operators import tensor_apply
+from thbcad.operators import banded_least_squares
 from thbcad.space import THBSpace
 from thbcad.surface import BSplineSurface
 
@@ -123,10 +122,11 @@ def _points(sides: tuple[_Side, _Side], box: Box, cells: Integers) -> tuple[int,
 def _face(sides: tuple[_Side, _Side], surface: BSplineSurface, box: Box) -> BSplineSurface:
     """Return the face over a box: the segment of the surface, without the knots that only others need."""
     _, cells = _points(sides, box, np.arange(len(sides[0].low)))
-    vectors, operators = [], []
+    vectors, net = [], surface.coefficients
     for side, ends, kv in zip(sides, box, (surface.kv_u, surface.kv_v)):
         own = side.knot_vector(*ends, cells)
         segment, operator = kv.segment(own.start, own.stop)
+        rows = banded_least_squares(own.prolongation(segment), kv.degree, operator @ net.reshape(len(net), -1))
+        net = np.moveaxis(rows.reshape(own.dim, *net.shape[1:]), 0, 1)
         vectors.append(own)
-        operators.append(csr_array(segment.restriction(own) @ operator))
-    return BSplineSurface(*vectors, tensor_apply(*operators, surface.coefficients))
+    return BSplineSurface(*vectors, net)
