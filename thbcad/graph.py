@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.approximation import Approximation, approximated, error_bounds
+from thbcad.approximation import approximated
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.operators import tensor_apply
@@ -27,15 +27,19 @@ def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
 
 
 def conic_graph(conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None) -> BSplineSurface:
-    """Return conic + sag as one BSplineSurface.
+    """Return conic + sag as one BSplineSurface, on the given knots, refined where the conic needs it.
+
+    Planes and paraboloids are exact but for rounding and keep the knots, other conics are within 1e-11 mm.
 
     sag : (kv_x.dim, kv_y.dim) or None.
 
     Raises
     ------
-    ValueError : as `conic_approximation`.
+    ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs
+        more than 2000 control points per direction for 1e-11 mm.
     """
-    _require_normals(kv_x, kv_y)
+    if min(kv_x.degree, kv_y.degree) < 2:
+        raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
     if conic.is_paraboloid:
         heights = _paraboloid(conic, kv_x, kv_y)
         return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
@@ -44,28 +48,6 @@ def conic_graph(conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[n
         return graph
     sag = tensor_apply(kv_x.prolongation(graph.kv_u), kv_y.prolongation(graph.kv_v), sag)
     return BSplineSurface(graph.kv_u, graph.kv_v, graph.coefficients + sag)
-
-
-def conic_approximation(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> Approximation:
-    """Return the conic as a spline on the given knots, refined where needed, with the proven bound of its error.
-
-    Planes and paraboloids are exact but for rounding and keep the knots, other conics are within 1e-11 mm.
-
-    Raises
-    ------
-    ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs
-        more than 2000 control points per direction for 1e-11 mm.
-    """
-    _require_normals(kv_x, kv_y)
-    if not conic.is_paraboloid:
-        return approximated(conic, kv_x, kv_y, CONIC_TOLERANCE)
-    graph = BSplineSurface(kv_x, kv_y, _paraboloid(conic, kv_x, kv_y))
-    return Approximation(graph, float(error_bounds(conic, graph).total.max()))
-
-
-def _require_normals(kv_x: KnotVector, kv_y: KnotVector) -> None:
-    if min(kv_x.degree, kv_y.degree) < 2:
-        raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
 
 
 def _paraboloid(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from thbcad import interpolate
 from thbcad.approximation import approximated, cell_maxima, error_bounds, lebesgue_bound, lobatto_nodes
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
-from thbcad.graph import CONIC_TOLERANCE, conic_approximation, conic_graph, rescaled
+from thbcad.graph import CONIC_TOLERANCE, conic_graph, rescaled
 from thbcad.lens import FreeformSurface
 from thbcad.polynomials import PolynomialSag
 from thbcad.surface import BSplineSurface
@@ -228,19 +228,17 @@ def test_tolerances_that_need_too_many_control_points_are_refused():
 @pytest.mark.parametrize("conic", [Conic(20.0), Conic(-9.0, 0.2), Conic(15.0, -3.0)], ids=str)
 def test_graphs_of_conics_are_proven(conic):
     kvs = square(5, 1)
-    found = conic_approximation(conic, *kvs)
-    assert found.bound <= CONIC_TOLERANCE
     graph = FreeformSurface((5.0, 4.0), conic).graph((5, 5))
-    assert (graph.coefficients == found.surface.coefficients).all()
+    assert error_bounds(conic, graph).total.max() <= CONIC_TOLERANCE
+    assert (graph.coefficients == approximated(conic, *kvs, CONIC_TOLERANCE).surface.coefficients).all()
     assert (conic_graph(conic, *kvs).coefficients == graph.coefficients).all()
-    assert error_bounds(conic, graph).total.max() == found.bound
 
 
 def test_paraboloids_are_proven_exact_but_for_rounding():
     kvs = square(4, 3)
-    found = conic_approximation(Conic(-8.0, -1.0), *kvs)
-    assert (found.surface.kv_u, found.surface.kv_v) == tuple(kvs)
-    assert greatest_errors(Conic(-8.0, -1.0), found.surface).max() <= found.bound <= 1e-12
-    assert conic_approximation(Conic(), *kvs).bound == 0
+    graph = conic_graph(Conic(-8.0, -1.0), *kvs)
+    assert (graph.kv_u, graph.kv_v) == tuple(kvs)
+    assert greatest_errors(Conic(-8.0, -1.0), graph).max() <= error_bounds(Conic(-8.0, -1.0), graph).total.max() <= 1e-12
+    assert error_bounds(Conic(), conic_graph(Conic(), *kvs)).total.max() == 0
     with pytest.raises(ValueError, match="degree 2 or more"):
-        conic_approximation(Conic(9.0), *square(1, 3))
+        conic_graph(Conic(9.0), *square(1, 3))
