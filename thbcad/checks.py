@@ -17,6 +17,12 @@ def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.fl
     return out
 
 
+def locked(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the array itself, read-only from now on."""
+    array.flags.writeable = False
+    return array
+
+
 def require_order(derivative: object) -> None:
     """Raise ValueError unless the order of a derivative is a non-negative integer."""
     if isinstance(derivative, bool) or not isinstance(derivative, (int, np.integer)) or derivative < 0:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
+from thbcad.checks import locked
 from thbcad.hierarchy import DyadicAxis, Integers, Level
 from thbcad.operators import tensor_apply
 
@@ -56,8 +57,8 @@ class Embedding:
                 f"the tensor-product form needs {self.kv_u.dim} x {self.kv_v.dim} control points, more than {MOST_POINTS}; "
                 "use to_patches, or evaluate the THB surface itself"
             )
-        self.supported = [self._positions(level, level.functions[level.supported]) for level in hierarchy]
-        self.active = [self._positions(level, level.functions[level.active]) for level in hierarchy]
+        self.supported = tuple(self._positions(level, level.functions[level.supported]) for level in hierarchy)
+        self.active = tuple(self._positions(level, level.functions[level.active]) for level in hierarchy)
         self.dim = sum(len(rows) for rows in self.active)
 
     def shape(self, number: int) -> tuple[int, int]:
@@ -73,7 +74,7 @@ class Embedding:
             rank = functions[:, d] - axis.first_knot(level.number, head)
             keys = self._chain[level.number][d][1]
             index.append(np.searchsorted(keys, head << (top - level.number)) + rank)
-        return index[0] * self.shape(level.number)[1] + index[1]
+        return locked(index[0] * self.shape(level.number)[1] + index[1])
 
     @cached_property
     def steps(self) -> list[tuple[csr_array, csr_array]]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
+from thbcad.checks import locked
 from thbcad.polar import blossom
 
 Integers = NDArray[np.int64]
@@ -137,7 +138,7 @@ class DyadicAxis:
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One level: the cells of Omega_l and the functions that act on them, all in order of i, then j.
+    """One level: the cells of Omega_l and the functions that act on them, read-only rows, all in order of i, then j.
 
     cells : (n, 2) int, cells (i, j) of Omega_l
     refined : (n,) bool, the cell is refined
@@ -159,17 +160,17 @@ class Level:
     @property
     def leaves(self) -> Integers:
         """Cells that are not refined, (k, 2) int."""
-        return self.cells[~self.refined]
+        return locked(self.cells[~self.refined])
 
     @cached_property
     def places(self) -> tuple[Integers, Integers]:
         """Positions (a, b) of the acting functions in `distinct`, two (m,) int."""
-        return np.divmod(self.keys, len(self.distinct[1]))
+        return tuple(map(locked, np.divmod(self.keys, len(self.distinct[1]))))
 
     @cached_property
     def functions(self) -> Integers:
         """Acting functions (i, j), (m, 2) int."""
-        return np.stack([row[place] for row, place in zip(self.distinct, self.places)], axis=1)
+        return locked(np.stack([row[place] for row, place in zip(self.distinct, self.places)], axis=1))
 
     def find(self, functions: Integers) -> Integers:
         """Return the positions of functions (i, j) among the acting ones, -1 where they do not act; functions : (..., 2) int."""
@@ -200,7 +201,7 @@ def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers
         ones = np.ones(acting.size, dtype=np.int32)
         start = np.arange(len(spans) + 1) * acting.shape[1]
         incidences.append(csr_array((ones, np.searchsorted(own, acting).ravel(), start), shape=(len(spans), len(own))))
-        distinct.append(own)
+        distinct.append(locked(own))
         areas.append(tail - head)
         places.append(place)
     shape = incidences[0].shape[0], incidences[1].shape[0]
@@ -212,7 +213,8 @@ def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers
     area = areas[0][a] * areas[1][b]
     supported = count.data & 255 == area
     active = supported & (count.data >> 8 < area)
-    return Level(number, axes, cells, refined, tuple(distinct), a * len(distinct[1]) + b, supported, active)
+    keys = a * len(distinct[1]) + b
+    return Level(number, axes, locked(cells), locked(refined), tuple(distinct), *map(locked, (keys, supported, active)))
 
 
 def _position(row: Integers, wanted: Integers) -> tuple[Integers, NDArray[np.bool_]]:

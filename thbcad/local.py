@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.checks import locked
 from thbcad.hierarchy import Integers, Level
 from thbcad.polar import blossom
 
@@ -26,7 +27,7 @@ class LocalBasis:
 
     def __init__(self, hierarchy: Sequence[Level]) -> None:
         starts = np.cumsum([0] + [len(level.keys) for level in hierarchy])
-        self.blocks = np.concatenate([level.blocks(level.leaves) + start for level, start in zip(hierarchy, starts)])
+        self.blocks = locked(np.concatenate([level.blocks(level.leaves) + start for level, start in zip(hierarchy, starts)]))
         self._knots = tuple(np.concatenate([_knots_around(level, d) for level in hierarchy], axis=1) for d in (0, 1))
 
     def values(

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
+from thbcad.checks import locked
 from thbcad.hierarchy import Integers, Level
 
 
@@ -35,15 +36,18 @@ class Nets:
     """
 
     def __init__(self, hierarchy: Sequence[Level]) -> None:
-        self.hierarchy = hierarchy
-        self.sizes = [len(level.keys) for level in hierarchy]
-        self.active = [np.flatnonzero(level.active) for level in hierarchy]
+        self.hierarchy = tuple(hierarchy)
+        self.sizes = tuple(len(level.keys) for level in hierarchy)
+        self.active = tuple(locked(np.flatnonzero(level.active)) for level in hierarchy)
         self.dim = sum(len(rows) for rows in self.active)
 
     @cached_property
-    def steps(self) -> list[csr_array]:
-        """Two-scale relations S_l, csr_array (sizes[l], sizes[l - 1]), from l = 1 on."""
-        return [_two_scale(a, b) for a, b in zip(self.hierarchy, self.hierarchy[1:])]
+    def steps(self) -> tuple[csr_array, ...]:
+        """Two-scale relations S_l, csr_array (sizes[l], sizes[l - 1]) with read-only entries, from l = 1 on."""
+        steps = tuple(_two_scale(a, b) for a, b in zip(self.hierarchy, self.hierarchy[1:]))
+        for step in steps:
+            locked(step.data)
+        return steps
 
     def coefficients(self, c: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
         """Yield G_0, G_1, ... for the THB coefficients c, (dim,) or (dim, d)."""
@@ -59,7 +63,7 @@ class Nets:
     def operator(self) -> csr_array:
         """All G_l on top of each other as one csr_array (sum of sizes, dim), with read-only entries."""
         whole = csr_array(vstack(list(self.operators(self.active)), format="csr"))
-        whole.data.flags.writeable = False
+        locked(whole.data)
         return whole
 
     def operators(self, positions: Sequence[Integers], truncated: bool = True) -> Iterator[csr_array]:

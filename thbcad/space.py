@@ -15,6 +15,7 @@ hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional mask
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +26,7 @@ from thbcad import transfer
 from thbcad.admissible import closure
 from thbcad.bspline import KnotVector
 from thbcad.checks import read_only, require_order
-from thbcad.domains import MAX_LEVEL, Domains
+from thbcad.domains import Domains
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis, Integers, Level, make_level
 from thbcad.local import LocalBasis
@@ -34,27 +35,29 @@ from thbcad.operators import csr_rows
 from thbcad.quadtree import Quadtree
 from thbcad.restriction import restriction
 
-__all__ = ["MAX_LEVEL", "THBSpace"]
 
-
+@dataclass(frozen=True, eq=False)
 class THBSpace:
     """The THB space over two knot vectors and a set of refined cells.
 
     ``THBSpace(kv_u, kv_v)`` is the tensor-product space; ``refine`` returns finer ones.
     Spaces never change.
+
+    Raises
+    ------
+    ValueError : kv_u or kv_v that is no KnotVector.
     """
 
-    def __init__(self, kv_u: KnotVector, kv_v: KnotVector) -> None:
-        for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
+    kv_u: KnotVector
+    kv_v: KnotVector
+    _domains: Domains | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name, kv in (("kv_u", self.kv_u), ("kv_v", self.kv_v)):
             if not isinstance(kv, KnotVector):
                 raise ValueError(f"{name} must be a KnotVector, got {type(kv).__name__}")
-        self.kv_u, self.kv_v = kv_u, kv_v
-        self._domains = Domains((DyadicAxis(kv_u), DyadicAxis(kv_v)))
-
-    def _with(self, domains: Domains) -> THBSpace:
-        space = object.__new__(THBSpace)
-        space.kv_u, space.kv_v, space._domains = self.kv_u, self.kv_v, domains
-        return space
+        if self._domains is None:
+            object.__setattr__(self, "_domains", Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v))))
 
     def __repr__(self) -> str:
         degrees, cells = (self.kv_u.degree, self.kv_v.degree), len(self.cells)
@@ -144,7 +147,7 @@ class THBSpace:
         domains = self._domains.refine(cells)
         if admissible is not None:
             domains = self._domains.refine(closure(self._domains, cells, admissible))
-        return self._with(domains)
+        return replace(self, _domains=domains)
 
     def coarsen(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
         """Return the space in which the given refined cells are whole again: the inverse of `refine`.
@@ -155,7 +158,7 @@ class THBSpace:
         ------
         ValueError : a cell that is not refined, or whose children are.
         """
-        return self._with(self._domains.coarsen(cells))
+        return replace(self, _domains=self._domains.coarsen(cells))
 
     def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
         """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int."""

@@ -1,6 +1,7 @@
 """THB spaces against published oracles, the definition, and their invariants."""
 
 import json
+from dataclasses import FrozenInstanceError
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 from tests.thbcad.oracle import DefinitionTHB, gamma
 from tests.thbcad.strategies import coefficients, hierarchies, parameters, points, refined_spaces, spaces, tensor_spaces
 from thbcad.bspline import KnotVector
+from thbcad.domains import MAX_LEVEL
 from thbcad.hierarchy import DyadicAxis
-from thbcad.space import MAX_LEVEL, THBSpace
+from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 
 EPS = np.finfo(float).eps
@@ -498,9 +500,18 @@ def test_refine_returns_new_objects():
 
 def test_arrays_are_read_only():
     space = uniform_space().refine({0: block(0, 4, 0, 4)})
-    for array in (space.cells, space.functions, space.refined[0], space.embedding.kv_u.knots):
+    levels = [a for k in space.hierarchy for a in (k.cells, k.refined, k.leaves, k.keys, k.functions, k.active, k.supported, *k.distinct)]
+    nets = [*space.nets.active, *(step.data for step in space.nets.steps), space.nets.operator.data, space.local_basis.blocks]
+    embedding = [space.embedding.kv_u.knots, *space.embedding.active, *space.embedding.supported]
+    for array in (space.cells, space.functions, space.boxes, space.refined[0], *levels, *nets, *embedding):
+        assert not array.flags.writeable
         with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0
+            array[:] = 0
+
+
+def test_spaces_are_frozen():
+    with pytest.raises(FrozenInstanceError):
+        uniform_space().kv_u = KnotVector.uniform(2, 3)
 
 
 @pytest.mark.parametrize("arguments", [(1, None), (KnotVector.uniform(2, 3), [0, 1])])
