@@ -17,6 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thbcad.checks import require_integer
 from thbcad.domains import Domains, checked_cells
 from thbcad.hierarchy import DyadicAxis, Integers
 
@@ -28,8 +29,7 @@ def closure(domains: Domains, cells: Mapping[int, ArrayLike], m: int) -> dict[in
     ------
     ValueError : m that is not an integer of at least 2.
     """
-    if isinstance(m, bool) or not isinstance(m, (int, np.integer)) or m < 2:
-        raise ValueError(f"the class of admissibility must be an integer of at least 2, got {m!r}")
+    require_integer("the class of admissibility", m, 2)
     marked = checked_cells(cells)
     for level in range(max(marked, default=0), m - 2, -1):
         coarse = level - m + 1

@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector
+from thbcad.checks import EPS
 from thbcad.interpolation import interpolate
 from thbcad.surface import BSplineSurface
 
 MOST_CONTROL_POINTS = 2000  # per direction
 BLOCK = 1 << 18  # values at a time
-EPS = float(np.finfo(float).eps)
 
 
 class BoundedFunction(Protocol):

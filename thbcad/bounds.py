@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import require_order
+from thbcad.checks import EPS, require_order
 from thbcad.operators import band_matrix, tensor_apply
-from thbcad.polar import blossom
+from thbcad.polar import bezier_rows
 from thbcad.surface import BSplineSurface
 from thbcad.thb import THBSurface
 
@@ -36,7 +36,6 @@ MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
 STRIP = 4096  # cells that are assessed at once, so that their arrays fit in the cache
 GREATEST = 1e40  # products of seven such numbers are finite
-EPS = float(np.finfo(np.float64).eps)
 TINY = float(np.finfo(np.float64).tiny)  # above every error of a subnormal result
 
 Array = NDArray[np.float64]
@@ -280,10 +279,7 @@ def _extraction(kv: KnotVector, order: int, degree: int) -> csr_array:
         return csr_array((kv.spans * (degree + 1), kv.dim))
     p, knots = kv.degree - order, kv.knots[order : len(kv.knots) - order]
     span = np.flatnonzero(np.diff(knots) > 0)
-    every = np.repeat(span, p + 1)
-    late = np.arange(p) >= p - np.tile(np.arange(p + 1), len(span))[:, None]
-    near = knots[every + np.arange(1 - p, p + 1)[:, None]]
-    rows = blossom(near, np.where(late, knots[every + 1][:, None], knots[every][:, None])).reshape(-1, p + 1, p + 1)
+    rows = bezier_rows(knots[span + np.arange(1 - p, p + 1)[:, None]])
     return band_matrix(np.repeat(span - p, degree + 1), (_elevation(p, degree) @ rows).reshape(-1, p + 1), len(knots) - p - 1)
 
 

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from thbcad.checks import read_only, require_degree, require_order, require_sorted, require_subset, uniform_breaks
 from thbcad.operators import band_matrix, banded_least_squares
-from thbcad.polar import blossom_rows
+from thbcad.polar import bezier_rows, blossom_rows, greville_abscissae
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,17 @@ class KnotVector:
     @classmethod
     def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> KnotVector:
         """Return the clamped knot vector with `spans` equal spans on [start, stop]."""
-        return cls(degree, np.r_[[start] * degree, uniform_breaks(spans, start, stop), [stop] * degree])
+        return cls.clamped(degree, uniform_breaks(spans, start, stop)[1:-1], start, stop)
+
+    @classmethod
+    def clamped(cls, degree: int, inner: ArrayLike, start: float, stop: float) -> KnotVector:
+        """Return the knot vector on [start, stop] with the given inner knots, (n,), a double knot written twice.
+
+        Raises
+        ------
+        ValueError : as the class.
+        """
+        return cls(degree, np.r_[[start] * (degree + 1), inner, [stop] * (degree + 1)])
 
     def __repr__(self) -> str:
         return f"KnotVector(degree {self.degree}, {self.spans} spans on [{self.start:g}, {self.stop:g}], dim {self.dim})"
@@ -85,10 +95,11 @@ class KnotVector:
 
         The spline with these coefficients is the identity (thesis 3.16).
         """
-        p = self.degree
-        first = self.knots[1 : self.dim + 1]
-        # as an offset from the first knot, so that the ends are exact
-        return first + sum(self.knots[k : k + self.dim] - first for k in range(1, p + 1)) / p
+        return greville_abscissae(self.knots, self.degree)
+
+    def inner_knots(self) -> NDArray[np.float64]:
+        """Return the inner knots t_(i+1) ... t_(i+p) of every function, (dim, p): coefficient i is the polar form there."""
+        return self.knots[np.arange(self.dim)[:, None] + np.arange(1, self.degree + 1)]
 
     def span_of(self, u: ArrayLike) -> NDArray[np.int64]:
         """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.
@@ -181,7 +192,7 @@ class KnotVector:
         if not self.start <= start < stop <= self.stop:
             raise ValueError(f"a segment needs {self.start} <= start < stop <= {self.stop}, got {start} and {stop}")
         inner = self.knots[(self.knots > start) & (self.knots < stop)]
-        own = KnotVector(self.degree, np.concatenate([[start] * (self.degree + 1), inner, [stop] * (self.degree + 1)]))
+        own = KnotVector.clamped(self.degree, inner, start, stop)
         return own, self._polar(own)
 
     def bezier(self) -> csr_array:
@@ -190,17 +201,15 @@ class KnotVector:
         Coefficient k of the span [a, b] is the polar form at p - k times a and k times b.
         """
         p = self.degree
-        a, b = np.repeat(self.breaks[:-1], p + 1), np.repeat(self.breaks[1:], p + 1)
-        late = np.arange(p) >= p - np.tile(np.arange(p + 1), self.spans)[:, None]
-        span = self.span_of(a)
-        return band_matrix(span - p, blossom_rows(self.knots, p, span, np.where(late, b[:, None], a[:, None])), self.dim)
+        span = self.span_of(self.breaks[:-1])
+        rows = bezier_rows(self.knots[span + np.arange(1 - p, p + 1)[:, None]])
+        return band_matrix(np.repeat(span - p, p + 1), rows.reshape(-1, p + 1), self.dim)
 
     def _polar(self, own: KnotVector) -> csr_array:
         """Return the operator to the coefficients on `own`, a clamped piece of these knots and possibly more: polar forms at its knots."""
         p = self.degree
         span = self.span_of(own.knots[: own.dim])
-        arguments = own.knots[np.arange(own.dim)[:, None] + np.arange(1, p + 1)]
-        return band_matrix(span - p, blossom_rows(self.knots, p, span, arguments), self.dim)
+        return band_matrix(span - p, blossom_rows(self.knots, p, span, own.inner_knots()), self.dim)
 
     def elevate(self) -> KnotVector:
         """Return the knot vector of degree p + 1 whose splines contain those of this one."""
@@ -214,6 +223,6 @@ class KnotVector:
         """
         p, finer = self.degree, self.elevate()
         span = self.span_of(finer.knots[: finer.dim])
-        arguments = finer.knots[np.arange(finer.dim)[:, None] + np.arange(1, p + 2)]
+        arguments = finer.inner_knots()
         rows = sum(blossom_rows(self.knots, p, span, np.delete(arguments, k, axis=1)) for k in range(p + 1))
         return band_matrix(span - p, rows / (p + 1), self.dim)

@@ -1,4 +1,4 @@
-"""Checks of knots, degrees and orders of derivatives, and read-only arrays."""
+"""Checks of numbers, rows and knots, and read-only arrays."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+EPS = float(np.finfo(np.float64).eps)
 MAX_DEGREE = 10
 
 
@@ -23,16 +24,39 @@ def locked(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
+def require_integer(name: str, value: object, least: int, most: int | None = None) -> None:
+    """Raise ValueError unless the value is an integer, no bool, from `least` to `most`."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least or (most is not None and value > most):
+        bounds = "a non-negative integer" if least == 0 else f"an integer of at least {least}"
+        if most is not None:
+            bounds = f"an integer from {least} to {most}"
+        raise ValueError(f"{name} must be {bounds}, got {value!r}")
+
+
 def require_order(derivative: object) -> None:
     """Raise ValueError unless the order of a derivative is a non-negative integer."""
-    if isinstance(derivative, bool) or not isinstance(derivative, (int, np.integer)) or derivative < 0:
-        raise ValueError(f"derivative must be a non-negative integer, got {derivative!r}")
+    require_integer("derivative", derivative, 0)
 
 
 def require_degree(degree: object) -> None:
     """Raise ValueError unless the degree is an integer from 1 to 10."""
-    if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not 1 <= degree <= MAX_DEGREE:
-        raise ValueError(f"degree must be an integer from 1 to {MAX_DEGREE}, got {degree!r}")
+    require_integer("degree", degree, 1, MAX_DEGREE)
+
+
+def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
+    """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and finite."""
+    h = tuple(float(w) for w in half_width)
+    if len(h) != 2 or not all(np.isfinite(w) and w > 0 for w in h):
+        raise ValueError(f"half_width must be two positive numbers, got {half_width}")
+    return h
+
+
+def points(u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return scattered points as two rows, (n,) each; raise ValueError unless they are of equal length."""
+    u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
+    if u.shape != v.shape or u.ndim != 1:
+        raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
+    return u, v
 
 
 def require_sorted(knots: NDArray[np.float64]) -> None:
@@ -62,8 +86,7 @@ def uniform_breaks(spans: int, start: float, stop: float) -> NDArray[np.float64]
     ------
     ValueError : spans that is no positive integer; start that is not less than stop.
     """
-    if isinstance(spans, bool) or not isinstance(spans, (int, np.integer)) or spans < 1:
-        raise ValueError(f"spans must be an integer of at least 1, got {spans!r}")
+    require_integer("spans", spans, 1)
     if not start < stop:
         raise ValueError(f"start must be less than stop, got {start} and {stop}")
     breaks = start + (stop - start) * (np.arange(spans + 1) / spans)

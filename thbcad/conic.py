@@ -10,10 +10,9 @@ import numpy as np
 from numpy.polynomial import Legendre
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.checks import require_order
+from thbcad.checks import EPS, require_order
 
 Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)

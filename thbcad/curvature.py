@@ -25,7 +25,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.bounds import EPS, Array, Assessment, Cells, Enclosure, Graph, bernstein, corners, greatest, rounding
+from thbcad.bounds import Array, Assessment, Cells, Enclosure, Graph, bernstein, corners, greatest, rounding
+from thbcad.checks import EPS
 
 ROUNDINGS = 40  # more than any entry or eigenvalue below takes
 DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))

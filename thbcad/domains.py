@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thbcad.checks import require_integer
 from thbcad.hierarchy import DyadicAxis, Integers
 
 MAX_LEVEL = 24
@@ -119,8 +120,7 @@ def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
     """Return {level: (n, 2) int64} without empty entries."""
     checked = {}
     for level, pairs in cells.items():
-        if isinstance(level, bool) or not isinstance(level, (int, np.integer)) or not 0 <= level < MAX_LEVEL:
-            raise ValueError(f"level must be an integer from 0 to {MAX_LEVEL - 1}, got {level!r}")
+        require_integer("level", level, 0, MAX_LEVEL - 1)
         array = np.asarray(pairs)
         if array.size == 0:
             continue

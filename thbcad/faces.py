@@ -59,10 +59,8 @@ class _Side:
 
     def knot_vector(self, start: int, stop: int, cells: Integers) -> KnotVector:
         """Return the clamped knot vector of a face."""
-        p = self.axis.degree
         inner = self.axis.value(self.top, self.needed(start, stop, cells))
-        ends = self.axis.value(self.top, np.array([start, stop]))
-        return KnotVector(p, np.concatenate([ends[:1].repeat(p + 1), inner, ends[1:].repeat(p + 1)]))
+        return KnotVector.clamped(self.axis.degree, inner, *self.axis.value(self.top, np.array([start, stop])))
 
 
 def faces(space: THBSpace, surface: BSplineSurface, price: float) -> Iterator[BSplineSurface]:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from thbcad.checks import read_only
+from thbcad.checks import EPS, read_only
 from thbcad.sampling import gauss_points
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
@@ -123,7 +123,7 @@ def _factorised(normal: csr_array, space: THBSpace) -> tuple[SuperLU, NDArray[np
             f"{empty[0]} (level, i, j) = {tuple(space.functions[empty[0]].tolist())}; add samples there, refine less, or smooth"
         )
     scale = 1 / np.sqrt(diagonal)
-    rounding = space.dim * np.finfo(float).eps
+    rounding = space.dim * EPS
     # the shift keeps the pivots of a singular matrix from being exactly zero; the second solve makes up for it
     scaled = csc_array(diags_array(scale) @ normal @ diags_array(scale) + rounding * eye_array(space.dim))
     lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

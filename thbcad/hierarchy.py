@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import locked
+from thbcad.checks import EPS, locked
 from thbcad.polar import blossom
 
 Integers = NDArray[np.int64]
-EPS = float(np.finfo(np.float64).eps)
 
 
 class DyadicAxis:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bounds import Enclosure, minimum
 from thbcad.bspline import KnotVector
+from thbcad.checks import half_widths
 from thbcad.conic import Conic
 from thbcad.graph import conic_graph, elevated, gap_graph, rescaled, volume_between
 from thbcad.surface import BSplineSurface
@@ -36,9 +37,7 @@ class FreeformSurface:
     sag: THBSurface | None = None
 
     def __post_init__(self) -> None:
-        h = tuple(float(w) for w in self.half_width)
-        if len(h) != 2 or not all(np.isfinite(w) and w > 0 for w in h):
-            raise ValueError(f"half_width must be two positive numbers, got {self.half_width}")
+        h = half_widths(self.half_width)
         if self.sag is not None and self.sag.coefficients.ndim != 1:
             raise ValueError("the sag must have scalar coefficients")
         object.__setattr__(self, "half_width", h)

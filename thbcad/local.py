@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thbcad.checks import locked
 from thbcad.hierarchy import Integers, Level
-from thbcad.polar import blossom
+from thbcad.polar import bezier_rows, blossom
 
 
 class LocalBasis:
@@ -33,27 +33,19 @@ class LocalBasis:
     def values(
         self, cell: Integers, u: NDArray[np.float64], v: NDArray[np.float64], derivative: tuple[int, int]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the functions in u, (n, p + 1), and in v, (n, q + 1), that act at points of leaf cells."""
+        """Return the functions in u, (n, p + 1), and in v, (n, q + 1), that act at points of leaf cells.
+
+        cell : (n,) int, numbers of leaf cells.  u, v : (n,) float, points in them.  derivative : orders in u and in v.
+        """
         return tuple(
             blossom(knots[:, cell], np.broadcast_to(x[:, None], (len(x), len(knots) // 2)), order)
             for knots, x, order in zip(self._knots, (u, v), derivative)
         )
 
     def bernstein(self, net: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells, p + 1, q + 1, ...).
-
-        Coefficient k of the span [a, b] is the polar form at p - k times a and k times b.
-        """
-        by_u, by_v = (_extraction(knots) for knots in self._knots)
+        """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells, p + 1, q + 1, ...)."""
+        by_u, by_v = (bezier_rows(knots) for knots in self._knots)
         return np.einsum("cki,cij...,clj->ckl...", by_u, net, by_v, optimize=True)
-
-
-def _extraction(knots: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Bezier extraction of every cell, (cells, p + 1, p + 1), from the knots around it, (2p, cells)."""
-    p, cells = len(knots) // 2, knots.shape[1]
-    late = np.arange(p) >= p - np.arange(p + 1)[:, None]
-    arguments = np.where(late, knots[p][:, None, None], knots[p - 1][:, None, None])
-    return blossom(np.repeat(knots, p + 1, axis=1), arguments.reshape(-1, p)).reshape(cells, p + 1, p + 1)
 
 
 def _knots_around(level: Level, direction: int) -> NDArray[np.float64]:

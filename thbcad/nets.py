@@ -17,7 +17,7 @@ hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional mask
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -33,13 +33,15 @@ class Nets:
 
     sizes : per level, the number of acting functions
     active : per level, the positions of the active ones
+    starts : (levels + 1,) int, where the coefficients of every level start, and their number
     """
 
     def __init__(self, hierarchy: Sequence[Level]) -> None:
         self.hierarchy = tuple(hierarchy)
         self.sizes = tuple(len(level.keys) for level in hierarchy)
         self.active = tuple(locked(np.flatnonzero(level.active)) for level in hierarchy)
-        self.dim = sum(len(rows) for rows in self.active)
+        self.starts = locked(np.cumsum([0] + [len(rows) for rows in self.active]))
+        self.dim = int(self.starts[-1])
 
     @cached_property
     def steps(self) -> tuple[csr_array, ...]:
@@ -51,7 +53,7 @@ class Nets:
 
     def coefficients(self, c: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
         """Yield G_0, G_1, ... for the THB coefficients c, (dim,) or (dim, d)."""
-        parts = np.split(c, np.cumsum([len(rows) for rows in self.active])[:-1])
+        parts = np.split(c, self.starts[1:-1])
         net = np.zeros((self.sizes[0], *c.shape[1:]))
         for number, (rows, part) in enumerate(zip(self.active, parts)):
             if number:
@@ -69,7 +71,7 @@ class Nets:
     def operators(self, positions: Sequence[Integers], truncated: bool = True) -> Iterator[csr_array]:
         """Yield "refine, then overwrite" as operators, csr_array (sizes[l], number of positions).
 
-        positions : per level, the positions that the next coefficients overwrite.
+        positions : per level, the positions that the next coefficients overwrite, (n,) int each.
         truncated : False adds the coefficients to what is there instead.
         """
         starts = np.cumsum([0] + [len(rows) for rows in positions])
@@ -82,6 +84,10 @@ class Nets:
                 place = place + (without_rows(step, rows) if truncated else step) @ net
             net = csr_array(place)
             yield net
+
+    def onto_active(self, operators: Iterable[csr_array]) -> csr_array:
+        """Return the rows of the active functions, csr_array (dim, n), of operators onto the nets, csr_array (sizes[l], n) each."""
+        return csr_array(vstack([net[rows] for net, rows in zip(operators, self.active)], format="csr"))
 
 
 def without_rows(matrix: csr_array, rows: Integers) -> csr_array:

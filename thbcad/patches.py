@@ -56,6 +56,5 @@ def _side(axis: DyadicAxis, level: int, start: int, stop: int) -> tuple[KnotVect
     spans = np.repeat(breaks[:-1], count[:-1])
     first = axis.acting(level, spans)
     functions = np.arange(first[0], first[-1] + p + 1)
-    arguments = own.knots[np.arange(own.dim)[:, None] + np.arange(1, p + 1)]
-    weights = blossom(axis.knots_around(level, spans), arguments)
+    weights = blossom(axis.knots_around(level, spans), own.inner_knots())
     return own, band_matrix(first - first[0], weights, len(functions)), functions

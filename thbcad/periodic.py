@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from thbcad.bspline import KnotVector
 from thbcad.checks import read_only, require_degree, require_order, require_sorted, require_subset, uniform_breaks
 from thbcad.operators import csr_rows
-from thbcad.polar import blossom_rows
+from thbcad.polar import blossom_rows, greville_abscissae
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +107,7 @@ class PeriodicKnotVector:
 
         The first ones may lie before `start`; `collocation` takes them as they are.
         """
-        p = self.degree
-        first = self.extended[1 : self.dim + 1]
-        return first + sum(self.extended[k : k + self.dim] - first for k in range(1, p + 1)) / p
+        return greville_abscissae(self.extended[: self.dim + self.degree + 1], self.degree)
 
     def reduced(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return u - k T in [start, stop), the same shape; what lies there already does not change.
@@ -170,11 +168,9 @@ class PeriodicKnotVector:
 
     def clamp(self) -> tuple[KnotVector, csr_array]:
         """Return the clamped knot vector on [start, stop] and the exact operator to its coefficients, csr_array (own.dim, dim)."""
-        p = self.degree
         inner = self.knots[(self.knots > self.start) & (self.knots < self.stop)]
-        own = KnotVector(p, np.concatenate([[self.start] * (p + 1), inner, [self.stop] * (p + 1)]))
-        arguments = own.knots[np.arange(own.dim)[:, None] + np.arange(1, p + 1)]
-        return own, self._polar(own.knots[: own.dim], arguments)
+        own = KnotVector.clamped(self.degree, inner, self.start, self.stop)
+        return own, self._polar(own.knots[: own.dim], own.inner_knots())
 
     def elevate(self) -> PeriodicKnotVector:
         """Return the knot vector of degree p + 1 whose splines contain those of this one."""

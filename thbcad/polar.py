@@ -59,3 +59,24 @@ def blossom_rows(
     """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots."""
     near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
     return blossom(near, arguments, derivative)
+
+
+def bezier_rows(near: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Bezier extraction of many spans [a, b] from the knots around them: (2 degree, n) -> (n, degree + 1, degree + 1).
+
+    Coefficient k of a span is the polar form at degree - k times a and k times b.
+    """
+    p, n = len(near) // 2, near.shape[1]
+    late = np.arange(p) >= p - np.arange(p + 1)[:, None]
+    arguments = np.moveaxis(near[p - 1 + late], -1, 0).reshape(n * (p + 1), p)
+    return blossom(np.repeat(near, p + 1, axis=1), arguments).reshape(n, p + 1, p + 1)
+
+
+def greville_abscissae(knots: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+    """Return g_i = (t_(i+1) + ... + t_(i+p)) / p of rows of knots, (..., n + p + 1) -> (..., n).
+
+    Each is an offset from its first knot: equal knots give that knot exactly.
+    """
+    n = knots.shape[-1] - degree - 1
+    first = knots[..., 1 : n + 1]
+    return first + sum(knots[..., k : k + n] - first for k in range(1, degree + 1)) / degree

@@ -19,8 +19,8 @@ from numpy.polynomial import chebyshev, legendre
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import eval_jacobi
 
-from thbcad.approximation import EPS, cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
-from thbcad.checks import read_only, require_order
+from thbcad.approximation import cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
+from thbcad.checks import EPS, half_widths, read_only, require_integer, require_order
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,7 @@ class PolynomialSag:
     coefficients: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        h = tuple(float(w) for w in self.half_width)
-        if len(h) != 2 or not all(np.isfinite(w) and w > 0 for w in h):
-            raise ValueError(f"half_width must be two positive numbers, got {self.half_width}")
+        h = half_widths(self.half_width)
         c = read_only(self.coefficients)
         if c.ndim != 2 or c.size == 0 or not np.isfinite(c).all():
             raise ValueError(f"coefficients must be a table of finite numbers, got shape {c.shape}")
@@ -161,8 +159,7 @@ def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
 
 def osa_orders(j: int) -> tuple[int, int]:
     """Return (n, m) of the OSA/ANSI index j = (n (n + 2) + m) / 2."""
-    if isinstance(j, bool) or not isinstance(j, (int, np.integer)) or j < 0:
-        raise ValueError(f"a Zernike index must be a non-negative integer, got {j!r}")
+    require_integer("a Zernike index", j, 0)
     n = (isqrt(8 * int(j) + 1) - 1) // 2
     return n, 2 * int(j) - n * (n + 2)
 

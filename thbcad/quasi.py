@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.hierarchy import DyadicAxis
-from thbcad.polar import blossom
+from thbcad.polar import blossom, greville_abscissae
 from thbcad.sampling import Function, evaluate
 from thbcad.space import THBSpace
-from thbcad.supports import intervals, least_norm
+from thbcad.supports import intervals, least_norm, whole_cells
 from thbcad.thb import THBSurface
 
 
@@ -75,25 +75,15 @@ def _level_functionals(space: THBSpace, level: int) -> list[NDArray[np.float64]]
         distinct, inverse = np.unique(index, return_inverse=True)
         tables.append(_axis_functionals(axis, level, distinct))
         rows.append(inverse)
-    leaves = _leaf_masks(space, level, *(table.centres[r] for table, r in zip(tables, rows)))
+    leaves = whole_cells(space.hierarchy[level], functions)
     choice, _ = least_norm(leaves, *(table.norms[r] for table, r in zip(tables, rows)))
     return [x[r, c] for table, r, c in zip(tables, rows, choice) for x in (table.points, table.weights)]
-
-
-def _leaf_masks(space: THBSpace, level: int, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which cells of every function's support are leaf cells, (n, p + 1, q + 1); u, v : centres of the spans, NaN beyond."""
-    shape = len(u), u.shape[1], v.shape[1]
-    u, v = (np.broadcast_to(x, shape) for x in (u[:, :, None], v[:, None, :]))
-    leaves = ~(np.isnan(u) | np.isnan(v))
-    leaves[leaves] = space.cells[space.locate(u[leaves], v[leaves]), 0] == level
-    return leaves
 
 
 @dataclass(frozen=True, eq=False)
 class _AxisFunctionals:
     """Functionals of n B-splines of a level on all m = (p + 1)(p + 2) / 2 intervals of up to p + 1 spans."""
 
-    centres: NDArray[np.float64]  # (n, p + 1) of the spans of the supports, NaN beyond the last
     norms: NDArray[np.float64]  # (n, m), inf where the support has no such interval
     points: NDArray[np.float64]  # (n, m, 2 p + 1)
     weights: NDArray[np.float64]  # (n, m, 2 p + 1), zero beyond the points in use
@@ -102,15 +92,12 @@ class _AxisFunctionals:
 def _axis_functionals(axis: DyadicAxis, level: int, index: NDArray[np.int64]) -> _AxisFunctionals:
     """Return the functionals of the B-splines `index`, (n,) int, of a level."""
     p = axis.degree
-    knots = axis.knots(level, index[:, None] + np.arange(p + 2))
-    filled = np.diff(knots) > 0
-    order = np.argsort(~filled, axis=1, kind="stable")  # non-empty spans first
-    left, right = (np.take_along_axis(side, order, axis=1) for side in (knots[:, :-1], knots[:, 1:]))
-    count = filled.sum(axis=1)
-    centres = np.where(np.arange(p + 1) < count[:, None], left + (right - left) / 2, np.nan)
+    head, tail = axis.support(level, index)
     start, stop = intervals(p + 1).T
-    owner, interval = np.nonzero(stop <= count[:, None])
-    first, last = (index[owner] + order[owner, at[interval]] for at in (start, stop - 1))  # knot spans at both ends
+    owner, interval = np.nonzero(stop <= (tail - head)[:, None])
+    # indices of the last knots at the starts of the first and of the last span
+    first = axis.acting(level, head[owner] + start[interval]) + p
+    last = axis.acting(level, head[owner] + stop[interval] - 1) + p
     norms = np.full((len(index), len(start)), np.inf)
     points, weights = np.zeros((2, len(index), len(start), 2 * p + 1))
     for size in np.unique(last - first) + p + 1:
@@ -118,7 +105,7 @@ def _axis_functionals(axis: DyadicAxis, level: int, index: NDArray[np.int64]) ->
         at = owner[here], interval[here]
         x, w = _functionals(axis.knots(level, first[here, None] + np.arange(-p, size + 1)), p, index[at[0]] - first[here] + p)
         points[*at, :size], weights[*at, :size], norms[at] = x, w, abs(w).sum(axis=1)
-    return _AxisFunctionals(centres, norms, points, weights)
+    return _AxisFunctionals(norms, points, weights)
 
 
 def _functionals(knots: NDArray[np.float64], p: int, target: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -126,8 +113,7 @@ def _functionals(knots: NDArray[np.float64], p: int, target: NDArray[np.int64]) 
     n, m = len(knots), knots.shape[1] - p - 1
     rows = np.arange(n)[:, None]
     clamped = np.clip(knots, knots[:, p : p + 1], knots[:, m : m + 1])
-    own = clamped[:, 1 : m + 1]  # offsets from it keep the ends of the interval exact
-    points = own + sum(clamped[:, k : k + m] - own for k in range(1, p + 1)) / p
+    points = greville_abscissae(clamped, p)
     span = np.minimum((knots[:, None, :] <= points[:, :, None]).sum(axis=2) - 1, m - 1)
     near = np.stack([knots[rows, span + offset].ravel() for offset in range(1 - p, p + 1)])
     values = blossom(near, np.broadcast_to(points.reshape(-1, 1), (n * m, p)))

@@ -22,16 +22,15 @@ from scipy.sparse import csr_array
 
 from thbcad.hierarchy import DyadicAxis, Integers, Level
 from thbcad.nets import Nets
-from thbcad.supports import intervals, least_norm
+from thbcad.supports import intervals, least_norm, whole_cells
 
 GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
 
 
 def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:
     """Return Q where the finer space refines only more cells of one level than the coarser one."""
-    starts = np.cumsum([0] + [len(rows) for rows in finer.active])
     index = []
-    for coarse, fine, start in zip(coarser, finer.hierarchy, starts):
+    for coarse, fine, start in zip(coarser, finer.hierarchy, finer.starts):
         at = fine.find(coarse.functions[coarse.active])
         order = np.cumsum(fine.active) - 1
         index.append(np.where((at >= 0) & fine.active[at], start + order[at], -1))
@@ -56,7 +55,7 @@ def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_ar
         distinct, inverse = np.unique(functions[:, d], return_inverse=True)
         tables.append(_inverses(axis, coarse.number, distinct))
         rows.append(inverse)
-    choice, norm = least_norm(_whole_cells(coarse, functions), *(table.norms[row] for table, row in zip(tables, rows)))
+    choice, norm = least_norm(whole_cells(coarse, functions), *(table.norms[row] for table, row in zip(tables, rows)))
     if not np.isfinite(norm).all():
         i, j = functions[~np.isfinite(norm)][0]
         raise ValueError(
@@ -67,19 +66,6 @@ def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_ar
     owner, a, b = np.nonzero((by_u != 0)[:, :, None] & (by_v != 0)[:, None, :])
     columns = fine.find(np.stack([first_u[owner] + a, first_v[owner] + b], axis=1))
     return csr_array((by_u[owner, a] * by_v[owner, b], (owner, columns)), shape=(len(functions), len(fine.keys)))
-
-
-def _whole_cells(level: Level, functions: Integers) -> NDArray[np.bool_]:
-    """Return which cells of every function's support are leaf cells of its level, (n, p + 1, q + 1)."""
-    sides = []
-    for d, axis in enumerate(level.axes):
-        head, tail = axis.support(level.number, functions[:, d])
-        spans = head[:, None] + np.arange(axis.degree + 1)
-        sides.append((spans, spans < tail[:, None]))
-    (i, in_u), (j, in_v) = sides
-    width = level.axes[1].spans(level.number)
-    leaves = level.leaves[:, 0] * width + level.leaves[:, 1]
-    return np.isin(i[:, :, None] * width + j[:, None, :], leaves) & in_u[:, :, None] & in_v[:, None, :]
 
 
 @dataclass(frozen=True, eq=False)

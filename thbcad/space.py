@@ -25,7 +25,7 @@ from scipy.sparse import csr_array, eye_array
 from thbcad import transfer
 from thbcad.admissible import closure
 from thbcad.bspline import KnotVector
-from thbcad.checks import read_only, require_order
+from thbcad.checks import points, read_only, require_order
 from thbcad.domains import Domains
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis, Integers, Level, make_level
@@ -275,9 +275,7 @@ class THBSpace:
             raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
 
     def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
-        if u.shape != v.shape or u.ndim != 1:
-            raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
+        u, v = points(u, v)
         self.kv_u.require_inside(u)
         self.kv_v.require_inside(v)
         return u, v

@@ -11,10 +11,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.hierarchy import Integers, Level
+
 
 def least_norm(
     leaves: NDArray[np.bool_], norms_u: NDArray[np.float64], norms_v: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Integers, NDArray[np.float64]]:
     """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2, n), and the norms, (n,).
 
     leaves : (n, p + 1, q + 1), which cells of the supports are leaf cells
@@ -36,7 +38,20 @@ def least_norm(
     return choice, best
 
 
-def intervals(spans: int) -> NDArray[np.int64]:
+def whole_cells(level: Level, functions: Integers) -> NDArray[np.bool_]:
+    """Return which cells of the supports of functions of a level are its leaf cells, (n, 2) int -> (n, p + 1, q + 1)."""
+    sides = []
+    for d, axis in enumerate(level.axes):
+        head, tail = axis.support(level.number, functions[:, d])
+        spans = head[:, None] + np.arange(axis.degree + 1)
+        sides.append((spans, spans < tail[:, None]))
+    (i, in_u), (j, in_v) = sides
+    width = level.axes[1].spans(level.number)
+    leaves = level.leaves[:, 0] * width + level.leaves[:, 1]
+    return np.isin(i[:, :, None] * width + j[:, None, :], leaves) & in_u[:, :, None] & in_v[:, None, :]
+
+
+def intervals(spans: int) -> Integers:
     """Return all (start, stop) with 0 <= start < stop <= spans, shortest first."""
     pairs = np.array(list(combinations(range(spans + 1), 2)))
     return pairs[np.argsort(pairs[:, 1] - pairs[:, 0], kind="stable")]

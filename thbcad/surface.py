@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import read_only, require_order
+from thbcad.checks import points, read_only, require_order
 from thbcad.operators import tensor_apply
 
 
@@ -33,9 +33,7 @@ class BSplineSurface:
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
-        u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
-        if u.shape != v.shape or u.ndim != 1:
-            raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
+        u, v = points(u, v)
         for kv, x, order in ((self.kv_u, u, derivative[0]), (self.kv_v, v, derivative[1])):
             kv.require_inside(x)
             require_order(order)

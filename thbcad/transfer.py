@@ -10,7 +10,7 @@ multilevel spline spaces, Adv. Comput. Math. 40 (2014).
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array
 
 from thbcad.nets import Nets
 
@@ -19,11 +19,9 @@ def prolongation(coarser: Nets, finer: Nets) -> csr_array:
     """Return P from the coarser to the finer space."""
     own = [fine.find(coarse.functions[coarse.active]) for coarse, fine in zip(coarser.hierarchy, finer.hierarchy)]
     own += [np.zeros(0, dtype=np.int64)] * (len(finer.sizes) - len(own))
-    nets = finer.operators(own)
-    return csr_array(vstack([net[rows] for net, rows in zip(nets, finer.active)], format="csr"))
+    return finer.onto_active(finer.operators(own))
 
 
 def hierarchical(nets: Nets) -> csr_array:
     """Return the change from coefficients by the hierarchical (not truncated) B-splines to those by the truncated ones."""
-    whole = nets.operators(nets.active, truncated=False)
-    return csr_array(vstack([net[rows] for net, rows in zip(whole, nets.active)], format="csr"))
+    return nets.onto_active(nets.operators(nets.active, truncated=False))

@@ -213,6 +213,19 @@ def test_uniform(degree, spans, start, width):
     assert abs(np.diff(kv.breaks) - width / spans).max() <= 4 * EPS * (abs(start) + width)
 
 
+@given(knot_vectors())
+def test_clamped_puts_the_ends_around_the_inner_knots(kv):
+    p = kv.degree
+    assert (KnotVector.clamped(p, kv.knots[p + 1 : -p - 1], kv.start, kv.stop).knots == kv.knots).all()
+
+
+@given(knot_vectors())
+def test_greville_abscissae_are_means_of_the_inner_knots(kv):
+    assert kv.inner_knots().shape == (kv.dim, kv.degree)
+    reach = max(abs(kv.start), abs(kv.stop))
+    assert abs(kv.inner_knots().mean(axis=1) - kv.greville()).max() <= float(gamma(3 * kv.degree + 2)) * reach
+
+
 def test_arrays_are_read_only_copies():
     knots = np.array([0.0, 0, 1, 1])
     kv = KnotVector(1, knots)
