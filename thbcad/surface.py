@@ -16,7 +16,12 @@ from thbcad.operators import tensor_apply
 
 @dataclass(frozen=True, eq=False)
 class BSplineSurface:
-    """S(u, v) = sum_ij N_i(u) N_j(v) c_ij with coefficients (n_u, n_v) or (n_u, n_v, d)."""
+    """S(u, v) = sum_ij N_i(u) N_j(v) c_ij with coefficients (n_u, n_v) or (n_u, n_v, d).
+
+    Raises
+    ------
+    ValueError : coefficients of another shape, or not finite.
+    """
 
     kv_u: KnotVector
     kv_v: KnotVector
@@ -32,7 +37,12 @@ class BSplineSurface:
         object.__setattr__(self, "coefficients", c)
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
+        """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
         u, v = points(u, v)
         for kv, x, order in ((self.kv_u, u, derivative[0]), (self.kv_v, v, derivative[1])):
             kv.require_inside(x)
@@ -47,12 +57,22 @@ class BSplineSurface:
         return NdBSpline((self.kv_u.knots, self.kv_v.knots), self.coefficients, (self.kv_u.degree, self.kv_v.degree))
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
+        """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
+
+        Raises
+        ------
+        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        """
         a, b = self.kv_u.collocation(u, derivative[0]), self.kv_v.collocation(v, derivative[1])
         return tensor_apply(a, b, self.coefficients)
 
     def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:
-        """Return the same surface with knots inserted in u and in v."""
+        """Return the same surface with knots inserted in u and in v.
+
+        Raises
+        ------
+        ValueError : as `KnotVector.insert`.
+        """
         kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
         return BSplineSurface(kv_u, kv_v, tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients))
 

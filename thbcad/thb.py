@@ -9,16 +9,23 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.checks import read_only
+from thbcad.checks import points, read_only
 from thbcad.faces import faces
 from thbcad.patches import patches
 from thbcad.space import THBSpace
 from thbcad.surface import BSplineSurface
 
+STRIP = 1 << 18  # points that are evaluated at once
+
 
 @dataclass(frozen=True, eq=False)
 class THBSurface:
-    """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space."""
+    """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space, with coefficients (dim,) or (dim, d).
+
+    Raises
+    ------
+    ValueError : coefficients of another shape, or not finite.
+    """
 
     space: THBSpace
     coefficients: NDArray[np.float64]
@@ -43,17 +50,32 @@ class THBSurface:
         return nets[self.space.local_basis.blocks]
 
     def to_bspline(self) -> BSplineSurface:
-        """Return the same surface as one tensor-product B-spline with only the knots needed."""
+        """Return the same surface as one tensor-product B-spline with only the knots needed.
+
+        Raises
+        ------
+        ValueError : it needs more than 10^8 control points.
+        """
         return self._tensor
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return the values at scattered points (u_k, v_k), (n,) or (n, d)."""
+        """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
         if self.space.is_compact:
             return self._tensor(u, v, derivative)
         return self._cellwise(u, v, derivative)
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d)."""
+        """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
+
+        Raises
+        ------
+        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        """
         if self.space.is_compact:
             return self._tensor.grid(u, v, derivative)
         u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
@@ -62,8 +84,13 @@ class THBSurface:
 
     def _cellwise(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
         """Return the values at scattered points from the local coefficients of their cells."""
-        by_u, by_v, cell = self.space.local_values(u, v, derivative)
-        return np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True)
+        u, v = points(u, v)
+        strips = []
+        for first in range(0, max(len(u), 1), STRIP):
+            own = slice(first, first + STRIP)
+            by_u, by_v, cell = self.space.local_values(u[own], v[own], derivative)
+            strips.append(np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True))
+        return np.concatenate(strips)
 
     def to_patches(self) -> list[BSplineSurface]:
         """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level cells."""
@@ -85,7 +112,7 @@ class THBSurface:
 
         Raises
         ------
-        ValueError : a price that is negative or NaN.
+        ValueError : a price that is negative or NaN; a tensor-product form of more than 10^8 control points.
         """
         return list(faces(self.space, self._tensor, price))
 

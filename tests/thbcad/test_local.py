@@ -9,6 +9,7 @@ from scipy.special import comb
 from tests.thbcad.oracle import gamma
 from tests.thbcad.strategies import coefficients, points, spaces
 from thbcad import KnotVector, THBSpace, THBSurface
+from thbcad.thb import STRIP
 
 ORDERS = [(0, 0), (1, 0), (0, 1), (2, 1)]
 
@@ -33,6 +34,17 @@ def test_cellwise_evaluation_is_the_tensor_product_form(data, order):
     scale = [np.diff(kv.breaks).min() / 2 ** (space.levels - 1) / kv.degree for kv in (space.kv_u, space.kv_v)]
     tolerance = float(gamma(40 * (space.kv_u.degree + space.kv_v.degree) * space.levels)) / (scale[0] ** order[0] * scale[1] ** order[1])
     assert np.abs(surface._cellwise(u, v, order) - surface.to_bspline()(u, v, order)).max() <= 4 * tolerance
+
+
+def test_many_points_are_evaluated_strip_by_strip():
+    space = diagonal(5)
+    surface = THBSurface(space, np.sin(np.arange(3.0 * space.dim)).reshape(space.dim, 3))
+    u, v = np.random.default_rng(1).random((2, STRIP + 7))
+    values = surface(u, v)
+    assert values.shape == (STRIP + 7, 3)
+    for own in (slice(STRIP - 5, STRIP), slice(STRIP, None), slice(3)):
+        assert abs(values[own] - surface(u[own], v[own])).max() <= float(gamma(2 * 16))
+    assert surface([], []).shape == (0, 3)
 
 
 def test_surfaces_that_are_not_compact_are_evaluated_by_cells():
