@@ -122,6 +122,10 @@ class KnotVector:
         """Return (first, values): at u only functions first .. first + p differ from zero.
 
         u : (n,) float.  first : (n,) int.  values : (n, p + 1) float.
+
+        Raises
+        ------
+        ValueError : u that is no row, NaN or outside the domain; an order that is not a non-negative integer.
         """
         require_order(derivative)
         u = np.atleast_1d(np.asarray(u, dtype=np.float64))
@@ -132,7 +136,12 @@ class KnotVector:
         return span - self.degree, blossom_rows(self.knots, self.degree, span, arguments, int(derivative))
 
     def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array:
-        """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim)."""
+        """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim).
+
+        Raises
+        ------
+        ValueError : as `basis`.
+        """
         first, values = self.basis(u, derivative)
         return band_matrix(first, values, self.dim)
 
@@ -141,7 +150,12 @@ class KnotVector:
         return (self.knots[self.degree + 1 :] - self.knots[: self.dim]) / (self.degree + 1)
 
     def insert(self, knots: ArrayLike) -> KnotVector:
-        """Return the knot vector with the given knots added (repeats raise the multiplicity)."""
+        """Return the knot vector with the given knots added (repeats raise the multiplicity).
+
+        Raises
+        ------
+        ValueError : a knot outside the open domain, or more than p times in all.
+        """
         new = np.atleast_1d(np.asarray(knots, dtype=np.float64))
         bad = ~((new > self.start) & (new < self.stop))
         if bad.any():
@@ -212,7 +226,12 @@ class KnotVector:
         return band_matrix(span - p, blossom_rows(self.knots, p, span, own.inner_knots()), self.dim)
 
     def elevate(self) -> KnotVector:
-        """Return the knot vector of degree p + 1 whose splines contain those of this one."""
+        """Return the knot vector of degree p + 1 whose splines contain those of this one.
+
+        Raises
+        ------
+        ValueError : degree 10 already.
+        """
         return KnotVector(self.degree + 1, np.sort(np.concatenate([self.knots, self.breaks])))
 
     def elevation(self) -> csr_array:
@@ -220,6 +239,10 @@ class KnotVector:
 
         The polar form of degree p + 1 is the mean of those of degree p over the arguments with
         one left out:  F[a_1, ..., a_(p+1)] = 1/(p + 1) sum_k f[..., a_(k-1), a_(k+1), ...].
+
+        Raises
+        ------
+        ValueError : degree 10 already.
         """
         p, finer = self.degree, self.elevate()
         span = self.span_of(finer.knots[: finer.dim])

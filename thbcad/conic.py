@@ -20,6 +20,10 @@ class Conic:
     """The conic z = c r^2 / (1 + sqrt(1 - (1 + K) c^2 r^2)), c = 1 / radius (thesis 3.2).
 
     radius : float, mm; inf is a plane.  constant : float, K = -1 is a paraboloid.
+
+    Raises
+    ------
+    ValueError : radius 0 or NaN, a constant that is not finite.
     """
 
     radius: float = np.inf
@@ -62,6 +66,8 @@ class Conic:
         ------
         ValueError : an order that is not a non-negative integer.
         """
+        for order in derivative:
+            require_order(order)
         c = 1.0 / self.radius
         r2 = x * x + y * y
         root = np.sqrt(1 - (1 + self.constant) * c * c * r2)
@@ -71,8 +77,6 @@ class Conic:
             return c * x / root + 0 * y
         if derivative == (0, 1):
             return c * y / root + 0 * x
-        for order in derivative:
-            require_order(order)
         a, b = derivative
         return c * factorial(a) * factorial(b) * self._taylor(x, y, a, b)
 

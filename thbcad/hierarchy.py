@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import EPS, locked
+from thbcad.checks import EPS, locked, read_only
 from thbcad.polar import blossom
 
 Integers = NDArray[np.int64]
@@ -214,6 +214,12 @@ def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers
     active = supported & (count.data >> 8 < area)
     keys = a * len(distinct[1]) + b
     return Level(number, axes, locked(cells), locked(refined), tuple(distinct), *map(locked, (keys, supported, active)))
+
+
+def numbered(pairs: list[Integers]) -> Integers:
+    """Return rows [level, i, j] from one (n, 2) array for each level."""
+    levels = np.repeat(np.arange(len(pairs)), [len(p) for p in pairs])
+    return read_only(np.column_stack([levels, np.concatenate(pairs)]), np.int64)
 
 
 def _position(row: Integers, wanted: Integers) -> tuple[Integers, NDArray[np.bool_]]:

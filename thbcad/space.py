@@ -28,7 +28,7 @@ from thbcad.bspline import KnotVector
 from thbcad.checks import points, read_only, require_order
 from thbcad.domains import Domains
 from thbcad.embedding import Embedding
-from thbcad.hierarchy import DyadicAxis, Integers, Level, make_level
+from thbcad.hierarchy import DyadicAxis, Integers, Level, make_level, numbered
 from thbcad.local import LocalBasis
 from thbcad.nets import Nets
 from thbcad.operators import csr_rows
@@ -82,12 +82,12 @@ class THBSpace:
     @cached_property
     def cells(self) -> Integers:
         """Leaf cells, (n, 3) int [level, i, j], in order of level, i, j."""
-        return _numbered([level.leaves for level in self.hierarchy])
+        return numbered([level.leaves for level in self.hierarchy])
 
     @cached_property
     def functions(self) -> Integers:
         """Active functions, (dim, 3) int [level, i, j], in the order of the coefficients."""
-        return _numbered([level.functions[level.active] for level in self.hierarchy])
+        return numbered([level.functions[level.active] for level in self.hierarchy])
 
     @cached_property
     def dim(self) -> int:
@@ -125,7 +125,12 @@ class THBSpace:
 
     @cached_property
     def embedding(self) -> Embedding:
-        """The exact embedding into the smallest tensor-product spline space that holds this one."""
+        """The exact embedding into the smallest tensor-product spline space that holds this one.
+
+        Raises
+        ------
+        ValueError : that space has more than 10^8 functions.
+        """
         return Embedding(self._domains.axes, self.hierarchy)
 
     @cached_property
@@ -161,7 +166,12 @@ class THBSpace:
         return replace(self, _domains=self._domains.coarsen(cells))
 
     def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
-        """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int."""
+        """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int.
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length.
+        """
         return self._quadtree.locate(*self._points(u, v))
 
     def prolongation(self, finer: THBSpace) -> csr_array:
@@ -184,7 +194,8 @@ class THBSpace:
 
         Raises
         ------
-        ValueError : this space is not a refinement of `coarser`.
+        ValueError : this space is not a refinement of `coarser`; or the knots are so unequal around the few whole
+            cells of a function that float64 cannot restore its coefficient.
         """
         if not isinstance(coarser, THBSpace):
             raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
@@ -234,7 +245,12 @@ class THBSpace:
         return int((self.cells[:, 0] - coarsest).max()) + 1
 
     def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
-        """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim)."""
+        """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim).
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
         by_u, by_v, cell = self.local_values(u, v, derivative)
         values = by_u[:, :, None] * by_v[:, None, :]
         return csr_rows(values, self.local_basis.blocks[cell], sum(self.nets.sizes)) @ self.nets.operator
@@ -242,7 +258,12 @@ class THBSpace:
     def local_values(
         self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], Integers]:
-        """Return the local B-splines in u, (n, p + 1), in v, (n, q + 1), and the leaf cell of every point, (n,) int."""
+        """Return the local B-splines in u, (n, p + 1), in v, (n, q + 1), and the leaf cell of every point, (n,) int.
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
         u, v = self._points(u, v)
         for order in derivative:
             require_order(order)
@@ -257,14 +278,12 @@ class THBSpace:
         the finest spans, which costs a coarse cell in the rows or columns of fine ones a factor of at most
         2^(levels - 1) longest / shortest level-0 span: that must not exceed 256.
         """
-        size, spread = [self.kv_u.dim, self.kv_v.dim], 1.0
-        for level in self.hierarchy:
-            for d in (0, 1):
-                size[d] += len(np.unique(level.cells[level.refined, d]))
-        for kv in (self.kv_u, self.kv_v):
-            spans = np.diff(kv.breaks)
-            spread = max(spread, float(spans.max() / spans.min()) * 2 ** (self.levels - 1))
-        return spread <= 256 and size[0] * size[1] <= len(self.cells) * (self.kv_u.degree + 1) * (self.kv_v.degree + 1)
+        sizes, local, spread = 1, 1, 1.0
+        for d, kv in enumerate((self.kv_u, self.kv_v)):
+            sizes *= kv.dim + sum(len(np.unique(level.cells[level.refined, d])) for level in self.hierarchy)
+            local *= kv.degree + 1
+            spread = max(spread, float(np.diff(kv.breaks).max() / np.diff(kv.breaks).min()) * 2 ** (self.levels - 1))
+        return spread <= 256 and sizes <= len(self.cells) * local
 
     def _require_nested(self, finer: THBSpace) -> None:
         if not isinstance(finer, THBSpace) or not all(
@@ -279,9 +298,3 @@ class THBSpace:
         self.kv_u.require_inside(u)
         self.kv_v.require_inside(v)
         return u, v
-
-
-def _numbered(pairs: list[Integers]) -> Integers:
-    """Return rows [level, i, j] from one (n, 2) array for each level."""
-    levels = np.repeat(np.arange(len(pairs)), [len(p) for p in pairs])
-    return read_only(np.column_stack([levels, np.concatenate(pairs)]), np.int64)
