@@ -25,7 +25,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.bounds import Array, Assessment, Cells, Enclosure, Graph, bernstein, corners, greatest, rounding
+from thbcad.bernstein import Array, Cells, Graph, bernstein, rounding
+from thbcad.bounds import Assessment, Enclosure, corners, greatest
 from thbcad.checks import EPS
 
 ROUNDINGS = 40  # more than any entry or eigenvalue below takes
