@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.fitting import Samples, Underdetermined, least_squares
-from thbcad.sampling import Function, cell_points, evaluate, gauss_points
+from thbcad.functions import Function, evaluate
+from thbcad.sampling import cell_points, gauss_points
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 

@@ -167,6 +167,31 @@ class KnotVector:
         b = self.breaks
         return self.insert(b[:-1] + np.diff(b) / 2)
 
+    def merged(self, other: KnotVector) -> KnotVector:
+        """Return the knot vector with the knots of both, each as often as in the one that has it more often.
+
+        Raises
+        ------
+        ValueError : `other` has another degree, start or stop.
+        """
+        if (self.degree, self.start, self.stop) != (other.degree, other.start, other.stop):
+            raise ValueError(f"knot vectors to merge must agree in degree and ends, got {self} and {other}")
+        values = np.unique(np.r_[self.knots, other.knots])
+        counts = [np.searchsorted(t, values, "right") - np.searchsorted(t, values, "left") for t in (self.knots, other.knots)]
+        return KnotVector(self.degree, np.repeat(values, np.maximum(*counts)))
+
+    def rescaled(self, start: float, stop: float) -> KnotVector:
+        """Return the knot vector mapped linearly onto [start, stop].
+
+        Raises
+        ------
+        ValueError : start that is not less than stop, or so near that knots coincide.
+        """
+        if (self.start, self.stop) == (start, stop):
+            return self
+        share = (self.knots - self.start) / (self.stop - self.start)
+        return KnotVector(self.degree, np.where(share == 1, stop, start + (stop - start) * share))
+
     def prolongation(self, finer: KnotVector) -> csr_array:
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
 

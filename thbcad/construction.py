@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
-from thbcad.graph import merged
 from thbcad.rational import NURBSCurve, NURBSSurface
 
 UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
@@ -131,14 +130,10 @@ def ruled(curve: NURBSCurve, other: NURBSCurve) -> NURBSSurface:
         raise ValueError(f"the curves must have the same interval of parameters, got {ends[0]} and {ends[1]}")
     if curve.points.shape[1] != other.points.shape[1]:
         raise ValueError(f"the curves must have points of the same dimension, got {curve.points.shape[1]} and {other.points.shape[1]}")
-    degree = max(curve.kv.degree, other.kv.degree)
-    curve, other = _elevated(curve, degree), _elevated(other, degree)
-    kv = merged(curve.kv, other.kv)
+    while curve.kv.degree < other.kv.degree:
+        curve = curve.elevate()
+    while other.kv.degree < curve.kv.degree:
+        other = other.elevate()
+    kv = curve.kv.merged(other.kv)
     rows = np.stack([c.kv.prolongation(kv) @ c.homogeneous for c in (curve, other)], axis=1)
     return NURBSSurface.from_homogeneous(kv, UNIT, rows)
-
-
-def _elevated(curve: NURBSCurve, degree: int) -> NURBSCurve:
-    while curve.kv.degree < degree:
-        curve = curve.elevate()
-    return curve

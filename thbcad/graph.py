@@ -70,27 +70,9 @@ def graph_poles(graph: BSplineSurface, vertex: float, domain: BSplineSurface) ->
 
 def _aligned(kv: KnotVector, target: KnotVector) -> KnotVector:
     """Return `kv` mapped onto the interval of `target`; knots that agree but for rounding become equal."""
-    mapped = rescaled(kv, target.stop).knots
+    mapped = kv.rescaled(target.start, target.stop).knots
     near = target.breaks[np.clip(np.searchsorted(target.breaks, mapped - 1e-12 * target.stop), 0, target.spans)]
     return KnotVector(kv.degree, np.where(np.abs(near - mapped) < 1e-12 * target.stop, near, mapped))
-
-
-def rescaled(kv: KnotVector, half_width: float) -> KnotVector:
-    """Return the knot vector mapped linearly onto [-half_width, half_width]."""
-    if (kv.start, kv.stop) == (-half_width, half_width):
-        return kv
-    share = (kv.knots - kv.start) / (kv.stop - kv.start)
-    return KnotVector(kv.degree, np.where(share == 1, half_width, -half_width + 2 * half_width * share))
-
-
-def elevated(graph: BSplineSurface, degrees: tuple[int, int]) -> BSplineSurface:
-    """Return the same graph with (at least) the given degrees."""
-    kv_u, kv_v, heights = graph.kv_u, graph.kv_v, graph.coefficients
-    while kv_u.degree < degrees[0]:
-        kv_u, heights = kv_u.elevate(), kv_u.elevation() @ heights
-    while kv_v.degree < degrees[1]:
-        kv_v, heights = kv_v.elevate(), (kv_v.elevation() @ heights.T).T
-    return BSplineSurface(kv_u, kv_v, heights)
 
 
 def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> BSplineSurface:
@@ -99,7 +81,7 @@ def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> 
     for d in (0, 1):
         mine, other = (rear.kv_u, front.kv_u) if d == 0 else (rear.kv_v, front.kv_v)
         other = _aligned(other, mine)
-        both = merged(mine, other)
+        both = mine.merged(other)
         target.append(both)
         nets.append([own.prolongation(both) for own in (other, mine)])
     heights = [tensor_apply(nets[0][k], nets[1][k], graph.coefficients) for k, graph in enumerate((front, rear))]
@@ -140,10 +122,3 @@ def _gauss(breaks: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], ND
     x, w = np.polynomial.legendre.leggauss(n)
     half = np.diff(breaks)[:, None] / 2
     return (breaks[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
-
-
-def merged(kv: KnotVector, other: KnotVector) -> KnotVector:
-    """Return the knot vector with the knots of both (same degree and ends)."""
-    values = np.unique(np.r_[kv.knots, other.knots])
-    counts = [np.searchsorted(k.knots, values, "right") - np.searchsorted(k.knots, values, "left") for k in (kv, other)]
-    return KnotVector(kv.degree, np.repeat(values, np.maximum(*counts)))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from thbcad.bspline import KnotVector
-from thbcad.sampling import Function, evaluate
+from thbcad.functions import Function, evaluate
 from thbcad.surface import BSplineSurface
 
 

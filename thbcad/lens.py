@@ -16,7 +16,7 @@ from thbcad.bounds import Enclosure, minimum
 from thbcad.bspline import KnotVector
 from thbcad.checks import half_widths
 from thbcad.conic import Conic
-from thbcad.graph import conic_graph, elevated, gap_graph, rescaled, volume_between
+from thbcad.graph import conic_graph, gap_graph, volume_between
 from thbcad.surface import BSplineSurface
 from thbcad.thb import THBSurface
 
@@ -109,7 +109,7 @@ class FreeformSurface:
             kv_x, kv_y = (KnotVector.uniform(p, 1, -h, h) for p, h in zip(degrees, self.half_width))
             return conic_graph(self.conic, kv_x, kv_y)
         sag = self.sag.to_bspline()
-        kv_x, kv_y = (rescaled(kv, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
+        kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
         return conic_graph(self.conic, kv_x, kv_y, sag.coefficients)
 
     def _scale(self) -> tuple[float, float]:
@@ -177,7 +177,7 @@ class Lens:
         default = 3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5  # other conics need fewer knots then
         common = tuple(max((kv.degree for kv in row), default=default) for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces]))
         graphs = self.front.graph(common), self.rear.graph(common)
-        return elevated(graphs[0], common), elevated(graphs[1], common)
+        return graphs[0].elevated(common), graphs[1].elevated(common)
 
     def volume(self) -> float:
         """Return the volume in mm^3, by Gauss quadrature that is exact for the splines."""

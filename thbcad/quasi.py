@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from thbcad.functions import Function, evaluate
 from thbcad.hierarchy import DyadicAxis
 from thbcad.polar import blossom, greville_abscissae
-from thbcad.sampling import Function, evaluate
 from thbcad.space import THBSpace
 from thbcad.supports import intervals, least_norm, whole_cells
 from thbcad.thb import THBSurface

@@ -1,15 +1,11 @@
-"""Sampled functions, and sample points on the leaf cells of a THB space."""
+"""Sample points on the leaf cells of a THB space."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.space import THBSpace
-
-Function = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
 def cell_points(
@@ -31,20 +27,3 @@ def gauss_points(space: THBSpace) -> tuple[NDArray[np.float64], NDArray[np.float
     u0, u1, v0, v1 = space.boxes.T
     weights = np.outer((u1 - u0) * (v1 - v0), np.outer(wx, wy) / 4)
     return u.ravel(), v.ravel(), weights.ravel()
-
-
-def evaluate(function: Function, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return function(u, v) as float64, (n,) or (n, d), at points of shape (n,).
-
-    Raises
-    ------
-    ValueError : values of another shape, or not finite.
-    """
-    values = np.asarray(function(u, v), dtype=np.float64)
-    if values.shape[:1] != u.shape or values.ndim > 2:
-        raise ValueError(f"the function must return ({len(u)},) or ({len(u)}, d) values for {len(u)} points, got shape {values.shape}")
-    finite = np.isfinite(values.reshape(len(u), -1)).all(axis=1)
-    if not finite.all():
-        k = int(np.argmin(finite))
-        raise ValueError(f"the function is not finite at u = {u[k]}, v = {v[k]}")
-    return values

@@ -76,6 +76,22 @@ class BSplineSurface:
         kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
         return BSplineSurface(kv_u, kv_v, tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients))
 
+    def elevated(self, degrees: tuple[int, int]) -> BSplineSurface:
+        """Return the same surface with (at least) the given degrees in u and in v.
+
+        Raises
+        ------
+        ValueError : a degree above 10.
+        """
+        vectors, net = [], self.coefficients
+        for kv, degree in zip((self.kv_u, self.kv_v), degrees):
+            rows = net.reshape(len(net), -1)
+            while kv.degree < degree:
+                kv, rows = kv.elevate(), kv.elevation() @ rows
+            net = np.moveaxis(rows.reshape(kv.dim, *net.shape[1:]), 0, 1)
+            vectors.append(kv)
+        return BSplineSurface(*vectors, net)
+
     def integral(self) -> np.float64 | NDArray[np.float64]:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
         return np.einsum("i,j,ij...->...", self.kv_u.integrals(), self.kv_v.integrals(), self.coefficients)

@@ -13,7 +13,7 @@ from thbcad import interpolate
 from thbcad.approximation import approximated, cell_maxima, error_bounds, lebesgue_bound, lobatto_nodes
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
-from thbcad.graph import CONIC_TOLERANCE, conic_graph, rescaled
+from thbcad.graph import CONIC_TOLERANCE, conic_graph
 from thbcad.lens import FreeformSurface
 from thbcad.polynomials import PolynomialSag
 from thbcad.surface import BSplineSurface
@@ -98,7 +98,7 @@ def test_cell_maxima_count_shared_nodes_to_both_cells():
 def test_bounds_contain_the_error_of_any_spline(case, p, q, rng):
     """Interpolants on random knots, as they are and with a random net added."""
     conic, half = case
-    kvs = [rescaled(random_knot_vector(rng, degree, 5), h) for degree, h in zip((p, q), half)]
+    kvs = [random_knot_vector(rng, degree, 5).rescaled(-h, h) for degree, h in zip((p, q), half)]
     spline = interpolated(conic, *kvs)
     other = BSplineSurface(
         *kvs, spline.coefficients + abs(conic(*half)) * rng.choice([1e-12, 1e-3, 1]) * rng.uniform(-1, 1, spline.coefficients.shape)
@@ -165,7 +165,7 @@ def test_bounds_of_a_function_of_ones_own(k, l, degree, spans):
 def test_the_tolerance_is_kept_and_so_are_the_knots(case, p, q, digits, rng):
     conic, half = case
     tolerance = 10.0**-digits * abs(conic(*half))
-    kvs = [rescaled(random_knot_vector(rng, degree, 4), h) for degree, h in zip((p, q), half)]
+    kvs = [random_knot_vector(rng, degree, 4).rescaled(-h, h) for degree, h in zip((p, q), half)]
     found = approximated(conic, *kvs, tolerance)
     assert found.bound <= tolerance
     assert greatest_errors(conic, found.surface, 5).max() <= found.bound

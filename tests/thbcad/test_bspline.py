@@ -226,6 +226,27 @@ def test_greville_abscissae_are_means_of_the_inner_knots(kv):
     assert abs(kv.inner_knots().mean(axis=1) - kv.greville()).max() <= float(gamma(3 * kv.degree + 2)) * reach
 
 
+@given(st.floats(-1e3, 1e3), st.floats(1e-3, 1e4), st.integers(1, 7))
+def test_rescaled(start, width, spans):
+    stop = start + width
+    kv = KnotVector.uniform(2, spans, -0.3, 1.9).rescaled(start, stop)
+    assert (kv.start, kv.stop, kv.spans) == (start, stop, spans)
+    # positions err by 3 roundings of the size of the ends and 3 of the width
+    assert abs(np.diff(kv.breaks) - (stop - start) / spans).max() <= 8 * EPS * (abs(start) + abs(stop) + width)
+    assert kv.rescaled(start, stop) is kv
+
+
+def test_merged_keeps_the_larger_multiplicities():
+    one, two = KnotVector(2, [0, 0, 0, 1, 1, 2, 4, 4, 4]), KnotVector(2, [0, 0, 0, 1, 3, 3, 4, 4, 4])
+    assert one.merged(two).knots.tolist() == two.merged(one).knots.tolist() == [0, 0, 0, 1, 1, 2, 3, 3, 4, 4, 4]
+
+
+@pytest.mark.parametrize("other", [KnotVector.uniform(2, 4), KnotVector.uniform(3, 4, -1.0, 1.0), KnotVector.uniform(3, 4, 0.0, 2.0)])
+def test_knots_of_other_degree_or_ends_are_not_merged(other):
+    with pytest.raises(ValueError, match="must agree in degree and ends"):
+        UNIFORM.merged(other)
+
+
 def test_arrays_are_read_only_copies():
     knots = np.array([0.0, 0, 1, 1])
     kv = KnotVector(1, knots)

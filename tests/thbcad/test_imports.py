@@ -116,6 +116,13 @@ def test_the_kernel_loads_no_cad_and_no_rendering():
     assert not loaded & (set(HEAVY) - {"numpy", "scipy"})
 
 
+@pytest.mark.parametrize("module", ["approximation", "construction", "graph", "cad.solid", "cad.exchange"])
+def test_tensor_product_modules_do_not_load_the_hierarchy(module):
+    loaded = run("-c", f"import sys, thbcad.{module}; print(*sys.modules)").stdout.split()
+    assert "thbcad.bspline" in loaded
+    assert not {"thbcad.hierarchy", "thbcad.space", "thbcad.thb"} & set(loaded)
+
+
 def test_help_loads_neither_numpy_nor_scipy():
     done = run("-X", "importtime", "-m", "optics.cli", "--help")
     assert "usage" in done.stdout

@@ -13,7 +13,7 @@ from tests.thbcad.oracle import flux_volume, gamma
 from tests.thbcad.strategies import lenses, surfaces
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
-from thbcad.graph import CONIC_TOLERANCE, merged, rescaled, square_coefficients
+from thbcad.graph import CONIC_TOLERANCE, square_coefficients
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
@@ -285,19 +285,6 @@ def test_degree_one_is_refused():
         plano(surface)
 
 
-@given(st.floats(1e-3, 1e4), st.integers(1, 7))
-def test_rescaled(half_width, spans):
-    kv = rescaled(KnotVector.uniform(2, spans, -0.3, 1.9), half_width)
-    assert (kv.start, kv.stop, kv.spans) == (-half_width, half_width, spans)
-    assert abs(np.diff(kv.breaks) - 2 * half_width / spans).max() <= 8 * EPS * half_width
-    assert rescaled(kv, half_width) is kv
-
-
-def test_merged_keeps_the_larger_multiplicities():
-    one, two = KnotVector(2, [0, 0, 0, 1, 1, 2, 4, 4, 4]), KnotVector(2, [0, 0, 0, 1, 3, 3, 4, 4, 4])
-    assert merged(one, two).knots.tolist() == [0, 0, 0, 1, 1, 2, 3, 3, 4, 4, 4]
-
-
 # ---- lenses ----
 
 
@@ -411,3 +398,4 @@ def test_graphs_are_of_one_degree():
     lens = Lens(FreeformSurface((5, 5), Conic(), flat_sag(degree=2)), FreeformSurface((5, 5), Conic(), flat_sag(degree=4)), 1.0, 1.5)
     degrees = {kv.degree for graph in lens.graphs() for kv in (graph.kv_u, graph.kv_v)}
     assert len(degrees) == 1
+    assert lens.graphs() is lens.graphs()

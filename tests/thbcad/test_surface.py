@@ -46,6 +46,21 @@ def thb_surfaces(draw, *tail):
     return THBSurface(space, draw(coefficients(space.dim, *tail)))
 
 
+@given(st.data(), st.integers(0, 2), st.integers(0, 2))
+def test_elevated_is_the_same_surface(data, more_u, more_v):
+    tail = data.draw(st.sampled_from([(), (3,)]))
+    surface, space = data.draw(bspline_surfaces(*tail))
+    degrees = surface.kv_u.degree + more_u, surface.kv_v.degree + more_v
+    finer = surface.elevated(degrees)
+    assert (finer.kv_u.degree, finer.kv_v.degree) == degrees
+    assert (finer.kv_u.spans, finer.kv_v.spans) == (surface.kv_u.spans, surface.kv_v.spans)
+    assert surface.elevated((1, 1)).coefficients.tolist() == surface.coefficients.tolist()
+    u, v = data.draw(points(space))
+    # means with weights >= 0 of coefficients up to 1: one elevation takes some 7 roundings per degree
+    tolerance = float(gamma(2 * roundings(finer) + 8 * (more_u + more_v) * max(degrees)))
+    assert abs(finer(u, v) - surface(u, v)).max(initial=0) <= tolerance * abs(surface.coefficients).max()
+
+
 @pytest.mark.parametrize("order", ORDERS)
 @given(data=st.data())
 def test_scattered_and_grid_against_scipy(order, data):

@@ -21,7 +21,7 @@ from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
 
 from thbcad.bspline import KnotVector
-from thbcad.graph import graph_poles, merged
+from thbcad.graph import graph_poles
 from thbcad.surface import BSplineSurface
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def _flat_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: 
 def _ruled_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
     """Return the ruled face between two rims; its second parameter runs from front to rear."""
     rims = [_boundary(s, side) for s in surfaces]
-    kv = merged(*(rim[0] for rim in rims))
+    kv = rims[0][0].merged(rims[1][0])
     poles = np.stack([own.prolongation(kv) @ points for own, points in rims], axis=1)
     face = _spline_face(builder, BSplineSurface(kv, UNIT, poles), loop)
     across, along = gp_Dir2d(0, 1), gp_Dir2d(1, 0)

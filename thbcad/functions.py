@@ -1,0 +1,27 @@
+"""Functions of two variables that users give, called with checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Function = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
+def evaluate(function: Function, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return function(u, v) as float64, (n,) or (n, d), at points of shape (n,).
+
+    Raises
+    ------
+    ValueError : values of another shape, or not finite.
+    """
+    values = np.asarray(function(u, v), dtype=np.float64)
+    if values.shape[:1] != u.shape or values.ndim > 2:
+        raise ValueError(f"the function must return ({len(u)},) or ({len(u)}, d) values for {len(u)} points, got shape {values.shape}")
+    finite = np.isfinite(values.reshape(len(u), -1)).all(axis=1)
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise ValueError(f"the function is not finite at u = {u[k]}, v = {v[k]}")
+    return values
