@@ -48,8 +48,8 @@ _HOMES = {
     "write_surface": "thbcad.native_surface",
     "read_step": "thbcad.cad.step",
     "write_step": "thbcad.cad.step",
-    "read_surfaces": "thbcad.cad.exchange",
-    "write_surfaces": "thbcad.cad.exchange",
+    "read_faces": "thbcad.cad.exchange",
+    "write_faces": "thbcad.cad.exchange",
 }
 
 __all__ = ["__version__", *_HOMES]

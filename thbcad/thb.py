@@ -96,7 +96,7 @@ class THBSurface:
         """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level cells."""
         return [BSplineSurface(*patch) for patch in patches(self.space, self.coefficients)]
 
-    def to_bezier(self) -> NDArray[np.float64]:
+    def bernstein(self) -> NDArray[np.float64]:
         """Return the Bernstein coefficients on every leaf cell, (cells, p + 1, q + 1) or (cells, p + 1, q + 1, d).
 
         On leaf cell k, over ``space.boxes[k]``, the surface is sum_ij B_i^p(s) B_j^q(t) b_kij with s and t

@@ -18,7 +18,7 @@ from OCP.Interface import Interface_Static
 from tests.thbcad.test_rational import nurbs_surfaces
 from thbcad import files
 from thbcad.bspline import KnotVector
-from thbcad.cad.exchange import FORMATS, rational_geom, read_surfaces, write_surfaces
+from thbcad.cad.exchange import FORMATS, rational_geom, read_faces, write_faces
 from thbcad.conic import Conic
 from thbcad.construction import circular_arc, line, meridian, revolved, ruled
 from thbcad.rational import NURBSSurface
@@ -85,8 +85,8 @@ def brep(shape, path):
 def test_every_number_of_many_surfaces_reads_back_in_order(kind, tmp_path):
     """Closed, degenerate, rational and polynomial surfaces in one file."""
     path = tmp_path / f"all{kind}"
-    write_surfaces(list(SURFACES.values()), path)
-    read = read_surfaces(path)
+    write_faces(list(SURFACES.values()), path)
+    read = read_faces(path)
     assert_same(read, list(SURFACES.values()))
     assert [type(s) for s in read] == [type(s) for s in SURFACES.values()]
 
@@ -99,8 +99,8 @@ def test_every_number_of_random_surfaces_reads_back(kind, tmp_path, surface, siz
     surface = NURBSSurface(
         surface.kv_u, surface.kv_v, size * (surface.points + np.stack([10 * i, 10 * j, 0 * i], axis=-1)), surface.weights
     )
-    write_surfaces([surface], tmp_path / f"random{kind}")
-    assert_same(read_surfaces(tmp_path / f"random{kind}"), [surface])
+    write_faces([surface], tmp_path / f"random{kind}")
+    assert_same(read_faces(tmp_path / f"random{kind}"), [surface])
 
 
 @pytest.mark.parametrize("gap", [1e-12, 1e-8])
@@ -110,30 +110,30 @@ def test_nearly_closed_surfaces_come_back_closed(kind, gap, tmp_path):
     t = 2 * np.pi * kv.greville()
     points = np.stack([np.stack([np.cos(t), np.sin(t), np.full_like(t, z)], axis=-1) for z in (0.0, 1.0)], axis=1)
     points[-1] = points[0] + [0, gap, 0]
-    write_surfaces([BSplineSurface(kv, KnotVector.uniform(1, 1), points)], tmp_path / f"near{kind}")
-    read = read_surfaces(tmp_path / f"near{kind}")[0].coefficients
+    write_faces([BSplineSurface(kv, KnotVector.uniform(1, 1), points)], tmp_path / f"near{kind}")
+    read = read_faces(tmp_path / f"near{kind}")[0].coefficients
     assert (read[:-1] == points[:-1]).all()
     assert (read[-1] == (points[-1] if kind == ".brep" else points[0])).all()
 
 
 def test_equal_weights_come_back_polynomial(kind, tmp_path):
     path = tmp_path / f"equal{kind}"
-    write_surfaces([NURBSSurface(CUBIC, CUBIC, WAVE.coefficients, 7.0)], path)
-    (read,) = read_surfaces(path)
+    write_faces([NURBSSurface(CUBIC, CUBIC, WAVE.coefficients, 7.0)], path)
+    (read,) = read_faces(path)
     assert isinstance(read, BSplineSurface)
     assert_same([read], [WAVE])
 
 
 @pytest.mark.parametrize("suffix", [*FORMATS, ".STEP", ".IGS", ".Brep"])
 def test_suffixes(suffix, tmp_path):
-    write_surfaces([WAVE], tmp_path / f"a{suffix}")
-    assert_same(read_surfaces(tmp_path / f"a{suffix}"), [WAVE])
+    write_faces([WAVE], tmp_path / f"a{suffix}")
+    assert_same(read_faces(tmp_path / f"a{suffix}"), [WAVE])
 
 
 def test_the_same_surfaces_give_the_same_bytes(kind, tmp_path):
     paths = [tmp_path / f"{k}{kind}" for k in range(3)]
     for path in paths:
-        write_surfaces(list(SURFACES.values()), path)
+        write_faces(list(SURFACES.values()), path)
     assert paths[0].read_bytes() == paths[1].read_bytes() == paths[2].read_bytes()
 
 
@@ -144,7 +144,7 @@ def test_the_same_surfaces_give_the_same_bytes(kind, tmp_path):
 def test_build123d_reads_the_faces(kind, tmp_path):
     """OCCT's areas of sphere, torus and cylinder are the closed forms: the seams and poles of the faces are right."""
     path = tmp_path / f"faces{kind}"
-    write_surfaces([SURFACES[name] for name in ("sphere", "torus", "cylinder")], path)
+    write_faces([SURFACES[name] for name in ("sphere", "torus", "cylinder")], path)
     shape = build123d.import_step(path) if kind == ".step" else build123d.import_brep(path)
     assert shape.is_valid
     wanted = [4 * np.pi * 25, 4 * np.pi**2 * 3, 2 * np.pi * 15]
@@ -176,7 +176,7 @@ def test_elementary_surfaces_come_as_exact_nurbs(kind, name, tmp_path):
         writer = IGESControl_Writer("MM", 0)
         assert writer.AddShape(placed.wrapped)
         assert writer.Write(str(path))
-    read = read_surfaces(path)
+    read = read_faces(path)
     assert len(read) == len(solid.faces())
     # OCCT's own STEP writer keeps the angle of a cone to 13 digits
     bound = 1e-11 if (kind, name) == (".step", "cone") else 100 * np.finfo(float).eps
@@ -190,7 +190,7 @@ def test_periodic_and_unclamped_surfaces_of_other_programs(tmp_path):
     geom.SetUPeriodic()
     geom.SetVPeriodic()
     path = brep(BRepBuilderAPI_MakeFace(geom, 1e-7).Face(), tmp_path / "periodic.brep")
-    (read,) = read_surfaces(path)
+    (read,) = read_faces(path)
     u = np.linspace(0, 1, 13)
     want = [[geom.Value(a, b).Coord() for b in u.tolist()] for a in u.tolist()]
     assert abs(read.grid(u, u) - want).max() <= 1e-14
@@ -199,7 +199,7 @@ def test_periodic_and_unclamped_surfaces_of_other_programs(tmp_path):
 def test_trimmed_splines_come_whole(tmp_path):
     geom = rational_geom(SURFACES["part"])
     path = brep(BRepBuilderAPI_MakeFace(geom, 0.2, 0.7, 0.1, 0.4, 1e-7).Face(), tmp_path / "trimmed.brep")
-    assert_same(read_surfaces(path), [SURFACES["part"]])
+    assert_same(read_faces(path), [SURFACES["part"]])
 
 
 def test_offset_surfaces_are_refused(tmp_path):
@@ -207,7 +207,7 @@ def test_offset_surfaces_are_refused(tmp_path):
     offset = Geom_OffsetSurface(rational_geom(SURFACES["part"]), 0.5)
     path = brep(BRepBuilderAPI_MakeFace(offset, 1e-7).Face(), tmp_path / "offset.brep")
     with pytest.raises(ValueError, match=re.escape(f"face 0 of {path} cannot be read: it is no surface that NURBS hold exactly")):
-        read_surfaces(path)
+        read_faces(path)
 
 
 def test_degrees_above_10_are_refused(tmp_path):
@@ -215,14 +215,14 @@ def test_degrees_above_10_are_refused(tmp_path):
     geom.IncreaseDegree(11, 2)
     path = brep(BRepBuilderAPI_MakeFace(geom, 1e-7).Face(), tmp_path / "high.brep")
     with pytest.raises(ValueError, match=r"face 0 of .* cannot be read: degree must be an integer from 1 to 10, got 11"):
-        read_surfaces(path)
+        read_faces(path)
 
 
 def test_files_without_faces_are_refused(tmp_path):
     edge = build123d.Edge.make_line((0, 0, 0), (1, 0, 0))
     path = brep(edge.wrapped, tmp_path / "edge.brep")
     with pytest.raises(ValueError, match=re.escape(f"{path} holds no faces")):
-        read_surfaces(path)
+        read_faces(path)
 
 
 # ---- units and settings ----
@@ -230,43 +230,43 @@ def test_files_without_faces_are_refused(tmp_path):
 
 def test_metres_become_millimetres(tmp_path):
     path = tmp_path / "wave.step"
-    write_surfaces([WAVE], path)
+    write_faces([WAVE], path)
     metres = path.read_text().replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)")
     assert metres != path.read_text()
     path.write_text(metres)
-    assert np.allclose(read_surfaces(path)[0].coefficients, 1000 * WAVE.coefficients, rtol=1e-15, atol=0)
+    assert np.allclose(read_faces(path)[0].coefficients, 1000 * WAVE.coefficients, rtol=1e-15, atol=0)
 
 
 def test_inches_become_millimetres(tmp_path):
     path = tmp_path / "part.igs"
-    write_surfaces([SURFACES["part"]], path)
+    write_faces([SURFACES["part"]], path)
     inches = path.read_bytes().replace(b",1.,2,2HMM,", b",1.,1,2HIN,")
     assert inches != path.read_bytes()
     path.write_bytes(inches)
-    (read,) = read_surfaces(path)
+    (read,) = read_faces(path)
     assert np.allclose(read.points, 25.4 * SURFACES["part"].points, rtol=1e-15, atol=0)
     assert (read.weights == SURFACES["part"].weights).all()
 
 
 def test_settings_of_other_programs_change_nothing(kind, tmp_path, occt_settings):
     before, after = tmp_path / f"before{kind}", tmp_path / f"after{kind}"
-    write_surfaces([WAVE, SURFACES["lens"]], before)
+    write_faces([WAVE, SURFACES["lens"]], before)
     changed = {"write.iges.unit": "INCH", "xstep.cascade.unit": "M", "read.iges.bspline.continuity": "1"}
     for name, value in changed.items():
         assert Interface_Static.SetCVal_s(name, value)
-    write_surfaces([WAVE, SURFACES["lens"]], after)
+    write_faces([WAVE, SURFACES["lens"]], after)
     assert before.read_bytes() == after.read_bytes()
-    assert_same(read_surfaces(after), [WAVE, SURFACES["lens"]])
+    assert_same(read_faces(after), [WAVE, SURFACES["lens"]])
     assert Interface_Static.CVal_s("xstep.cascade.unit") == "M"
 
 
 def test_nothing_is_printed(kind, tmp_path, capfd):
     path = tmp_path / f"quiet{kind}"
-    write_surfaces([WAVE], path)
-    read_surfaces(path)
+    write_faces([WAVE], path)
+    read_faces(path)
     path.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(ValueError, match="is not a readable"):
-        read_surfaces(path)
+        read_faces(path)
     assert capfd.readouterr().out == ""
 
 
@@ -276,21 +276,21 @@ def test_nothing_is_printed(kind, tmp_path, capfd):
 @pytest.mark.parametrize("share", [0, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
 def test_truncated_files_are_refused(kind, share, tmp_path):
     path = tmp_path / f"short{kind}"
-    write_surfaces([WAVE, SURFACES["torus"]], path)
+    write_faces([WAVE, SURFACES["torus"]], path)
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
     with pytest.raises(ValueError, match=re.escape(f"{path} is not a readable {kind[1:].upper().replace('IGS', 'IGES')} file")):
-        read_surfaces(path)
+        read_faces(path)
 
 
 @pytest.mark.parametrize("cut", [2, 3, 4, 5, 6, 8])
 def test_a_brep_without_its_last_reference_is_refused(cut, tmp_path):
     """The last line names the shape that the file is about; the table above it is whole."""
     path = tmp_path / "short.brep"
-    write_surfaces([WAVE], path)
+    write_faces([WAVE], path)
     path.write_bytes(path.read_bytes().rstrip()[:-cut])
     with pytest.raises(ValueError, match=re.escape(f"{path} is not a readable BREP file")):
-        read_surfaces(path)
+        read_faces(path)
 
 
 @pytest.mark.parametrize("data", [b"", b"hello\n", b"\x00\xff" * 500, b"ISO-10303-21;\n", b"CASCADE Topology V1\nTShapes 0\n"])
@@ -298,17 +298,17 @@ def test_other_files_are_refused(kind, data, tmp_path):
     path = tmp_path / f"other{kind}"
     path.write_bytes(data)
     with pytest.raises(ValueError, match="is not a readable"):
-        read_surfaces(path)
+        read_faces(path)
 
 
 def test_missing_files_are_os_errors(kind, tmp_path):
     with pytest.raises(FileNotFoundError):
-        read_surfaces(tmp_path / f"none{kind}")
+        read_faces(tmp_path / f"none{kind}")
     with pytest.raises(FileNotFoundError):
-        write_surfaces([WAVE], tmp_path / "nowhere" / f"a{kind}")
+        write_faces([WAVE], tmp_path / "nowhere" / f"a{kind}")
 
 
-@pytest.mark.parametrize("call", [read_surfaces, lambda path: write_surfaces([WAVE], path)])
+@pytest.mark.parametrize("call", [read_faces, lambda path: write_faces([WAVE], path)])
 def test_other_suffixes_are_refused(call, tmp_path):
     path = tmp_path / "a.stl"
     with pytest.raises(ValueError, match=re.escape(f"{path} must end in .step, .stp, .iges, .igs, .brep")):
@@ -317,21 +317,21 @@ def test_other_suffixes_are_refused(call, tmp_path):
 
 def test_surfaces_are_refused(tmp_path):
     with pytest.raises(ValueError, match="at least one surface"):
-        write_surfaces([], tmp_path / "a.step")
+        write_faces([], tmp_path / "a.step")
     plane = NURBSSurface(CUBIC, CUBIC, WAVE.coefficients[..., :2])
     with pytest.raises(ValueError, match=r"surfaces\[1\] must have points \(x, y, z\), got a net of shape \(6, 6, 2\)"):
-        write_surfaces([WAVE, plane], tmp_path / "a.step")
+        write_faces([WAVE, plane], tmp_path / "a.step")
     small = NURBSSurface(CUBIC, CUBIC, WAVE.coefficients, np.where(np.arange(36).reshape(6, 6), 1.0, 1e-10))
     with pytest.raises(ValueError, match="weights must be at least 1e-09 in IGES, got 1e-10"):
-        write_surfaces([small], tmp_path / "a.igs")
-    write_surfaces([small], tmp_path / "a.step")
-    assert_same(read_surfaces(tmp_path / "a.step"), [small])
+        write_faces([small], tmp_path / "a.igs")
+    write_faces([small], tmp_path / "a.step")
+    assert_same(read_faces(tmp_path / "a.step"), [small])
 
 
 def test_knots_too_near_for_occt_are_refused(kind, tmp_path):
     near = KnotVector(1, [0.0, 0.0, 1.0, np.nextafter(1.0, 2.0), 2.0, 2.0])
     with pytest.raises(RuntimeError, match=r"OCCT could not make a face of surfaces\[1\]: .*[Kk]nots"):
-        write_surfaces([WAVE, BSplineSurface(near, near, np.arange(48.0).reshape(4, 4, 3))], tmp_path / f"a{kind}")
+        write_faces([WAVE, BSplineSurface(near, near, np.arange(48.0).reshape(4, 4, 3))], tmp_path / f"a{kind}")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -344,6 +344,6 @@ def test_a_failed_write_leaves_the_old_file(kind, tmp_path, monkeypatch):
 
     monkeypatch.setattr(files.os, "replace", fail)
     with pytest.raises(OSError, match="No space left"):
-        write_surfaces([WAVE], path)
+        write_faces([WAVE], path)
     monkeypatch.undo()
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(path.name, "old")]

@@ -79,7 +79,7 @@ def test_bezier_patches_of_all_cells(data):
     space = data.draw(spaces(max_spans=4))
     surface = THBSurface(space, data.draw(coefficients(space.dim, 2)))
     u0, u1, v0, v1 = space.boxes.T
-    patches = surface.to_bezier()
+    patches = surface.bernstein()
     assert patches.shape == (len(space.cells), space.kv_u.degree + 1, space.kv_v.degree + 1, 2)
     by_u, by_v = (comb(p, np.arange(p + 1)) / 2**p for p in (space.kv_u.degree, space.kv_v.degree))
     middle = np.einsum("i,cijd,j->cd", by_u, patches, by_v)

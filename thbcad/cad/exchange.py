@@ -69,7 +69,7 @@ APPROXIMATE = (GeomAbs_OffsetCurve, GeomAbs_OtherCurve)
 OCCT_ERRORS = tuple(e for e in vars(Standard).values() if isinstance(e, type) and issubclass(e, Exception))  # they have no common base
 
 
-def write_surfaces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str | Path) -> None:
+def write_faces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str | Path) -> None:
     """Write surfaces with points (x, y, z) in mm as loose faces; the suffix tells the format.
 
     STEP is .step or .stp, IGES is .igs or .iges, BREP is .brep.  The same surfaces give the same bytes.
@@ -92,7 +92,7 @@ def write_surfaces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str 
     write_bytes(path, write(nurbs))
 
 
-def read_surfaces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
+def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
     """Read the surfaces under all faces of a STEP, IGES or BREP file, in mm.
 
     A B-spline surface comes whole, with the numbers of the file; planes, cylinders, cones, spheres,
