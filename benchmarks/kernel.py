@@ -13,24 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from benchmarks.peers import NUTILS_DEPTH, PYGISMO_DEPTH, Annulus, Peer, annulus_marks, annulus_peers, coefficients, tensor_peers
+from benchmarks.cases import Annulus, annulus, annulus_case, coefficients, refined, tensor_case
+from benchmarks.peers import NUTILS_DEPTH, PYGISMO_DEPTH, Peer, annulus_peers, tensor_peers
 from benchmarks.rows import Row, median_seconds
 from thbcad import BSplineSurface, KnotVector, THBSpace, THBSurface
 
 REPEATS = 9
 AGREEMENT = 1e-12  # with other codes, relative to the greatest value
-# ms of other codes in an earlier run on another machine, shown for those that this run has not measured
-EARLIER = {
-    "build": {"pygismo": 40, "nutils": 3500, "pyiga": 75},
-    "grid": {"pygismo": 5070, "nutils": 302, "pyiga": 57},
-    "gradient": {"pygismo": 11500, "nutils": 2090, "pyiga": 117},
-    "scattered": {"pygismo": 5070},
-    "collocation": {"pygismo": 6540, "nutils": 16000, "pyiga": 3300},
-    "transfer": {"pygismo": 187, "pyiga": 276},
-    "corner, level 12": {"nutils": 1700},
-    "tensor grid": {"splipy": 7.8},
-    "insert": {"splipy": 135},
-}
+# ms of pyiga in an earlier run on another machine
+PYIGA = {"build": 75, "grid": 57, "gradient": 117, "collocation": 3300, "transfer": 276}
 
 
 def rows() -> list[Row]:
@@ -51,25 +42,6 @@ def rows() -> list[Row]:
     ]
 
 
-def annulus_case() -> Annulus:
-    """Return the case: hierarchy, spline and points."""
-    marks = annulus_marks()
-    points = np.random.default_rng(0).random((2, 201_601))
-    return Annulus(marks, annulus(marks).functions, annulus(marks[:-1]).functions, np.linspace(0, 1, 449), points)
-
-
-def annulus(marks: Sequence[NDArray[np.int64]]) -> THBSpace:
-    """Return the annulus hierarchy."""
-    kv = KnotVector.uniform(3, 7)
-    return _refined(THBSpace(kv, kv), marks)
-
-
-def _refined(space: THBSpace, marks: Sequence[NDArray[np.int64]]) -> THBSpace:
-    for level, cells in enumerate(marks):
-        space = space.refine({level: cells})
-    return space
-
-
 def ready(space: THBSpace) -> THBSpace:
     """Return a space when the first value of a surface over it is known: what later evaluations need is there."""
     THBSurface(space, np.ones(space.dim))([0.5 * space.kv_u.stop], [0.5 * space.kv_v.stop])
@@ -79,7 +51,7 @@ def ready(space: THBSpace) -> THBSpace:
 def _others(peers: Sequence[Peer], task: str) -> str:
     """Return the times of the other codes as text."""
     now = {peer.name: peer.times[task] for peer in peers if task in peer.times}
-    before = {name: time for name, time in EARLIER.get(task, {}).items() if name not in now}
+    before = {"pyiga": PYIGA[task]} if task in PYIGA else {}
     parts = [(now, "this run"), (before, "earlier")]
     return "; ".join(", ".join(f"{name} {_shown(time)}" for name, time in times.items()) + f" ({when})" for times, when in parts if times)
 
@@ -172,7 +144,7 @@ def _restriction() -> list[Row]:
     for degree in range(1, 6):
         kv = KnotVector.uniform(degree, 12)
         coarse = THBSpace(kv, kv)
-        fine = _refined(coarse, [2 + np.argwhere(np.ones((8, 8))), 6 + np.argwhere(np.ones((12, 12)))])
+        fine = refined(coarse, [2 + np.argwhere(np.ones((8, 8))), 6 + np.argwhere(np.ones((12, 12)))])
         product = fine.restriction(coarse) @ coarse.prolongation(fine)
         product.setdiag(product.diagonal() - 1)
         defects.append(float(abs(product).max()))
@@ -181,12 +153,12 @@ def _restriction() -> list[Row]:
 
 
 def _corner(peers: Sequence[Peer]) -> list[Row]:
-    def time(depth: int) -> tuple[float, float]:
+    def time(depth: int, repeats: int = 5) -> tuple[float, float]:
         space, marks = THBSpace(kv, kv), [np.argwhere(np.ones((4, 4)))] * depth
-        return _ms(lambda: ready(_refined(space, marks)), 5), len(_refined(space, marks).cells)
+        return _ms(lambda: ready(refined(space, marks)), repeats), len(refined(space, marks).cells)
 
     kv = KnotVector.uniform(3, 8)
-    (low, few), (high, many) = time(6), time(24)
+    (low, few), (high, many) = time(6, 15), time(24, 15)
     others = [_others(peers, f"corner, level {depth}") for depth in (NUTILS_DEPTH, PYGISMO_DEPTH)]
     return [
         Row("corner refinement, 8 x 8, level 12 (697 DOF)", time(12)[0], "ms", others[0], 50),
@@ -204,20 +176,13 @@ def _diagonal() -> list[Row]:
         i, shift = (x.ravel() for x in np.meshgrid(np.arange(8 << level), np.arange(-3, 4), indexing="ij"))
         pairs = np.stack([i, i + shift], axis=1)
         marks.append(pairs[(pairs[:, 1] >= 0) & (pairs[:, 1] < 8 << level)])
-    cells = len(_refined(THBSpace(kv, kv), marks).cells)
-    time = _ms(lambda: ready(_refined(THBSpace(kv, kv), marks)), 1)
+    cells = len(refined(THBSpace(kv, kv), marks).cells)
+    time = _ms(lambda: ready(refined(THBSpace(kv, kv), marks)), 1)
     return [
         Row("diagonal refinement, 8 x 8, level 8: cells", cells),
         Row("   8 refinements up to the first value", time, "ms"),
         Row("   the same per 1000 cells", 1e3 * time / cells, "ms"),
     ]
-
-
-def tensor_case() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return knots, a net (227, 227, 3), the parameters of a grid and 100 new knots."""
-    kv = KnotVector.uniform(3, 224)
-    net = np.random.default_rng(1).random((kv.dim, kv.dim, 3))
-    return kv.knots, net, np.linspace(0, 1, 449), (np.arange(100) + 0.37) / 100
 
 
 def _tensor() -> list[Row]:

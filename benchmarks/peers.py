@@ -1,4 +1,4 @@
-"""The annulus case and how other codes do on it, measured in the same run where they are installed.
+"""How other codes do on the cases of the kernel, measured in the same run where they are installed.
 
 Run: thbcad bench peers
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, NdBSpline
 from scipy.sparse import csr_array
 
+from benchmarks.cases import SPANS, Annulus, annulus_case, coefficients, tensor_case
 from benchmarks.rows import Row
 
 if TYPE_CHECKING:
@@ -32,38 +33,9 @@ if TYPE_CHECKING:
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("NUTILS_NPROCS", "1")
 
-SPANS = 7
-WIDTHS = (0.25, 0.15, 0.08, 0.04, 0.02)
 PYGISMO_DEPTH, NUTILS_DEPTH = 8, 12
 T = TypeVar("T")
 Knots = tuple[NDArray[np.float64], NDArray[np.float64]]
-
-
-@dataclass(frozen=True, eq=False)
-class Annulus:
-    """The case: degree 3, 7 x 7 spans on [0, 1]^2, refined five times about a circle.
-
-    marks : per level the refined cells, (n, 2) int
-    functions, before : (dim, 3) int [level, i, j], in this order, after the last refinement and before it
-    grid : (g,) parameters of the grid, points : (2, n) scattered (u, v)
-    """
-
-    marks: Sequence[NDArray[np.int64]]
-    functions: NDArray[np.int64]
-    before: NDArray[np.int64]
-    grid: NDArray[np.float64]
-    points: NDArray[np.float64]
-
-    @property
-    def grid_points(self) -> NDArray[np.float64]:
-        """The points of the grid x grid, (2, g^2)."""
-        return np.stack(np.meshgrid(self.grid, self.grid, indexing="ij")).reshape(2, -1)
-
-
-def coefficients(functions: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the oracle's coefficients, (dim,)."""
-    level, i, j = functions.T.astype(float)
-    return np.sin(1.3 * i + 2.1 * j + 0.7 * level) + 0.3 * np.cos(0.37 * i * j + level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +64,6 @@ class Peer:
 
 def rows() -> list[Row]:
     """Return the times of the peers that are installed."""
-    from benchmarks.kernel import annulus_case, tensor_case
-
     case = annulus_case()
     peers = [*_installed(lambda: pygismo(case), lambda: nutils(case)), *tensor_peers(*tensor_case())]
     return [Row(f"{peer.name}: {task}", time, "ms") for peer in peers for task, time in peer.times.items()]
@@ -119,20 +89,6 @@ def _installed(*builders: Callable[[], Peer]) -> list[Peer]:
         except ModuleNotFoundError:
             continue
     return peers
-
-
-def annulus_marks() -> list[NDArray[np.int64]]:
-    """Return the cells of every level that meet the open annulus |r - 0.3| < w about (1/2, 1/2)."""
-    marks = []
-    for level, width in enumerate(WIDTHS):
-        n = SPANS << level
-        # in units of 1 / (2 n), so that the test is exact up to the square root
-        low, high = np.arange(n) / n - 0.5, (np.arange(n) + 1) / n - 0.5
-        near = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(abs(low), abs(high)))
-        far = np.maximum(abs(low), abs(high))
-        least, most = np.hypot.outer(near, near), np.hypot.outer(far, far)
-        marks.append(np.argwhere((least < 0.3 + width) & (most > 0.3 - width)))
-    return marks
 
 
 def _scipy_grid(knots: Knots, net: NDArray[np.float64], grid: NDArray[np.float64], a: int = 0, b: int = 0) -> NDArray[np.float64]:

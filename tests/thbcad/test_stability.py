@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.stability import STRESSES, clamped, coarsened, corner, deepest, measure, projection_defect, random_breaks, window
+from benchmarks.stability import coarsened, deepest, measure, projection_defect, window
+from benchmarks.stresses import STRESSES, clamped, corner, random_breaks
 from tests.thbcad.exact import ExactAxis, ExactTHB, roundings
 from tests.thbcad.oracle import DefinitionTHB, boehm, gamma
 from tests.thbcad.strategies import coefficients, hierarchies, knot_vectors, points, seeds
