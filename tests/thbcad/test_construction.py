@@ -12,7 +12,7 @@ from OCP.gp import gp, gp_Ax1, gp_Ax2, gp_Circ, gp_Dir, gp_Pnt
 from tests.thbcad.strategies import seeds
 from tests.thbcad.test_rational import curves, geom_curve
 from thbcad.bspline import KnotVector
-from thbcad.cad.exchange import spline_surface
+from thbcad.cad.geom import spline_surface
 from thbcad.conic import Conic
 from thbcad.construction import circular_arc, conic_arc, line, meridian, revolved, ruled
 from thbcad.rational import NURBSCurve

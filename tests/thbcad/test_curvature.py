@@ -182,7 +182,7 @@ def test_occt_sees_the_same_curvature():
     """An independent referee: GeomLProp at the places that were found, and at scattered points."""
     from OCP.GeomLProp import GeomLProp_SLProps
 
-    from thbcad.cad.solid import geom_surface
+    from thbcad.cad.geom import geom_surface
 
     kv = KnotVector.uniform(3, 6, -2, 2)
     graph = interpolant(kv, lambda x, y: 0.2 * np.sin(1.7 * x + 0.3) * np.cos(1.3 * y - 0.2) + 0.05 * x**2)

@@ -18,7 +18,8 @@ from OCP.Interface import Interface_Static
 from tests.thbcad.test_rational import nurbs_surfaces
 from thbcad import files
 from thbcad.bspline import KnotVector
-from thbcad.cad.exchange import FORMATS, rational_geom, read_faces, write_faces
+from thbcad.cad.exchange import FORMATS, read_faces, write_faces
+from thbcad.cad.geom import rational_geom
 from thbcad.conic import Conic
 from thbcad.construction import circular_arc, line, meridian, revolved, ruled
 from thbcad.rational import NURBSSurface

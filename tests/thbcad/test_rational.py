@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline
 from tests.thbcad.oracle import cox_de_boor, gamma
 from tests.thbcad.strategies import insertions, knot_vectors, parameters, seeds
 from thbcad.bspline import KnotVector
-from thbcad.cad.exchange import rational_geom
+from thbcad.cad.geom import rational_geom
 from thbcad.rational import NURBSCurve, NURBSSurface, quotient
 from thbcad.surface import BSplineSurface
 

@@ -8,12 +8,10 @@ equal weights come back as a polynomial surface, in IGES also those that differ 
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from OCP import Standard
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
@@ -34,35 +32,27 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
-from OCP.IFSelect import IFSelect_RetDone
-from OCP.IGESControl import IGESControl_Controller, IGESControl_Reader, IGESControl_Writer
+from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
 from OCP.IGESData import IGESData_IGESWriter
 from OCP.IGESSolid import IGESSolid
-from OCP.STEPControl import STEPControl_Reader
 from OCP.TCollection import TCollection_HAsciiString
-from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_FACE
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
 from OCP.TopTools import TopTools_FormatVersion
 
-from thbcad.bspline import KnotVector
-from thbcad.cad.solid import TOLERANCE, geom_surface
-from thbcad.cad.writing import REALS, occt_settings, silence, step_text
+from thbcad.cad.geom import TOLERANCE, rational_geom, spline_surface
+from thbcad.cad.reading import brep_shape, explore, iges_shape, step_shape
+from thbcad.cad.writing import REALS, silence, step_text
 from thbcad.files import write_bytes
 from thbcad.rational import NURBSSurface
 from thbcad.surface import BSplineSurface
 
 if TYPE_CHECKING:
     from OCP.Geom import Geom_Surface
-    from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS_Face
 
 IGES_STAMP = "20000101.000000"
 IGES_LEAST_WEIGHT = 1e-9  # OCCT reads a surface with a lesser weight as polynomial
-IGES_END = re.compile(rb"^.{72}T *0*1\s*$", re.MULTILINE)
-BREP_TABLE = re.compile(rb"^CASCADE Topology V\d.*^TShapes (\d+)", re.MULTILINE | re.DOTALL)
-BREP_END = re.compile(rb"\*\s+[-+ie]\d+ \d+\s*\Z")
 EXACT = (GeomAbs_Plane, GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus, GeomAbs_BezierSurface, GeomAbs_BSplineSurface)
 SWEPT = (GeomAbs_SurfaceOfRevolution, GeomAbs_SurfaceOfExtrusion)
 APPROXIMATE = (GeomAbs_OffsetCurve, GeomAbs_OtherCurve)
@@ -119,73 +109,6 @@ def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
     return [_read_face(path, k, TopoDS.Face_s(face)) for k, face in enumerate(faces)]
 
 
-def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
-    """Return a NURBSSurface as Geom_BSplineSurface; equal weights make a polynomial one."""
-    geom = geom_surface(BSplineSurface(surface.kv_u, surface.kv_v, surface.points))
-    if np.ptp(surface.weights) == 0:
-        return geom
-    row = TColStd_Array1OfReal(1, surface.kv_v.dim)
-    for i, weights in enumerate(surface.weights.tolist(), 1):
-        for j, weight in enumerate(weights, 1):
-            row.SetValue(j, weight)
-        geom.SetWeightRow(i, row)
-    return geom
-
-
-def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
-    """Return a Geom_BSplineSurface with the very numbers of the file; a periodic one is cut at its ends."""
-    geom = geom.Copy()
-    if geom.IsUPeriodic():
-        geom.SetUNotPeriodic()
-    if geom.IsVPeriodic():
-        geom.SetVNotPeriodic()
-    geom.Segment(*geom.Bounds())  # clamps the knots
-    kv_u = _knot_vector(geom.UDegree(), geom.UKnot, geom.UMultiplicity, geom.NbUKnots())
-    kv_v = _knot_vector(geom.VDegree(), geom.VKnot, geom.VMultiplicity, geom.NbVKnots())
-    rows, columns = range(1, geom.NbUPoles() + 1), range(1, geom.NbVPoles() + 1)
-    points = np.array([[geom.Pole(i, j).Coord() for j in columns] for i in rows])
-    if not (geom.IsURational() or geom.IsVRational()):
-        return BSplineSurface(kv_u, kv_v, points)
-    return NURBSSurface(kv_u, kv_v, points, np.array([[geom.Weight(i, j) for j in columns] for i in rows]))
-
-
-def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
-    """Return the faces, edges, ... of a shape in their order."""
-    explorer, found = TopExp_Explorer(shape, kind), []
-    while explorer.More():
-        found.append(explorer.Current())
-        explorer.Next()
-    return found
-
-
-def step_shape(path: Path) -> TopoDS_Shape:
-    """Return the shape of a STEP file, in mm."""
-    reader = STEPControl_Reader()
-    with occt_settings({"xstep.cascade.unit": "MM"}):
-        if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
-            raise ValueError(f"{path} is not a readable STEP file")
-        return reader.OneShape()
-
-
-def _iges_shape(path: Path) -> TopoDS_Shape:
-    reader = IGESControl_Reader()
-    whole = IGES_END.search(path.read_bytes())  # OCCT reads what there is of a truncated file
-    with occt_settings({"xstep.cascade.unit": "MM", "read.iges.bspline.continuity": "0"}):
-        if not whole or reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
-            raise ValueError(f"{path} is not a readable IGES file")
-        return reader.OneShape()
-
-
-def _brep_shape(path: Path) -> TopoDS_Shape:
-    shape, data = TopoDS_Shape(), path.read_bytes()
-    # OCCT does not return from a truncated file: every shape of the table must end with its star, then one of them is named
-    table = BREP_TABLE.search(data)
-    whole = table and data.count(b"*", table.end()) == int(table[1]) and BREP_END.search(data)
-    if not whole or not BRepTools.Read_s(shape, str(path), BRep_Builder()) or shape.IsNull():
-        raise ValueError(f"{path} is not a readable BREP file")
-    return shape
-
-
 def _step_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
     return step_text(_compound(surfaces), "surfaces")
 
@@ -224,8 +147,8 @@ def _iges_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
 
 FORMATS: dict[str, tuple[Callable[[Sequence[NURBSSurface]], bytes], Callable[[Path], TopoDS_Shape]]] = {
     **dict.fromkeys((".step", ".stp"), (_step_bytes, step_shape)),
-    **dict.fromkeys((".iges", ".igs"), (_iges_bytes, _iges_shape)),
-    ".brep": (_brep_bytes, _brep_shape),
+    **dict.fromkeys((".iges", ".igs"), (_iges_bytes, iges_shape)),
+    ".brep": (_brep_bytes, brep_shape),
 }
 
 
@@ -268,8 +191,3 @@ def _rectangle(face: TopoDS_Face, geom: Geom_Surface) -> tuple[float, float, flo
     if geom.IsVPeriodic() and v1 - v0 > (1 - 1e-12) * geom.VPeriod():
         v0, v1 = b0, b1
     return u0, u1, v0, v1
-
-
-def _knot_vector(degree: int, knot: Callable[[int], float], multiplicity: Callable[[int], int], count: int) -> KnotVector:
-    numbers = range(1, count + 1)
-    return KnotVector(degree, np.repeat([knot(k) for k in numbers], [multiplicity(k) for k in numbers]))

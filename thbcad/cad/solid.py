@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
-from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_Line, Geom_Plane
+from OCP.Geom import Geom_Line, Geom_Plane
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
-from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
 
 from thbcad.bspline import KnotVector
+from thbcad.cad.geom import TOLERANCE, geom_curve, geom_surface
 from thbcad.graph import graph_poles
 from thbcad.surface import BSplineSurface
 
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
     from thbcad.lens import Lens
 
-TOLERANCE = 1e-7  # mm, OCCT's default confusion
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # counter-clockwise seen from +z; 0 and 1 are low and high x, y
 SIDES = ((0, 1), (1, 2), (3, 2), (0, 3))  # corners of each side in the direction of increasing x or y
 UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
@@ -74,33 +72,6 @@ def lens_solid(lens: Lens) -> TopoDS_Solid:
     return solid
 
 
-def geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
-    """Return a three-component BSplineSurface as Geom_BSplineSurface."""
-    poles = surface.coefficients
-    array = TColgp_Array2OfPnt(1, poles.shape[0], 1, poles.shape[1])
-    for i, row in enumerate(poles.tolist(), 1):
-        for j, (x, y, z) in enumerate(row, 1):
-            array.SetValue(i, j, gp_Pnt(x, y, z))
-    (ku, mu), (kv, mv) = (_knots(k) for k in (surface.kv_u, surface.kv_v))
-    return Geom_BSplineSurface(array, ku, kv, mu, mv, surface.kv_u.degree, surface.kv_v.degree)
-
-
-def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
-    values, counts = np.unique(kv.knots, return_counts=True)
-    knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
-    for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
-        knots.SetValue(k, value)
-        multiplicities.SetValue(k, count)
-    return knots, multiplicities
-
-
-def _curve(kv: KnotVector, poles: NDArray[np.float64]) -> Geom_BSplineCurve:
-    array = TColgp_Array1OfPnt(1, len(poles))
-    for k, (x, y, z) in enumerate(poles.tolist(), 1):
-        array.SetValue(k, gp_Pnt(x, y, z))
-    return Geom_BSplineCurve(array, *_knots(kv), kv.degree)
-
-
 def _vertex(builder: BRep_Builder, point: NDArray[np.float64]) -> TopoDS_Vertex:
     vertex = TopoDS_Vertex()
     builder.MakeVertex(vertex, gp_Pnt(*point.tolist()), TOLERANCE)
@@ -128,7 +99,7 @@ def _rim(builder: BRep_Builder, surface: BSplineSurface, side: int, vertices: Se
     """Return the edge of a side, running towards increasing x or y."""
     kv, poles = _boundary(surface, side)
     start, stop = SIDES[side]
-    return _edge(builder, _curve(kv, poles), kv.start, kv.stop, vertices[start], vertices[stop])
+    return _edge(builder, geom_curve(kv, poles), kv.start, kv.stop, vertices[start], vertices[stop])
 
 
 def _strut(
@@ -141,7 +112,7 @@ def _strut(
         length = float(np.linalg.norm(ends[1] - ends[0]))
         curve = Geom_Line(gp_Pnt(*ends[0].tolist()), gp_Dir(*(ends[1] - ends[0]).tolist()))
     else:
-        length, curve = 1.0, _curve(UNIT, ends)
+        length, curve = 1.0, geom_curve(UNIT, ends)
     return _edge(builder, curve, 0.0, length, vertices[0][corner], vertices[1][corner])
 
 

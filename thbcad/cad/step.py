@@ -21,7 +21,8 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
-from thbcad.cad.exchange import explore, spline_surface, step_shape
+from thbcad.cad.geom import spline_surface
+from thbcad.cad.reading import explore, step_shape
 from thbcad.cad.solid import lens_solid
 from thbcad.cad.writing import silence, step_text
 from thbcad.files import write_bytes
