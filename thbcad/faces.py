@@ -19,7 +19,7 @@ import numpy as np
 
 from thbcad.bspline import KnotVector
 from thbcad.hierarchy import DyadicAxis, Integers
-from thbcad.operators import banded_least_squares
+from thbcad.operators import banded_least_squares, tensor_apply
 from thbcad.space import THBSpace
 from thbcad.surface import BSplineSurface
 
@@ -120,11 +120,10 @@ def _points(sides: tuple[_Side, _Side], box: Box, cells: Integers) -> tuple[int,
 def _face(sides: tuple[_Side, _Side], surface: BSplineSurface, box: Box) -> BSplineSurface:
     """Return the face over a box: the segment of the surface, without the knots that only others need."""
     _, cells = _points(sides, box, np.arange(len(sides[0].low)))
-    vectors, net = [], surface.coefficients
-    for side, ends, kv in zip(sides, box, (surface.kv_u, surface.kv_v)):
-        own = side.knot_vector(*ends, cells)
-        segment, operator = kv.segment(own.start, own.stop)
-        rows = banded_least_squares(own.prolongation(segment), kv.degree, operator @ net.reshape(len(net), -1))
+    vectors = [side.knot_vector(*ends, cells) for side, ends in zip(sides, box)]
+    segments = [kv.segment(own.start, own.stop) for own, kv in zip(vectors, (surface.kv_u, surface.kv_v))]
+    net = tensor_apply(*(operator for _, operator in segments), surface.coefficients)
+    for own, (segment, _) in zip(vectors, segments):
+        rows = banded_least_squares(own.prolongation(segment), own.degree, net.reshape(len(net), -1))
         net = np.moveaxis(rows.reshape(own.dim, *net.shape[1:]), 0, 1)
-        vectors.append(own)
     return BSplineSurface(*vectors, net)
