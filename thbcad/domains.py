@@ -39,9 +39,7 @@ class Domains:
 
     def keys(self, level: int, pairs: Integers) -> Integers:
         """Return the keys of cells (i, j); refuse cells outside."""
-        n_u, n_v = (axis.spans(level) for axis in self.axes)
-        if n_u * n_v >= 1 << 62:
-            raise ValueError(f"level {level} is too deep: its {n_u} x {n_v} cells cannot be counted in 64 bits")
+        n_u, n_v = self._counts(level)
         bad = (pairs < 0).any(axis=1) | (pairs[:, 0] >= n_u) | (pairs[:, 1] >= n_v)
         if bad.any():
             i, j = pairs[bad][0]
@@ -66,6 +64,7 @@ class Domains:
         for level, pairs in sorted(checked_cells(cells).items()):
             keys = np.unique(self.keys(level, pairs))
             self._require_leaves(level, keys)
+            self._counts(level + 1)
             if not all(axis.has_room(level, row) for axis, row in zip(self.axes, self.pairs(level, keys).T)):
                 raise ValueError(f"level {level + 1} is too deep: neighbouring knots coincide in float64")
             if level == len(refined):
@@ -88,6 +87,13 @@ class Domains:
     def within(self, finer: Domains) -> bool:
         """Return whether all cells that are refined here are refined in `finer` too."""
         return all(np.isin(keys, finer.refined(level), assume_unique=True).all() for level, keys in enumerate(self._refined))
+
+    def _counts(self, level: int) -> tuple[int, int]:
+        """Return the numbers of cells of a level in u and in v; refuse those whose keys overflow."""
+        n_u, n_v = (axis.spans(level) for axis in self.axes)
+        if n_u * n_v >= 1 << 63:
+            raise ValueError(f"level {level} is too deep: its {n_u} x {n_v} cells cannot be counted in 64 bits")
+        return n_u, n_v
 
     def _parents(self, level: int, keys: Integers) -> Integers:
         """Return the keys on level - 1 of the cells that hold cells of a level."""
@@ -118,6 +124,8 @@ class Domains:
 
 def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
     """Return {level: (n, 2) int64} without empty entries."""
+    if not isinstance(cells, Mapping):
+        raise ValueError(f"cells must be a mapping {{level: [(i, j), ...]}}, got {type(cells).__name__}")
     checked = {}
     for level, pairs in cells.items():
         require_integer("level", level, 0, MAX_LEVEL - 1)
@@ -126,5 +134,7 @@ def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
             continue
         if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
             raise ValueError(f"cells of level {level} must be pairs (i, j) of integers, got {array.dtype} of shape {array.shape}")
+        if array.max() > np.iinfo(np.int64).max:
+            raise ValueError(f"cells of level {level} must be pairs (i, j) below 2^63, got {array.max()}")
         checked[int(level)] = array.astype(np.int64)
     return checked

@@ -47,6 +47,13 @@ def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:
     return csr_array(keep + place @ (weights @ net))
 
 
+def require_restored(operator: csr_array) -> None:
+    """Raise ValueError when the steps of a restriction, multiplied, leave fewer than four digits: its rounding error is |Q| EPS."""
+    norm = abs(operator).sum(axis=1).max(initial=0)
+    if not norm <= GREATEST_NORM:
+        raise ValueError(f"the levels cannot be restored at once in float64: the operator has norm {norm:.2g}; restrict to fewer levels")
+
+
 def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_array:
     """Return the weights of the finer level's net, (n, size), that give the lost functions' coefficients."""
     functions = coarse.functions[coarse.active][lost]

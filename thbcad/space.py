@@ -33,7 +33,7 @@ from thbcad.local import LocalBasis
 from thbcad.nets import Nets
 from thbcad.operators import csr_rows
 from thbcad.quadtree import Quadtree
-from thbcad.restriction import restriction
+from thbcad.restriction import require_restored, restriction
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,7 @@ class THBSpace:
         Raises
         ------
         ValueError : this space is not a refinement of `coarser`; or the knots are so unequal around the few whole
-            cells of a function that float64 cannot restore its coefficient.
+            cells of a function that float64 cannot restore its coefficient; or the norms of many levels multiply beyond 1e12.
         """
         if not isinstance(coarser, THBSpace):
             raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
@@ -206,6 +206,7 @@ class THBSpace:
             if len(extra):
                 less = whole.coarsen({level: whole._domains.pairs(level, extra)})
                 operator = restriction(less.hierarchy, whole.nets, level) @ operator
+                require_restored(operator)
                 whole = less
         return csr_array(operator)
 

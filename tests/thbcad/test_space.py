@@ -543,7 +543,9 @@ def test_spaces_need_knot_vectors(arguments):
         ({0: [(0, 0, 0)]}, r"must be pairs .* of shape \(1, 3\)"),
         ({0: [(np.nan, 0)]}, "must be pairs"),
         ({0: "ab"}, "must be pairs"),
-        ({0: [(2**63, 0)]}, "cell|pairs"),
+        ({0: np.array([(2**63, 0)], dtype=np.uint64)}, "pairs .* below 2.63, got 9223372036854775808"),
+        ([(0, 0)], r"cells must be a mapping \{level: .*\}, got list"),
+        (None, "cells must be a mapping .*, got NoneType"),
     ],
 )
 def test_cells_are_refused(cells, message):

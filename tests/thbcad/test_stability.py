@@ -172,3 +172,27 @@ def test_the_deepest_level(kv, level, sentence):
     reached, refused = deepest(kv, min(kv.spans, 4))
     assert reached == level
     assert sentence in refused
+
+
+def test_children_that_64_bits_cannot_count_are_refused():
+    """215^2 4^23 cells of level 23 are less than 2^62, their children more than 2^63."""
+    space = THBSpace(KnotVector.uniform(1, 215), KnotVector.uniform(1, 215))
+    for level in range(23):
+        space = space.refine({level: [((215 << level) - 1, (215 << level) - 1)]})
+    assert space.cells[-1].tolist() == [23, (215 << 23) - 1, (215 << 23) - 1]
+    with pytest.raises(ValueError, match=r"level 24 is too deep: its .* cells cannot be counted in 64 bits"):
+        space.refine({23: [((215 << 23) - 1, (215 << 23) - 1)]})
+
+
+def test_restriction_over_many_levels_is_exact_or_refused():
+    """Degree 10: every level more costs a factor of 14 to 20."""
+    kv = KnotVector.uniform(10, 12)
+    space = base = THBSpace(kv, kv)
+    block = [(i, j) for i in range(5) for j in range(5)]
+    for level in range(11):
+        space = space.refine({level: block})
+        if level % 3 == 2:
+            q = space.restriction(base)
+            assert abs(q @ base.prolongation(space) - np.eye(base.dim)).max() <= 10 * np.finfo(float).eps * abs(q).sum(axis=1).max()
+    with pytest.raises(ValueError, match=r"cannot be restored at once in float64: the operator has norm .*e.12"):
+        space.restriction(base)
