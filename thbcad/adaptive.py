@@ -14,6 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.checks import require_integer, require_number
+from thbcad.domains import MAX_LEVEL
 from thbcad.fitting import Samples, Underdetermined, least_squares
 from thbcad.functions import Function, evaluate
 from thbcad.sampling import cell_points, gauss_points
@@ -21,9 +23,10 @@ from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 
 PATIENCE = 3  # refinements without a smaller error: the cells at fault are then 8 times smaller
-HELD_OUT = 3  # every third sample
+HELD_OUT = 3  # one sample in three
+MOST_FUNCTIONS = 300_000
 
-Outcome = Literal["reached", "max level", "no progress", "too few samples"]
+Outcome = Literal["reached", "max level", "no progress", "too few samples", "too large"]
 
 
 class Step(NamedTuple):
@@ -38,8 +41,9 @@ class Fit:
     """The fit of least error, and how it was found.
 
     outcome : "reached" (error <= tolerance), "max level" (no cell above the tolerance may be refined
-        further), "no progress" (three refinements did not lower the error of the cells that may be
-        refined: noise, a jump) or "too few samples" (they do not determine a spline of the next space).
+        further, or cells would be too short for float64), "no progress" (three refinements did not lower the
+        error of the cells that may be refined: noise, a jump), "too few samples" (they do not determine a
+        spline of the next space) or "too large" (the next space has more than 300,000 functions).
     history : one Step for every fit, coarsest first.
     """
 
@@ -56,34 +60,42 @@ def fit(space: THBSpace, target: Function | Samples, tolerance: float, max_level
     tolerance together with their neighbours (`surroundings`), and so on.
 
     A function is sampled for the fit at (p + 1)(q + 1) Gauss points of every leaf cell, weighted by
-    area (the L2 projection), and for the error at (p + 2)(q + 2) other points.  Of given samples two
-    thirds are fitted; every third one is held out, and the error is measured there.  So the error
-    is measured apart from the fit, but it is no bound: what lies between the points is not seen.
+    area (the L2 projection), and for the error at (p + 2)(q + 2) other points.  Of given samples of
+    positive weight a random third (the same in every call) is held out of the fit; the error is measured
+    at all of them.  It is no bound: what lies between the points is not seen.
 
     Parameters
     ----------
     target : a function of u and v, (n,) float each, that returns (n,) or (n, d); or samples
     tolerance : greatest distance |s - target|, in the unit of the target
-    max_level : cells of this level are not refined
+    max_level : cells of this level are not refined, 0 to 24
     smoothing : as in `least_squares`
 
     Raises
     ------
-    ValueError : a tolerance that is not positive, fewer than three samples, function values that are not finite.
+    ValueError : a tolerance that is not positive, a level outside 0..24, fewer than three samples of positive
+        weight, function values that are not finite.
     Underdetermined : the samples do not even determine a spline of the given space.
     """
-    if not tolerance > 0:
-        raise ValueError(f"tolerance must be positive, got {tolerance}")
+    require_number("tolerance", tolerance, above=0)
+    require_integer("max_level", max_level, 0, MAX_LEVEL)
     if isinstance(target, Samples):
+        target = target[target.weights > 0]
         if len(target) < HELD_OUT:
-            raise ValueError(f"a fit needs at least {HELD_OUT} samples, got {len(target)}")
-        held_out = np.arange(len(target)) % HELD_OUT == HELD_OUT - 1
-        approximate = partial(least_squares, samples=target[~held_out], smoothing=smoothing)
-        measure = partial(_sample_errors, samples=target[held_out])
+            raise ValueError(f"a fit needs at least {HELD_OUT} samples of positive weight, got {len(target)}")
+        approximate = partial(least_squares, samples=target[~held_out(len(target))], smoothing=smoothing)
+        measure = partial(_sample_errors, samples=target)
     else:
         approximate = partial(_projected, function=target, smoothing=smoothing)
         measure = partial(_function_errors, function=target)
     return _refined(space, approximate, measure, tolerance, max_level)
+
+
+def held_out(count: int) -> NDArray[np.bool_]:
+    """Return which of so many samples a fit does not see, (count,) bool: a random third, always the same."""
+    chosen = np.zeros(count, dtype=bool)
+    chosen[np.random.default_rng(0).permutation(count)[: count // HELD_OUT]] = True
+    return chosen
 
 
 def _refined(
@@ -105,13 +117,23 @@ def _refined(
         below.append(float(errors[coarse].max(initial=0)))
         outcome = _outcome(least, below, tolerance)
         if outcome is None:
-            space = space.refine(surroundings(space, space.cells[coarse & (errors > tolerance)]))
+            finer = _finer(space, space.cells[coarse & (errors > tolerance)])
+            outcome = "max level" if finer is None else "too large" if finer.dim > MOST_FUNCTIONS else None
+        if outcome is None:
             try:
-                surface = approximate(space)
+                space, surface = finer, approximate(finer)
             except Underdetermined:
                 outcome = "too few samples"
         if outcome is not None:
             return Fit(best, least, outcome, tuple(history))
+
+
+def _finer(space: THBSpace, cells: NDArray[np.int64]) -> THBSpace | None:
+    """Return the space with the surroundings of the cells refined; None where they would be too short for float64."""
+    try:
+        return space.refine(surroundings(space, cells))
+    except ValueError:
+        return None
 
 
 def _outcome(error: float, below: list[float], tolerance: float) -> Outcome | None:

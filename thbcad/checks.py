@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,15 @@ def require_integer(name: str, value: object, least: int, most: int | None = Non
         if most is not None:
             bounds = f"an integer from {least} to {most}"
         raise ValueError(f"{name} must be {bounds}, got {value!r}")
+
+
+def require_number(name: str, value: object, least: float = -np.inf, above: float = -np.inf, finite: bool = False) -> None:
+    """Raise ValueError unless the value is a real number, no bool or NaN, of at least `least` and greater than `above`."""
+    good = isinstance(value, Real) and not isinstance(value, bool) and value >= least and (value > above or above == -np.inf)
+    if not good or (finite and not abs(value) < np.inf):
+        kind = "finite number" if finite else "number"
+        wanted = f"a {kind} of at least {least:g}" if least > -np.inf else f"a positive {kind}" if above == 0 else f"a {kind}"
+        raise ValueError(f"{name} must be {wanted}, got {value!r}")
 
 
 def require_order(derivative: object) -> None:

@@ -38,9 +38,11 @@ def lens_from_dict(data: object) -> Lens:
 
     Raises
     ------
-    ValueError : another schema or version, a missing key, or numbers that make no lens.
+    ValueError : another schema, version or units, a missing key, or numbers that make no lens.
     """
     table = require_schema(data, SCHEMA, VERSION, "lens")
+    if table.get("units") != "mm":
+        raise ValueError(f"the lens file's units must be 'mm', got {table.get('units')!r}")
     try:
         front, rear = (_surface_from_dict(a_table(table, name)) for name in ("front", "rear"))
         return Lens(front, rear, a_number(table, "thickness"), a_number(table, "index"))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import read_only
+from thbcad.checks import read_only, require_number
 from thbcad.operators import banded_least_squares, tensor_apply
 from thbcad.surface import BSplineSurface
 
@@ -66,14 +66,15 @@ def remove_knots(kv: KnotVector, coefficients: ArrayLike, tolerance: float) -> R
     ------
     ValueError : coefficients of another shape or not finite; tolerance that is negative or NaN.
     """
-    _require_tolerance(tolerance)
+    require_number("tolerance", tolerance, least=0)
     c = np.asarray(coefficients, dtype=np.float64)
     if c.shape[:1] != (kv.dim,) or c.ndim > 2:
         raise ValueError(f"coefficients must have shape ({kv.dim},) or ({kv.dim}, d), got {c.shape}")
     if not np.isfinite(c).all():
         raise ValueError("coefficients must be finite")
-    fit = _thinned(kv, c.reshape(kv.dim, 1, -1), tolerance)
-    return Removal(fit.kv, read_only(fit.net.reshape(fit.kv.dim, *c.shape[1:])), fit.bound)
+    scale = _power_of_two(c)
+    fit = _thinned(kv, c.reshape(kv.dim, 1, -1) / scale, tolerance / scale)
+    return Removal(fit.kv, read_only(scale * fit.net.reshape(fit.kv.dim, *c.shape[1:])), scale * fit.bound)
 
 
 def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRemoval:
@@ -85,16 +86,17 @@ def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRe
     ------
     ValueError : tolerance that is negative or NaN.
     """
-    _require_tolerance(tolerance)
+    require_number("tolerance", tolerance, least=0)
     kv_u, kv_v = surface.kv_u, surface.kv_v
-    net = surface.coefficients.reshape(kv_u.dim, kv_v.dim, -1)
+    scale = _power_of_two(surface.coefficients)
+    net, tolerance = surface.coefficients.reshape(kv_u.dim, kv_v.dim, -1) / scale, tolerance / scale
     by_u = _thinned(kv_u, net, tolerance / 2)
     by_v = _thinned(kv_v, _turned(by_u.net), tolerance - by_u.bound)
     fitted = _turned(by_v.net)
     near = tensor_apply(by_u.kv.prolongation(kv_u), by_v.kv.prolongation(kv_v), fitted)
     shape = by_u.kv.dim, by_v.kv.dim, *surface.coefficients.shape[2:]
     bound = min(_distance(net, near), by_u.bound + by_v.bound)
-    return SurfaceRemoval(BSplineSurface(by_u.kv, by_v.kv, fitted.reshape(shape)), bound)
+    return SurfaceRemoval(BSplineSurface(by_u.kv, by_v.kv, scale * fitted.reshape(shape)), scale * bound)
 
 
 def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -106,7 +108,8 @@ def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray
 
     coefficients : (dim,) or (dim, d); Euclidean norm over d.
     """
-    return _defects(kv, coefficients.reshape(kv.dim, 1, -1))[:, 0]
+    scale = _power_of_two(coefficients)
+    return scale * _defects(kv, coefficients.reshape(kv.dim, 1, -1) / scale)[:, 0]
 
 
 def _defects(kv: KnotVector, net: Net) -> NDArray[np.float64]:
@@ -183,6 +186,6 @@ def _distance(net: Net, other: Net) -> float:
     return float(np.linalg.norm(net - other, axis=2).max())
 
 
-def _require_tolerance(tolerance: float) -> None:
-    if not tolerance >= 0:
-        raise ValueError(f"tolerance must be a number of at least 0, got {tolerance}")
+def _power_of_two(net: NDArray[np.float64]) -> float:
+    """Return the power of two that makes the greatest size 1 to 2: squares of the scaled net keep its digits."""
+    return float(np.ldexp(1.0, np.frexp(abs(net).max())[1] - 1))

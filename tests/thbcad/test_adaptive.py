@@ -9,7 +9,9 @@ from hypothesis import given
 
 from tests.thbcad.strategies import knot_vectors, seeds
 from tests.thbcad.test_fitting import everywhere, refined, smooth, tensor
-from thbcad.adaptive import fit, surroundings
+from thbcad import adaptive
+from thbcad.adaptive import fit, held_out, surroundings
+from thbcad.bspline import KnotVector
 from thbcad.fitting import Samples, Underdetermined
 from thbcad.quasi import quasi_interpolate
 from thbcad.space import THBSpace
@@ -67,19 +69,59 @@ def test_a_jump_makes_no_progress():
     assert found.error == min(step.error for step in found.history)
 
 
-def test_a_height_map_is_fitted_to_the_samples_held_out():
+def test_a_height_map_is_fitted_to_most_samples():
     g = np.linspace(0, 1, 121)
     samples = Samples.grid(g, g, bump(g[:, None], g))
     found = fit(tensor(3, 7), samples, 2e-3)
     assert found.outcome == "reached"
-    assert abs(found.surface.grid(g, g).ravel() - samples.values).max() <= 4e-3
+    assert found.error == pytest.approx(abs(found.surface(samples.u, samples.v) - samples.values).max(), rel=1e-12)
     # what is held out does not enter the fit
     values = samples.values.copy()
-    values[2::3] += 1
+    values[held_out(len(values))] += 1
     moved = fit(tensor(3, 7), Samples(samples.u, samples.v, values), 2e-3, max_level=0)
     still = fit(tensor(3, 7), samples, 2e-3, max_level=0)
     assert np.array_equal(moved.surface.coefficients, still.surface.coefficients)
     assert moved.error > 0.9
+
+
+def test_the_samples_held_out_are_no_lines_of_a_grid():
+    """A ridge along one grid line must be seen, whatever the number of lines."""
+    g, values = np.linspace(0, 1, 60), np.zeros((60, 60))
+    values[:, 30] = 1
+    found = fit(tensor(3, 4), Samples.grid(g, g, values), 0.2)
+    truth = abs(found.surface.grid(g, g) - values).max()
+    assert found.error == pytest.approx(truth, rel=1e-12)
+    assert (found.outcome == "reached") == (truth <= 0.2)
+    assert held_out(3600).sum() == 1200
+    assert held_out(3600).reshape(60, 60).sum(axis=0).min() > 0
+    assert held_out(3600).reshape(60, 60).sum(axis=0).max() < 60
+
+
+def test_outliers_among_the_fitted_samples_count_and_those_of_zero_weight_do_not():
+    g = np.linspace(0, 1, 41)
+    clean = Samples.grid(g, g, smooth(g[:, None], g))
+    k = np.flatnonzero(~held_out(len(clean)))[700]
+    values, weights = clean.values.copy(), clean.weights.copy()
+    values[k] += 5
+    assert fit(tensor(3, 4), Samples(clean.u, clean.v, values), 1e-2, max_level=0).error > 3
+    weights[k] = 0
+    assert fit(tensor(3, 4), Samples(clean.u, clean.v, values, weights), 1e-2).outcome == "reached"
+
+
+def test_refinement_that_float64_refuses_ends_the_fit():
+    kv = KnotVector.uniform(1, 1, 1.0, 1.0 + 2.0**-50)
+    space = THBSpace(kv, KnotVector.uniform(1, 1))
+    found = fit(space, lambda u, v: np.where(v > 0.3, 1.0, 0.0), 1e-3, max_level=24)
+    assert found.outcome == "max level"
+    assert (found.surface.space.levels, found.history[-1].dim) == (2, 25)
+
+
+def test_a_fit_that_grows_too_large_ends(monkeypatch):
+    monkeypatch.setattr(adaptive, "MOST_FUNCTIONS", 400)
+    found = fit(tensor(3, 8), bump, 1e-6)
+    assert found.outcome == "too large"
+    assert max(step.dim for step in found.history) <= 400
+    assert found.error == min(step.error for step in found.history)
 
 
 def test_noise_makes_no_progress():
@@ -126,11 +168,16 @@ def test_surroundings_across_levels_take_the_coarser_cells_and_not_the_finer():
 def test_bad_input_is_refused():
     g = np.linspace(0, 1, 9)
     samples = Samples.grid(g, g, np.zeros((9, 9)))
-    for tolerance in (0.0, -1.0, np.nan):
-        with pytest.raises(ValueError, match="tolerance must be positive"):
+    for tolerance in (0.0, -1.0, np.nan, None, "a"):
+        with pytest.raises(ValueError, match="tolerance must be a positive number, got"):
             fit(tensor(2, 3), samples, tolerance)
-    with pytest.raises(ValueError, match="at least 3 samples, got 2"):
-        fit(tensor(2, 3), samples[:2], 1e-3)
+    for level in (-1, 25, 2.0, None):
+        with pytest.raises(ValueError, match="max_level must be an integer from 0 to 24, got"):
+            fit(tensor(2, 3), samples, 1e-3, max_level=level)
+    few = Samples(samples.u, samples.v, samples.values, np.arange(81) < 2)
+    for two in (samples[:2], few):
+        with pytest.raises(ValueError, match="at least 3 samples of positive weight, got 2"):
+            fit(tensor(2, 3), two, 1e-3)
 
 
 # ---- the example ----

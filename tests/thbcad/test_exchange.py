@@ -348,3 +348,53 @@ def test_a_failed_write_leaves_the_old_file(kind, tmp_path, monkeypatch):
         write_faces([WAVE], path)
     monkeypatch.undo()
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(path.name, "old")]
+
+
+# ---- short spans, small faces, damaged shapes ----
+
+
+def flat(kv_u, kv_v, size_u=1.0, size_v=1.0):
+    i, j = np.indices((kv_u.dim, kv_v.dim))
+    return BSplineSurface(kv_u, kv_v, np.stack([size_u * i, size_v * j, 0 * i], axis=-1))
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e-10, 1e-13])
+def test_short_spans_read_back(kind, length, tmp_path):
+    surface = flat(KnotVector(3, [0] * 4 + [length] + [1] * 4), CUBIC)
+    write_faces([surface], tmp_path / f"short{kind}")
+    assert_same(read_faces(tmp_path / f"short{kind}"), [surface])
+
+
+@pytest.mark.parametrize("size", [1.0, 0.1])
+def test_small_faces_are_kept_or_refused(kind, size, tmp_path):
+    """The diagonal of the box is sqrt(2) and sqrt(0.02) times 1e-6 mm."""
+    surface, path = flat(CUBIC, CUBIC, size * 2e-7, size * 2e-7), tmp_path / f"small{kind}"
+    if size == 1 or kind == ".brep":
+        write_faces([surface], path)
+        assert_same(read_faces(path), [surface])
+    else:
+        with pytest.raises(ValueError, match=r"surfaces\[1\] is 1.4e-07 mm large, below the 1e-06 mm that STEP and IGES keep"):
+            write_faces([WAVE, surface], path)
+        assert not path.exists()
+
+
+def test_a_brep_of_shapes_that_do_not_fit_is_refused(tmp_path):
+    """A wire made a shell: OCCT cannot put edges into it."""
+    path = tmp_path / "wave.brep"
+    write_faces([WAVE], path)
+    path.write_bytes(path.read_bytes().replace(b"\nWi\n", b"\nSh\n"))
+    with pytest.raises(ValueError, match=r"wave.brep is not readable: TopoDS_Builder::Add"):
+        read_faces(path)
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "message"),
+    [
+        (WAVE, "surfaces must be a list of surfaces, got BSplineSurface"),
+        (None, "surfaces must be a list of surfaces, got NoneType"),
+        ([WAVE, 5], r"surfaces\[1\] must be a BSplineSurface or NURBSSurface, got int"),
+    ],
+)
+def test_what_is_no_list_of_surfaces_is_refused(surfaces, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        write_faces(surfaces, tmp_path / "a.step")

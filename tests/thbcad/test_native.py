@@ -139,6 +139,12 @@ def test_other_versions_are_refused(path, version):
     assert_refused(path, r"lens file version .* is unknown, this program reads version 1")
 
 
+@pytest.mark.parametrize("units", ["inch", None, 1, KeyError])
+def test_other_units_are_refused(path, units):
+    path.write_text(json.dumps(changed(("units",), units)))
+    assert_refused(path, r"lens file's units must be 'mm', got ('inch'|None|1)")
+
+
 def changed(keys, value):
     """Return the example as data in which the entry at `keys` is `value`, or missing for KeyError."""
     data = json.loads(json.dumps(lens_to_dict(example())))

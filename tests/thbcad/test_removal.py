@@ -320,3 +320,21 @@ def test_a_ruled_surface_needs_no_knots_along_its_rulings():
     found = remove_surface_knots(BSplineSurface(kv, kv, c), 1e-6).surface
     assert found.kv_v.spans == 1
     assert found.kv_u.spans > 4
+
+
+@pytest.mark.parametrize("exponent", [-1000, -566, 566, 1022])
+def test_sizes_whose_squares_underflow_or_overflow(exponent):
+    """A power of two changes nothing but the size."""
+    kv, rng = KnotVector.uniform(3, 4), np.random.default_rng(0)
+    c, net = rng.uniform(-1, 1, size=7), rng.uniform(-1, 1, size=(7, 7, 2))
+    for tolerance in (0.0, 0.6):
+        plain, scaled = remove_knots(kv, c, tolerance), remove_knots(kv, np.ldexp(c, exponent), np.ldexp(tolerance, exponent))
+        assert np.array_equal(scaled.kv.knots, plain.kv.knots)
+        assert np.array_equal(scaled.coefficients, np.ldexp(plain.coefficients, exponent))
+        assert scaled.bound == np.ldexp(plain.bound, exponent)
+    surface = BSplineSurface(kv, kv, net)
+    plain = remove_surface_knots(surface, 0.9)
+    scaled = remove_surface_knots(BSplineSurface(kv, kv, np.ldexp(net, exponent)), np.ldexp(0.9, exponent))
+    assert plain.bound > 0
+    assert scaled.bound == np.ldexp(plain.bound, exponent)
+    assert np.array_equal(removal_errors(kv, np.ldexp(c, exponent)), np.ldexp(removal_errors(kv, c), exponent))

@@ -12,7 +12,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from OCP import Standard
+from OCP import TopoDS as Topology
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
@@ -56,7 +58,9 @@ IGES_LEAST_WEIGHT = 1e-9  # OCCT reads a surface with a lesser weight as polynom
 EXACT = (GeomAbs_Plane, GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus, GeomAbs_BezierSurface, GeomAbs_BSplineSurface)
 SWEPT = (GeomAbs_SurfaceOfRevolution, GeomAbs_SurfaceOfExtrusion)
 APPROXIMATE = (GeomAbs_OffsetCurve, GeomAbs_OtherCurve)
-OCCT_ERRORS = tuple(e for e in vars(Standard).values() if isinstance(e, type) and issubclass(e, Exception))  # they have no common base
+EXCEPTIONS = [e for module in (Standard, Topology) for e in vars(module).values() if isinstance(e, type) and issubclass(e, Exception)]
+OCCT_ERRORS = tuple(EXCEPTIONS)  # they have no common base
+LEAST_SIZE = 1e-6  # mm; OCCT drops smaller faces
 
 
 def write_faces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str | Path) -> None:
@@ -67,19 +71,18 @@ def write_faces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str | P
     Raises
     ------
     OSError : the file cannot be written.
-    ValueError : another suffix; no surfaces; points without three components; IGES: a weight below 1e-9.
+    ValueError : another suffix; no surfaces; points without three components; IGES: a weight below 1e-9;
+        STEP and IGES: a surface whose points fit into a box with a diagonal below 1e-6 mm.
     RuntimeError : OCCT refuses a surface.
     """
     path = Path(path)
     write = _format(path)[0]
+    if not isinstance(surfaces, Sequence):
+        raise ValueError(f"surfaces must be a list of surfaces, got {type(surfaces).__name__}")
     if not surfaces:
         raise ValueError("surfaces must hold at least one surface")
-    for k, surface in enumerate(surfaces):
-        shape = (surface.coefficients if isinstance(surface, BSplineSurface) else surface.points).shape
-        if shape[2:] != (3,):
-            raise ValueError(f"surfaces[{k}] must have points (x, y, z), got a net of shape {shape}")
-    nurbs = [NURBSSurface.from_bspline(s) if isinstance(s, BSplineSurface) else s for s in surfaces]
-    write_bytes(path, write(nurbs))
+    least = 0.0 if path.suffix.lower() == ".brep" else LEAST_SIZE
+    write_bytes(path, write([_checked(k, surface, least) for k, surface in enumerate(surfaces)]))
 
 
 def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
@@ -107,6 +110,19 @@ def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
     if not faces:
         raise ValueError(f"{path} holds no faces")
     return [_read_face(path, k, TopoDS.Face_s(face)) for k, face in enumerate(faces)]
+
+
+def _checked(number: int, surface: object, least: float) -> NURBSSurface:
+    """Return a surface as NURBS; refuse other things, other dimensions than 3 and boxes of less than the `least` diagonal, mm."""
+    if not isinstance(surface, BSplineSurface | NURBSSurface):
+        raise ValueError(f"surfaces[{number}] must be a BSplineSurface or NURBSSurface, got {type(surface).__name__}")
+    net = surface.coefficients if isinstance(surface, BSplineSurface) else surface.points
+    if net.shape[2:] != (3,):
+        raise ValueError(f"surfaces[{number}] must have points (x, y, z), got a net of shape {net.shape}")
+    size = np.linalg.norm(np.ptp(net, axis=(0, 1)))
+    if size < least:
+        raise ValueError(f"surfaces[{number}] is {size:.2g} mm large, below the {least:g} mm that STEP and IGES keep")
+    return NURBSSurface.from_bspline(surface) if isinstance(surface, BSplineSurface) else surface
 
 
 def _step_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:

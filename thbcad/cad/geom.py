@@ -57,7 +57,9 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
         geom.SetUNotPeriodic()
     if geom.IsVPeriodic():
         geom.SetVNotPeriodic()
-    geom.Segment(*geom.Bounds())  # clamps the knots
+    ends = [(geom.UDegree(), geom.UMultiplicity, geom.NbUKnots()), (geom.VDegree(), geom.VMultiplicity, geom.NbVKnots())]
+    if any(multiplicity(k) != degree + 1 for degree, multiplicity, count in ends for k in (1, count)):
+        geom.Segment(*geom.Bounds())  # clamps the knots; drops spans below 1e-9
     kv_u = _knot_vector(geom.UDegree(), geom.UKnot, geom.UMultiplicity, geom.NbUKnots())
     kv_v = _knot_vector(geom.VDegree(), geom.VKnot, geom.VMultiplicity, geom.NbVKnots())
     rows, columns = range(1, geom.NbUPoles() + 1), range(1, geom.NbVPoles() + 1)
