@@ -30,7 +30,7 @@ from optics.refinement import cell_indicator, mark, vertex_knots
 from optics.start import TransportStart
 from optics.tracing import Tracer
 from optics.variables import BoundedVariables
-from optics.windows import BSplineWindow, GaussianWindow
+from optics.windows import BSplineWindow, GaussianWindow, PixelWindow
 from thbcad.thb import THBSurface
 
 if TYPE_CHECKING:
@@ -219,10 +219,10 @@ def design(
     return _with_sag(lens, state.sag), state
 
 
-def sag_window(problem: Problem) -> BSplineWindow | GaussianWindow:
+def sag_window(problem: Problem) -> PixelWindow | BSplineWindow | GaussianWindow:
     """Return the smooth measurement window of the optimisation."""
     o = problem.optimizer
-    return BSplineWindow(o.window_degree) if o.window == "bspline" else GaussianWindow(o.sigma)
+    return {"pixel": PixelWindow(o.blur), "bspline": BSplineWindow(o.window_degree), "gaussian": GaussianWindow(o.sigma)}[o.window]
 
 
 class _Recorder:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from optics.hits import RearHits
     from optics.screen import Screen
     from optics.tracing import Tracer
-    from optics.windows import BSplineWindow, GaussianWindow
+    from optics.windows import BSplineWindow, GaussianWindow, PixelWindow
     from thbcad.bspline import KnotVector
     from thbcad.embedding import Embedding
 
@@ -41,7 +41,7 @@ class Objective:
         tracer: Tracer,
         embedding: Embedding,
         screen: Screen,
-        window: BSplineWindow | GaussianWindow,
+        window: PixelWindow | BSplineWindow | GaussianWindow,
         target: NDArray[np.float64],
         lost_flux_weight: float,
     ) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optics.screen import Screen
-from optics.windows import BoxWindow, BSplineWindow, GaussianWindow
+from optics.windows import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
 
 if TYPE_CHECKING:
     from optics.backend import Backend, DrArray
@@ -21,7 +21,7 @@ class Splat:
 
     backend: Backend
     screen: Screen
-    window: BoxWindow | BSplineWindow | GaussianWindow
+    window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow
 
     def __call__(self, x: DrArray, y: DrArray, flux: DrArray) -> DrArray:
         """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline
 
-from optics.windows import BoxWindow, BSplineWindow, GaussianWindow
+from optics.windows import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
 
 
 def window_value(window, distance):
@@ -18,6 +18,9 @@ def window_value(window, distance):
     if isinstance(window, BSplineWindow):
         knots = np.arange(window.degree + 2) - (window.degree + 1) / 2
         return np.nan_to_num(BSpline.basis_element(knots, extrapolate=False)(d))
+    if isinstance(window, PixelWindow):  # a hat integrated over the pixel
+        s = np.clip((0.5 - abs(distance)) / window.blur, -1, 1)
+        return np.where(s < 0, (1 + s) ** 2 / 2, 1 - (1 - s) ** 2 / 2)
     assert isinstance(window, GaussianWindow)
     reach = window.cut * window.sigma
 
@@ -33,6 +36,8 @@ def window_kinks(window):
     """Return the places within which W is smooth."""
     if isinstance(window, GaussianWindow):
         return np.array([-1.0, 1.0]) * window.cut * window.sigma
+    if isinstance(window, PixelWindow):
+        return np.array([-0.5 - window.blur, -0.5, window.blur - 0.5, 0.5 - window.blur, 0.5, 0.5 + window.blur])
     order = 1 if isinstance(window, BoxWindow) else window.degree + 1
     return np.arange(order + 1) - order / 2
 

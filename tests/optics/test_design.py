@@ -151,7 +151,7 @@ def test_only_the_rear_sag_changes(small):
     assert (small.lens.thickness, small.lens.index) == (base.thickness, base.index)
 
 
-@pytest.mark.parametrize("window", ["bspline", "gaussian"])
+@pytest.mark.parametrize("window", ["pixel", "bspline", "gaussian"])
 @pytest.mark.parametrize("front", [np.inf, 60.0])
 def test_windows_and_curved_fronts_design_too(tmp_path, backend, window, front):
     changes = FLAT | {"optimizer.window": window, "lens.front.radius": front, "lens.rear.freeform.max_level": 0}

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from scipy.signal import convolve2d
 
-from optics.windows import BoxWindow, BSplineWindow, GaussianWindow, filter_image
+from optics.windows import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, filter_image
 from tests.optics.oracles import window_kinks, window_value
 
 EPS = np.finfo(float).eps
 DEGREES = (1, 2, 3, 4, 5)
 GAUSSIANS = [GaussianWindow(s, c) for s, c in ((1.0, 4.0), (0.3, 4.0), (0.5, 3.0), (1.3, 3.0), (2.5, 4.0), (1.0, 7.0))]
-WINDOWS = [BoxWindow(), *map(BSplineWindow, DEGREES), *GAUSSIANS]
+PIXELS = [PixelWindow(b) for b in (0.05, 0.3, 0.5)]
+WINDOWS = [BoxWindow(), *PIXELS, *map(BSplineWindow, DEGREES), *GAUSSIANS]
 POINTS = np.r_[0.0, 1e-300, np.linspace(0.01, 0.99, 37), np.nextafter(1.0, 0.0)]
 
 
@@ -67,19 +68,31 @@ def test_there_are_as_many_weights_as_taps_and_none_is_negative(window):
     assert np.min(weights) >= -tolerance(window)
 
 
-@pytest.mark.parametrize("degree", DEGREES)
-def test_bspline_weights_sum_to_one_over_the_pixels(degree):
-    total = sum(BSplineWindow(degree).weights(POINTS))
-    np.testing.assert_allclose(total, 1.0, rtol=0, atol=(degree + 2) * EPS)
+PARTITIONS = [*PIXELS, *map(BSplineWindow, DEGREES)]
 
 
-@pytest.mark.parametrize("degree", DEGREES)
-def test_bspline_weights_go_on_smoothly_across_a_pixel(degree):
+@pytest.mark.parametrize("window", PARTITIONS, ids=repr)
+def test_weights_sum_to_one_over_the_pixels(window):
+    np.testing.assert_allclose(sum(window.weights(POINTS)), 1.0, rtol=0, atol=(window.taps + 1) * EPS)
+
+
+@pytest.mark.parametrize("window", PARTITIONS, ids=repr)
+def test_weights_go_on_smoothly_across_a_pixel(window):
     """At t = 1 each tap is what the one before it was at t = 0: the window has no jump."""
-    window = BSplineWindow(degree)
     start, end = window.weights(np.array([0.0])), window.weights(np.array([1.0]))
-    np.testing.assert_allclose([w[0] for w in end[1:]], [w[0] for w in start[:-1]], rtol=0, atol=(degree + 2) * EPS)
+    np.testing.assert_allclose([w[0] for w in end[1:]], [w[0] for w in start[:-1]], rtol=0, atol=(window.taps + 1) * EPS)
     assert end[0][0] == pytest.approx(0.0, abs=EPS)
+
+
+@pytest.mark.parametrize("window", PIXELS, ids=repr)
+def test_pixel_window_has_no_kink(window):
+    """Differences across the ends of the blurred border shrink with the step: the slope is continuous."""
+    for end in (0.5 - window.blur, 0.5 + window.blur):
+        slopes = []
+        for step in (1e-3, 1e-4):
+            low, middle, high = (window.weights(np.array([end + k * step * window.blur]))[1][0] for k in (-1, 0, 1))
+            slopes.append(abs(high - 2 * middle + low) / step)
+        assert slopes[1] <= 0.2 * slopes[0] + 1e-9
 
 
 @pytest.mark.parametrize("window", WINDOWS[1:], ids=repr)
