@@ -24,6 +24,7 @@ FIT_STEPS = 60
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 INSIDE = 0.97  # of z_freedom
+DARK = 1e-3  # of the greatest irradiance: nothing is sent there
 
 
 class TransportStart:
@@ -34,17 +35,19 @@ class TransportStart:
     """
 
     def __init__(self, problem: Problem, lens: Lens, light: NDArray[np.float64]) -> None:
-        screen, target = target_screen(problem), problem.target.half_width
+        screen = target_screen(problem)
+        lit, centre, half = _lit_part(target_irradiance(light, screen, problem.target.fit, 1.0), screen)
         beam = [min(s, f) for s, f in zip(problem.source.half_width, lens.front.half_width)]
         cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
 
         def density(grid: tuple[int, ...]) -> NDArray[np.float64]:
-            pixels = tuple(min(n, m) for n, m in zip(grid, screen.pixels))
-            return target_irradiance(light, Screen(target, pixels), problem.target.fit, 1.0)[::-1].T
+            pixels = min(grid[0], lit.shape[1]), min(grid[1], lit.shape[0])
+            return target_irradiance(lit, Screen(half, pixels), "stretch", 1.0)[::-1].T
 
-        found = transport(density, cells, np.sqrt(beam[0] * target[0] / (beam[1] * target[1])))
+        found = transport(density, cells, np.sqrt(beam[0] * half[0] / (beam[1] * half[1])))
         self._x, self._y = found.x * beam[0], found.y * beam[1]
-        slopes = _slopes(lens, self._x, self._y, target[0] * found.tx, target[1] * found.ty, problem.target_z)
+        arrival = centre[0] + half[0] * found.tx, centre[1] + half[1] * found.ty
+        slopes = _slopes(lens, self._x, self._y, *arrival, problem.target_z)
         base = (lens.rear.conic(self._x[:, None], self._y[None, :], d) for d in ((1, 0), (0, 1)))
         self._slopes = [s - b for s, b in zip(slopes, base)]
         self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
@@ -68,6 +71,16 @@ class TransportStart:
             f"the transport map asks for a sag of +-{self.reach:.2f} mm, more than z_freedom allows; "
             f"raise lens.rear.freeform.z_freedom above {self.reach / INSIDE:.2f} for better light"
         )
+
+
+def _lit_part(image: NDArray[np.float64], screen: Screen) -> tuple[NDArray[np.float64], tuple[float, float], tuple[float, float]]:
+    """Return the least rectangle of an irradiance that holds all light but for DARK of the greatest, its centre and half-widths, mm."""
+    bright = image > DARK * image.max()
+    rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
+    (hx, hy), (r0, r1, c0, c1) = screen.half_width, (rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
+    wide, tall = hx / image.shape[1], hy / image.shape[0]  # half a pixel
+    centre = float((c0 + c1) * wide - hx), float(hy - (r0 + r1) * tall)
+    return image[r0:r1, c0:c1], centre, (float((c1 - c0) * wide), float((r1 - r0) * tall))
 
 
 def _slopes(
