@@ -1,4 +1,10 @@
-"""What the lens delivers, measured on fresh rays in float64 with box pixels."""
+"""What the lens delivers, measured on fresh rays in float64 with box pixels.
+
+A ray stands for a cell of the beam, whose light arrives spread over about 1 / RAYS_PER_PIXEL of a
+pixel: it is shared between two pixels when it lands so close to their border.  On sharp edges
+that removes most of the moire between rays and pixels and changes nothing else
+(`rel_l2_floor` tells).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +19,7 @@ from optics.beam import collimated_beam
 from optics.model import target_irradiance, target_screen
 from optics.splat import Splat
 from optics.tracing import FluxBudget, Tracer
-from optics.windows import BoxWindow
+from optics.windows import PixelWindow
 
 if TYPE_CHECKING:
     from optics.backend import Backend, DrArray
@@ -90,7 +96,7 @@ def _trace(
     beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, rays, shift)
     embedding = lens.rear.sag.space.embedding
     net = embedding.coefficients(lens.rear.sag.coefficients)
-    splat = Splat(backend, screen, BoxWindow())
+    splat = Splat(backend, screen, PixelWindow(0.5 / RAYS_PER_PIXEL))
     image: DrArray
     budget: FluxBudget | None
     image, budget = 0.0, None

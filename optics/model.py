@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from optics.errors import UserError
 from optics.picture import fit_picture, read_picture
 from optics.screen import Screen
+from optics.shapes import uniform_region
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
@@ -53,13 +54,16 @@ def target_screen(problem: Problem, coarsening: int = 1, margin: int = 0) -> Scr
 
 
 def target_light(problem: Problem) -> NDArray[np.float64]:
-    """Return the picture of the target as linear light at its own resolution.
+    """Return the target as linear light: a picture at its own resolution, a region on the target's pixels.
 
     Raises
     ------
     UserError : see `read_picture`.
     """
-    return read_picture(problem.target.image, problem.target.encoding)
+    target = problem.target
+    if target.kind == "uniform":
+        return uniform_region(target.shape, target.pixels, target.lit)
+    return read_picture(target.image, target.encoding)
 
 
 def target_irradiance(light: NDArray[np.float64], screen: Screen, fit: str, flux: float) -> NDArray[np.float64]:

@@ -80,8 +80,10 @@ class LensSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    kind: str = option(choices=("image",))
-    image: str = option(note="picture file, relative to the problem file")
+    kind: str = option(choices=("image", "uniform"), note="a picture, or a region of uniform light")
+    image: str = option("", note="picture file, relative to the problem file; of kind image")
+    shape: str = option("rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind uniform")
+    lit: tuple[float, float] = option((0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's")
     distance: float = option(above=0, note="mm from the rear vertex to the target plane")
     half_width: tuple[float, float] = option(above=0, note="mm")
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
@@ -157,9 +159,12 @@ def load_problem(path: str | Path) -> Problem:
     except (ValueError, RecursionError) as error:
         raise UserError(f"{path} is not valid TOML: {error}") from None
     try:
-        return _record(Problem, data, "", path.parent)
+        problem = _record(Problem, data, "", path.parent)
+        if problem.target.kind == "image" and not problem.target.image:
+            raise UserError("the key target.image is missing")
     except UserError as error:
         raise UserError(f"{path}: {error}") from None
+    return problem
 
 
 def problem_to_toml(problem: Problem) -> str:

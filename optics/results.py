@@ -55,12 +55,13 @@ class ResultFolder:
 
     def write_problem(self, problem: Problem) -> None:
         """Store the resolved problem and its picture, so that the folder can be run again."""
-        picture = Path(problem.target.image)
-        name = "target" + picture.suffix.lower()
-        if picture.resolve() != (self.path / name).resolve():
-            write_bytes(self.path / name, picture.read_bytes())
-        local = replace(problem, target=replace(problem.target, image=name))
-        write_text(self.problem, problem_to_toml(local))
+        if problem.target.image:
+            picture = Path(problem.target.image)
+            name = "target" + picture.suffix.lower()
+            if picture.resolve() != (self.path / name).resolve():
+                write_bytes(self.path / name, picture.read_bytes())
+            problem = replace(problem, target=replace(problem.target, image=name))
+        write_text(self.problem, problem_to_toml(problem))
 
     def read_problem(self) -> Problem:
         if not self.problem.exists():
@@ -148,6 +149,6 @@ def _state(data: dict[str, Any]) -> State:
 
 def _fingerprint(problem: Problem) -> str:
     """Return the text that tells problems apart: their values and what is in the picture, not where it lies."""
-    picture = hashlib.sha256(Path(problem.target.image).read_bytes()).hexdigest()
+    picture = hashlib.sha256(Path(problem.target.image).read_bytes()).hexdigest() if problem.target.image else ""
     run = replace(problem.run, threads=0)
     return problem_to_toml(replace(problem, run=run, target=replace(problem.target, image=picture)))

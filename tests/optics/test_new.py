@@ -35,5 +35,5 @@ def test_every_key_is_there_and_nearly_every_key_explained(tmp_path):
     (tmp_path / "my.toml").write_text("\n".join(lines))
     problem = load_problem(tmp_path / "my.toml")
     assert len(values) == len(keys(problem))
-    assert [line for line in values if "#" not in line] == ['title = "my lens"', 'kind = "image"']
+    assert [line for line in values if "#" not in line] == ['title = "my lens"']
     assert all("#" not in line for line in problem_to_toml(problem).splitlines())
