@@ -25,42 +25,46 @@ from optics.model import base_lens, target_irradiance, target_light, target_scre
 from optics.objective import Objective
 from optics.problem import Problem, load_problem
 from optics.tracing import Tracer
-from optics.windows import BSplineWindow, GaussianWindow
+from optics.windows import BSplineWindow, GaussianWindow, PixelWindow
 from thbcad import FreeformSurface, Lens, THBSpace, THBSurface, read_lens
 
-PEARL = Path(__file__).resolve().parent.parent / "examples" / "pearl.toml"
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+PEARL = EXAMPLES / "pearl.toml"
 DIRECTIONS = 20
-STEP = 2e-6  # mm, of the central differences
+STEP = 2e-7  # mm, of the central differences
 
 
 def rows() -> list[Row]:
     """Return the figures."""
     with tempfile.TemporaryDirectory() as folder:
-        out = _design(Path(folder))
+        out = _design("pearl", Path(folder), (15, 0.06, 37))
         lens = read_lens(Path(folder) / "lens.json")
-    return [*out, *_objective(lens), *_flux(), *_start()]
+    with tempfile.TemporaryDirectory() as folder:
+        fine = _design("pearl_fine", Path(folder), (30, 0.04, 41))
+    return [*out, *fine, *_objective(lens), *_flux(), *_start()]
 
 
-def _design(folder: Path) -> list[Row]:
+def _design(name: str, folder: Path, limits: tuple[float, float, float]) -> list[Row]:
+    """Return the figures of a design; limits : seconds, rel_l2, dB."""
     start = perf_counter()
-    command = [sys.executable, "-m", "optics.cli", "design", str(PEARL), "--out", str(folder)]
+    command = [sys.executable, "-m", "optics.cli", "design", str(EXAMPLES / f"{name}.toml"), "--out", str(folder)]
     subprocess.run(command, check=True, capture_output=True)
     seconds = perf_counter() - start
     metrics = json.loads((folder / "metrics.json").read_text())
     checks = {c["name"]: c["value"] for c in json.loads((folder / "verify.json").read_text())["checks"]}
     faces = max(value for name, value in checks.items() if name.endswith("face against the lens in memory"))
     return [
-        Row("pearl: process start to verified result", seconds, "s", "thesis 451 s, RTX 2080 Ti", 40),
-        Row("pearl: rel_l2", metrics["rel_l2"], "", "", 0.20),
-        Row("pearl: rel_l2 floor of the estimator", metrics["rel_l2_floor"]),
-        Row("pearl: psnr", metrics["psnr_db"], "dB", "", 27, ">="),
-        Row("pearl: efficiency", metrics["efficiency"], "", "thesis 0.92", 0.80, ">="),
-        Row("pearl: stray", metrics["stray"]),
-        Row("pearl: evaluations of loss and gradient", metrics["evaluations"], "", "thesis 1500"),
-        Row("pearl: degrees of freedom", metrics["dof"], "", "uniform 51529"),
-        Row("pearl: peak memory", metrics["peak_mb"], "MB"),
-        Row("STEP faces against the optimised surface", faces, "mm", "", 1e-10),
-        Row("landing points, independent trace of the file", checks["landing points, independent trace of the file"], "mm", "", 1e-8),
+        Row(f"{name}: process start to verified result", seconds, "s", "thesis 451 s, RTX 2080 Ti", limits[0]),
+        Row(f"{name}: rel_l2", metrics["rel_l2"], "", "", limits[1]),
+        Row(f"{name}: rel_l2 floor of the estimator", metrics["rel_l2_floor"]),
+        Row(f"{name}: psnr", metrics["psnr_db"], "dB", "", limits[2], ">="),
+        Row(f"{name}: efficiency", metrics["efficiency"], "", "thesis 0.92", 0.91, ">="),
+        Row(f"{name}: stray", metrics["stray"], "", "", 0.005),
+        Row(f"{name}: evaluations of loss and gradient", metrics["evaluations"], "", "thesis 1500", 150),
+        Row(f"{name}: degrees of freedom", metrics["dof"], "", "thesis 11955"),
+        Row(f"{name}: peak memory", metrics["peak_mb"], "MB"),
+        Row(f"{name}: STEP faces against the optimised surface", faces, "mm", "", 1e-10),
+        Row(f"{name}: landing points, independent trace", checks["landing points, independent trace of the file"], "mm", "", 1e-8),
     ]
 
 
@@ -77,17 +81,25 @@ def _objective(lens: Lens) -> list[Row]:
     for name, window, limit in (
         ("Gaussian window, 64 taps", GaussianWindow(1.0), 0.10),
         ("cubic B-spline window, 16 taps", BSplineWindow(3), None),
-        ("quadratic B-spline window, 9 taps", BSplineWindow(2), None),
+        ("default pixel window, 4 taps", PixelWindow(), None),
     ):
         objective = _pearl_objective(backend, problem, light, lens, uniform.space, window)
         seconds = median_seconds(lambda o=objective: o(c), 15)
         timings.append(Row(f"loss + gradient, 449^2 rays, 227^2 net, 1 core, {name}", seconds, "s", "", limit))
-    objective = _pearl_objective(backend, problem, light, lens, uniform.space, BSplineWindow(3))
-    return [*timings, Row("gradient against central differences, worst of 20 directions", _worst_difference(objective, c), "", "", 1e-6)]
+    differences = []
+    for name, window in (("cubic B-spline window", BSplineWindow(3)), ("default pixel window", PixelWindow())):
+        objective = _pearl_objective(backend, problem, light, lens, uniform.space, window)
+        differences.append(Row(f"gradient, worst of 20 central differences, {name}", _worst_difference(objective, c), "", "", 1e-6))
+    return [*timings, *differences]
 
 
 def _pearl_objective(
-    backend: Backend, problem: Problem, light: NDArray[np.float64], lens: Lens, space: THBSpace, window: BSplineWindow | GaussianWindow
+    backend: Backend,
+    problem: Problem,
+    light: NDArray[np.float64],
+    lens: Lens,
+    space: THBSpace,
+    window: PixelWindow | BSplineWindow | GaussianWindow,
 ) -> Objective:
     screen = target_screen(problem, 1, MARGIN)
     beam = collimated_beam(problem.source.half_width, problem.source.flux, lens.front.half_width, (449, 449))

@@ -64,9 +64,9 @@ class BSplineWindow:
 
 @dataclass(frozen=True)
 class PixelWindow:
-    """W = the pixel convolved with a hat of half-width `blur` pixels, at most 1/2.
+    """W = the pixel convolved with the bump 15/16 (1 - s^2)^2 of half-width `blur` pixels, at most 1/2.
 
-    C^1, an exact partition of unity over the pixels, and close to the radiometric definition.
+    C^2, an exact partition of unity over the pixels, and close to the radiometric definition.
     """
 
     blur: float = 0.3
@@ -76,11 +76,13 @@ class PixelWindow:
         """Return the weights of both pixels for a point at distance t past the first centre; their border lies at 1/2."""
         s = (t - 0.5) * (1 / self.blur)
         s = 0.5 * (abs(s + 1) - abs(s - 1))  # clipped to [-1, 1]
-        second = 0.5 + s - 0.5 * s * abs(s)
+        square = s * s
+        second = 0.5 + s * (0.9375 - 0.625 * square + 0.1875 * square * square)
         return [1.0 - second, second]
 
     def response(self) -> NDArray[np.float64]:
-        return np.array([self.blur / 6, 1 - self.blur / 3, self.blur / 6])
+        beside = self.blur * 5 / 32
+        return np.array([beside, 1 - 2 * beside, beside])
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ def window_value(window, distance):
     if isinstance(window, BSplineWindow):
         knots = np.arange(window.degree + 2) - (window.degree + 1) / 2
         return np.nan_to_num(BSpline.basis_element(knots, extrapolate=False)(d))
-    if isinstance(window, PixelWindow):  # a hat integrated over the pixel
-        s = np.clip((0.5 - abs(distance)) / window.blur, -1, 1)
-        return np.where(s < 0, (1 + s) ** 2 / 2, 1 - (1 - s) ** 2 / 2)
+    if isinstance(window, PixelWindow):  # the bump integrated over the pixel
+        bump = np.polynomial.Polynomial([1, 0, -1]) ** 2 * (15 / 16)
+        return bump.integ(lbnd=-1)(np.clip((0.5 - abs(d)) / window.blur, -1, 1))
     assert isinstance(window, GaussianWindow)
     reach = window.cut * window.sigma
 

@@ -86,7 +86,7 @@ def test_weights_go_on_smoothly_across_a_pixel(window):
 
 @pytest.mark.parametrize("window", PIXELS, ids=repr)
 def test_pixel_window_has_no_kink(window):
-    """Differences across the ends of the blurred border shrink with the step: the slope is continuous."""
+    """Second differences across the ends of the blurred border shrink faster than the step: the slope is continuous."""
     for end in (0.5 - window.blur, 0.5 + window.blur):
         slopes = []
         for step in (1e-3, 1e-4):
