@@ -219,10 +219,17 @@ def design(
     return _with_sag(lens, state.sag), state
 
 
-def sag_window(problem: Problem) -> PixelWindow | BSplineWindow | GaussianWindow:
-    """Return the smooth measurement window of the optimisation."""
+def sag_window(problem: Problem, level: int) -> PixelWindow | BSplineWindow | GaussianWindow:
+    """Return the smooth measurement window of a level.
+
+    A pixel window sees what moves across its border only: the levels before the last, which move
+    light from afar, take a B-spline instead.
+    """
     o = problem.optimizer
-    return {"pixel": PixelWindow(o.blur), "bspline": BSplineWindow(o.window_degree), "gaussian": GaussianWindow(o.sigma)}[o.window]
+    if o.window == "gaussian":
+        return GaussianWindow(o.sigma)
+    last = level == problem.lens.rear.freeform.max_level
+    return PixelWindow(o.blur) if o.window == "pixel" and last else BSplineWindow(o.window_degree)
 
 
 class _Recorder:
@@ -278,7 +285,7 @@ def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, tar
     tracer = _tracer(backend, problem, lens, stage.rays)
     weight = problem.optimizer.lost_flux_weight
     embedding = lens.rear.sag.space.embedding
-    return Objective(backend, tracer, embedding, stage.screen, sag_window(problem), target, weight)
+    return Objective(backend, tracer, embedding, stage.screen, sag_window(problem, stage.level), target, weight)
 
 
 def _tracer(backend: Backend, problem: Problem, lens: Lens, rays: tuple[int, int]) -> Tracer:

@@ -96,7 +96,9 @@ class Optimizer:
     iterations: tuple[int, ...] = option((60,), low=1, high=100_000, note="L-BFGS iterations per level; the last number goes on")
     memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
     start: str = option("transport", choices=("transport", "flat"), note="transport needs a plane front, otherwise flat is used")
-    window: str = option("pixel", choices=("pixel", "bspline", "gaussian"), note="measurement window")
+    window: str = option(
+        "pixel", choices=("pixel", "bspline", "gaussian"), note="measurement window; pixel is for the last level, bspline before"
+    )
     blur: float = option(0.3, low=0.05, high=0.5, note="pixels, of the pixel window: the half-width of the bump that smooths it")
     window_degree: int = option(2, low=1, high=5, note="of the B-spline window, which is window_degree + 1 pixels wide")
     sigma: float = option(1.0, low=0.3, high=2.5, note="pixels, of the Gaussian window")
