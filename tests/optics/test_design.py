@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.design import Interrupted, State, _vertices, design, stages, transmitted_flux
+from optics.design import Interrupted, State, _vertices, design, sag_window, stages, transmitted_flux
 from optics.errors import NumericalError, UserError
 from optics.model import base_lens, target_light, target_screen
 from optics.problem import load_problem
@@ -36,8 +36,8 @@ def run(folder, backend, changes):
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory, backend):
-    """The small problem designed from the base conic."""
-    return run(tmp_path_factory.mktemp("flat"), backend, FLAT)
+    """The small problem designed from the base conic, with one window on all levels."""
+    return run(tmp_path_factory.mktemp("flat"), backend, FLAT | {"optimizer.window": "bspline"})
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +72,12 @@ def test_a_finer_level_starts_from_the_surface_of_the_level_before(small):
     assert (one.screen, one.rays) == (two.screen, two.rays)
     best = min(row.loss for row in rows_of(small.state.history, 1))
     assert rows_of(small.state.history, 2)[0].loss == pytest.approx(best, rel=1e-11)
+
+
+@pytest.mark.parametrize(("window", "wide", "last"), [("pixel", 3, 2), ("bspline", 3, 3), ("gaussian", 8, 8)])
+def test_windows_of_the_levels(tmp_path, window, wide, last):
+    problem, _ = loaded(tmp_path, FLAT | {"optimizer.window": window})
+    assert [sag_window(problem, level).taps for level in range(3)] == [wide, wide, last]
 
 
 def test_degrees_of_freedom_grow_from_level_to_level(small):
