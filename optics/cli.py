@@ -26,6 +26,7 @@ def parser() -> argparse.ArgumentParser:
     design.add_argument("problem", metavar="PROBLEM.toml")
     design.add_argument("--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)")
     design.add_argument("--resume", action="store_true", help="go on from the checkpoint in the result folder")
+    design.add_argument("--from", dest="earlier", metavar="DIR", help="start from the rear surface of an earlier design, on its mesh")
     new = commands.add_parser("new", help="print a commented problem file to start from")
     check = commands.add_parser("check", help="read the problem and say what would be done, without tracing")
     check.add_argument("problem", metavar="PROBLEM.toml")

@@ -11,9 +11,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from optics.design import Interrupted, stages
+from optics.design import Interrupted, earlier_state, stages
 from optics.errors import UserError
-from optics.model import base_lens, target_irradiance, target_light, target_screen
+from optics.model import base_lens, require_reachable, target_irradiance, target_light, target_screen
 from optics.problem import commented_problem, load_problem, problem_to_toml
 from optics.progress import DesignProgress
 from optics.results import ResultFolder
@@ -48,11 +48,16 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Shape the lens of a problem file and write the result folder."""
     clock = _Clock()
     problem = load_problem(options.problem)
+    if options.resume and options.earlier:
+        raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     light = target_light(problem)
-    base_lens(problem)
+    lens = base_lens(problem)
+    require_reachable(problem, light)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     folder.prepare()
     state = folder.read_checkpoint(problem) if options.resume else None
+    if options.earlier:
+        state = earlier_state(problem, lens, ResultFolder(options.earlier).read_lens())
     if not options.resume:
         folder.drop_checkpoint()
     from optics.backend import load_backend
@@ -141,6 +146,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     problem = load_problem(options.problem)
     light = target_light(problem)
     lens = base_lens(problem)
+    require_reachable(problem, light)
     screen = target_screen(problem)
     target = target_irradiance(light, screen, problem.target.fit, problem.source.flux)
     least = lens.least_thickness()

@@ -156,6 +156,32 @@ def first_state(problem: Problem, lens: Lens) -> State:
     return State(first_level(problem), sag)
 
 
+def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
+    """Return the State that optimises the rear surface of an earlier design on the last level, on its own mesh.
+
+    Raises
+    ------
+    UserError : that surface has no sag, or one over another rectangle, conic or mesh.
+    """
+    sag, own = earlier.rear.sag, lens.rear.sag
+    if sag is None:
+        raise UserError("the earlier design has no freeform rear surface to start from")
+    same = (
+        earlier.rear.half_width == lens.rear.half_width
+        and earlier.rear.conic == lens.rear.conic
+        and all(
+            a.degree == b.degree and np.array_equal(a.knots, b.knots)
+            for a, b in ((sag.space.kv_u, own.space.kv_u), (sag.space.kv_v, own.space.kv_v))
+        )
+    )
+    if not same:
+        raise UserError(
+            "the rear surface of the earlier design differs in half_width, radius, conic, degree or spans; "
+            "make lens.rear equal to its problem.toml"
+        )
+    return State(problem.lens.rear.freeform.max_level, sag, begun=True)
+
+
 def transmitted_flux(backend: Backend, problem: Problem, lens: Lens) -> float:
     """Return the flux that the unoptimised lens sends on, W.
 
@@ -200,7 +226,8 @@ def design(
     clock = perf_counter() - (state.seconds if state else 0.0)
     state = state or first_state(problem, lens)
     remaining = [stage for stage in stages(problem) if stage.level >= state.level]
-    start = TransportStart(problem, lens, light) if remaining and uses_transport(problem) else None
+    anew = remaining and not (state.begun and len(remaining) == 1)  # the last level goes on from a surface of its own
+    start = TransportStart(problem, lens, light) if anew and uses_transport(problem) else None
     for stage in remaining:
         if start and not state.begun:
             state = State(stage.level, start.fit(state.sag.space), history=state.history)

@@ -66,6 +66,34 @@ def target_light(problem: Problem) -> NDArray[np.float64]:
     return read_picture(target.image, target.encoding)
 
 
+def require_reachable(problem: Problem, light: NDArray[np.float64]) -> None:
+    """Refuse a target that no rear surface behind a plane front can light.
+
+    A surface of index n bends parallel rays by less than arccos(1 / n) before it reflects them totally;
+    a lit pixel farther aside from the beam than that, seen from the rear vertex, stays dark.
+
+    Raises
+    ------
+    UserError : names the angle needed and the angle that the index allows.
+    """
+    lens, target = problem.lens, problem.target
+    if not np.isinf(lens.front.radius):
+        return
+    screen = target_screen(problem)
+    lit = target_irradiance(light, screen, target.fit, 1.0) > 0
+    beam = [min(s, f) for s, f in zip(problem.source.half_width, lens.front.half_width)]
+    aside = [
+        np.maximum(np.abs((2 * np.arange(n) + 1) / n - 1) * h - b, 0)[lit.any(axis=1 - d)].max()
+        for d, (n, h, b) in enumerate(zip(screen.pixels[::-1], target.half_width[::-1], beam[::-1]))
+    ]
+    needed, most = np.degrees(np.arctan(max(aside) / target.distance)), np.degrees(np.arccos(1 / lens.index))
+    if needed >= most:
+        raise UserError(
+            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index {lens.index:g} bends rays by less "
+            f"than {most:.1f} degrees; make target.half_width smaller or target.distance larger"
+        )
+
+
 def target_irradiance(light: NDArray[np.float64], screen: Screen, fit: str, flux: float) -> NDArray[np.float64]:
     """Return the irradiance asked for on a screen's pixels, W/mm^2, with the given total flux."""
     aspect = screen.half_width[0] / screen.half_width[1]
