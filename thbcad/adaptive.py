@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import require_integer, require_number
+from thbcad.checks import require_integer, require_number, require_type
 from thbcad.domains import MAX_LEVEL
 from thbcad.fitting import Samples, Underdetermined, least_squares
 from thbcad.functions import Function, evaluate
@@ -77,6 +77,7 @@ def fit(space: THBSpace, target: Function | Samples, tolerance: float, max_level
         weight, function values that are not finite.
     Underdetermined : the samples do not even determine a spline of the given space.
     """
+    require_type("space", space, THBSpace)
     require_number("tolerance", tolerance, above=0)
     require_integer("max_level", max_level, 0, MAX_LEVEL)
     if isinstance(target, Samples):

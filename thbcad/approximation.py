@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import EPS
+from thbcad.checks import EPS, require_number
 from thbcad.interpolation import interpolate
 from thbcad.surface import BSplineSurface
 
@@ -131,8 +131,7 @@ def approximated(function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, 
     ValueError : a tolerance that is not positive, that rounding errors do not allow to prove, or that needs
         more than 2000 control points per direction; a function without finite bounds.
     """
-    if not tolerance > 0:
-        raise ValueError(f"tolerance must be a positive number of mm, got {tolerance}")
+    require_number("tolerance", tolerance, above=0)
     while True:
         surface = interpolate(kv_x, kv_y, function.grid(kv_x.greville(), kv_y.greville()))
         bounds = error_bounds(function, surface)

@@ -10,7 +10,7 @@ Stability of Numerical Algorithms, chapter 3.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import comb
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import EPS, require_order
+from thbcad.checks import EPS, require_orders, require_type
 from thbcad.operators import band_matrix, tensor_apply
 from thbcad.polar import bezier_rows
 from thbcad.surface import BSplineSurface
@@ -81,8 +81,7 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
         order, derivatives above 1e40.
     """
     patches, error = _patches(graph)
-    for order in (order for orders in derivatives for order in orders):
-        require_order(order)
+    derivatives = tuple(require_orders(orders) for orders in derivatives)
     rows = [[_differentiated(patch, orders, error) for orders in derivatives] for patch in patches]
     magnitude = np.max([[np.abs(net).max() for net, _ in row] for row in rows], axis=0)
     if not (magnitude < GREATEST).all():
@@ -108,6 +107,16 @@ def rounding(count: int, size: Array | float) -> Array | float:
     return count * (EPS * size + TINY * (size > 0))
 
 
+def whole_graph(graph: Graph) -> BSplineSurface | THBSurface | tuple[BSplineSurface, ...]:
+    """Return a surface itself and patches as a tuple, which can be gone through twice; raise ValueError for anything else."""
+    if isinstance(graph, BSplineSurface | THBSurface):
+        return graph
+    patches = tuple(graph) if isinstance(graph, Iterable) else (graph,)
+    for patch in patches:
+        require_type("graph", patch, BSplineSurface)
+    return patches
+
+
 def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     """Return the graph as B-spline patches and the rounding error of their coefficients."""
     if isinstance(graph, THBSurface):
@@ -115,7 +124,7 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
         count = graph.space.levels * _roundings(graph.space.kv_u.degree, graph.space.kv_v.degree)
         patches, error = [graph.to_bspline()], float(rounding(count, np.abs(graph.coefficients).max()))
     else:
-        patches, error = [graph] if isinstance(graph, BSplineSurface) else list(graph), 0.0
+        patches, error = [graph] if isinstance(graph, BSplineSurface) else list(whole_graph(graph)), 0.0
     for patch in patches:
         if patch.coefficients.ndim != 2:
             raise ValueError(f"bounds need scalar coefficients, got a net of shape {patch.coefficients.shape}")

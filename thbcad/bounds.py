@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.bernstein import Array, Cells, Graph, Orders, bernstein
+from thbcad.bernstein import Array, Cells, Graph, Orders, bernstein, whole_graph
+from thbcad.checks import require_number
 
 MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
@@ -78,6 +79,7 @@ def value_range(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e
     ------
     ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
+    graph = whole_graph(graph)
     return minimum(graph, derivative, tolerance), greatest(bernstein(graph, (derivative,)), _value, tolerance)
 
 
@@ -89,6 +91,7 @@ def greatest(pieces: Iterable[Cells], assess: Callable[[Cells, float], Assessmen
     The bounds differ by at most tolerance * scale and some rounding, unless that needs more than
     2^25 coefficients besides those given.
     """
+    require_number("tolerance", tolerance, least=0)
     best, closed, work = (-np.inf, -np.inf, 0.0, 0.0), -np.inf, 0
     for _ in range(MOST_STEPS):
         kept, least = [], -np.inf

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import read_only, require_degree, require_order, require_sorted, require_subset, uniform_breaks
+from thbcad.checks import read_only, rebuilt, require_degree, require_order, require_sorted, require_subset, require_type, uniform_breaks
 from thbcad.operators import band_matrix, banded_least_squares
 from thbcad.polar import bezier_rows, blossom_rows, greville_abscissae
 
@@ -46,6 +46,8 @@ class KnotVector:
             raise ValueError(f"knot {t[1 : -p - 1][same][0]} occurs more than degree = {p} times in the interior")
         object.__setattr__(self, "degree", int(p))
         object.__setattr__(self, "knots", t)
+
+    __reduce__ = rebuilt
 
     @classmethod
     def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> KnotVector:
@@ -172,8 +174,9 @@ class KnotVector:
 
         Raises
         ------
-        ValueError : `other` has another degree, start or stop.
+        ValueError : `other` is no KnotVector or has another degree, start or stop.
         """
+        require_type("other", other, KnotVector)
         if (self.degree, self.start, self.stop) != (other.degree, other.start, other.stop):
             raise ValueError(f"knot vectors to merge must agree in degree and ends, got {self} and {other}")
         values = np.unique(np.r_[self.knots, other.knots])
@@ -200,8 +203,9 @@ class KnotVector:
 
         Raises
         ------
-        ValueError : `finer` lacks a knot of this vector or has another degree.
+        ValueError : `finer` is no KnotVector, lacks a knot of this vector or has another degree.
         """
+        require_type("finer", finer, KnotVector)
         if finer.degree != self.degree:
             raise ValueError(f"degrees differ: {self.degree} and {finer.degree}")
         require_subset(self.knots, finer.knots)
@@ -215,8 +219,9 @@ class KnotVector:
 
         Raises
         ------
-        ValueError : this vector lacks a knot of `coarser` or has another degree.
+        ValueError : `coarser` is no KnotVector, has a knot that this vector lacks or another degree.
         """
+        require_type("coarser", coarser, KnotVector)
         return csr_array(banded_least_squares(coarser.prolongation(self), self.degree, np.eye(self.dim)))
 
     def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import fields
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -10,10 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 EPS = float(np.finfo(np.float64).eps)
 MAX_DEGREE = 10
+MOST_SPANS = 10_000_000
+GREATEST_KNOT = 1e300  # sums of knots and of periods are finite
 
 
 def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.float64) -> NDArray[Any]:
-    """Return a contiguous read-only copy of `array`."""
+    """Return a contiguous read-only copy of `array`; raise ValueError for complex numbers."""
+    require_real(array)
     out = np.array(array, dtype=dtype, order="C")
     out.flags.writeable = False
     return out
@@ -23,6 +29,23 @@ def locked(array: NDArray[Any]) -> NDArray[Any]:
     """Return the array itself, read-only from now on."""
     array.flags.writeable = False
     return array
+
+
+def rebuilt(noun: Any) -> tuple[partial[Any], tuple[()]]:
+    """Return how copies and pickles are made, as `__reduce__`: by the constructor, with read-only arrays and without caches."""
+    return partial(type(noun), **{field.name: getattr(noun, field.name) for field in fields(noun)}), ()
+
+
+def require_type(name: str, value: object, *kinds: type) -> None:
+    """Raise ValueError unless the value is of one of these types."""
+    if not isinstance(value, kinds):
+        raise ValueError(f"{name} must be a {' or '.join(kind.__name__ for kind in kinds)}, got {type(value).__name__}")
+
+
+def require_real(array: ArrayLike) -> None:
+    """Raise ValueError for complex numbers."""
+    if np.iscomplexobj(array):
+        raise ValueError(f"numbers must be real, got {np.asarray(array).dtype}")
 
 
 def require_integer(name: str, value: object, least: int, most: int | None = None) -> None:
@@ -39,13 +62,23 @@ def require_number(name: str, value: object, least: float = -np.inf, above: floa
     good = isinstance(value, Real) and not isinstance(value, bool) and value >= least and (value > above or above == -np.inf)
     if not good or (finite and not abs(value) < np.inf):
         kind = "finite number" if finite else "number"
-        wanted = f"a {kind} of at least {least:g}" if least > -np.inf else f"a positive {kind}" if above == 0 else f"a {kind}"
-        raise ValueError(f"{name} must be {wanted}, got {value!r}")
+        wanted = f"a positive {kind}" if above == 0 else f"a {kind}"
+        wanted += f" of at least {least:g}" if least > -np.inf else f" greater than {above:g}" if above > -np.inf and above else ""
+        raise ValueError(f"{name} must be {wanted}, got {value}")
 
 
 def require_order(derivative: object) -> None:
     """Raise ValueError unless the order of a derivative is a non-negative integer."""
     require_integer("derivative", derivative, 0)
+
+
+def require_orders(derivative: object) -> tuple[int, int]:
+    """Return the orders (a, b) of a partial derivative; raise ValueError unless they are two non-negative integers."""
+    if not isinstance(derivative, Sequence | np.ndarray) or len(derivative) != 2:
+        raise ValueError(f"derivative must be a pair (a, b) of orders, got {derivative!r}")
+    for order in derivative:
+        require_order(order)
+    return int(derivative[0]), int(derivative[1])
 
 
 def require_degree(degree: object) -> None:
@@ -55,14 +88,16 @@ def require_degree(degree: object) -> None:
 
 def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
     """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and finite."""
-    h = tuple(float(w) for w in half_width)
-    if len(h) != 2 or not all(np.isfinite(w) and w > 0 for w in h):
+    pair = isinstance(half_width, Sequence | np.ndarray) and len(half_width) == 2
+    if not pair or not all(isinstance(w, Real) and 0 < w < np.inf for w in half_width):
         raise ValueError(f"half_width must be two positive numbers, got {half_width}")
-    return h
+    return float(half_width[0]), float(half_width[1])
 
 
 def points(u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return scattered points as two rows, (n,) each; raise ValueError unless they are of equal length."""
+    for x in (u, v):
+        require_real(x)
     u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
     if u.shape != v.shape or u.ndim != 1:
         raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
@@ -77,8 +112,8 @@ def require_sorted(knots: NDArray[np.float64]) -> None:
     if falls.any():
         k = int(np.argmax(falls))
         raise ValueError(f"knots must not decrease, got knots[{k}] = {knots[k]} > knots[{k + 1}] = {knots[k + 1]}")
-    if knots[-1] / 2 - knots[0] / 2 > np.finfo(np.float64).max / 2:
-        raise ValueError(f"knots from {knots[0]:g} to {knots[-1]:g} span more than float64 can hold")
+    if max(abs(knots[0]), abs(knots[-1])) > GREATEST_KNOT:
+        raise ValueError(f"knots must lie between -{GREATEST_KNOT:g} and {GREATEST_KNOT:g}, got {knots[0]:g} to {knots[-1]:g}")
 
 
 def require_subset(knots: NDArray[np.float64], finer: NDArray[np.float64]) -> None:
@@ -94,9 +129,11 @@ def uniform_breaks(spans: int, start: float, stop: float) -> NDArray[np.float64]
 
     Raises
     ------
-    ValueError : spans that is no positive integer; start that is not less than stop.
+    ValueError : spans that is no integer from 1 to 10,000,000; start that is not less than stop.
     """
-    require_integer("spans", spans, 1)
+    require_integer("spans", spans, 1, MOST_SPANS)
+    for name, end in (("start", start), ("stop", stop)):
+        require_number(name, end, finite=True)
     if not start < stop:
         raise ValueError(f"start must be less than stop, got {start} and {stop}")
     breaks = start + (stop - start) * (np.arange(spans + 1) / spans)

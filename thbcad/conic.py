@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import Legendre
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.checks import EPS, require_order
+from thbcad.checks import EPS, require_number, require_order, require_orders
 
 Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
 
@@ -30,12 +30,11 @@ class Conic:
     constant: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("radius", "constant"):
+        for name, quantity in (("radius", "radius"), ("constant", "conic constant")):
+            require_number(quantity, getattr(self, name), finite=name == "constant")
             object.__setattr__(self, name, float(getattr(self, name)))
-        if np.isnan(self.radius) or self.radius == 0:
+        if self.radius == 0:
             raise ValueError(f"radius must be a number other than 0, got {self.radius}")
-        if not np.isfinite(self.constant):
-            raise ValueError(f"conic constant must be finite, got {self.constant}")
 
     def __str__(self) -> str:
         return f"the conic with radius {self.radius} and K {self.constant}"
@@ -66,8 +65,8 @@ class Conic:
         ------
         ValueError : an order that is not a non-negative integer.
         """
-        for order in derivative:
-            require_order(order)
+        derivative = require_orders(derivative)
+        x, y = (np.asarray(a, dtype=np.float64) if isinstance(a, list | tuple) else a for a in (x, y))
         c = 1.0 / self.radius
         r2 = x * x + y * y
         root = np.sqrt(1 - (1 + self.constant) * c * c * r2)

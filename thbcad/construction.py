@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.bspline import KnotVector
+from thbcad.checks import require_number, require_type
 from thbcad.conic import Conic
 from thbcad.rational import NURBSCurve, NURBSSurface
 
@@ -35,14 +36,16 @@ def circular_arc(radius: float, angle: float = 2 * np.pi, start: float = 0.0, ce
 
     Source: The NURBS Book, 7.5.
     """
-    if not 0 < radius < np.inf:
-        raise ValueError(f"radius must be positive and finite, got {radius}")
+    require_number("radius", radius, above=0, finite=True)
+    for name, value in (("angle", angle), ("start", start)):
+        require_number(name, value, finite=True)
     if not 0 < abs(angle) <= 2 * np.pi:
         raise ValueError(f"angle must be at most one turn (2 pi) and not 0, got {angle}")
     segments = int(np.ceil(abs(angle) / (2 * np.pi) * 3))
-    at = start + angle * (np.arange(2 * segments + 1) / (2 * segments))
+    at = angle * (np.arange(2 * segments + 1) / (2 * segments))
     weights = np.where(np.arange(len(at)) % 2, np.cos(angle / (2 * segments)), 1.0)
-    points = radius * np.stack([np.cos(at), np.sin(at)], axis=1) / weights[:, None]
+    cos, sin = np.cos(start), np.sin(start)
+    points = radius * np.stack([cos * np.cos(at) - sin * np.sin(at), sin * np.cos(at) + cos * np.sin(at)], axis=1) / weights[:, None]
     if abs(angle) == 2 * np.pi:
         points[-1] = points[0]
     breaks = np.arange(segments + 1) / segments
@@ -80,8 +83,8 @@ def meridian(conic: Conic, radius: float) -> NURBSCurve:
     ------
     ValueError : radius not positive, or beyond the end of the conic.
     """
-    if not 0 < radius < np.inf:
-        raise ValueError(f"radius must be positive and finite, got {radius}")
+    require_type("conic", conic, Conic)
+    require_number("radius", radius, above=0, finite=True)
     square = 1 - (1 + conic.constant) * (radius / conic.radius) ** 2
     if square < 0:
         limit = abs(conic.radius) / np.sqrt(1 + conic.constant)

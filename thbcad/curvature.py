@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.bernstein import Array, Cells, Graph, bernstein, rounding
+from thbcad.bernstein import Array, Cells, Graph, bernstein, rounding, whole_graph
 from thbcad.bounds import Assessment, Enclosure, corners, greatest
 from thbcad.checks import EPS
 
@@ -69,6 +69,7 @@ def least_radii(graph: Graph, tolerance: float = 1e-6) -> LeastRadii:
     ------
     ValueError : degree 1, a graph that is not scalar, derivatives above 1e40.
     """
+    graph = whole_graph(graph)
     concave = greatest(bernstein(graph, DERIVATIVES), _curvature, tolerance)
     convex = greatest((cells.negated() for cells in bernstein(graph, DERIVATIVES)), _curvature, tolerance)
     return LeastRadii(_radius(concave), _radius(convex))

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thbcad.bspline import KnotVector
+from thbcad.checks import require_number
 from thbcad.hierarchy import DyadicAxis, Integers
 from thbcad.operators import banded_least_squares, tensor_apply
 from thbcad.space import THBSpace
@@ -69,8 +70,7 @@ def faces(space: THBSpace, surface: BSplineSurface, price: float) -> Iterator[BS
     surface : the tensor-product form of a surface over `space`
     price : control points that a face is worth; 0 gives the fewest control points, inf one face
     """
-    if not price >= 0:
-        raise ValueError(f"the price of a face must be a number of at least 0, got {price}")
+    require_number("the price of a face", price, least=0)
     sides = tuple(_side(space, d) for d in (0, 1))
     whole = tuple((0, side.axis.spans(side.top)) for side in sides)
     _, boxes = _cheapest(sides, whole, np.arange(len(sides[0].low)), price)

@@ -1,8 +1,8 @@
 """Least squares in a THB space, with thin-plate smoothing.
 
 The normal equations N c = A^T W z, N = A^T W A + smoothing E, are scaled to a unit diagonal
-(condition 2e3 instead of 3e5 for bicubic THB-splines of six levels), factorised, and solved twice: the second
-time for the residual, which brings back the digits that forming A^T W A loses.
+(condition 2e3 instead of 3e5 for bicubic THB-splines of six levels), factorised, and solved again for the
+residual as long as that correction shrinks, which brings back the digits that forming A^T W A loses.
 
 Source: A. Bjoerck, Numerical Methods for Least Squares Problems, sections 2.9 and 6.6.5; C. de Boor,
 A Practical Guide to Splines, chapter 14.
@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from thbcad.checks import EPS, read_only
+from thbcad.checks import EPS, read_only, rebuilt, require_number, require_real, require_type
 from thbcad.sampling import gauss_points
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
+
+MOST_SOLVES = 6  # two are enough for degree 3, degree 10 takes five
 
 
 class Underdetermined(ValueError):
@@ -48,7 +50,7 @@ class Samples:
         arrays = {"u": self.u, "v": self.v, "values": self.values, "weights": np.ones(n) if self.weights is None else self.weights}
         for name, given in arrays.items():
             array = read_only(given)
-            if array.shape[:1] != n or not 1 <= array.ndim <= (2 if name == "values" else 1):
+            if array.shape[:1] != n or 0 in array.shape[1:] or not 1 <= array.ndim <= (2 if name == "values" else 1):
                 shapes = ", ".join(f"{key} {np.shape(x)}" for key, x in arrays.items())
                 raise ValueError(f"samples need u (n,), v (n,), values (n,) or (n, d), weights (n,), got shapes {shapes}")
             bad = ~np.isfinite(array)
@@ -59,9 +61,13 @@ class Samples:
             k = int(np.argmax(self.weights < 0))
             raise ValueError(f"weights must not be negative, got weights[{k}] = {self.weights[k]}")
 
+    __reduce__ = rebuilt
+
     @classmethod
     def grid(cls, u: ArrayLike, v: ArrayLike, values: ArrayLike) -> Samples:
         """Return the samples of a height map: values (n_u, n_v) or (n_u, n_v, d) on the grid u x v."""
+        for x in (u, v, values):
+            require_real(x)
         u, v, values = (np.asarray(x, dtype=np.float64) for x in (u, v, values))
         if u.ndim != 1 or v.ndim != 1 or values.shape[:2] != (len(u), len(v)):
             raise ValueError(f"a height map over u {u.shape} and v {v.shape} needs values (n_u, n_v), got shape {values.shape}")
@@ -86,17 +92,22 @@ def least_squares(space: THBSpace, samples: Samples, smoothing: float = 0.0) -> 
     Underdetermined : the samples do not determine every coefficient (names a function).
     ValueError : samples outside the domain, a smoothing that is negative or not finite.
     """
-    if not 0 <= smoothing < np.inf:
-        raise ValueError(f"smoothing must be a finite number of at least 0, got {smoothing}")
+    require_type("space", space, THBSpace)
+    require_type("samples", samples, Samples)
+    require_number("smoothing", smoothing, least=0, finite=True)
     a = space.collocation(samples.u, samples.v)
     weighted = csr_array((diags_array(samples.weights) @ a).T)
     energy = smoothing * thin_plate(space) if smoothing else csr_array((space.dim, space.dim))
     normal = weighted @ a + energy
-    lu, scale = _factorised(normal, space)
-    coefficients = np.zeros((space.dim, *samples.values.shape[1:]))
-    for _ in range(2):
+    lu, scale = _factorised(normal, space, smoothing)
+    coefficients, least = np.zeros((space.dim, *samples.values.shape[1:])), np.inf
+    for _ in range(MOST_SOLVES):
         gradient = weighted @ (samples.values - a @ coefficients) - energy @ coefficients
-        coefficients = coefficients + (scale * lu.solve((scale * gradient.T).T).T).T
+        correction = (scale * lu.solve((scale * gradient.T).T).T).T
+        size = np.linalg.norm(correction)
+        if size >= least:
+            break
+        coefficients, least = coefficients + correction, size
     return THBSurface(space, coefficients)
 
 
@@ -113,7 +124,7 @@ def thin_plate(space: THBSpace) -> csr_array:
     return csr_array(total)
 
 
-def _factorised(normal: csr_array, space: THBSpace) -> tuple[SuperLU, NDArray[np.float64]]:
+def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> tuple[SuperLU, NDArray[np.float64]]:
     """Return (lu, s): the factors of S N S with unit diagonal, S = diag(s); refuse a singular matrix."""
     diagonal = normal.diagonal()
     if (diagonal == 0).any():
@@ -132,8 +143,9 @@ def _factorised(normal: csr_array, space: THBSpace) -> tuple[SuperLU, NDArray[np
         weak = lu.solve(weak / np.linalg.norm(weak))
     if np.linalg.norm(weak) * 2 * rounding >= 1:
         k = int(np.argmax(np.abs(weak)))
+        advice = f"choose another smoothing than {smoothing:g}" if smoothing else "smooth"
         raise Underdetermined(
             f"the samples do not determine function {k} (level, i, j) = {tuple(space.functions[k].tolist())} apart from "
-            f"its neighbours; add samples near it, refine less, or smooth"
+            f"its neighbours; add samples near it, refine less, or {advice}"
         )
     return lu, scale

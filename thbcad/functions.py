@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from thbcad.checks import require_real
+
 Function = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -15,9 +17,13 @@ def evaluate(function: Function, u: NDArray[np.float64], v: NDArray[np.float64])
 
     Raises
     ------
-    ValueError : values of another shape, or not finite.
+    ValueError : what is no function; values of another shape, complex or not finite.
     """
-    values = np.asarray(function(u, v), dtype=np.float64)
+    if not callable(function):
+        raise ValueError(f"a function of u and v is needed, got {type(function).__name__}")
+    values = function(u, v)
+    require_real(values)
+    values = np.asarray(values, dtype=np.float64)
     if values.shape[:1] != u.shape or values.ndim > 2:
         raise ValueError(f"the function must return ({len(u)},) or ({len(u)}, d) values for {len(u)} points, got shape {values.shape}")
     finite = np.isfinite(values.reshape(len(u), -1)).all(axis=1)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from thbcad.bspline import KnotVector
+from thbcad.checks import require_real
 from thbcad.functions import Function, evaluate
 from thbcad.surface import BSplineSurface
 
@@ -33,6 +34,7 @@ def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike
         flat = evaluate(target, np.repeat(u, len(v)), np.tile(v, len(u)))
         values = flat.reshape(len(u), len(v), *flat.shape[1:])
     else:
+        require_real(target)
         values = np.asarray(target, dtype=np.float64)
         if values.shape[:2] != (len(u), len(v)) or values.ndim > 3 or not np.isfinite(values).all():
             wanted = f"{(len(u), len(v))} or {(len(u), len(v), 'd')}"

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bounds import Enclosure, minimum
 from thbcad.bspline import KnotVector
-from thbcad.checks import half_widths
+from thbcad.checks import half_widths, require_number, require_orders, require_type
 from thbcad.conic import Conic
 from thbcad.graph import conic_graph, gap_graph, volume_between
 from thbcad.surface import BSplineSurface
@@ -43,6 +43,8 @@ class FreeformSurface:
 
     def __post_init__(self) -> None:
         h = half_widths(self.half_width)
+        require_type("conic", self.conic, Conic)
+        require_type("sag", self.sag, THBSurface, type(None))
         if self.sag is not None and self.sag.coefficients.ndim != 1:
             raise ValueError("the sag must have scalar coefficients")
         object.__setattr__(self, "half_width", h)
@@ -56,6 +58,7 @@ class FreeformSurface:
         ValueError : points outside the rectangle or NaN, an order that is not a non-negative integer.
         """
         x, y = self._inside(x, y)
+        derivative = require_orders(derivative)
         z = self.conic(x, y, derivative)
         if self.sag is not None:
             u, v = self.to_parameters(x, y)
@@ -70,6 +73,7 @@ class FreeformSurface:
         ValueError : positions outside the rectangle or NaN, an order that is not a non-negative integer.
         """
         x, y = self._inside(x, y)
+        derivative = require_orders(derivative)
         z = self.conic(x[:, None], y[None, :], derivative)
         if self.sag is not None:
             u, v = self.to_parameters(x, y)
@@ -92,7 +96,14 @@ class FreeformSurface:
         return rows[0], rows[1]
 
     def to_parameters(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the spline parameters (u, v) of positions (x, y)."""
+        """Return the spline parameters (u, v) of positions (x, y).
+
+        Raises
+        ------
+        ValueError : a surface without sag.
+        """
+        if self.sag is None:
+            raise ValueError("a surface without sag has no spline parameters")
         space = self.sag.space
         return tuple(
             np.clip(kv.start + (a + h) * s, kv.start, kv.stop)
@@ -137,12 +148,11 @@ class Lens:
     index: float
 
     def __post_init__(self) -> None:
-        for name in ("thickness", "index"):
+        for name in ("front", "rear"):
+            require_type(name, getattr(self, name), FreeformSurface)
+        for name, above in (("thickness", 0), ("index", 1)):
+            require_number(name, getattr(self, name), above=above, finite=True)
             object.__setattr__(self, name, float(getattr(self, name)))
-        if not (np.isfinite(self.index) and self.index > 1):
-            raise ValueError(f"index must be a number greater than 1, got {self.index}")
-        if not (np.isfinite(self.thickness) and self.thickness > 0):
-            raise ValueError(f"thickness must be a positive number of mm, got {self.thickness}")
         least = self.least_thickness()
         if least.lower <= 0:
             amount = abs(min(least.value, 0.0))

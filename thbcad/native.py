@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from thbcad.checks import require_type
 from thbcad.conic import Conic
 from thbcad.json_values import a_number, a_table, numbers, read_json, require_schema, write_json
 from thbcad.lens import FreeformSurface, Lens
@@ -52,6 +53,7 @@ def lens_from_dict(data: object) -> Lens:
 
 def write_lens(lens: Lens, path: str | Path) -> None:
     """Write the lens to a native JSON file, atomically."""
+    require_type("lens", lens, Lens)
     write_json(lens_to_dict(lens), path)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.bspline import KnotVector
+from thbcad.checks import require_type
 from thbcad.json_values import a_list, a_row, numbers, read_json, require_schema, write_json
 from thbcad.rational import NURBSSurface
 from thbcad.space import THBSpace
@@ -25,6 +26,7 @@ Surface = THBSurface | BSplineSurface | NURBSSurface
 
 def write_surface(surface: Surface, path: str | Path) -> None:
     """Write a surface to a native JSON file, atomically."""
+    require_type("surface", surface, THBSurface, BSplineSurface, NURBSSurface)
     write_json(surface_to_dict(surface), path)
 
 

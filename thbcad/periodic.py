@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import read_only, require_degree, require_order, require_sorted, require_subset, uniform_breaks
+from thbcad.checks import read_only, rebuilt, require_degree, require_order, require_sorted, require_subset, require_type, uniform_breaks
 from thbcad.operators import csr_rows
 from thbcad.polar import blossom_rows, greville_abscissae
 
@@ -56,6 +56,8 @@ class PeriodicKnotVector:
             raise ValueError(f"knot {t[: -p - 1][same][0]} occurs more than degree = {p} times")
         object.__setattr__(self, "degree", int(p))
         object.__setattr__(self, "knots", t)
+
+    __reduce__ = rebuilt
 
     @classmethod
     def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> PeriodicKnotVector:
@@ -156,8 +158,9 @@ class PeriodicKnotVector:
 
         Raises
         ------
-        ValueError : `finer` lacks a knot of this vector or has another degree, start or stop.
+        ValueError : `finer` is no PeriodicKnotVector, lacks a knot of this vector or has another degree, start or stop.
         """
+        require_type("finer", finer, PeriodicKnotVector)
         if finer.degree != self.degree:
             raise ValueError(f"degrees differ: {self.degree} and {finer.degree}")
         if (finer.start, finer.stop) != (self.start, self.stop):

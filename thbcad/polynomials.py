@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import eval_jacobi
 
 from thbcad.approximation import cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
-from thbcad.checks import EPS, half_widths, read_only, require_integer, require_order
+from thbcad.checks import EPS, half_widths, read_only, rebuilt, require_integer, require_number, require_order, require_orders
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +46,8 @@ class PolynomialSag:
         object.__setattr__(self, "half_width", h)
         object.__setattr__(self, "coefficients", c)
 
+    __reduce__ = rebuilt
+
     @classmethod
     def legendre(cls, half_width: tuple[float, float], coefficients: ArrayLike) -> PolynomialSag:
         """Return the sag sum_mn a_mn P_m(x / h_x) P_n(y / h_y) with Legendre polynomials P_m, a in mm."""
@@ -62,8 +64,7 @@ class PolynomialSag:
         terms : {(n, m): a_nm in mm}, see `zernike`; ``osa_orders(j)`` gives the (n, m) of an OSA/ANSI index j
         radius : float, mm, the radius of the disk on which the terms are orthogonal
         """
-        if not (np.isfinite(radius) and radius > 0):
-            raise ValueError(f"radius must be a positive number of mm, got {radius}")
+        require_number("radius", radius, above=0, finite=True)
         nodes = chebyshev.chebpts1(1 + max((n for n, _ in terms), default=0))
         s, t = (h / radius * nodes for h in half_width)
         values = sum((a * zernike(n, m, s[:, None], t[None, :]) for (n, m), a in terms.items()), np.zeros((len(nodes),) * 2))
@@ -87,13 +88,13 @@ class PolynomialSag:
 
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return z or a derivative at scattered points, (n,)."""
-        own = self.derivative(*derivative)
+        own = self.derivative(*require_orders(derivative))
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) / h for a, h in zip((x, y), self.half_width))
         return chebyshev.chebval2d(x, y, own.coefficients)
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return z or a derivative on the grid x x y, (len(x), len(y))."""
-        own = self.derivative(*derivative)
+        own = self.derivative(*require_orders(derivative))
         by_x, by_y = (chebyshev.chebvander(np.asarray(a) / h, n) for a, h, n in zip((x, y), self.half_width, own.degrees))
         return by_x @ own.coefficients @ by_y.T
 

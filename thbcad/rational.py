@@ -18,9 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import read_only, require_order
+from thbcad.checks import read_only, rebuilt, require_order, require_orders, require_real, require_type
 from thbcad.operators import tensor_apply
 from thbcad.surface import BSplineSurface
+
+GREATEST_WEIGHT = 1e150  # products and quotients of two are finite and not zero
 
 
 def quotient(jet: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -46,7 +48,7 @@ class NURBSCurve:
 
     Raises
     ------
-    ValueError : wrong shapes; points that are not finite; weights that are not positive and finite.
+    ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
     """
 
     kv: KnotVector
@@ -54,9 +56,12 @@ class NURBSCurve:
     weights: NDArray[np.float64] | float = 1.0
 
     def __post_init__(self) -> None:
+        require_type("kv", self.kv, KnotVector)
         points, weights = _checked(self.points, self.weights, (self.kv.dim,))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "weights", weights)
+
+    __reduce__ = rebuilt
 
     @classmethod
     def from_homogeneous(cls, kv: KnotVector, coefficients: NDArray[np.float64]) -> NURBSCurve:
@@ -102,7 +107,7 @@ class NURBSSurface:
 
     Raises
     ------
-    ValueError : wrong shapes; points that are not finite; weights that are not positive and finite.
+    ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
     """
 
     kv_u: KnotVector
@@ -111,9 +116,13 @@ class NURBSSurface:
     weights: NDArray[np.float64] | float = 1.0
 
     def __post_init__(self) -> None:
+        for name in ("kv_u", "kv_v"):
+            require_type(name, getattr(self, name), KnotVector)
         points, weights = _checked(self.points, self.weights, (self.kv_u.dim, self.kv_v.dim))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "weights", weights)
+
+    __reduce__ = rebuilt
 
     @classmethod
     def from_bspline(cls, surface: BSplineSurface) -> NURBSSurface:
@@ -161,16 +170,17 @@ class NURBSSurface:
 
 def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return both as read-only arrays of the shapes (*shape, d) and shape."""
+    require_real(weights)
     points, weights = read_only(points), np.asarray(weights, dtype=np.float64)
-    if points.ndim != len(shape) + 1 or points.shape[:-1] != shape:
+    if points.ndim != len(shape) + 1 or points.shape[:-1] != shape or points.size == 0:
         raise ValueError(f"points must have shape {(*shape, 'd')}, got {points.shape}")
     if not np.isfinite(points).all():
         raise ValueError("points must be finite")
     if weights.shape not in ((), shape):
         raise ValueError(f"weights must be one number or have shape {shape}, got {weights.shape}")
-    bad = ~((weights > 0) & np.isfinite(weights))
+    bad = ~((weights >= 1 / GREATEST_WEIGHT) & (weights <= GREATEST_WEIGHT))
     if bad.any():
-        raise ValueError(f"weights must be positive and finite, got {weights[bad].flat[0]}")
+        raise ValueError(f"weights must lie between {1 / GREATEST_WEIGHT:g} and {GREATEST_WEIGHT:g}, got {weights[bad].flat[0]}")
     return points, read_only(np.broadcast_to(weights, shape))
 
 
@@ -189,8 +199,7 @@ def _image(points: NDArray[np.float64], matrix: ArrayLike, offset: ArrayLike) ->
 
 def _evaluated(spline: Callable[..., NDArray[np.float64]], u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
     """Return a derivative of the projection of a spline of homogeneous points, given as function of u, v and the derivative."""
-    for order in derivative:
-        require_order(order)
+    derivative = require_orders(derivative)
     return quotient(np.array([[spline(u, v, (i, j)) for j in range(derivative[1] + 1)] for i in range(derivative[0] + 1)]))
 
 

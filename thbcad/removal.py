@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import read_only, require_number
+from thbcad.checks import read_only, require_number, require_real
 from thbcad.operators import banded_least_squares, tensor_apply
 from thbcad.surface import BSplineSurface
 
@@ -67,6 +67,7 @@ def remove_knots(kv: KnotVector, coefficients: ArrayLike, tolerance: float) -> R
     ValueError : coefficients of another shape or not finite; tolerance that is negative or NaN.
     """
     require_number("tolerance", tolerance, least=0)
+    require_real(coefficients)
     c = np.asarray(coefficients, dtype=np.float64)
     if c.shape[:1] != (kv.dim,) or c.ndim > 2:
         raise ValueError(f"coefficients must have shape ({kv.dim},) or ({kv.dim}, d), got {c.shape}")

@@ -25,7 +25,7 @@ from scipy.sparse import csr_array, eye_array
 from thbcad import transfer
 from thbcad.admissible import closure
 from thbcad.bspline import KnotVector
-from thbcad.checks import points, read_only, require_order
+from thbcad.checks import points, read_only, rebuilt, require_orders, require_type
 from thbcad.domains import Domains
 from thbcad.embedding import Embedding
 from thbcad.hierarchy import DyadicAxis, Integers, Level, make_level, numbered
@@ -34,6 +34,8 @@ from thbcad.nets import Nets
 from thbcad.operators import csr_rows
 from thbcad.quadtree import Quadtree
 from thbcad.restriction import require_restored, restriction
+
+MOST_CELLS = 10_000_000  # on level 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,7 @@ class THBSpace:
 
     Raises
     ------
-    ValueError : kv_u or kv_v that is no KnotVector.
+    ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
     """
 
     kv_u: KnotVector
@@ -54,10 +56,13 @@ class THBSpace:
 
     def __post_init__(self) -> None:
         for name, kv in (("kv_u", self.kv_u), ("kv_v", self.kv_v)):
-            if not isinstance(kv, KnotVector):
-                raise ValueError(f"{name} must be a KnotVector, got {type(kv).__name__}")
+            require_type(name, kv, KnotVector)
+        if self.kv_u.spans * self.kv_v.spans > MOST_CELLS:
+            raise ValueError(f"a space must have at most {MOST_CELLS} cells on level 0, got {self.kv_u.spans} x {self.kv_v.spans}")
         if self._domains is None:
             object.__setattr__(self, "_domains", Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v))))
+
+    __reduce__ = rebuilt
 
     def __repr__(self) -> str:
         degrees, cells = (self.kv_u.degree, self.kv_v.degree), len(self.cells)
@@ -266,8 +271,7 @@ class THBSpace:
         ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
         """
         u, v = self._points(u, v)
-        for order in derivative:
-            require_order(order)
+        derivative = require_orders(derivative)
         cell = self._quadtree.locate(u, v)
         return *self.local_basis.values(cell, u, v, derivative), cell
 

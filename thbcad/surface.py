@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import points, read_only, require_order
+from thbcad.checks import points, read_only, rebuilt, require_orders, require_type
 from thbcad.operators import tensor_apply
 
 
@@ -20,7 +20,7 @@ class BSplineSurface:
 
     Raises
     ------
-    ValueError : coefficients of another shape, or not finite.
+    ValueError : kv_u or kv_v that is no KnotVector; coefficients of another shape, or not finite.
     """
 
     kv_u: KnotVector
@@ -28,13 +28,17 @@ class BSplineSurface:
     coefficients: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        for name in ("kv_u", "kv_v"):
+            require_type(name, getattr(self, name), KnotVector)
         c = read_only(self.coefficients)
         wanted = (self.kv_u.dim, self.kv_v.dim)
-        if c.shape[:2] != wanted or c.ndim > 3:
+        if c.shape[:2] != wanted or c.ndim > 3 or c.size == 0:
             raise ValueError(f"coefficients must have shape {wanted} or {(*wanted, 'd')}, got {c.shape}")
         if not np.isfinite(c).all():
             raise ValueError("coefficients must be finite")
         object.__setattr__(self, "coefficients", c)
+
+    __reduce__ = rebuilt
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
@@ -44,9 +48,9 @@ class BSplineSurface:
         ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
         """
         u, v = points(u, v)
-        for kv, x, order in ((self.kv_u, u, derivative[0]), (self.kv_v, v, derivative[1])):
+        derivative = require_orders(derivative)
+        for kv, x in ((self.kv_u, u), (self.kv_v, v)):
             kv.require_inside(x)
-            require_order(order)
         if derivative[0] > self.kv_u.degree or derivative[1] > self.kv_v.degree:
             return np.zeros((len(u), *self.coefficients.shape[2:]))
         return self._scattered(np.column_stack([u, v]), nu=derivative)
@@ -63,7 +67,8 @@ class BSplineSurface:
         ------
         ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
         """
-        a, b = self.kv_u.collocation(u, derivative[0]), self.kv_v.collocation(v, derivative[1])
+        order_u, order_v = require_orders(derivative)
+        a, b = self.kv_u.collocation(u, order_u), self.kv_v.collocation(v, order_v)
         return tensor_apply(a, b, self.coefficients)
 
     def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.checks import points, read_only
+from thbcad.checks import points, read_only, rebuilt, require_type
 from thbcad.faces import faces
 from thbcad.patches import patches
 from thbcad.space import THBSpace
@@ -24,19 +24,22 @@ class THBSurface:
 
     Raises
     ------
-    ValueError : coefficients of another shape, or not finite.
+    ValueError : a space that is no THBSpace; coefficients of another shape, or not finite.
     """
 
     space: THBSpace
     coefficients: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        require_type("space", self.space, THBSpace)
         c = read_only(self.coefficients)
-        if c.shape[:1] != (self.space.dim,) or c.ndim > 2:
+        if c.shape[:1] != (self.space.dim,) or c.ndim > 2 or c.size == 0:
             raise ValueError(f"coefficients must have shape ({self.space.dim},) or ({self.space.dim}, d), got {c.shape}")
         if not np.isfinite(c).all():
             raise ValueError("coefficients must be finite")
         object.__setattr__(self, "coefficients", c)
+
+    __reduce__ = rebuilt
 
     @cached_property
     def _tensor(self) -> BSplineSurface:

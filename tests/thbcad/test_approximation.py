@@ -202,9 +202,9 @@ def test_tolerances_below_rounding_are_refused_with_the_amount():
         approximated(Conic(30.0, 0.5), *square(3, 2), 1e-16)
 
 
-@pytest.mark.parametrize("tolerance", [0.0, -1e-9, np.nan])
+@pytest.mark.parametrize("tolerance", [0.0, -1e-9, np.nan, None, "a"])
 def test_tolerances_that_are_not_positive_are_refused(tolerance):
-    with pytest.raises(ValueError, match="tolerance must be a positive number of mm"):
+    with pytest.raises(ValueError, match="tolerance must be a positive number, got"):
         approximated(Conic(30.0), *square(3, 2), tolerance)
 
 

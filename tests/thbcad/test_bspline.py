@@ -279,7 +279,7 @@ def test_degree_is_refused(degree):
         (1, [0, 0, 0, 1, 1], r"knot 0.0 occurs more than degree = 1 times"),
         (1, [0, 0, 1, 1, 1], r"knot 1.0 occurs more than degree = 1 times"),
         (1, ["a", 0, 1, 1], "could not convert"),
-        (1, [-1.7e308, -1.7e308, 1.7e308, 1.7e308], r"knots from -1.7e\+308 to 1.7e\+308 span more than float64 can hold"),
+        (1, [-1.7e308, -1.7e308, 1.7e308, 1.7e308], r"knots must lie between -1e\+300 and 1e\+300, got -1.7e\+308 to 1.7e\+308"),
     ],
 )
 def test_knots_are_refused(degree, knots, message):
@@ -287,15 +287,15 @@ def test_knots_are_refused(degree, knots, message):
         KnotVector(degree, knots)
 
 
-@pytest.mark.parametrize("spans", [0, -3, True, 2.5, "4"])
+@pytest.mark.parametrize("spans", [0, -3, True, 2.5, "4", 10**11])
 def test_uniform_spans_are_refused(spans):
-    with pytest.raises(ValueError, match="spans must be an integer of at least 1"):
+    with pytest.raises(ValueError, match="spans must be an integer from 1 to 10000000"):
         KnotVector.uniform(3, spans)
 
 
-@pytest.mark.parametrize(("start", "stop"), [(1, 1), (2, 1), (np.nan, 1), (0, np.nan)])
+@pytest.mark.parametrize(("start", "stop"), [(1, 1), (2, 1), (np.nan, 1), (0, np.nan), (None, 1), (0, "a")])
 def test_uniform_interval_is_refused(start, stop):
-    with pytest.raises(ValueError, match="start must be less than stop"):
+    with pytest.raises(ValueError, match=r"start must be less than stop|(start|stop) must be a finite number"):
         KnotVector.uniform(3, 4, start, stop)
 
 

@@ -110,20 +110,34 @@ def test_an_ellipse_is_an_affine_image_of_the_circle():
     assert abs(((x - 1) / 5) ** 2 + (y / 2) ** 2 - 1).max() <= 20 * EPS
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf, None, "a"])
 def test_radii_are_refused(radius):
-    with pytest.raises(ValueError, match=f"radius must be positive and finite, got {radius}"):
+    with pytest.raises(ValueError, match=f"radius must be a positive finite number, got {radius}"):
         circular_arc(radius)
-    with pytest.raises(ValueError, match=f"radius must be positive and finite, got {radius}"):
+    with pytest.raises(ValueError, match=f"radius must be a positive finite number, got {radius}"):
         meridian(Conic(), radius)
 
 
-@pytest.mark.parametrize("angle", [0.0, 6.3, -7.0, np.nan])
+@pytest.mark.parametrize("angle", [0.0, 6.3, -7.0, np.nan, None, "a"])
 def test_angles_are_refused(angle):
-    with pytest.raises(ValueError, match="angle must be at most one turn"):
+    with pytest.raises(ValueError, match=r"angle must be at most one turn|angle must be a finite number"):
         circular_arc(1.0, angle)
-    with pytest.raises(ValueError, match="angle must be at most one turn"):
+    with pytest.raises(ValueError, match=r"angle must be at most one turn|angle must be a finite number"):
         revolved(line([1, 0], [1, 1]), angle)
+
+
+@pytest.mark.parametrize("start", [1e3, 1e20, -1e300])
+def test_arcs_start_at_any_angle(start):
+    """Against the arc from 0, turned by the exact cosine and sine."""
+    c, s = np.cos(start), np.sin(start)
+    turned = circular_arc(2.0, 2.5).transformed([[c, -s], [s, c]])
+    assert abs(circular_arc(2.0, 2.5, start)(U) - turned(U)).max() <= 20 * EPS
+
+
+@pytest.mark.parametrize("start", [np.inf, np.nan, None, "a"])
+def test_starts_are_refused(start):
+    with pytest.raises(ValueError, match="start must be a finite number"):
+        circular_arc(1.0, 1.0, start)
 
 
 # ---- conic sections ----
@@ -151,7 +165,7 @@ def test_conic_arcs_keep_ends_tangents_and_shoulder(weight, rng):
 
 
 def test_a_negative_weight_is_refused():
-    with pytest.raises(ValueError, match=r"weights must be positive and finite, got -0\.5"):
+    with pytest.raises(ValueError, match=r"weights must lie between .*, got -0\.5"):
         conic_arc([0, 0], [1, 1], [2, 0], -0.5)
 
 

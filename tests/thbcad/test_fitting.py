@@ -290,3 +290,21 @@ def test_other_bad_input_is_refused():
     for smoothing in (-1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="smoothing must be a finite number of at least 0"):
             least_squares(space, samples, smoothing)
+
+
+def test_least_squares_keeps_its_digits_at_degree_10():
+    """With columns of length 1, A has the condition 8e5 and A^T A its square: the coefficients settle after four corrections."""
+    space = refined(10, 12, 9)
+    u, v = everywhere(np.random.default_rng(0), 8 * space.dim)
+    surface = THBSurface(space, np.random.default_rng(1).uniform(-1, 1, space.dim))
+    found = least_squares(space, Samples(u, v, surface(u, v)))
+    # the condition of A times some EPS in the samples
+    assert abs(found.coefficients - surface.coefficients).max() <= 8e5 * 10 * EPS
+
+
+def test_the_advice_knows_that_smoothing_is_there():
+    space = tensor(3, 4)
+    u, v = everywhere(np.random.default_rng(0), 400)
+    samples = Samples(u, v, smooth(u, v))
+    with pytest.raises(Underdetermined, match=r"refine less, or choose another smoothing than 1e\+300"):
+        least_squares(space, samples, 1e300)

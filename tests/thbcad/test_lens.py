@@ -89,15 +89,15 @@ def test_orders_that_are_no_counts_are_refused(derivative):
         Conic(50.0)(X, Y, derivative)
 
 
-@pytest.mark.parametrize("radius", [0, 0.0, -0.0, np.nan])
+@pytest.mark.parametrize("radius", [0, 0.0, -0.0, np.nan, None, "a"])
 def test_radius_is_refused(radius):
-    with pytest.raises(ValueError, match="radius must be a number other than 0"):
+    with pytest.raises(ValueError, match=r"radius must be a number( other than 0)?, got"):
         Conic(radius)
 
 
 @pytest.mark.parametrize("constant", [np.nan, np.inf, -np.inf])
 def test_conic_constant_is_refused(constant):
-    with pytest.raises(ValueError, match="conic constant must be finite"):
+    with pytest.raises(ValueError, match="conic constant must be a finite number"):
         Conic(5.0, constant)
 
 
@@ -122,7 +122,7 @@ def test_conics_that_end_inside_the_aperture_are_refused(radius):
 # ---- freeform surfaces ----
 
 
-@pytest.mark.parametrize("half_width", [(5,), (5, 5, 5), (0, 5), (5, -1), (np.nan, 5), (5, np.inf)])
+@pytest.mark.parametrize("half_width", [(5,), (5, 5, 5), (0, 5), (5, -1), (np.nan, 5), (5, np.inf), None, (5, "a"), 5])
 def test_half_width_is_refused(half_width):
     with pytest.raises(ValueError, match="half_width must be two positive numbers"):
         FreeformSurface(half_width)
@@ -374,15 +374,15 @@ def test_surfaces_that_cross_between_samples_are_refused():
         plano(rear, 0.1)
 
 
-@pytest.mark.parametrize("index", [1.0, 0.5, -1.5, np.nan, np.inf])
+@pytest.mark.parametrize("index", [1.0, 0.5, -1.5, np.nan, np.inf, None])
 def test_index_is_refused(index):
-    with pytest.raises(ValueError, match="index must be a number greater than 1"):
+    with pytest.raises(ValueError, match="index must be a finite number greater than 1, got"):
         Lens(FreeformSurface((5, 5)), FreeformSurface((5, 5)), 1.0, index)
 
 
-@pytest.mark.parametrize("thickness", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("thickness", [0.0, -1.0, np.nan, np.inf, "a"])
 def test_thickness_is_refused(thickness):
-    with pytest.raises(ValueError, match="thickness must be a positive number of mm"):
+    with pytest.raises(ValueError, match="thickness must be a positive finite number, got"):
         Lens(FreeformSurface((5, 5)), FreeformSurface((5, 5)), thickness, 1.5)
 
 

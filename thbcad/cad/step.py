@@ -25,13 +25,13 @@ from thbcad.cad.geom import spline_surface
 from thbcad.cad.reading import explore, step_shape
 from thbcad.cad.solid import lens_solid
 from thbcad.cad.writing import silence, step_text
+from thbcad.checks import require_type
 from thbcad.files import write_bytes
+from thbcad.lens import Lens
 from thbcad.surface import BSplineSurface
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
-
-    from thbcad.lens import Lens
 
 PRODUCT = "lens"
 VOLUME_TOLERANCE = 1e-6  # relative, asked of OCCT's volume integral
@@ -67,6 +67,7 @@ def write_step(lens: Lens, path: str | Path) -> None:
     OSError : the file cannot be written.
     RuntimeError : OCCT refuses the solid.
     """
+    require_type("lens", lens, Lens)
     write_bytes(path, step_bytes(lens))
 
 

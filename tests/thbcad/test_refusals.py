@@ -1,0 +1,236 @@
+"""What all classes and verbs refuse alike: other types, complex numbers, bad orders and numbers; and copies of all nouns."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from thbcad import (
+    BSplineSurface,
+    Conic,
+    FreeformSurface,
+    KnotVector,
+    Lens,
+    NURBSCurve,
+    NURBSSurface,
+    PeriodicKnotVector,
+    PolynomialSag,
+    Samples,
+    THBSpace,
+    THBSurface,
+    approximated,
+    circular_arc,
+    fit,
+    greatest_slope,
+    interpolate,
+    least_radii,
+    least_squares,
+    meridian,
+    quasi_interpolate,
+    remove_knots,
+    remove_surface_knots,
+    value_range,
+    write_lens,
+    write_step,
+    write_surface,
+)
+
+KV = KnotVector.uniform(3, 4)
+SPACE = THBSpace(KV, KV).refine({0: [(i, j) for i in range(4) for j in range(3)]}).refine({1: [(0, 0)]})
+NET = np.random.default_rng(0).uniform(-1, 1, (7, 7))
+SHEET = BSplineSurface(KV, KV, NET)
+SAG = THBSurface(SPACE, np.random.default_rng(0).uniform(-1, 1, SPACE.dim))
+ARC = circular_arc(1.0, 1.0)
+PATCH = NURBSSurface(KV, KV, np.stack([NET, NET.T, NET**2], axis=-1), 1 + NET**2)
+GRID = Samples.grid(KV.greville(), KV.greville(), NET)
+POLYNOMIAL = PolynomialSag((2, 3), NET)
+FREEFORM = FreeformSurface((8, 8), Conic(60.0, -1.0), SAG)
+NOUNS = [KV, PeriodicKnotVector.uniform(2, 5), SPACE, SHEET, SAG, ARC, PATCH, GRID, POLYNOMIAL]
+BAD_TYPES = [None, 3, [0, 1], PeriodicKnotVector.uniform(3, 7)]
+BAD_NUMBERS = [None, "a", np.nan, -1.0, 1j]
+
+# ---- copies ----
+
+
+def arrays(noun):
+    return {name: x for name, x in vars(noun).items() if isinstance(x, np.ndarray)}
+
+
+@pytest.mark.parametrize("noun", NOUNS, ids=lambda noun: type(noun).__name__)
+@pytest.mark.parametrize(
+    "again", [copy.copy, copy.deepcopy, lambda noun: pickle.loads(pickle.dumps(noun))], ids=["copy", "deepcopy", "pickle"]
+)
+def test_copies_are_read_only_and_have_no_caches(noun, again):
+    for cache in ("breaks", "homogeneous", "cells"):  # fill them
+        getattr(noun, cache, None)
+    other = again(noun)
+    assert type(other) is type(noun)
+    assert set(vars(other)) == set(type(noun).__dataclass_fields__)
+    for name, array in arrays(other).items():
+        assert not array.flags.writeable
+        assert np.array_equal(array, getattr(noun, name))
+
+
+def test_copies_of_spaces_hold_the_same_cells():
+    other = pickle.loads(pickle.dumps(SPACE))
+    assert np.array_equal(other.cells, SPACE.cells)
+    assert (SPACE.prolongation(other) != np.eye(SPACE.dim)).sum() == 0
+    assert all(not cells.flags.writeable for cells in other.refined)
+
+
+# ---- types ----
+
+
+@pytest.mark.parametrize("bad", BAD_TYPES, ids=lambda x: type(x).__name__)
+def test_nouns_need_knot_vectors_and_spaces(bad):
+    for noun, net in ((BSplineSurface, NET), (NURBSSurface, NET[..., None])):
+        with pytest.raises(ValueError, match=f"kv_u must be a KnotVector, got {type(bad).__name__}"):
+            noun(bad, KV, net)
+        with pytest.raises(ValueError, match=f"kv_v must be a KnotVector, got {type(bad).__name__}"):
+            noun(KV, bad, net)
+    with pytest.raises(ValueError, match=f"kv must be a KnotVector, got {type(bad).__name__}"):
+        NURBSCurve(bad, np.zeros((7, 2)))
+    with pytest.raises(ValueError, match=f"space must be a THBSpace, got {type(bad).__name__}"):
+        THBSurface(bad, np.zeros(49))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: KV.prolongation(None), "finer must be a KnotVector, got NoneType"),
+        (lambda: KV.restriction(3), "coarser must be a KnotVector, got int"),
+        (lambda: KV.merged(None), "other must be a KnotVector"),
+        (lambda: PeriodicKnotVector.uniform(3, 4).prolongation(KV), "finer must be a PeriodicKnotVector, got KnotVector"),
+        (lambda: write_surface(FREEFORM, "x"), "surface must be a THBSurface or BSplineSurface or NURBSSurface, got FreeformSurface"),
+        (lambda: write_lens(SHEET, "x"), "lens must be a Lens, got BSplineSurface"),
+        (lambda: write_step(SHEET, "x"), "lens must be a Lens, got BSplineSurface"),
+        (lambda: Lens(SHEET, FREEFORM, 1.0, 1.5), "front must be a FreeformSurface, got BSplineSurface"),
+        (lambda: FreeformSurface((8, 8), 60.0), "conic must be a Conic, got float"),
+        (lambda: FreeformSurface((8, 8), sag=SHEET), "sag must be a THBSurface or NoneType, got BSplineSurface"),
+        (lambda: FreeformSurface((8, 8)).to_parameters(np.zeros(1), np.zeros(1)), "a surface without sag has no spline parameters"),
+        (lambda: least_squares(SPACE, ([0.5], [0.5], [1.0])), "samples must be a Samples, got tuple"),
+        (lambda: least_squares(KV, GRID), "space must be a THBSpace, got KnotVector"),
+        (lambda: fit(KV, GRID, 1.0), "space must be a THBSpace, got KnotVector"),
+        (lambda: fit(SPACE, 3.0, 1.0), "a function of u and v is needed, got float"),
+        (lambda: value_range(None), "graph must be a BSplineSurface, got NoneType"),
+        (lambda: value_range([SHEET, 3]), "graph must be a BSplineSurface, got int"),
+        (lambda: least_radii(NET[0]), "graph must be a BSplineSurface, got float64"),
+        (lambda: meridian(None, 1.0), "conic must be a Conic"),
+        (lambda: THBSpace(KnotVector.uniform(1, 10**5), KnotVector.uniform(1, 10**5)), "at most 10000000 cells on level 0, got 100000 x"),
+    ],
+)
+def test_other_types_and_sizes_are_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_patches_may_come_one_by_one():
+    assert value_range(iter([SHEET])) == value_range(SHEET)
+    assert least_radii(iter([SHEET])) == least_radii(SHEET)
+
+
+def test_conics_take_lists():
+    assert Conic(10.0)([1.0, 2.0], [2.0, 0.0]).tolist() == Conic(10.0)(np.array([1.0, 2.0]), np.array([2.0, 0.0])).tolist()
+
+
+# ---- arrays ----
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda x: KnotVector(1, np.r_[0, 0, 1, 1] * x),
+        lambda x: BSplineSurface(KV, KV, NET * x),
+        lambda x: THBSurface(SPACE, SAG.coefficients * x),
+        lambda x: NURBSSurface(KV, KV, PATCH.points * x),
+        lambda x: NURBSCurve(ARC.kv, ARC.points, ARC.weights * x),
+        lambda x: Samples(GRID.u, GRID.v, GRID.values * x),
+        lambda x: Samples.grid(KV.greville(), KV.greville(), NET * x),
+        lambda x: interpolate(KV, KV, NET * x),
+        lambda x: quasi_interpolate(SPACE, lambda u, v: u * x),
+        lambda x: remove_knots(KV, NET * x, 1.0),
+        lambda x: SHEET(np.array([0.5]) * x, [0.5]),
+    ],
+)
+def test_complex_numbers_are_refused(call):
+    call(1.0)
+    with pytest.raises(ValueError, match="numbers must be real, got complex128"):
+        call(1.0 + 0j)
+
+
+def test_splines_without_components_are_refused():
+    for call in (
+        lambda: BSplineSurface(KV, KV, np.zeros((7, 7, 0))),
+        lambda: THBSurface(SPACE, np.zeros((SPACE.dim, 0))),
+        lambda: NURBSCurve(KV, np.zeros((7, 0))),
+        lambda: NURBSSurface(KV, KV, np.zeros((7, 7, 0))),
+        lambda: Samples(GRID.u, GRID.v, np.zeros((49, 0))),
+    ):
+        with pytest.raises(ValueError, match=r"shapes?.*, 0\)"):
+            call()
+
+
+@pytest.mark.parametrize("noun", [KnotVector, PeriodicKnotVector])
+def test_knots_beyond_1e300_are_refused(noun):
+    with pytest.raises(ValueError, match=r"knots must lie between -1e\+300 and 1e\+300, got"):
+        noun.uniform(3, 2, 0.0, 1e308)
+    assert np.isfinite(noun.uniform(3, 2, -1e300, 1e300).greville()).all()
+
+
+# ---- orders and numbers ----
+
+
+@pytest.mark.parametrize("derivative", [(1, 2, 3), (0,), 1, None, (), "ab", (0, -1), (0.5, 0), (None, 0), (True, 0)], ids=repr)
+def test_orders_are_refused(derivative):
+    u = np.array([0.5])
+    for call in (
+        SHEET,
+        SHEET.grid,
+        SAG,
+        SAG.grid,
+        PATCH,
+        PATCH.grid,
+        SPACE.collocation,
+        FREEFORM,
+        FREEFORM.grid,
+        POLYNOMIAL,
+        POLYNOMIAL.grid,
+    ):
+        with pytest.raises(ValueError, match="derivative must be"):
+            call(u, u, derivative)
+    for call in (Conic(10.0), Conic()):
+        with pytest.raises(ValueError, match="derivative must be"):
+            call(u, u, derivative)
+    with pytest.raises(ValueError, match="derivative must be"):
+        value_range(SHEET, derivative)
+
+
+@pytest.mark.parametrize("derivative", [[1, 0], np.array([1, 0])])
+def test_orders_may_come_as_a_list(derivative):
+    u = np.array([0.5])
+    for call in (SHEET, SAG, PATCH, FREEFORM, POLYNOMIAL, Conic(10.0)):
+        assert np.array_equal(call(u, u, derivative), call(u, u, (1, 0)))
+
+
+@pytest.mark.parametrize("bad", BAD_NUMBERS, ids=repr)
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda x: remove_knots(KV, NET, x), "tolerance"),
+        (lambda x: remove_surface_knots(SHEET, x), "tolerance"),
+        (lambda x: fit(SPACE, GRID, x), "tolerance"),
+        (lambda x: approximated(Conic(30.0), KV, KV, x), "tolerance"),
+        (lambda x: value_range(SHEET, tolerance=x), "tolerance"),
+        (lambda x: greatest_slope(SHEET, x), "tolerance"),
+        (lambda x: least_radii(SHEET, x), "tolerance"),
+        (lambda x: SAG.to_faces(x), "the price of a face"),
+        (lambda x: least_squares(SPACE, GRID, x), "smoothing"),
+        (circular_arc, "radius"),
+        (lambda x: meridian(Conic(30.0), x), "radius"),
+        (lambda x: PolynomialSag.zernike((1, 1), x, {(0, 0): 1.0}), "radius"),
+    ],
+)
+def test_numbers_are_refused(call, name, bad):
+    with pytest.raises(ValueError, match=f"{name} must be a (positive )?(finite )?number"):
+        call(bad)
