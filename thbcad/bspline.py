@@ -12,7 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import read_only, rebuilt, require_degree, require_order, require_sorted, require_subset, require_type, uniform_breaks
+from thbcad.checks import (
+    read_only,
+    rebuilt,
+    require_degree,
+    require_number,
+    require_order,
+    require_sorted,
+    require_subset,
+    require_type,
+    uniform_breaks,
+)
 from thbcad.operators import band_matrix, banded_least_squares
 from thbcad.polar import bezier_rows, blossom_rows, greville_abscissae
 
@@ -190,6 +200,8 @@ class KnotVector:
         ------
         ValueError : start that is not less than stop, or so near that knots coincide.
         """
+        for name, end in (("start", start), ("stop", stop)):
+            require_number(name, end, finite=True)
         if (self.start, self.stop) == (start, stop):
             return self
         share = (self.knots - self.start) / (self.stop - self.start)
@@ -233,6 +245,8 @@ class KnotVector:
         ------
         ValueError : unless self.start <= start < stop <= self.stop.
         """
+        for name, end in (("start", start), ("stop", stop)):
+            require_number(name, end)
         if not self.start <= start < stop <= self.stop:
             raise ValueError(f"a segment needs {self.start} <= start < stop <= {self.stop}, got {start} and {stop}")
         inner = self.knots[(self.knots > start) & (self.knots < stop)]

@@ -107,6 +107,7 @@ def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:
 
     Source: The NURBS Book, 8.5.
     """
+    require_type("curve", curve, NURBSCurve)
     if curve.points.shape[1] not in (2, 3):
         raise ValueError(f"curve must have points (r, z) or (x, y, z), got {curve.points.shape[1]} components")
     arc = circular_arc(1.0, angle)
@@ -128,6 +129,8 @@ def ruled(curve: NURBSCurve, other: NURBSCurve) -> NURBSSurface:
 
     Source: The NURBS Book, 8.4.
     """
+    for name, c in (("curve", curve), ("other", other)):
+        require_type(name, c, NURBSCurve)
     ends = [(c.kv.start, c.kv.stop) for c in (curve, other)]
     if ends[0] != ends[1]:
         raise ValueError(f"the curves must have the same interval of parameters, got {ends[0]} and {ends[1]}")

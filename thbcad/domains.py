@@ -14,13 +14,22 @@ from thbcad.checks import require_integer
 from thbcad.hierarchy import DyadicAxis, Integers
 
 MAX_LEVEL = 24
+MOST_CELLS = 10_000_000  # on level 0
 NONE = np.zeros(0, dtype=np.int64)
 
 
 class Domains:
-    """Per level, the sorted keys of the refined cells.  Domains never change."""
+    """Per level, the sorted keys of the refined cells.  Domains never change.
+
+    Raises
+    ------
+    ValueError : more than 10,000,000 cells on level 0.
+    """
 
     def __init__(self, axes: tuple[DyadicAxis, DyadicAxis], refined: tuple[Integers, ...] = ()) -> None:
+        n_u, n_v = (axis.spans(0) for axis in axes)
+        if n_u * n_v > MOST_CELLS:
+            raise ValueError(f"a space must have at most {MOST_CELLS} cells on level 0, got {n_u} x {n_v}")
         self.axes = axes
         self._refined = refined
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import require_real
+from thbcad.checks import require_real, require_type
 from thbcad.functions import Function, evaluate
 from thbcad.surface import BSplineSurface
 
@@ -29,6 +29,8 @@ def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike
     ------
     ValueError : values of another shape, or not finite.
     """
+    for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
+        require_type(name, kv, KnotVector)
     u, v = kv_u.greville(), kv_v.greville()
     if callable(target):
         flat = evaluate(target, np.repeat(u, len(v)), np.tile(v, len(u)))

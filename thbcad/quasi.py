@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from thbcad.checks import require_type
 from thbcad.functions import Function, evaluate
 from thbcad.hierarchy import DyadicAxis
 from thbcad.polar import blossom, greville_abscissae
@@ -48,6 +49,7 @@ def quasi_interpolate(space: THBSpace, function: Function) -> THBSurface:
     ------
     ValueError : values of another shape, or not finite.
     """
+    require_type("space", space, THBSpace)
     u, v, operator = quasi_interpolation(space)
     return THBSurface(space, operator @ evaluate(function, u, v))
 

@@ -127,6 +127,7 @@ class NURBSSurface:
     @classmethod
     def from_bspline(cls, surface: BSplineSurface) -> NURBSSurface:
         """Return a polynomial surface with coefficients (n_u, n_v, d) as NURBS with all weights one."""
+        require_type("surface", surface, BSplineSurface)
         return cls(surface.kv_u, surface.kv_v, surface.coefficients)
 
     @classmethod

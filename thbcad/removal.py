@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thbcad.bspline import KnotVector
-from thbcad.checks import read_only, require_number, require_real
+from thbcad.checks import read_only, require_number, require_real, require_type
 from thbcad.operators import banded_least_squares, tensor_apply
 from thbcad.surface import BSplineSurface
 
@@ -66,6 +66,7 @@ def remove_knots(kv: KnotVector, coefficients: ArrayLike, tolerance: float) -> R
     ------
     ValueError : coefficients of another shape or not finite; tolerance that is negative or NaN.
     """
+    require_type("kv", kv, KnotVector)
     require_number("tolerance", tolerance, least=0)
     require_real(coefficients)
     c = np.asarray(coefficients, dtype=np.float64)
@@ -87,6 +88,7 @@ def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRe
     ------
     ValueError : tolerance that is negative or NaN.
     """
+    require_type("surface", surface, BSplineSurface)
     require_number("tolerance", tolerance, least=0)
     kv_u, kv_v = surface.kv_u, surface.kv_v
     scale = _power_of_two(surface.coefficients)

@@ -35,8 +35,6 @@ from thbcad.operators import csr_rows
 from thbcad.quadtree import Quadtree
 from thbcad.restriction import require_restored, restriction
 
-MOST_CELLS = 10_000_000  # on level 0
-
 
 @dataclass(frozen=True, eq=False)
 class THBSpace:
@@ -57,8 +55,6 @@ class THBSpace:
     def __post_init__(self) -> None:
         for name, kv in (("kv_u", self.kv_u), ("kv_v", self.kv_v)):
             require_type(name, kv, KnotVector)
-        if self.kv_u.spans * self.kv_v.spans > MOST_CELLS:
-            raise ValueError(f"a space must have at most {MOST_CELLS} cells on level 0, got {self.kv_u.spans} x {self.kv_v.spans}")
         if self._domains is None:
             object.__setattr__(self, "_domains", Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v))))
 
@@ -271,9 +267,8 @@ class THBSpace:
         ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
         """
         u, v = self._points(u, v)
-        derivative = require_orders(derivative)
-        cell = self._quadtree.locate(u, v)
-        return *self.local_basis.values(cell, u, v, derivative), cell
+        orders, cell = require_orders(derivative), self._quadtree.locate(u, v)
+        return *self.local_basis.values(cell, u, v, orders), cell
 
     @cached_property
     def is_compact(self) -> bool:
