@@ -61,7 +61,7 @@ def target_light(problem: Problem) -> NDArray[np.float64]:
     UserError : see `read_picture`.
     """
     target = problem.target
-    if target.kind == "uniform":
+    if target.kind == "tophat":
         return uniform_region(target.shape, target.pixels, target.lit)
     return read_picture(target.image, target.encoding)
 

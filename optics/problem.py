@@ -80,9 +80,9 @@ class LensSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    kind: str = option(choices=("image", "uniform"), note="a picture, or a region of uniform light")
+    kind: str = option(choices=("image", "tophat"), note="a picture, or a region of uniform light")
     image: str = option("", note="picture file, relative to the problem file; of kind image")
-    shape: str = option("rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind uniform")
+    shape: str = option("rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat")
     lit: tuple[float, float] = option((0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's")
     distance: float = option(above=0, note="mm from the rear vertex to the target plane")
     half_width: tuple[float, float] = option(above=0, note="mm")

@@ -51,10 +51,10 @@ def test_the_crescent_bends_downward():
     assert np.allclose(covered, covered[:, ::-1], atol=1e-12)
 
 
-def test_a_uniform_target_needs_no_picture(tmp_path):
+def test_a_top_hat_needs_no_picture(tmp_path):
     values = {k: v for k, v in SMALL.items() if k != "target.image"}
     path = tmp_path / "p.toml"
-    path.write_text(toml_text(values | {"target.kind": "uniform", "target.shape": "ellipse", "target.lit": [0.5, 0.5]}))
+    path.write_text(toml_text(values | {"target.kind": "tophat", "target.shape": "ellipse", "target.lit": [0.5, 0.5]}))
     problem = load_problem(path)
     light = target_light(problem)
     assert light.shape == problem.target.pixels[::-1]
