@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from optics.beam import collimated_beam
 from optics.errors import NumericalError, UserError
-from optics.model import base_lens, target_irradiance, target_screen
+from optics.model import base_lens, problem_beam, target_irradiance, target_screen
 from optics.objective import Objective
 from optics.problem import Problem, per_level
 from optics.refinement import cell_indicator, mark, vertex_knots
@@ -316,8 +315,7 @@ def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, tar
 
 
 def _tracer(backend: Backend, problem: Problem, lens: Lens, rays: tuple[int, int]) -> Tracer:
-    source = problem.source
-    beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, rays)
+    beam = problem_beam(problem, rays)
     embedding = lens.rear.sag.space.embedding
     return Tracer(backend, lens, beam, problem.target_z, (embedding.kv_u, embedding.kv_v))
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.beam import collimated_beam
-from optics.model import target_irradiance, target_screen
+from optics.model import problem_beam, target_irradiance, target_screen
 from optics.splat import Splat
 from optics.tracing import FluxBudget, Tracer
 from optics.windows import PixelWindow
@@ -92,8 +91,7 @@ def _trace(
     backend: Backend, problem: Problem, lens: Lens, screen: Screen, rays: Sequence[int], shift: Sequence[float] | NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], FluxBudget]:
     """Return (irradiance, FluxBudget) of a ray grid, traced in slices."""
-    source = problem.source
-    beam = collimated_beam(source.half_width, source.flux, lens.front.half_width, rays, shift)
+    beam = problem_beam(problem, rays, shift)
     embedding = lens.rear.sag.space.embedding
     net = embedding.coefficients(lens.rear.sag.coefficients)
     splat = Splat(backend, screen, PixelWindow(0.5 / RAYS_PER_PIXEL))

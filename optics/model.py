@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.beam import Beam, Profile, collimated_beam
 from optics.errors import UserError
 from optics.picture import fit_picture, read_picture
 from optics.screen import Screen
@@ -45,6 +47,13 @@ def base_lens(problem: Problem) -> Lens:
         return Lens(front, rear, spec.thickness, spec.index)
     except ValueError as error:
         raise UserError(f"lens: {error}") from None
+
+
+def problem_beam(problem: Problem, rays: Sequence[int], shift: Sequence[float] | NDArray[np.float64] = (0.0, 0.0)) -> Beam:
+    """Return the rays of the problem's source that meet the lens; shift : as in `collimated_beam`."""
+    source = problem.source
+    profile = Profile(source.profile, source.sigma)
+    return collimated_beam(source.half_width, source.flux, problem.lens.front.half_width, rays, shift, profile)
 
 
 def target_screen(problem: Problem, coarsening: int = 1, margin: int = 0) -> Screen:

@@ -41,10 +41,12 @@ def option(
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    kind: str = option(choices=("collimated",), note="parallel rays along +z, uniform over the rectangle")
+    kind: str = option(choices=("collimated",), note="parallel rays along +z")
     half_width: tuple[float, float] = option(above=0, note="mm")
     distance: float = option(2.0, low=0, note="mm from the source plane to the front vertex")
     flux: float = option(1.0, above=0, note="W")
+    profile: str = option("uniform", choices=("uniform", "round", "gaussian"), note="round fills the inscribed ellipse")
+    sigma: tuple[float, float] = option((0.5, 0.5), above=0, note="of the gaussian profile, relative to half_width")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
+from optics.beam import Profile
 from optics.model import target_irradiance, target_screen
 from optics.screen import Screen
 from optics.transport import transport
@@ -44,7 +45,13 @@ class TransportStart:
             pixels = min(grid[0], lit.shape[1]), min(grid[1], lit.shape[0])
             return target_irradiance(lit, Screen(half, pixels), "stretch", 1.0)[::-1].T
 
-        found = transport(density, cells, np.sqrt(beam[0] * half[0] / (beam[1] * half[1])))
+        profile = Profile(problem.source.profile, problem.source.sigma)
+        reach = [b / s for b, s in zip(beam, problem.source.half_width)]
+
+        def emitted(grid: tuple[int, ...]) -> NDArray[np.float64]:
+            return profile(*(r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, reach)))
+
+        found = transport(density, cells, np.sqrt(beam[0] * half[0] / (beam[1] * half[1])), emitted)
         self._x, self._y = found.x * beam[0], found.y * beam[1]
         arrival = centre[0] + half[0] * found.tx, centre[1] + half[1] * found.ty
         slopes = _slopes(lens, self._x, self._y, *arrival, problem.target_z)

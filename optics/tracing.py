@@ -87,7 +87,8 @@ class Tracer:
             dr.eval(origin, self._direction, self._front_flux)
             self.hits = SearchedHits(backend, origin, self._direction, lens.rear.conic, lens.rear.half_width, knots)
         # opaque numbers do not become part of the kernels, which then serve every beam and lens
-        self._front_flux = self._front_flux * dr.opaque(Float, beam.ray_flux)
+        carried = dr.opaque(Float, beam.ray_flux) if np.isscalar(beam.ray_flux) else backend.array(beam.ray_flux)
+        self._front_flux = self._front_flux * carried
         self._distance = dr.opaque(Float, target_z - lens.thickness)
         self._index = dr.opaque(Float, lens.index)
         dr.make_opaque(self._front_flux)
@@ -120,7 +121,7 @@ class Tracer:
         on_target = total(landing.flux, onto)
         return FluxBudget(
             beside_lens=beam.missed,
-            front_reflected=beam.ray_flux * width - inside,
+            front_reflected=beam.entering - inside,
             missed_rear=inside - at_rear,
             total_internal=at_rear - refracted,
             rear_reflected=refracted - arriving,

@@ -1,4 +1,4 @@
-"""Optimal transport between two rectangles: the map that turns uniform light into a picture.
+"""Optimal transport between two rectangles: the map that turns the light of a source into a picture.
 
 A map x -> t(x) = grad phi(x) carries a density f(x) to g(t) when the Monge-Ampere equation
 
@@ -34,6 +34,9 @@ COARSE = 64  # cells in the shorter direction of the grid on which the floors ar
 STEPS = 40  # per grid and floor
 DAMPING = 0.5
 SMOOTHING = 1.0  # cells
+FAINT = 0.02  # of the mean: least density of the source
+
+Density = Callable[[tuple[int, ...]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +56,13 @@ class TransportMap:
     floor: float
 
 
-def transport(density: Callable[[tuple[int, ...]], NDArray[np.float64]], shape: Sequence[int], aspect: float) -> TransportMap:
-    """Return the TransportMap from uniform light to a density.
+def transport(density: Density, shape: Sequence[int], aspect: float, source: Density = np.ones) -> TransportMap:
+    """Return the TransportMap from a source to a density.
 
     density : called with (nx, ny), returns the density's cell means on such a grid over the
         target, index order x, y, any positive scale.
     shape : cells of the source.
+    source : called with (nx, ny), returns its cell means on such a grid, any positive scale.
     aspect : width / height of the scaled rectangle, sqrt(ax bx / (ay by)) for half-widths a of
         the source and b of the target.
     """
@@ -68,12 +72,12 @@ def transport(density: Callable[[tuple[int, ...]], NDArray[np.float64]], shape: 
     size = np.array([1.0, 1.0 / aspect])
     v, floor, residual = np.zeros(grids[0]), FLOORS[0], np.inf
     for lower in FLOORS:
-        w, reached = _iterate(v, _smoothed(density(grids[0]), lower), size)
+        w, reached = _iterate(v, _smoothed(source(grids[0]), FAINT), _smoothed(density(grids[0]), lower), size)
         if lower < floor and reached > FOLLOWS:
             break
         v, floor, residual = w, lower, reached
     for grid in grids[1:]:
-        v, residual = _iterate(_resampled(v, grid), _smoothed(density(grid), floor), size)
+        v, residual = _iterate(_resampled(v, grid), _smoothed(source(grid), FAINT), _smoothed(density(grid), floor), size)
     gx, gy = _gradient(v, size)
     x, y = ((2 * np.arange(n) + 1) / n - 1 for n in shape)
     tx = np.clip(x[:, None] + 2 * gx / size[0], -1, 1)
@@ -81,7 +85,9 @@ def transport(density: Callable[[tuple[int, ...]], NDArray[np.float64]], shape: 
     return TransportMap(x, y, tx, ty, residual, floor)
 
 
-def _iterate(v: NDArray[np.float64], g: NDArray[np.float64], size: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _iterate(
+    v: NDArray[np.float64], f: NDArray[np.float64], g: NDArray[np.float64], size: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
     """Return (v, residual) after fixed-point steps on one grid; v is the best one met."""
     n = v.shape
     h = size / n
@@ -96,10 +102,10 @@ def _iterate(v: NDArray[np.float64], g: NDArray[np.float64], size: NDArray[np.fl
         vxy = (p[2:, 2:] - p[2:, :-2] - p[:-2, 2:] + p[:-2, :-2]) / (4 * h[0] * h[1])
         gx, gy = _gradient(v, size)
         there = _bilinear(g, (x[:, None] + gx) / size[0], (y[None, :] + gy) / size[1])
-        residual = float(np.sqrt(np.mean((there * ((1 + vxx) * (1 + vyy) - vxy**2) - 1) ** 2)))
+        residual = float(np.sqrt(np.mean((there * ((1 + vxx) * (1 + vyy) - vxy**2) / f - 1) ** 2)))
         if residual < least:
             best, least = v, residual
-        wanted = np.sqrt((vxx - vyy) ** 2 + 4 * vxy**2 + 4 / there) - 2
+        wanted = np.sqrt((vxx - vyy) ** 2 + 4 * vxy**2 + 4 * f / there) - 2
         transformed = dctn(wanted) / spectrum
         transformed[0, 0] = 0.0  # the border condition fixes the mean of the Laplacian
         v = v + DAMPING * (idctn(transformed) - v)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import dblquad
 
 from optics.backend import load_backend
-from optics.beam import collimated_beam
+from optics.beam import Profile, collimated_beam
 from optics.hits import KnownHits, SearchedHits
 from optics.reference import trace_step
 from optics.snell import refract
@@ -364,3 +364,22 @@ def test_a_front_with_a_spline_is_refused(backend):
     space = small_space()
     with pytest.raises(ValueError, match="the front surface must be a plain conic"):
         Tracer(backend, both, collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (5, 5)), TARGET_Z, (space.kv_u, space.kv_v))
+
+
+@pytest.mark.parametrize("front", [PLANE, Conic(60.0, -1.0)])
+def test_rays_of_a_profile_keep_their_own_flux(backend, front):
+    """Each ray's flux is its share of the uniform beam's times its density; the fates still sum to the source flux."""
+    space = small_space()
+    lens = small_lens(front, rear_half_width=(12.0, 12.0))
+    rays, profile = (31, 29), Profile("gaussian")
+    knots = (space.embedding.kv_u, space.embedding.kv_v)
+    landings = []
+    for chosen in (Profile(), profile):
+        beam = collimated_beam((9.5, 9.5), 2.0, (10.0, 10.0), rays, profile=chosen)
+        tracer = Tracer(backend, lens, beam, TARGET_Z, knots)
+        _, landing = tracer.trace(space.embedding.coefficients(np.zeros(space.dim)))
+        budget = tracer.budget(landing, (20.0, 20.0))
+        assert sum(vars(budget).values()) == pytest.approx(2.0, rel=1e-13)
+        landings.append(landing.flux.numpy())
+    density = profile(*((2 * np.arange(n) + 1) / n - 1 for n in rays)).ravel()
+    np.testing.assert_allclose(landings[1], landings[0] * density, rtol=1e-12)

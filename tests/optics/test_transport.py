@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.special import erf
 
+from optics.beam import Profile
 from optics.transport import transport
 
 
@@ -105,3 +107,18 @@ def test_any_grid_gives_finite_positions_inside_the_target(shape):
     assert np.isfinite(found.tx).all()
     assert np.isfinite(found.ty).all()
     assert max(np.abs(found.tx).max(), np.abs(found.ty).max()) <= 1
+
+
+@pytest.mark.parametrize("sigma", [0.5, 0.8])
+def test_a_gaussian_beam_spreads_evenly_by_the_error_function(sigma):
+    """A separable source onto uniform light: t = erf(x / (sigma sqrt 2)) / erf(1 / (sigma sqrt 2)) in each direction."""
+    profile = Profile("gaussian", (sigma, sigma))
+
+    def source(grid):
+        return profile(*((2 * np.arange(n) + 1) / n - 1 for n in grid))
+
+    found = transport(np.ones, (128, 128), 1.0, source)
+    wanted = erf(found.x / (sigma * np.sqrt(2))) / erf(1 / (sigma * np.sqrt(2)))
+    assert abs(found.tx - wanted[:, None]).max() < 0.02
+    assert abs(found.ty - wanted[None, :]).max() < 0.02
+    assert found.residual < 0.1
