@@ -55,5 +55,5 @@ def test_the_two_halves_of_a_split_meet_with_all_their_derivatives():
 
 @pytest.mark.parametrize(("start", "stop"), [(0.5, 0.5), (0.6, 0.5), (-0.1, 0.5), (0.5, 1.1), (np.nan, 0.5)])
 def test_segments_outside_are_refused(start, stop):
-    with pytest.raises(ValueError, match="a segment needs"):
+    with pytest.raises(ValueError, match=r"a segment needs|must be a number"):
         KnotVector.uniform(3, 4).segment(start, stop)
