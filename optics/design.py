@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 MOST_RAYS = 40_000_000  # at once
+COARSER, COARSE_PIXELS, COARSE_ITERATIONS = 4, 16, 20  # of a first pass on the last level, which carries light to islands in the dark
 MARGIN = 8  # dark pixels around the target
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
 
@@ -85,12 +86,16 @@ class Interrupted(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Pixels and rays of one level."""
+    """Pixels and rays of one level.
+
+    final : the last one, with the window of the problem; the others take wide windows, which move light from afar.
+    """
 
     level: int
     iterations: int
     screen: Screen
     rays: tuple[int, int]
+    final: bool
 
     @property
     def evaluations(self) -> int:
@@ -123,19 +128,25 @@ def uses_transport(problem: Problem) -> bool:
 def stages(problem: Problem) -> list[Stage]:
     """Return the Stage of every level that is optimised."""
     out = []
-    freeform, optimizer = problem.lens.rear.freeform, problem.optimizer
-    for level in range(first_level(problem), freeform.max_level + 1):
-        spans = [n << level for n in freeform.spans]
-        screen = target_screen(problem, _coarsening(problem, level), MARGIN)
-        rays = tuple(max(64, ceil(optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
-        skipped = uses_transport(problem) and level < freeform.max_level
-        if rays[0] * rays[1] > MOST_RAYS:
-            raise UserError(
-                f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most machines; "
-                "use fewer target.pixels, lens.rear.freeform.spans or levels, or fewer optimizer.rays_per_pixel"
-            )
-        out.append(Stage(level, 0 if skipped else per_level(optimizer.iterations, level), screen, rays))
+    last, moved = problem.lens.rear.freeform.max_level, uses_transport(problem)
+    for level in range(first_level(problem), last + 1):
+        iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
+        if moved and level == last and iterations > 1 and min(problem.target.pixels) >= COARSER * COARSE_PIXELS:
+            out.append(_stage(problem, level, min(COARSE_ITERATIONS, iterations), COARSER, False))
+        out.append(_stage(problem, level, iterations, _coarsening(problem, level), level == last))
     return out
+
+
+def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
+    screen = target_screen(problem, coarsening, MARGIN)
+    spans = [n << level for n in problem.lens.rear.freeform.spans]
+    rays = tuple(max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
+    if rays[0] * rays[1] > MOST_RAYS:
+        raise UserError(
+            f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most machines; "
+            "use fewer target.pixels, lens.rear.freeform.spans or levels, or fewer optimizer.rays_per_pixel"
+        )
+    return Stage(level, iterations, screen, rays, final)
 
 
 def _coarsening(problem: Problem, level: int) -> int:
@@ -225,6 +236,8 @@ def design(
     clock = perf_counter() - (state.seconds if state else 0.0)
     state = state or first_state(problem, lens)
     remaining = [stage for stage in stages(problem) if stage.level >= state.level]
+    if state.begun:  # a surface that is on its way needs no coarse pixels
+        remaining = [stage for stage in remaining if stage.final or stage.level < remaining[-1].level]
     anew = remaining and not (state.begun and len(remaining) == 1)  # the last level goes on from a surface of its own
     start = TransportStart(problem, lens, light) if anew and uses_transport(problem) else None
     for stage in remaining:
@@ -237,7 +250,8 @@ def design(
         recorder = _Recorder(objective, variables, stage, state, clock, progress)
         sag = _minimize(recorder, problem, stage)
         marked = _marked(problem, objective, sag, lens.rear.half_width, stage)
-        state = State(stage.level + 1, sag.refine(marked), history=state.history)
+        again = not stage.final and stage.level == remaining[-1].level
+        state = State(stage.level if again else stage.level + 1, sag.refine(marked), again, state.history)
         if checkpoint:
             checkpoint(state)
     if note and start and start.note:
@@ -245,17 +259,15 @@ def design(
     return _with_sag(lens, state.sag), state
 
 
-def sag_window(problem: Problem, level: int) -> PixelWindow | BSplineWindow | GaussianWindow:
-    """Return the smooth measurement window of a level.
+def sag_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
+    """Return the smooth measurement window of a stage.
 
-    A pixel window sees what moves across its border only: the levels before the last, which move
-    light from afar, take a B-spline instead.
+    A pixel window sees what moves across its border only: before the final stage a B-spline takes its place.
     """
     o = problem.optimizer
     if o.window == "gaussian":
         return GaussianWindow(o.sigma)
-    last = level == problem.lens.rear.freeform.max_level
-    return PixelWindow(o.blur) if o.window == "pixel" and last else BSplineWindow(o.window_degree)
+    return PixelWindow(o.blur) if o.window == "pixel" and final else BSplineWindow(o.window_degree)
 
 
 class _Recorder:
@@ -311,7 +323,7 @@ def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, tar
     tracer = _tracer(backend, problem, lens, stage.rays)
     weight = problem.optimizer.lost_flux_weight
     embedding = lens.rear.sag.space.embedding
-    return Objective(backend, tracer, embedding, stage.screen, sag_window(problem, stage.level), target, weight)
+    return Objective(backend, tracer, embedding, stage.screen, sag_window(problem, stage.final), target, weight)
 
 
 def _tracer(backend: Backend, problem: Problem, lens: Lens, rays: tuple[int, int]) -> Tracer:

@@ -77,7 +77,34 @@ def test_a_finer_level_starts_from_the_surface_of_the_level_before(small):
 @pytest.mark.parametrize(("window", "wide", "last"), [("pixel", 3, 2), ("bspline", 3, 3), ("gaussian", 8, 8)])
 def test_windows_of_the_levels(tmp_path, window, wide, last):
     problem, _ = loaded(tmp_path, FLAT | {"optimizer.window": window})
-    assert [sag_window(problem, level).taps for level in range(3)] == [wide, wide, last]
+    assert [sag_window(problem, stage.final).taps for stage in stages(problem)] == [wide, wide, last]
+
+
+COARSE = {"optimizer.start": "transport", "target.pixels": [64, 64]}
+
+
+def test_the_last_level_begins_on_coarse_pixels(tmp_path, backend):
+    """Only after a transport start, and where four by four pixels leave enough of them."""
+    made = run(tmp_path, backend, COARSE)
+    *_, coarse, final = stages(made.problem)
+    assert (coarse.level, coarse.final, final.level, final.final) == (2, False, 2, True)
+    assert (coarse.screen.pixels, final.screen.pixels) == ((16, 16), (64, 64))
+    seen = [stage.final for stage, _ in made.calls if stage.level == 2]
+    assert sorted(seen) == seen  # all coarse evaluations first
+    assert {False, True} == set(seen)
+    assert len({row.dof for stage, row in made.calls if stage.level == 2}) == 1
+    assert [state.level for state in made.checkpoints][-2:] == [2, 3]
+    few, _ = loaded(tmp_path, COARSE | {"target.pixels": [60, 60]})
+    flat, _ = loaded(tmp_path, FLAT | {"target.pixels": [64, 64]})
+    assert [len(stages(p)) for p in (few, flat)] == [len({s.level for s in stages(p)}) for p in (few, flat)]
+
+
+def test_a_surface_on_its_way_needs_no_coarse_pixels(tmp_path, backend):
+    made = run(tmp_path, backend, COARSE)
+    halfway, calls = made.checkpoints[-2], []
+    assert halfway.begun
+    design(made.problem, made.light, backend, halfway, lambda stage, row: calls.append(stage))
+    assert {stage.final for stage in calls} == {True}
 
 
 def test_degrees_of_freedom_grow_from_level_to_level(small):
