@@ -235,11 +235,10 @@ def design(
     flux = transmitted_flux(backend, problem, lens)
     clock = perf_counter() - (state.seconds if state else 0.0)
     state = state or first_state(problem, lens)
-    remaining = [stage for stage in stages(problem) if stage.level >= state.level]
-    if state.begun:  # a surface that is on its way needs no coarse pixels
-        remaining = [stage for stage in remaining if stage.final or stage.level < remaining[-1].level]
-    anew = remaining and not (state.begun and len(remaining) == 1)  # the last level goes on from a surface of its own
-    start = TransportStart(problem, lens, light) if anew and uses_transport(problem) else None
+    plan = stages(problem)
+    on_its_way = state.begun and state.level == plan[-1].level  # such a surface needs neither a start nor coarse pixels
+    remaining = plan[-1:] if on_its_way else [stage for stage in plan if stage.level >= state.level]
+    start = TransportStart(problem, lens, light) if remaining and not on_its_way and uses_transport(problem) else None
     for stage in remaining:
         if start and not state.begun:
             state = State(stage.level, start.fit(state.sag.space), history=state.history)
@@ -250,7 +249,7 @@ def design(
         recorder = _Recorder(objective, variables, stage, state, clock, progress)
         sag = _minimize(recorder, problem, stage)
         marked = _marked(problem, objective, sag, lens.rear.half_width, stage)
-        again = not stage.final and stage.level == remaining[-1].level
+        again = not stage.final and stage.level == plan[-1].level
         state = State(stage.level if again else stage.level + 1, sag.refine(marked), again, state.history)
         if checkpoint:
             checkpoint(state)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from optics.design import Interrupted, State, _vertices, design, sag_window, stages, transmitted_flux
+from optics.design import Interrupted, State, _vertices, design, first_state, sag_window, stages, transmitted_flux
 from optics.errors import NumericalError, UserError
 from optics.model import base_lens, target_light, target_screen
 from optics.problem import load_problem
@@ -105,6 +106,14 @@ def test_a_surface_on_its_way_needs_no_coarse_pixels(tmp_path, backend):
     assert halfway.begun
     design(made.problem, made.light, backend, halfway, lambda stage, row: calls.append(stage))
     assert {stage.final for stage in calls} == {True}
+
+
+def test_a_run_stopped_on_an_early_level_still_gets_its_coarse_pixels(tmp_path, backend):
+    problem, light = loaded(tmp_path, COARSE | {"lens.rear.freeform.max_level": 3})
+    early, calls = first_state(problem, base_lens(problem)), []
+    assert early.level < 3
+    design(problem, light, backend, replace(early, begun=True), lambda stage, row: calls.append((stage.level, stage.final)))
+    assert [(3, False) in calls, (3, True) in calls] == [True, True]
 
 
 def test_degrees_of_freedom_grow_from_level_to_level(small):
