@@ -10,25 +10,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Profile:
     """How light spreads over the rectangle of a source: density relative to its mean.
 
-    kind : "uniform"; "round", uniform over the inscribed ellipse; "gaussian", cut off at the rectangle
+    kind : "uniform"; "round", uniform over the inscribed ellipse; "gaussian", cut off at the rectangle; "image"
     sigma : of the Gaussian, relative to half_width
+    light : of the image, (rows, columns) linear, row 0 at +y; constant on every pixel
     """
 
     kind: str = "uniform"
     sigma: tuple[float, float] = (0.5, 0.5)
+    light: NDArray[np.float64] | None = None
 
     def __call__(self, s: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the density on the grid s x t of positions relative to half_width, in [-1, 1]."""
+        """Return the density at positions relative to half_width, in [-1, 1]; s and t are broadcast."""
         if self.kind == "round":
-            return np.where(s[:, None] ** 2 + t[None, :] ** 2 < 1, 4 / pi, 0.0)
+            return np.where(s**2 + t**2 < 1, 4 / pi, 0.0)
         if self.kind == "gaussian":
             by_s, by_t = (np.exp(-0.5 * (r / w) ** 2) / _mean_gaussian(w) for r, w in zip((s, t), self.sigma))
-            return by_s[:, None] * by_t[None, :]
-        return np.ones((len(s), len(t)))
+            return by_s * by_t
+        if self.kind == "image":
+            rows, columns = self.light.shape
+            column = np.minimum(((s + 1) / 2 * columns).astype(np.int64), columns - 1)
+            row = np.minimum(((1 - t) / 2 * rows).astype(np.int64), rows - 1)
+            return self.light[row, column] / self.light.mean()
+        return np.ones(np.broadcast_shapes(s.shape, t.shape))
 
 
 def _mean_gaussian(sigma: float) -> float:
@@ -82,5 +89,5 @@ def collimated_beam(
     each = flux * share / (rays[0] * rays[1])
     if profile.kind == "uniform":
         return Beam(x, y, each, flux * (1 - share))
-    carried = each * profile(x / half_width[0], y / half_width[1])
+    carried = each * profile(x[:, None] / half_width[0], y[None, :] / half_width[1])
     return Beam(x, y, carried, flux - carried.sum())

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from optics.design import Interrupted, earlier_state, stages
 from optics.errors import UserError
-from optics.model import base_lens, require_reachable, target_irradiance, target_light, target_screen
+from optics.model import base_lens, freeforms, require_reachable, target_irradiance, target_light, target_screen
 from optics.problem import commented_problem, load_problem, problem_to_toml
 from optics.progress import DesignProgress
 from optics.results import ResultFolder
@@ -121,10 +121,9 @@ def _finish(
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
-    space = lens.rear.sag.space
     metrics = measurement.figures | {
-        "dof": space.dim,
-        "levels": space.levels,
+        "dof": sum(sag.space.dim for sag in lens.sags),
+        "levels": max(sag.space.levels for sag in lens.sags),
         "evaluations": state.evaluations,
         "wall_s": clock.total(),
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
@@ -167,7 +166,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
     ]
     lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
-    if least.lower <= problem.lens.rear.freeform.z_freedom:
+    if least.lower <= sum(f.z_freedom for f in freeforms(problem)):
         lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
     return data, lines, True
 

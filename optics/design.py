@@ -11,9 +11,9 @@ more rays.  There are two ways to start a level:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import ceil, gcd
+from math import ceil, gcd, isinf
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from optics.errors import NumericalError, UserError
-from optics.model import base_lens, problem_beam, target_irradiance, target_screen
+from optics.model import base_lens, freeforms, problem_rays, source_profile, target_irradiance, target_screen
 from optics.objective import Objective
 from optics.problem import Problem, per_level
 from optics.refinement import cell_indicator, mark, vertex_knots
+from optics.symmetry import Mirrors, mirror_axes
 from optics.start import TransportStart
 from optics.tracing import Tracer
 from optics.variables import BoundedVariables
@@ -57,13 +58,13 @@ class Row:
 
 @dataclass
 class State:
-    """What a run needs to go on: the next level to optimise and the surface it starts from.
+    """What a run needs to go on: the next level to optimise and the sags it starts from, front first.
 
-    begun : the level was interrupted, `sag` is its best surface so far.
+    begun : the level was interrupted, `sags` are its best so far.
     """
 
     level: int
-    sag: THBSurface
+    sags: tuple[THBSurface, ...]
     begun: bool = False
     history: list[Row] = field(default_factory=list)
 
@@ -77,7 +78,7 @@ class State:
 
 
 class Interrupted(Exception):
-    """The run was stopped by the user; `state` holds the best surface of the level so far."""
+    """The run was stopped by the user; `state` holds the best surfaces of the level so far."""
 
     def __init__(self, state: State) -> None:
         super().__init__("interrupted")
@@ -113,22 +114,34 @@ def first_level(problem: Problem) -> int:
 
     A transport start makes the levels superfluous whose spans are wider than four pixels.
     """
-    freeform = problem.lens.rear.freeform
+    last = last_level(problem)
     if not uses_transport(problem):
         return 0
-    fine = [level for level in range(freeform.max_level + 1) if _coarsening(problem, level) == 1]
-    return fine[0] if fine else freeform.max_level
+    fine = [level for level in range(last + 1) if _coarsening(problem, level) == 1]
+    return fine[0] if fine else last
+
+
+def last_level(problem: Problem) -> int:
+    """Return the level at which the run ends."""
+    return max(f.max_level for f in freeforms(problem))
 
 
 def uses_transport(problem: Problem) -> bool:
     """Return whether the design starts from an optimal-transport map."""
-    return problem.optimizer.start == "transport" and np.isinf(problem.lens.front.radius)
+    front = problem.lens.front
+    return (
+        problem.optimizer.start == "transport"
+        and problem.source.kind == "collimated"
+        and isinf(front.radius)
+        and front.freeform is None
+        and not isinf(problem.target.distance)
+    )
 
 
 def stages(problem: Problem) -> list[Stage]:
     """Return the Stage of every level that is optimised."""
     out = []
-    last, moved = problem.lens.rear.freeform.max_level, uses_transport(problem)
+    last, moved = last_level(problem), uses_transport(problem)
     for level in range(first_level(problem), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
         if moved and level == last and iterations > 1 and min(problem.target.pixels) >= COARSER * COARSE_PIXELS:
@@ -139,7 +152,7 @@ def stages(problem: Problem) -> list[Stage]:
 
 def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
     screen = target_screen(problem, coarsening, MARGIN)
-    spans = [n << level for n in problem.lens.rear.freeform.spans]
+    spans = _spans(problem, level)
     rays = tuple(max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
     if rays[0] * rays[1] > MOST_RAYS:
         raise UserError(
@@ -149,9 +162,16 @@ def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final
     return Stage(level, iterations, screen, rays, final)
 
 
+def _spans(problem: Problem, level: int) -> list[int]:
+    """Return the knot spans in x and y of the finest free surface on a level."""
+    return [
+        max(n << min(level, f.max_level) for n, f in zip(row, freeforms(problem))) for row in zip(*(f.spans for f in freeforms(problem)))
+    ]
+
+
 def _coarsening(problem: Problem, level: int) -> int:
     """Return how many pixels a level merges in each direction, a power of 2."""
-    spans = [n << level for n in problem.lens.rear.freeform.spans]
+    spans = _spans(problem, level)
     coarsening = 1
     while all(n // (2 * coarsening) >= PIXELS_PER_SPAN * s for n, s in zip(problem.target.pixels, spans)):
         coarsening *= 2
@@ -159,37 +179,43 @@ def _coarsening(problem: Problem, level: int) -> int:
 
 
 def first_state(problem: Problem, lens: Lens) -> State:
-    """Return the State from which a new run starts: the first level's mesh, sag zero."""
-    sag = lens.rear.sag
-    for level in range(first_level(problem)):
-        sag = sag.refine({level: sag.space.cells[:, 1:]})
-    return State(first_level(problem), sag)
+    """Return the State from which a new run starts: the first level's meshes, sags zero."""
+    sags = []
+    for sag, freeform in zip(lens.sags, freeforms(problem)):
+        for level in range(min(first_level(problem), freeform.max_level)):
+            sag = sag.refine({level: sag.space.cells[:, 1:]})
+        sags.append(sag)
+    return State(first_level(problem), tuple(sags))
 
 
 def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
-    """Return the State that optimises the rear surface of an earlier design on the last level, on its own mesh.
+    """Return the State that optimises the sags of an earlier design on the last level, on their own meshes.
+
+    A surface that was not free in the earlier design starts from zero.
 
     Raises
     ------
-    UserError : that surface has no sag, or one over another rectangle, conic or mesh.
+    UserError : the rear has no sag, or a sag lies over another rectangle, conic or mesh.
     """
-    sag, own = earlier.rear.sag, lens.rear.sag
-    if sag is None:
+    if earlier.rear.sag is None:
         raise UserError("the earlier design has no freeform rear surface to start from")
-    same = (
-        earlier.rear.half_width == lens.rear.half_width
-        and earlier.rear.conic == lens.rear.conic
-        and all(
-            a.degree == b.degree and np.array_equal(a.knots, b.knots)
-            for a, b in ((sag.space.kv_u, own.space.kv_u), (sag.space.kv_v, own.space.kv_v))
-        )
-    )
-    if not same:
-        raise UserError(
-            "the rear surface of the earlier design differs in half_width, radius, conic, degree or spans; "
-            "make lens.rear equal to its problem.toml"
-        )
-    return State(problem.lens.rear.freeform.max_level, sag, begun=True)
+    sags = []
+    for name in ("front", "rear"):
+        own, other = getattr(lens, name), getattr(earlier, name)
+        if own.sag is not None:
+            sags.append(own.sag if other.sag is None else other.sag)
+        same = own.half_width == other.half_width and own.conic == other.conic
+        if own.sag is not None and other.sag is not None:
+            same = same and all(
+                a.degree == b.degree and np.array_equal(a.knots, b.knots)
+                for a, b in zip((own.sag.space.kv_u, own.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v))
+            )
+        if not same or (own.sag is None and other.sag is not None):
+            raise UserError(
+                f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or spans; "
+                f"make lens.{name} equal to its problem.toml"
+            )
+    return State(last_level(problem), tuple(sags), begun=True)
 
 
 def transmitted_flux(backend: Backend, problem: Problem, lens: Lens) -> float:
@@ -199,8 +225,8 @@ def transmitted_flux(backend: Backend, problem: Problem, lens: Lens) -> float:
     ------
     UserError : (almost) nothing passes the lens.
     """
-    tracer = _tracer(backend, problem, lens, (129, 129))
-    _, landing = tracer.trace(lens.rear.sag.to_bspline().coefficients)
+    tracer = Tracer(backend, lens, problem_rays(problem, (129, 129)), problem.target_z)
+    _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     budget = tracer.budget(landing, problem.target.half_width)
     if budget.transmitted < 1e-3 * problem.source.flux:
         raise UserError(
@@ -220,7 +246,7 @@ def design(
     checkpoint: Callable[[State], None] | None = None,
     note: Callable[[str], None] | None = None,
 ) -> tuple[Lens, State]:
-    """Optimise the rear surface of a problem's lens and return (Lens, State).
+    """Optimise the free surfaces of a problem's lens and return (Lens, State).
 
     light : the target picture as linear light.  state : to go on from, or None.
     progress : called with (Stage, Row) after every evaluation.
@@ -235,27 +261,29 @@ def design(
     flux = transmitted_flux(backend, problem, lens)
     clock = perf_counter() - (state.seconds if state else 0.0)
     state = state or first_state(problem, lens)
+    axes = mirror_axes(target_irradiance(light, target_screen(problem), problem.target.fit, 1.0), source_profile(problem))
     plan = stages(problem)
     on_its_way = state.begun and state.level == plan[-1].level  # such a surface needs neither a start nor coarse pixels
     remaining = plan[-1:] if on_its_way else [stage for stage in plan if stage.level >= state.level]
     start = TransportStart(problem, lens, light) if remaining and not on_its_way and uses_transport(problem) else None
     for stage in remaining:
         if start and not state.begun:
-            state = State(stage.level, start.fit(state.sag.space), history=state.history)
+            state = State(stage.level, (start.fit(state.sags[-1].space),), history=state.history)
         target = target_irradiance(light, stage.screen, problem.target.fit, flux)
-        lens = _with_sag(lens, state.sag)
+        lens = _with_sags(lens, state.sags)
         objective = _objective(backend, problem, lens, stage, target)
-        variables = BoundedVariables(state.sag, problem.lens.rear.freeform.z_freedom)
+        variables = BoundedVariables(state.sags, [f.z_freedom for f in freeforms(problem)], axes)
         recorder = _Recorder(objective, variables, stage, state, clock, progress)
-        sag = _minimize(recorder, problem, stage)
-        marked = _marked(problem, objective, sag, lens.rear.half_width, stage)
+        lens = _with_sags(lens, _minimize(recorder, problem, stage))
+        marked = _marked(problem, objective, lens, stage, axes)
         again = not stage.final and stage.level == plan[-1].level
-        state = State(stage.level if again else stage.level + 1, sag.refine(marked), again, state.history)
+        sags = tuple(sag.refine(cells) for sag, cells in zip(lens.sags, marked))
+        state = State(stage.level if again else stage.level + 1, sags, again, state.history)
         if checkpoint:
             checkpoint(state)
     if note and start and start.note:
         note(start.note)
-    return _with_sag(lens, state.sag), state
+    return _with_sags(lens, state.sags), state
 
 
 def sag_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
@@ -284,63 +312,59 @@ class _Recorder:
         self._objective, self.variables = objective, variables
         self._stage, self._clock, self._progress = stage, clock, progress
         self.state = state
-        self.best = np.inf, state.sag.coefficients
+        self.best = np.inf, [sag.coefficients for sag in state.sags]
 
     @property
-    def best_sag(self) -> THBSurface:
-        return THBSurface(self.state.sag.space, self.best[1])
+    def best_sags(self) -> tuple[THBSurface, ...]:
+        return tuple(THBSurface(sag.space, c) for sag, c in zip(self.state.sags, self.best[1]))
 
     def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         coefficients = self.variables.coefficients(weights)
         loss, gradient = self._objective(coefficients)
-        if not (np.isfinite(loss) and np.isfinite(gradient).all()):
+        if not (np.isfinite(loss) and all(np.isfinite(g).all() for g in gradient)):
             raise NumericalError(f"the loss is not finite at level {self._stage.level}; lower z_freedom or check the prescription")
         if loss < self.best[0]:
             self.best = loss, coefficients
         history = self.state.history
-        row = Row(self._stage.level, len(coefficients), len(history) + 1, loss, self._objective.fit, perf_counter() - self._clock)
+        row = Row(self._stage.level, sum(map(len, coefficients)), len(history) + 1, loss, self._objective.fit, perf_counter() - self._clock)
         history.append(row)
         if self._progress:
             self._progress(self._stage, row)
         return loss, self.variables.gradient(gradient)
 
 
-def _minimize(recorder: _Recorder, problem: Problem, stage: Stage) -> THBSurface:
-    """Return the best THB surface that L-BFGS finds."""
+def _minimize(recorder: _Recorder, problem: Problem, stage: Stage) -> tuple[THBSurface, ...]:
+    """Return the best sags that L-BFGS finds."""
     options = {"maxiter": stage.iterations, "maxcor": problem.optimizer.memory, "maxfun": 2 * stage.iterations + 10}
     try:
         if stage.iterations == 0:
             recorder(recorder.variables.zeros())
-            return recorder.best_sag
+            return recorder.best_sags
         minimize(recorder, recorder.variables.zeros(), jac=True, method="L-BFGS-B", options=options)
     except KeyboardInterrupt:
-        raise Interrupted(State(stage.level, recorder.best_sag, True, recorder.state.history)) from None
-    return recorder.best_sag
+        raise Interrupted(State(stage.level, recorder.best_sags, True, recorder.state.history)) from None
+    return recorder.best_sags
 
 
 def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]) -> Objective:
-    tracer = _tracer(backend, problem, lens, stage.rays)
+    tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z)
     weight = problem.optimizer.lost_flux_weight
-    embedding = lens.rear.sag.space.embedding
-    return Objective(backend, tracer, embedding, stage.screen, sag_window(problem, stage.final), target, weight)
+    return Objective(backend, tracer, stage.screen, sag_window(problem, stage.final), target, weight)
 
 
-def _tracer(backend: Backend, problem: Problem, lens: Lens, rays: tuple[int, int]) -> Tracer:
-    beam = problem_beam(problem, rays)
-    embedding = lens.rear.sag.space.embedding
-    return Tracer(backend, lens, beam, problem.target_z, (embedding.kv_u, embedding.kv_v))
-
-
-def _marked(
-    problem: Problem, objective: Objective, sag: THBSurface, half_width: tuple[float, float], stage: Stage
-) -> dict[int, NDArray[np.int64]]:
-    """Return the cells to refine after a level ({} after the last)."""
-    freeform = problem.lens.rear.freeform
-    if stage.level == freeform.max_level:
-        return {}
-    knots = vertex_knots(half_width, [_vertices(n, s) for n, s in zip(stage.rays, freeform.spans)])
-    indicator = cell_indicator(sag.space, knots, objective.vertex_gradients(sag.coefficients, knots))
-    return mark(sag.space, indicator, per_level(problem.refinement.alpha, stage.level), stage.level + 1)
+def _marked(problem: Problem, objective: Objective, lens: Lens, stage: Stage, axes: Sequence[int]) -> list[dict[int, NDArray[np.int64]]]:
+    """Return the cells of every free surface to refine after a level ({} after the last)."""
+    settings = freeforms(problem)
+    if stage.level == last_level(problem):
+        return [{}] * len(settings)
+    rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
+    knots = [vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, f.spans)]) for h, f in zip(rectangles, settings)]
+    gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
+    alpha, out = per_level(problem.refinement.alpha, stage.level), []
+    for sag, freeform, kv, gradient in zip(lens.sags, settings, knots, gradients):
+        indicator = Mirrors(sag.space, axes).of_cells(cell_indicator(sag.space, kv, gradient))
+        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.max_level)))
+    return out
 
 
 def _vertices(rays: int, spans: int) -> int:
@@ -351,8 +375,8 @@ def _vertices(rays: int, spans: int) -> int:
     return steps + 1
 
 
-def _with_sag(lens: Lens, sag: THBSurface) -> Lens:
+def _with_sags(lens: Lens, sags: Sequence[THBSurface]) -> Lens:
     try:
-        return lens.with_rear(lens.rear.with_sag(sag))
+        return lens.with_sags(sags)
     except ValueError as error:
-        raise NumericalError(f"the optimised lens cannot exist: {error}; lower lens.rear.freeform.z_freedom") from None
+        raise NumericalError(f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces") from None

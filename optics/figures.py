@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from optics.design import Row
     from optics.metrics import Measurement
     from optics.problem import Problem
-    from thbcad.lens import Lens
+    from thbcad.lens import FreeformSurface, Lens
 
 DPI = 110
 
@@ -42,8 +42,7 @@ def draw_all(problem: Problem, lens: Lens, measurement: Measurement, history: Se
             "Irradiance to the power 0.2: stray light and faint detail.",
             _image(np.maximum(light, 0) ** 0.2, extent, "(irradiance / mean)^0.2", "magma", 0, top**0.2),
         ),
-        "sag": ("Sag of the rear surface, added to its conic.", _sag(lens)),
-        "mesh": ("Hierarchical mesh: leaf cells by level.", _mesh(lens)),
+        **_surfaces(lens),
         "loss": ("Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.", _loss(history)),
     }
 
@@ -76,18 +75,27 @@ def _image(
     return _png(figure)
 
 
-def _sag(lens: Lens) -> bytes:
-    rear = lens.rear
-    x, y = (np.linspace(-h, h, 401) for h in rear.half_width)
-    sag = rear.grid(x, y) - rear.conic(x[:, None], y[None, :])
+def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
+    """Return sag and mesh of the free surfaces; those of the front are named for it."""
+    out = {}
+    for prefix, name, surface in (("", "rear", lens.rear), ("front_", "front", lens.front)):
+        if surface.sag is not None:
+            out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
+            out[f"{prefix}mesh"] = (f"Hierarchical mesh of the {name} surface: leaf cells by level.", _mesh(surface))
+    return out
+
+
+def _sag(surface: FreeformSurface) -> bytes:
+    x, y = (np.linspace(-h, h, 401) for h in surface.half_width)
+    sag = surface.grid(x, y) - surface.conic(x[:, None], y[None, :])
     figure, axes = _axes()
-    shown = axes.imshow(sag.T[::-1], cmap="viridis", extent=_extent(rear.half_width))
+    shown = axes.imshow(sag.T[::-1], cmap="viridis", extent=_extent(surface.half_width))
     figure.colorbar(shown, label="sag / mm")
     return _png(figure)
 
 
-def _mesh(lens: Lens) -> bytes:
-    space, (hx, hy) = lens.rear.sag.space, lens.rear.half_width
+def _mesh(surface: FreeformSurface) -> bytes:
+    space, (hx, hy) = surface.sag.space, surface.half_width
     cells = space.cells
     (x0, x1), (y0, y1) = (
         h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)

@@ -1,13 +1,13 @@
-"""Where rays meet the rear surface, and how the surface's changes act there.
+"""Where rays meet a surface, and how derivatives of the light by the surface's changes act there.
 
-Both classes answer the same two questions.  `evaluate(net)` gives the ray's meeting point with
-the surface conic + spline(net), with z, zx, zy at that point as differentiable leaves.
-`pull_back(...)` turns derivatives by these leaves into derivatives by spline coefficients:
+Both classes answer the same question: `meet` gives the points where rays meet the surface
+conic + spline(net), with z, zx, zy there as differentiable leaves.  `pull_back(...)` turns
+derivatives by these leaves into derivatives by spline coefficients:
 
     dL/dC = sum over rays of  gz N_i N_j + gx N_i' N_j + gy N_i N_j'.
 
-The meeting point itself depends on the surface; implicit differentiation puts that into gz,
-so that no derivative passes through the iterations.
+The meeting point itself depends on the surface and on the ray; implicit differentiation brings
+that in, so that no derivative passes through the iterations.
 """
 
 from __future__ import annotations
@@ -30,11 +30,14 @@ if TYPE_CHECKING:
     from thbcad.bspline import KnotVector
     from thbcad.conic import Conic
 
+    Vector = tuple[DrArray, DrArray, DrArray]
+
 
 @dataclass(eq=False)
-class RearHits:
-    """Meeting points as Dr.Jit arrays: position (x, y, height above the rear vertex), slopes, mask.
+class Hits:
+    """Meeting points as Dr.Jit arrays: position (x, y, height above the vertex), slopes, masks.
 
+    found : the ray meets the surface or its extension.  hit : within the rectangle.
     leaves : the arrays z, zx, zy that carry gradients.  dr : the drjit module.
     """
 
@@ -43,6 +46,7 @@ class RearHits:
     z: DrArray
     zx: DrArray
     zy: DrArray
+    found: DrArray
     hit: DrArray
     leaves: tuple[DrArray, ...]
     dr: ModuleType
@@ -73,7 +77,8 @@ class KnownHits:
         self._x, self._y = (backend.array(a + full) for a in (x, y))
         self._base = [backend.array(conic(x, y, d) + full) for d in ((0, 0), (1, 0), (0, 1))]
 
-    def evaluate(self, net: NDArray[np.float64]) -> RearHits:
+    def meet(self, net: NDArray[np.float64]) -> Hits:
+        """Return the Hits of the beam with a sag net."""
         dr = self._backend.dr
         (a0, a1), (b0, b1) = self._matrices
         half = a0 @ net
@@ -81,7 +86,7 @@ class KnownHits:
         leaves = tuple(self._backend.array(s) for s in sags)
         dr.enable_grad(*leaves)
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
-        return RearHits(self._x, self._y, z, zx, zy, self._hit, leaves, dr)
+        return Hits(self._x, self._y, z, zx, zy, dr.ones(dr.mask_t(self._x), 1), self._hit, leaves, dr)
 
     def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
@@ -92,60 +97,111 @@ class KnownHits:
 
 
 class SearchedHits:
-    """Oblique rays: the meeting point is found by Newton's method on the ray parameter.
+    """Rays in any direction: the meeting point is found by Newton's method on the ray parameter, within brackets.
 
-    origin, direction : three Dr.Jit arrays each; z counts from the rear vertex.  The search
-    starts where the ray meets the plane of the vertex and takes at most `steps` steps; rays that do not
-    converge or meet the surface outside the rectangle carry hit = False.
+    A ray can meet the surface only where it is above the rectangle, from t_0 to t_1.  There
+    f(t) = surface height - ray height falls through zero.  Newton's steps from the conic's meeting
+    point are taken while they stay within the bracket of f's signs, otherwise the bracket is halved;
+    a ray with f(t_0) < 0 or f(t_1) > 0 misses.  Without knots the surface is the conic alone.
     """
 
-    steps = 12
+    steps = 100
 
-    def __init__(
-        self,
-        backend: Backend,
-        origin: tuple[DrArray, DrArray, DrArray],
-        direction: tuple[DrArray, DrArray, DrArray],
-        conic: Conic,
-        half_width: tuple[float, float],
-        knots: Sequence[KnotVector],
-    ) -> None:
-        self._backend = backend
-        self._origin, self._direction = origin, direction
-        self._conic, self._half_width = conic, half_width
-        self._table = PolynomialTable(backend, knots)
+    def __init__(self, backend: Backend, conic: Conic, half_width: tuple[float, float], knots: Sequence[KnotVector] | None = None) -> None:
+        self._backend, self._conic, self._half_width = backend, conic, half_width
+        self._table = None if knots is None else PolynomialTable(backend, knots)
         self._points: tuple[DrArray, DrArray] | None = None
+        self._top = max(0.0, float(conic(*half_width)))
 
-    def evaluate(self, net: NDArray[np.float64]) -> RearHits:
+    def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
+        """Return the Hits of rays; z of the origins counts from the vertex.  net : of the sag, where there is one."""
         dr = self._backend.dr
-        self._table.load(net)
-        (ox, oy, oz), (dx, dy, dz) = self._origin, self._direction
+        top = self._top
+        if self._table is not None:
+            self._table.load(net)
+            top += max(0.0, float(net.max()))
         with dr.suspend_grad():
-            t = -oz / dz
-            for _ in range(self.steps):
-                x, y = self._clip(ox + t * dx, oy + t * dy)
-                z, zx, zy, _, _, _ = self._surface(x, y)
-                residual = z - (oz + t * dz)
-                t = t + residual / (dz - zx * dx - zy * dy)
-                dr.eval(t)
-            x, y = ox + t * dx, oy + t * dy
-            inside = (dr.abs(x) <= self._half_width[0]) & (dr.abs(y) <= self._half_width[1])
-            cx, cy = self._clip(x, y)
-            z, zx, zy, zxx, zxy, zyy = self._surface(cx, cy)
-            hit = inside & (dr.abs(z - (oz + t * dz)) < self._backend.resolution)
-            speed = dz - zx * dx - zy * dy
-            dr.eval(z, zx, zy, zxx, zxy, zyy, x, y, hit, speed)
-        self._points = cx, cy
-        leaves = tuple(self._backend.Float(a) for a in (z, zx, zy))
+            o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
+            t, first, last, decided = self._search(o, d, top)
+            x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
+            jet = self._surface(x, y)
+            speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
+            hit = (dr.abs(jet[0] - (o[2] + t * d[2])) < self._backend.resolution) & (first <= t) & (t <= last)
+            dr.eval(t, x, y, jet, hit, speed, decided)
+        self._points = x, y
+        found = hit | decided
+        if self._table is None and not dr.grad_enabled(origin, direction):
+            return Hits(x, y, *jet[:3], found, hit, (), dr)
+        leaves = () if self._table is None else tuple(self._backend.Float(a) for a in jet[:3])
         dr.enable_grad(*leaves)
-        dt = (leaves[0] - z) / speed  # zero, but carries the derivative
-        zx = leaves[1] + (zxx * dx + zxy * dy) * dt
-        zy = leaves[2] + (zxy * dx + zyy * dy) * dt
-        return RearHits(x + dx * dt, y + dy * dt, z + dz * dt, zx, zy, hit, leaves, dr)
+        return self._attached(origin, direction, t, (x, y), jet, speed, found, hit, leaves)
 
     def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
+        """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
         table = self._table if knots is None else PolynomialTable(self._backend, knots)
         return table.pull_back(*self._points, gradients)
+
+    def _search(self, o: list[DrArray], d: list[DrArray], top: float) -> tuple[DrArray, DrArray, DrArray, DrArray]:
+        """Return (ray parameter, t_0, t_1, whether the ray is known to miss); top : mm, no point of the surface lies higher."""
+        dr = self._backend.dr
+        tolerance = 0.01 * self._backend.resolution
+        first, last = self._span(o, d, dr.opaque(self._backend.Float, top))
+
+        def step(t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray) -> tuple[DrArray, ...]:
+            jet = self._surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
+            residual = jet[0] - (o[2] + t * d[2])
+            newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])
+            before = residual > 0
+            low, high = dr.select(before, t, low), dr.select(before, high, t)
+            other = dr.select(before, high, low)  # the end of the bracket on the surface's side
+            known = known | dr.select(before, 1, 2)  # bit 0: f > 0 was seen at low, bit 1: f <= 0 at high
+            bracketed = known == 3
+            settled = dr.abs(residual) < tolerance
+            halved = dr.select(bracketed, 0.5 * (t + other), other)
+            t = dr.select(settled | ((newton > low) & (newton < high)), newton, halved)
+            return t, low, high, known, active & ~settled & (low < high), count + 1
+
+        def goes_on(t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray) -> DrArray:
+            return active & (count < self.steps)
+
+        t = conic_distance(self._backend, self._conic, o, d)
+        t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
+        known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
+        t, low, high, _, _, _ = dr.while_loop((t, first, last, known, first < last, count), goes_on, step, mode="symbolic")
+        return t, first, last, low >= high
+
+    def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
+        """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
+        dr, Float = self._backend.dr, self._backend.Float
+        width = max(dr.width(a) for a in (*o, *d))
+        first = dr.zeros(Float, width)
+        last = dr.select(d[2] > 0, (top - o[2]) / dr.select(d[2] > 0, d[2], 1), dr.inf) + first
+        for a, h in zip((0, 1), self._half_width):
+            moves = d[a] != 0
+            speed = dr.select(moves, d[a], 1)
+            ends = (-h - o[a]) / speed, (h - o[a]) / speed
+            inside = dr.abs(o[a]) <= h
+            first = dr.select(moves, dr.maximum(first, dr.minimum(*ends)), dr.select(inside, first, dr.inf))
+            last = dr.select(moves, dr.minimum(last, dr.maximum(*ends)), last)
+        return first, last
+
+    def _attached(
+        self, origin: Vector, direction: Vector, t: DrArray, point: Sequence[DrArray], jet: Sequence[DrArray],
+        speed: DrArray, found: DrArray, hit: DrArray, leaves: tuple[DrArray, ...],
+    ) -> Hits:  # fmt: skip
+        """Return Hits that carry the derivatives by the leaves and by the rays: one more Newton step, of length zero."""
+        z, zx, zy, zxx, zxy, zyy = jet
+        own_z, own_zx, own_zy = leaves or (z, zx, zy)
+        x, y = (o + t * d for o, d in zip(origin[:2], direction[:2]))
+        dz = origin[2] + t * direction[2] - (point_z := self._backend.dr.detach(origin[2] + t * direction[2]))
+        dx, dy = x - point[0], y - point[1]
+        dt = (own_z - z + zx * dx + zy * dy - dz) / speed
+        x, y = x + direction[0] * dt, y + direction[1] * dt
+        dx, dy = x - point[0], y - point[1]
+        return Hits(
+            x, y, point_z + dz + direction[2] * dt, own_zx + zxx * dx + zxy * dy, own_zy + zxy * dx + zyy * dy, found, hit, leaves,
+            self._backend.dr,
+        )  # fmt: skip
 
     def _clip(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray]:
         dr, (hx, hy) = self._backend.dr, self._half_width
@@ -153,7 +209,23 @@ class SearchedHits:
 
     def _surface(self, x: DrArray, y: DrArray) -> list[DrArray]:
         base = conic_jet(self._backend, self._conic, x, y)
-        return [a + b for a, b in zip(base, self._table(x, y))]
+        return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(x, y))]
+
+
+def conic_distance(backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]) -> DrArray:
+    """Return the ray parameter at which rays meet a conic from the side of -z; the closest approach where they miss it.
+
+    With F = c (x^2 + y^2 + (1 + K) z^2) - 2 z the ray has F = A t^2 + 2 B t + C; the wanted root is the falling one.
+    """
+    dr = backend.dr
+    c, k = (dr.opaque(backend.Float, v) for v in (1.0 / conic.radius, 1.0 + conic.constant))
+    (ox, oy, oz), (dx, dy, dz) = origin, direction
+    a = c * (dx * dx + dy * dy + k * dz * dz)
+    b = c * (ox * dx + oy * dy + k * oz * dz) - dz
+    f = c * (ox * ox + oy * oy + k * oz * oz) - 2 * oz
+    root = dr.sqrt(dr.maximum(b * b - a * f, 0))
+    falling = root - b
+    return dr.select(b < 0, f / dr.select(b < 0, falling, 1), -(b + root) / dr.select(a == 0, 1, a))
 
 
 def conic_jet(backend: Backend, conic: Conic, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.model import problem_beam, target_irradiance, target_screen
+from optics.model import ray_parts, target_irradiance, target_screen
 from optics.splat import Splat
 from optics.tracing import FluxBudget, Tracer
 from optics.windows import PixelWindow
@@ -51,7 +51,7 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
     images, budgets = [], []
     for extra in (0, 1):
         rays = [min(RAYS_PER_PIXEL * n, max(LEAST_PER_PIXEL * n, MOST_RAYS)) + 2 * extra + 1 for n in screen.pixels]
-        image, budget = _trace(backend, problem, lens, screen, rays, rng.uniform(-0.5, 0.5, 2))
+        image, budget = _trace(backend, problem, lens, screen, rays, rng)
         images.append(image)
         budgets.append(budget)
     irradiance = (images[0] + images[1]) / 2
@@ -60,6 +60,7 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
     figures = compare(irradiance, target)
     figures["rel_l2_floor"] = float(np.linalg.norm(images[0] - images[1]) / 2 / np.linalg.norm(target))
     figures["efficiency"] = budget.on_target / problem.source.flux
+    figures["lit_efficiency"] = float(irradiance[target > 0].sum() * screen.pixel_area / problem.source.flux)
     figures["stray"] = budget.off_target / problem.source.flux
     figures["flux_budget_w"] = asdict(budget)
     return Measurement(irradiance, target, figures)
@@ -88,20 +89,17 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
 
 
 def _trace(
-    backend: Backend, problem: Problem, lens: Lens, screen: Screen, rays: Sequence[int], shift: Sequence[float] | NDArray[np.float64]
+    backend: Backend, problem: Problem, lens: Lens, screen: Screen, rays: Sequence[int], fresh: np.random.Generator
 ) -> tuple[NDArray[np.float64], FluxBudget]:
-    """Return (irradiance, FluxBudget) of a ray grid, traced in slices."""
-    beam = problem_beam(problem, rays, shift)
-    embedding = lens.rear.sag.space.embedding
-    net = embedding.coefficients(lens.rear.sag.coefficients)
+    """Return (irradiance, FluxBudget) of fresh rays, traced in parts."""
     splat = Splat(backend, screen, PixelWindow(0.5 / RAYS_PER_PIXEL))
     image: DrArray
     budget: FluxBudget | None
     image, budget = 0.0, None
-    for part in beam.slices(RAYS_AT_ONCE):
-        tracer = Tracer(backend, lens, part, problem.target_z, (embedding.kv_u, embedding.kv_v))
+    for part in ray_parts(problem, rays, fresh, RAYS_AT_ONCE):
+        tracer = Tracer(backend, lens, part, problem.target_z)
         with backend.dr.suspend_grad():
-            _, landing = tracer.trace(net)
+            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux)
             here = tracer.budget(landing, screen.half_width)
         budget = here if budget is None else budget + here

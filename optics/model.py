@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import isinf, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from optics.beam import Beam, Profile, collimated_beam
 from optics.errors import UserError
 from optics.picture import fit_picture, read_picture
+from optics.rays import Rays, lambertian_parts, point_rays
 from optics.screen import Screen
 from optics.shapes import uniform_region
 from thbcad.bspline import KnotVector
@@ -20,7 +22,7 @@ from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
+    from optics.problem import Freeform, Front, Problem, Rear
 
 
 def base_lens(problem: Problem) -> Lens:
@@ -31,29 +33,61 @@ def base_lens(problem: Problem) -> Lens:
     UserError : the prescription makes no lens.
     """
     spec = problem.lens
-    freeform = spec.rear.freeform
-    kv = [KnotVector.uniform(freeform.degree, n, -h, h) for n, h in zip(freeform.spans, spec.rear.half_width)]
-    space = THBSpace(*kv)
-    sag = THBSurface(space, np.zeros(space.dim))
-    try:
-        front = FreeformSurface(spec.front.half_width, Conic(spec.front.radius, spec.front.conic))
-    except ValueError as error:
-        raise UserError(f"lens.front: {error}") from None
-    try:
-        rear = FreeformSurface(spec.rear.half_width, Conic(spec.rear.radius, spec.rear.conic), sag)
-    except ValueError as error:
-        raise UserError(f"lens.rear: {error}") from None
+    front, rear = _surface("front", spec.front), _surface("rear", spec.rear)
     try:
         return Lens(front, rear, spec.thickness, spec.index)
     except ValueError as error:
         raise UserError(f"lens: {error}") from None
 
 
-def problem_beam(problem: Problem, rays: Sequence[int], shift: Sequence[float] | NDArray[np.float64] = (0.0, 0.0)) -> Beam:
-    """Return the rays of the problem's source that meet the lens; shift : as in `collimated_beam`."""
+def freeforms(problem: Problem) -> tuple[Freeform, ...]:
+    """Return the settings of the free surfaces, front first, as `Lens.sags`."""
+    return tuple(f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f is not None)
+
+
+def source_profile(problem: Problem) -> Profile:
+    """Return how the light spreads over the source's area."""
     source = problem.source
-    profile = Profile(source.profile, source.sigma)
-    return collimated_beam(source.half_width, source.flux, problem.lens.front.half_width, rays, shift, profile)
+    light = read_picture(source.image, "linear") if source.profile == "image" else None
+    return Profile(source.profile, source.sigma, light)
+
+
+def problem_rays(problem: Problem, counts: Sequence[int], fresh: np.random.Generator | None = None) -> Beam | Rays:
+    """Return the rays of the problem's source, those of a collimated one only where they meet the lens.
+
+    counts : (nx, ny); of the rays of a Lambertian source the product counts, rounded to a power of two.
+    fresh : draws a shift of the grid or another scrambling; without it the set is always the same.
+    """
+    return next(ray_parts(problem, counts, fresh))
+
+
+def ray_parts(
+    problem: Problem, counts: Sequence[int], fresh: np.random.Generator | None = None, most: int = 1 << 62
+) -> Iterator[Beam | Rays]:
+    """Yield the rays of `problem_rays` in parts of about `most`."""
+    source, profile = problem.source, source_profile(problem)
+    shift = (0.0, 0.0) if fresh is None else fresh.uniform(-0.5, 0.5, 2)
+    if source.kind == "collimated":
+        yield from collimated_beam(source.half_width, source.flux, problem.lens.front.half_width, counts, shift, profile).slices(most)
+    elif source.kind == "point":
+        yield point_rays(source.distance, source.flux, source.half_angle, source.exponent, counts, shift)
+    else:
+        count = 1 << max(2, round(log2(counts[0] * counts[1])))
+        seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
+        yield from lambertian_parts(source.half_width, source.distance, source.flux, source.half_angle, profile, count, seed, most)
+
+
+def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
+    """Return a surface of the prescription, with a sag of zeros on the level-0 mesh where it is free."""
+    sag = None
+    if spec.freeform is not None:
+        kv = [KnotVector.uniform(spec.freeform.degree, n, -h, h) for n, h in zip(spec.freeform.spans, spec.half_width)]
+        space = THBSpace(*kv)
+        sag = THBSurface(space, np.zeros(space.dim))
+    try:
+        return FreeformSurface(spec.half_width, Conic(spec.radius, spec.conic), sag)
+    except ValueError as error:
+        raise UserError(f"lens.{name}: {error}") from None
 
 
 def target_screen(problem: Problem, coarsening: int = 1, margin: int = 0) -> Screen:
@@ -86,7 +120,7 @@ def require_reachable(problem: Problem, light: NDArray[np.float64]) -> None:
     UserError : names the angle needed and the angle that the index allows.
     """
     lens, target = problem.lens, problem.target
-    if not np.isinf(lens.front.radius):
+    if problem.source.kind != "collimated" or not isinf(lens.front.radius) or isinf(target.distance):
         return
     screen = target_screen(problem)
     lit = target_irradiance(light, screen, target.fit, 1.0) > 0

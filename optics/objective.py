@@ -1,4 +1,4 @@
-"""The objective of one level and its gradient by the THB coefficients.
+"""The objective of one level and its gradient by the THB coefficients of every free surface.
 
     L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 sum_k phi_k)
 
@@ -21,16 +21,15 @@ from optics.windows import filter_image
 
 if TYPE_CHECKING:
     from optics.backend import Backend, DrArray
-    from optics.hits import RearHits
+    from optics.hits import Hits
     from optics.screen import Screen
     from optics.tracing import Tracer
     from optics.windows import BSplineWindow, GaussianWindow, PixelWindow
     from thbcad.bspline import KnotVector
-    from thbcad.embedding import Embedding
 
 
 class Objective:
-    """Loss and gradient for one space, screen and beam; call it with THB coefficients.
+    """Loss and gradient for one mesh, screen and set of rays; call it with the THB coefficients of every sag, front first.
 
     target : irradiance on the screen's pixels without margin, W/mm^2.
     """
@@ -39,13 +38,12 @@ class Objective:
         self,
         backend: Backend,
         tracer: Tracer,
-        embedding: Embedding,
         screen: Screen,
         window: PixelWindow | BSplineWindow | GaussianWindow,
         target: NDArray[np.float64],
         lost_flux_weight: float,
     ) -> None:
-        self._backend, self._tracer, self._embedding = backend, tracer, embedding
+        self._backend, self._tracer = backend, tracer
         self._screen = screen
         self._splat = Splat(backend, screen, window)
         measured = filter_image(screen.pad(target), window)
@@ -56,28 +54,30 @@ class Objective:
         self.evaluations = 0
         self.fit = np.nan
 
-    def __call__(self, coefficients: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """Return (loss, gradient); `fit` keeps ||E - T|| / ||T|| of the call."""
+    def __call__(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[NDArray[np.float64]]]:
+        """Return (loss, its gradient by each sag's coefficients); `fit` keeps ||E - T|| / ||T|| of the call."""
         loss, hits, _ = self._backward(coefficients)
-        return loss, self._embedding.adjoint(self._tracer.hits.pull_back(hits.gradients()))
+        return loss, self._tracer.pull_back(hits)
 
-    def image(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    def image(self, coefficients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the measured irradiance on the target's pixels, W/mm^2."""
         _, _, image = self._backward(coefficients)
         return self._screen.crop(image.numpy().reshape(self._screen.padded, order="F"))
 
-    def vertex_gradients(self, coefficients: NDArray[np.float64], knots: Sequence[KnotVector]) -> NDArray[np.float64]:
-        """Return |dL/dZ| for the vertices of a bilinear grid over the rear surface (thesis 6.2).
+    def vertex_gradients(
+        self, coefficients: Sequence[NDArray[np.float64]], knots: Sequence[Sequence[KnotVector]]
+    ) -> list[NDArray[np.float64]]:
+        """Return |dL/dZ| for the vertices of a bilinear grid over every free surface (thesis 6.2).
 
-        knots : two knot vectors of degree 1, whose knots are the vertices.
+        knots : for each, two knot vectors of degree 1, whose knots are the vertices.
         """
         _, hits, _ = self._backward(coefficients)
-        return np.abs(self._tracer.hits.pull_back(hits.gradients(), knots))
+        return [np.abs(g) for g in self._tracer.pull_back(hits, knots)]
 
-    def _backward(self, coefficients: NDArray[np.float64]) -> tuple[float, RearHits, DrArray]:
+    def _backward(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[Hits], DrArray]:
         dr = self._backend.dr
         self.evaluations += 1
-        hits, landing = self._tracer.trace(self._embedding.coefficients(coefficients))
+        hits, landing = self._tracer.trace(coefficients)
         image = self._splat(landing.x, landing.y, landing.flux)
         fit = dr.sum(dr.square(image - self._target)) * self._norm
         hx, hy = self._screen.half_width

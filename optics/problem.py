@@ -18,11 +18,13 @@ from optics.errors import UserError
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
+PROFILES = ("uniform", "round", "gaussian", "image")
 Number = TypeVar("Number", int, float)
 Record = TypeVar("Record", bound="DataclassInstance")
 
 MAX_FILE_BYTES = 1_000_000
 MAX_PIXELS = 4096
+PICTURES = ("target.image", "source.image")
 LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
 
 
@@ -33,20 +35,24 @@ def option(
     high: float | None = None,
     above: float | None = None,
     note: str = "",
+    infinite: bool = False,
 ) -> Any:
     """Return a field with a default (or none: the key is required), its limits and a note."""
-    limits = {"choices": choices, "low": low, "high": high, "above": above, "note": note}
+    limits = {"choices": choices, "low": low, "high": high, "above": above, "note": note, "infinite": infinite}
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    kind: str = option(choices=("collimated",), note="parallel rays along +z")
-    half_width: tuple[float, float] = option(above=0, note="mm")
+    kind: str = option(choices=("collimated", "lambertian", "point"), note="parallel rays along +z, a glowing area, or a point")
+    half_width: tuple[float, float] = option((0.0, 0.0), low=0, note="mm; a point has none")
     distance: float = option(2.0, low=0, note="mm from the source plane to the front vertex")
     flux: float = option(1.0, above=0, note="W")
-    profile: str = option("uniform", choices=("uniform", "round", "gaussian"), note="round fills the inscribed ellipse")
+    profile: str = option("uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse")
     sigma: tuple[float, float] = option((0.5, 0.5), above=0, note="of the gaussian profile, relative to half_width")
+    image: str = option("", note="picture file of the profile image, linear light, relative to the problem file")
+    half_angle: float = option(90.0, above=0, high=90, note="degrees, of the cone that a lambertian or a point source lights")
+    exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,15 +66,16 @@ class Freeform:
 @dataclass(frozen=True, kw_only=True)
 class Front:
     half_width: tuple[float, float] = option(above=0, note="mm")
-    radius: float = option(math.inf, note="mm, of the vertex; positive opens to +z, inf is a plane")
+    radius: float = option(math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane")
     conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
+    freeform: Freeform | None = option(None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rear:
     half_width: tuple[float, float] = option(above=0, note="mm")
     freeform: Freeform = option(Freeform())
-    radius: float = option(math.inf, note="mm, of the vertex; positive opens to +z, inf is a plane")
+    radius: float = option(math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane")
     conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
 
 
@@ -86,8 +93,8 @@ class Target:
     image: str = option("", note="picture file, relative to the problem file; of kind image")
     shape: str = option("rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat")
     lit: tuple[float, float] = option((0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's")
-    distance: float = option(above=0, note="mm from the rear vertex to the target plane")
-    half_width: tuple[float, float] = option(above=0, note="mm")
+    distance: float = option(above=0, infinite=True, note="mm from the rear vertex to the target plane; inf is the far field")
+    half_width: tuple[float, float] = option(above=0, note="mm; degrees in the far field")
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
     fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
@@ -164,11 +171,25 @@ def load_problem(path: str | Path) -> Problem:
         raise UserError(f"{path} is not valid TOML: {error}") from None
     try:
         problem = _record(Problem, data, "", path.parent)
-        if problem.target.kind == "image" and not problem.target.image:
-            raise UserError("the key target.image is missing")
+        _require_partners(problem)
     except UserError as error:
         raise UserError(f"{path}: {error}") from None
     return problem
+
+
+def _require_partners(problem: Problem) -> None:
+    """Refuse a problem that lacks a key which another key asks for."""
+    source, target = problem.source, problem.target
+    if target.kind == "image" and not target.image:
+        raise UserError("the key target.image is missing")
+    if source.profile == "image" and not source.image:
+        raise UserError("the key source.image is missing")
+    if source.kind == "point" and source.distance == 0:
+        raise UserError("source.distance must be greater than 0 for a point, which would lie in the lens")
+    if source.kind != "point" and min(source.half_width) <= 0:
+        raise UserError(f"source.half_width must be greater than 0 for a {source.kind} source, got {list(source.half_width)}")
+    if math.isinf(target.distance) and max(target.half_width) >= 90:
+        raise UserError(f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}")
 
 
 def problem_to_toml(problem: Problem) -> str:
@@ -213,11 +234,12 @@ def _record(kind: type[Record], data: object, prefix: str, folder: Path) -> Reco
             if f.default is MISSING:
                 raise UserError(f"the key {key} is missing")
             continue
-        if is_dataclass(hints[name]):
-            values[name] = _record(hints[name], data[name], key + ".", folder)
+        table = next((h for h in (hints[name], *get_args(hints[name])) if is_dataclass(h)), None)
+        if table:
+            values[name] = _record(table, data[name], key + ".", folder)
         else:
             values[name] = _value(key, hints[name], data[name], f.metadata)
-        if key == "target.image":
+        if key in PICTURES and values[name]:
             values[name] = str((folder / values[name]).resolve())
     return kind(**values)
 
@@ -228,7 +250,7 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
     if hint is str:
         if not isinstance(value, str):
             raise UserError(f"{key} must be a string, got {_brief(value)}")
-        if key == "target.image" and "\0" in value:
+        if key in PICTURES and "\0" in value:
             raise UserError(f"{key} must not hold a zero character")
         if limits["choices"] and value not in limits["choices"]:
             raise UserError(f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}")
@@ -238,7 +260,7 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     if isinstance(value, int) and abs(value) > LARGEST:
         raise UserError(f"{key} must not be larger than {LARGEST:g} in size")
-    finite = math.isfinite(value) or (key.endswith("radius") and not math.isnan(value))
+    finite = math.isfinite(value) or (limits["infinite"] and not math.isnan(value))
     if not finite:
         raise UserError(f"{key} must be a finite number, got {value!r}")
     for name, word, broken in (
@@ -273,6 +295,8 @@ def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
     lines, tables = [], []
     for f in fields(record):
         value = getattr(record, f.name)
+        if value is None:
+            continue
         if is_dataclass(value):
             tables.append(f"\n[{prefix}{f.name}]\n" + _toml(value, f"{prefix}{f.name}.", notes))
         else:

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from thbcad.surface import BSplineSurface
 
 
+STARTS = 17  # points in each direction from which the nearest is taken to start
+AT_ONCE = 10_000  # rays
+
+
 @dataclass(frozen=True, eq=False)
 class ReferenceRays:
     """Landing points (n, 2) in mm and flux (n,) in W; NaN and 0 for rays that do not arrive."""
@@ -38,35 +42,42 @@ class ParametricFace:
         self._spline = NdBSpline(knots, surface.coefficients, (surface.kv_u.degree, surface.kv_v.degree))
         self.low = np.array([knots[0][0], knots[1][0]])
         self.high = np.array([knots[0][-1], knots[1][-1]])
-        corner, opposite = surface.coefficients[0, 0, :2], surface.coefficients[-1, -1, :2]
-        self._origin, self._extent = corner, opposite - corner
 
-    def start(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a first guess of the parameters below points (n, 2) in x and y."""
-        share = (points - self._origin) / self._extent
-        return np.clip(self.low + share * (self.high - self.low), self.low, self.high)
+    def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the parameters, on a coarse grid, of the face's point next to every ray, ahead of its origin (points, directions: (n, 3))."""
+        grid = [np.linspace(low, high, STARTS) for low, high in zip(self.low, self.high)]
+        uv = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
+        s = self._spline(uv)
+        nearest = []
+        for part in range(0, len(points), AT_ONCE):
+            o, d = points[part : part + AT_ONCE], directions[part : part + AT_ONCE]
+            along = d @ s.T - _dot(o, d)[:, None]
+            square = (s * s).sum(axis=1) - 2 * o @ s.T + _dot(o, o)[:, None] - along**2
+            nearest.append(np.where(along >= 0, square, np.inf).argmin(axis=1))
+        return uv[np.concatenate(nearest)]
 
     def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
         return [self._spline(uv, nu=nu) for nu in ((0, 0), (1, 0), (0, 1))]
 
 
-def trace_step(step: StepLens, origins: NDArray[np.float64], flux: ArrayLike, index: float, target_z: float) -> ReferenceRays:
-    """Trace rays along +z through the two faces of a StepLens to the plane z = target_z.
+def trace_step(
+    step: StepLens, origins: NDArray[np.float64], directions: NDArray[np.float64], flux: ArrayLike, index: float, target_z: float
+) -> ReferenceRays:
+    """Trace rays through the two faces of a StepLens to the plane z = target_z, or to the far field where that is inf.
 
-    origins : (n, 2) float, mm.  flux : (n,) or float, W before the lens.
+    origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
+    Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
-    n = len(origins)
-    points = np.column_stack([origins, np.full(n, min(0.0, step.front.coefficients[..., 2].min()) - 1.0)])
-    directions = np.tile([0.0, 0.0, 1.0], (n, 1))
-    weight = np.broadcast_to(np.asarray(flux, dtype=float), n).copy()
+    points = origins
+    weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
     for surface, eta in ((step.front, 1 / index), (step.rear, index)):
         points, normals, met = _intersect(ParametricFace(surface), points, directions)
         directions, share = _refract(directions, normals, eta)
         weight *= np.where(met, share, 0.0)
     arrives = (weight > 0) & (directions[:, 2] > 0)
-    travel = (target_z - points[:, 2]) / np.where(arrives, directions[:, 2], 1.0)
-    landing = points[:, :2] + travel[:, None] * directions[:, :2]
+    across = directions[:, :2] / np.where(arrives, directions[:, 2], 1.0)[:, None]
+    landing = np.degrees(np.arctan(across)) if np.isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
     return ReferenceRays(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
@@ -97,7 +108,7 @@ def _intersect(
     a = np.cross(directions, helper)
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     b = np.cross(directions, a)
-    uv = face.start(points[:, :2])
+    uv = face.start(points, directions)
     size = np.abs(face.high - face.low).max()
     for _ in range(steps):
         s, su, sv = face.jet(uv)

@@ -12,7 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.design import Row, State
+from optics.design import Row, State, last_level
 from optics.errors import UserError
 from optics.problem import Problem, load_problem, problem_to_toml
 from thbcad.files import json_text, write_bytes, write_text
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 CHECKPOINT = "checkpoint.json"
 FILES = ("problem.toml", "lens.json", "lens.step", "metrics.json", "verify.json", "history.csv", "report.html", CHECKPOINT)
-VERSION = 1
+VERSION = 2
 
 
 class ResultFolder:
@@ -97,7 +97,7 @@ class ResultFolder:
             "problem": _fingerprint(problem),
             "level": state.level,
             "begun": state.begun,
-            "sag": sag_to_dict(state.sag),
+            "sags": [sag_to_dict(sag) for sag in state.sags],
             "history": [list(asdict(row).values()) for row in state.history],
         }
         write_text(self.path / CHECKPOINT, json.dumps(data, separators=(",", ":"), allow_nan=False))
@@ -121,7 +121,7 @@ class ResultFolder:
             raise UserError(f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume") from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
-        last = problem.lens.rear.freeform.max_level + 1
+        last = last_level(problem) + 1
         if same and not 0 <= state.level <= last:
             raise UserError(f"cannot resume: {path} is damaged (level {state.level} of at most {last}); run without --resume")
         if not same:
@@ -144,7 +144,7 @@ def _state(data: dict[str, Any]) -> State:
     for row in history:
         if not all(type(v) in (int, float) for v in asdict(row).values()):
             raise ValueError("the history must hold numbers")
-    return State(level, sag_from_dict(data["sag"]), begun, history)
+    return State(level, tuple(sag_from_dict(sag) for sag in data["sags"]), begun, history)
 
 
 def _fingerprint(problem: Problem) -> str:

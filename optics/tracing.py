@@ -1,38 +1,59 @@
-"""Sequential tracing: beam, front, rear, target plane.
+"""Sequential tracing: source, front, rear, target.
 
-The front surface is fixed and treated once.  Behind it the rays are either still parallel to
-z (a plane front at normal incidence), so that their meeting points with the rear are known,
-or they are searched for.  Every ray ends in exactly one of the fates that `FluxBudget` names.
+A front surface that carries no sag is treated once.  Behind a plane one at normal incidence the
+rays are still parallel to z, so that their meeting points with the rear are known; otherwise
+they are searched for.  Every ray ends in exactly one of the fates that `FluxBudget` names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.hits import KnownHits, RearHits, SearchedHits, conic_jet
+from optics.beam import Beam
+from optics.hits import Hits, KnownHits, SearchedHits
+from optics.rays import Rays, beam_rays
 from optics.snell import refract
 
 if TYPE_CHECKING:
     from optics.backend import Backend, DrArray
-    from optics.beam import Beam
     from thbcad.bspline import KnotVector
-    from thbcad.lens import Lens
+    from thbcad.lens import FreeformSurface, Lens
+
+    Vector = tuple[DrArray, DrArray, DrArray]
 
 
 @dataclass(eq=False)
 class Landing:
-    """Where rays meet the target plane: x, y in mm, flux in W (zero unless they arrive), and masks."""
+    """Where rays meet the target: x, y in mm (degrees in the far field), flux in W (zero unless they arrive).
+
+    entering : flux behind the front.  met : the front is hit.  found, hit : at the rear surface, as in `Hits`.
+    refracted : the ray leaves the rear surface forward.
+    """
 
     x: DrArray
     y: DrArray
     flux: DrArray
+    entering: DrArray
+    met: DrArray
+    found: DrArray
     hit: DrArray
     refracted: DrArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Bundle:
+    """Rays behind the front: origin from the rear vertex (None: known), direction, flux, and whether they met the front."""
+
+    origin: Vector | None
+    direction: Vector
+    flux: DrArray
+    met: DrArray
 
 
 @dataclass(frozen=True)
@@ -41,12 +62,14 @@ class FluxBudget:
 
     beside_lens : passes beside the front.  front_reflected, rear_reflected : Fresnel losses.
     missed_rear : meets an edge face instead of the rear surface.  total_internal : totally reflected.
+    unresolved : the search for the rear surface failed.
     on_target, off_target : leaves the lens and meets the target rectangle or misses it.
     """
 
     beside_lens: float
     front_reflected: float
     missed_rear: float
+    unresolved: float
     total_internal: float
     rear_reflected: float
     on_target: float
@@ -61,75 +84,117 @@ class FluxBudget:
 
 
 class Tracer:
-    """Rays of one beam through a lens whose rear sag is given as a tensor-product net.
+    """Rays of one source through a lens whose sags may change.
 
-    lens : Lens.  beam : Beam.  target_z : mm.  knots : knot vectors (x, y in mm) of the nets.
+    lens : Lens.  rays : Beam or Rays.  target_z : mm, inf is the far field.  surfaces : of the lens that carry a sag, front first.
     """
 
-    def __init__(self, backend: Backend, lens: Lens, beam: Beam, target_z: float, knots: Sequence[KnotVector]) -> None:
-        self._backend = backend
-        self._beam = beam
+    def __init__(self, backend: Backend, lens: Lens, rays: Beam | Rays, target_z: float) -> None:
+        self._backend, self._lens = backend, lens
         dr, Float = backend.dr, backend.Float
-        front = lens.front
-        if front.sag is not None:
-            raise ValueError("the front surface must be a plain conic: only the rear may carry a spline")
-        self.parallel = front.conic.is_plane
-        self._direction: tuple[DrArray, DrArray, DrArray] = (0.0, 0.0, 1.0)
-        self.hits: KnownHits | SearchedHits
-        if self.parallel:
-            _, self._front_flux, _ = refract(dr, self._direction, (Float(0), Float(0)), 1 / lens.index)
-            self.hits = KnownHits(backend, beam, lens.rear.conic, lens.rear.half_width, knots)
+        self._emitted = rays.entering
+        self._missed = rays.missed if isinstance(rays, Beam) else 0.0
+        # opaque numbers do not become part of the kernels, which then serve every source and lens
+        self._index, self._inverse = dr.opaque(Float, lens.index), dr.opaque(Float, 1 / lens.index)
+        self._distance = None if isinf(target_z) else dr.opaque(Float, target_z - lens.thickness)
+        self._flux = dr.opaque(Float, rays.ray_flux) if np.isscalar(rays.ray_flux) else backend.array(rays.ray_flux)
+        self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
+        self._front: SearchedHits | None = None
+        self._rear: KnownHits | SearchedHits
+        if isinstance(rays, Beam) and lens.front.sag is None and lens.front.conic.is_plane:
+            self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, _knots(lens.rear))
+            direction = (0.0, 0.0, 1.0)
+            _, share, _ = refract(dr, direction, (Float(0), Float(0)), self._inverse)
+            entering = self._flux * share
+            dr.make_opaque(entering)
+            self._behind = _Bundle(None, direction, entering, True)
         else:
-            x, y = (backend.array(a) for a in _mesh(beam))
-            z, zx, zy, *_ = conic_jet(backend, front.conic, x, y)
-            self._direction, self._front_flux, _ = refract(dr, self._direction, (zx, zy), 1 / lens.index)
-            origin = (x, y, z - lens.thickness)
-            dr.eval(origin, self._direction, self._front_flux)
-            self.hits = SearchedHits(backend, origin, self._direction, lens.rear.conic, lens.rear.half_width, knots)
-        # opaque numbers do not become part of the kernels, which then serve every beam and lens
-        carried = dr.opaque(Float, beam.ray_flux) if np.isscalar(beam.ray_flux) else backend.array(beam.ray_flux)
-        self._front_flux = self._front_flux * carried
-        self._distance = dr.opaque(Float, target_z - lens.thickness)
-        self._index = dr.opaque(Float, lens.index)
-        dr.make_opaque(self._front_flux)
+            rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
+            self._origin, self._direction = ([backend.array(a) for a in rows] for rows in (rays.origin, rays.direction))
+            self._front = SearchedHits(backend, lens.front.conic, lens.front.half_width, _knots(lens.front))
+            self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, _knots(lens.rear))
+            if lens.front.sag is None:
+                _, self._behind = self._through_front(None)
+                dr.eval(self._behind.origin, self._behind.direction, self._behind.flux)
+        self._width = len(rays.x) * len(rays.y) if isinstance(rays, Beam) else rays.origin.shape[1]
 
-    def trace(self, net: NDArray[np.float64]) -> tuple[RearHits, Landing]:
-        """Return (RearHits, Landing) for a sag net, differentiable in the hits' leaves."""
-        dr = self._backend.dr
-        hits = self.hits.evaluate(net)
-        (dx, dy, dz), share, refracted = refract(dr, self._direction, (hits.zx, hits.zy), self._index)
-        forward = refracted & (dz > 0)
-        travel = (self._distance - hits.z) / dr.select(forward, dz, 1)
-        arrives = hits.hit & forward
-        flux = dr.select(arrives, self._front_flux * share, 0)
-        return hits, Landing(hits.x + travel * dx, hits.y + travel * dy, flux, hits.hit, forward)
+    def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Hits], Landing]:
+        """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves.
+
+        coefficients : of the sags, (dim,) each, front first.
+        """
+        nets = [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
+        changing = []
+        behind = self._behind if self._lens.front.sag is None else None
+        if behind is None:
+            front, behind = self._through_front(nets[0])
+            changing.append(front)
+        net = None if self._lens.rear.sag is None else nets[-1]
+        hits = self._rear.meet(net) if isinstance(self._rear, KnownHits) else self._rear.meet(behind.origin, behind.direction, net)
+        if net is not None:
+            changing.append(hits)
+        return changing, self._landing(hits, behind)
+
+    def pull_back(self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector] | None] | None = None) -> list[NDArray[np.float64]]:
+        """Return the derivative by each sag's coefficients, or by a net over other knots, after `dr.backward`."""
+        searched = [self._front] * (self._lens.front.sag is not None) + [self._rear] * (self._lens.rear.sag is not None)
+        if knots is not None:
+            return [s.pull_back(h.gradients(), k) for s, h, k in zip(searched, hits, knots)]
+        return [e.adjoint(s.pull_back(h.gradients())) for e, s, h in zip(self._embeddings, searched, hits)]
 
     def budget(self, landing: Landing, half_width: tuple[float, float]) -> FluxBudget:
         """Return the FluxBudget of a traced landing for a target rectangle."""
-        dr, beam = self._backend.dr, self._beam
-        width = len(beam.x) * len(beam.y)
-        entering = self._front_flux + dr.zeros(self._backend.Float, width)
+        dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
 
         def total(values: DrArray, mask: DrArray) -> float:
-            return float(dr.sum(dr.select(mask, values, 0)).numpy()[0])
+            every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
+            return float(dr.sum(every).numpy()[0])
 
-        inside = total(entering, True)
-        at_rear = total(entering, landing.hit)
-        refracted = total(entering, landing.hit & landing.refracted)
+        met = total(self._flux, landing.met)
+        inside = total(landing.entering, True)
+        found = total(landing.entering, landing.found)
+        at_rear = total(landing.entering, landing.hit)
+        refracted = total(landing.entering, landing.hit & landing.refracted)
         arriving = total(landing.flux, True)
         on_target = total(landing.flux, onto)
         return FluxBudget(
-            beside_lens=beam.missed,
-            front_reflected=beam.entering - inside,
-            missed_rear=inside - at_rear,
+            beside_lens=self._missed + self._emitted - met,
+            front_reflected=met - inside,
+            missed_rear=found - at_rear,
+            unresolved=inside - found,
             total_internal=at_rear - refracted,
             rear_reflected=refracted - arriving,
             on_target=on_target,
             off_target=arriving - on_target,
         )
 
+    def _through_front(self, net: NDArray[np.float64] | None) -> tuple[Hits, _Bundle]:
+        """Return the front's Hits and what goes on behind it."""
+        hits = self._front.meet(self._origin, self._direction, net)
+        direction, share, _ = refract(self._backend.dr, self._direction, (hits.zx, hits.zy), self._inverse)
+        flux = self._backend.dr.select(hits.hit, self._flux * share, 0)
+        return hits, _Bundle((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux, hits.hit)
 
-def _mesh(beam: Beam) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    x, y = np.meshgrid(beam.x, beam.y, indexing="ij")
-    return x.ravel(), y.ravel()
+    def _landing(self, hits: Hits, behind: _Bundle) -> Landing:
+        dr = self._backend.dr
+        (dx, dy, dz), share, refracted = refract(dr, behind.direction, (hits.zx, hits.zy), self._index)
+        forward = refracted & (dz > 0)
+        arrives = hits.hit & forward
+        flux = dr.select(arrives, behind.flux * share, 0)
+        dz = dr.select(forward, dz, 1)
+        if self._distance is None:
+            degrees = 180 / np.pi
+            x, y = (degrees * dr.atan(d / dz) for d in (dx, dy))
+        else:
+            travel = (self._distance - hits.z) / dz
+            x, y = hits.x + travel * dx, hits.y + travel * dy
+        return Landing(x, y, flux, behind.flux, behind.met, hits.found, hits.hit, forward)
+
+
+def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
+    """Return the knots of a sag's tensor-product form; its parameters are x and y in mm."""
+    if surface.sag is None:
+        return None
+    embedding = surface.sag.space.embedding
+    return embedding.kv_u, embedding.kv_v

@@ -8,11 +8,13 @@ the bounds (thesis 4.33 and 5.3 bend everywhere with the arctangent) and keeps |
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.symmetry import Mirrors
 from thbcad.multilevel import MultilevelBasis
 
 if TYPE_CHECKING:
@@ -25,26 +27,41 @@ INSIDE = 0.99  # of the bound: where coefficients that lie on it start
 
 
 class BoundedVariables:
-    """The map w -> c and its adjoint around a start c0."""
+    """The map w -> c of one or more sags and its adjoint around a start c0.
 
-    def __init__(self, sag: THBSurface, bound: float) -> None:
-        self._basis = MultilevelBasis(sag.space)
-        self._bound = bound
+    bounds : z_freedom of every sag, mm.  axes : directions of mirror symmetry that is kept.
+    """
+
+    def __init__(self, sags: Sequence[THBSurface], bounds: Sequence[float], axes: Sequence[int] = ()) -> None:
+        self._parts = [_Part(sag, bound, Mirrors(sag.space, axes)) for sag, bound in zip(sags, bounds)]
+        self._ends = np.cumsum([part.basis.size for part in self._parts])
+
+    def zeros(self) -> NDArray[np.float64]:
+        """Return the weights of the start."""
+        return np.zeros(self._ends[-1])
+
+    def coefficients(self, weights: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return c of every sag and keep the slopes of the squashing for `gradient`."""
+        return [part.coefficients(w) for part, w in zip(self._parts, np.split(weights, self._ends[:-1]))]
+
+    def gradient(self, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return dL/dw from dL/dc at the last coefficients."""
+        return np.concatenate([part.gradient(g) for part, g in zip(self._parts, gradients)])
+
+
+class _Part:
+    def __init__(self, sag: THBSurface, bound: float, mirrors: Mirrors) -> None:
+        self.basis, self._bound, self._mirrors = MultilevelBasis(sag.space), bound, mirrors
         ratio = np.clip(sag.coefficients / bound, -INSIDE, INSIDE)
         self._start = ratio / (1 - np.abs(ratio) ** SHARPNESS) ** (1 / SHARPNESS)
         self._slope: NDArray[np.float64] | None = None
 
-    def zeros(self) -> NDArray[np.float64]:
-        """Return the weights of the start."""
-        return np.zeros(self._basis.size)
-
     def coefficients(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return c and keep the slope of the squashing for `gradient`."""
-        y = np.clip(self._start + STEP * self._basis.coefficients(weights), -FAR, FAR)
+        y = np.clip(self._start + STEP * self.basis.coefficients(weights), -FAR, FAR)
+        y = self._mirrors.of_coefficients(y)
         base = 1 + np.abs(y) ** SHARPNESS
         self._slope = base ** (-1 / SHARPNESS - 1)
         return np.clip(self._bound * y * base ** (-1 / SHARPNESS), -self._bound, self._bound)
 
     def gradient(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return dL/dw from dL/dc at the last coefficients."""
-        return self._basis.adjoint(gradient * self._slope) * (self._bound * STEP)
+        return self.basis.adjoint(self._mirrors.of_coefficients(gradient * self._slope)) * (self._bound * STEP)

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.model import problem_beam, target_screen
+from optics.beam import Beam
+from optics.model import problem_rays, target_screen
+from optics.rays import beam_rays
 from optics.reference import deposit, trace_step
 from optics.tracing import Tracer
 from thbcad.cad.solid import lens_surfaces
@@ -110,14 +112,13 @@ def _different(read: BSplineSurface, own: BSplineSurface) -> int:
 
 def _light(problem: Problem, lens: Lens, step: StepLens, backend: Backend) -> tuple[float, float, int]:
     """Return (landing error mm, relative irradiance difference, rays of different fate)."""
-    beam = problem_beam(problem, (problem.verify.rays, problem.verify.rays))
-    embedding = lens.rear.sag.space.embedding
-    tracer = Tracer(backend, lens, beam, problem.target_z, (embedding.kv_u, embedding.kv_v))
-    _, landing = tracer.trace(embedding.coefficients(lens.rear.sag.coefficients))
+    rays = problem_rays(problem, (problem.verify.rays, problem.verify.rays))
+    tracer = Tracer(backend, lens, rays, problem.target_z)
+    _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     flux = landing.flux.numpy()
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
-    origins = np.stack(np.meshgrid(beam.x, beam.y, indexing="ij"), axis=-1).reshape(-1, 2)
-    other = trace_step(step, origins, np.ravel(beam.ray_flux), lens.index, problem.target_z)
+    rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
+    other = trace_step(step, rays.origin.T, rays.direction.T, rays.ray_flux, lens.index, problem.target_z)
     both = (flux > 0) & (other.flux > 0)
     error = np.abs(points[both] - other.points[both]).max() if both.any() else np.inf
     screen = target_screen(problem)

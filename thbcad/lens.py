@@ -6,6 +6,7 @@ A surface is the graph z(x, y) = conic(x, y) + sag(x, y) over |x| <= half_width[
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -196,3 +197,21 @@ class Lens:
     def with_rear(self, rear: FreeformSurface) -> Lens:
         """Return the lens with another rear surface."""
         return Lens(self.front, rear, self.thickness, self.index)
+
+    @property
+    def sags(self) -> tuple[THBSurface, ...]:
+        """The sags of the surfaces that have one, front first."""
+        return tuple(s.sag for s in (self.front, self.rear) if s.sag is not None)
+
+    def with_sags(self, sags: Sequence[THBSurface]) -> Lens:
+        """Return the lens with other sags on the surfaces that have one, front first.
+
+        Raises
+        ------
+        ValueError : too few or too many sags, or surfaces that touch or cross then.
+        """
+        if len(sags) != len(self.sags):
+            raise ValueError(f"sags must be {len(self.sags)} surfaces, got {len(sags)}")
+        rest = iter(sags)
+        front, rear = (s if s.sag is None else s.with_sag(next(rest)) for s in (self.front, self.rear))
+        return Lens(front, rear, self.thickness, self.index)
