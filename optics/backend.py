@@ -38,13 +38,15 @@ class Backend:
     def array(self, values: ArrayLike) -> DrArray:
         """Return numbers as a flat Dr.Jit array.
 
-        Dr.Jit takes numpy's memory as it is, and its kernels read whole packets, past the end of
-        it; so the numbers are laid into a longer buffer first.
+        Dr.Jit takes numpy's memory as it is.  Its kernels read whole packets, past the end of it, and are
+        compiled anew for every alignment; so the numbers are laid into a longer buffer, from the start of a packet.
         """
         flat = np.ravel(values)
-        buffer = np.zeros(len(flat) + PACKET, dtype=self.dtype)
-        buffer[: len(flat)] = flat
-        return self.Float(buffer[: len(flat)])
+        buffer = np.zeros(len(flat) + 2 * PACKET, dtype=self.dtype)
+        start = -(buffer.ctypes.data // buffer.itemsize) % PACKET
+        row = buffer[start : start + len(flat)]
+        row[:] = flat
+        return self.Float(row)
 
 
 def load_backend(precision: str = "double", threads: int = 0) -> Backend:

@@ -79,7 +79,7 @@ def _optimise(
 ) -> tuple[Lens, State]:
     from optics.design import design as run
 
-    progress = DesignProgress(stages(problem), state.level if state else 0)
+    progress = DesignProgress()
     try:
         return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), _note)
     except Interrupted as stop:
@@ -149,7 +149,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     screen = target_screen(problem)
     target = target_irradiance(light, screen, problem.target.fit, problem.source.flux)
     least = lens.least_thickness()
-    plan = stages(problem)
+    plan = stages(problem, problem.optimizer.start == "transport")
     data = {
         "title": problem.title,
         "picture_pixels": list(light.shape[::-1]),

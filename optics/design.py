@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import ceil, gcd, isinf
+from functools import partial
+from math import ceil, gcd
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -26,8 +27,8 @@ from optics.model import base_lens, freeforms, problem_rays, source_profile, tar
 from optics.objective import Objective
 from optics.problem import Problem, per_level
 from optics.refinement import cell_indicator, mark, vertex_knots
-from optics.symmetry import Mirrors, mirror_axes
 from optics.start import TransportStart
+from optics.symmetry import Mirrors, mirror_axes
 from optics.tracing import Tracer
 from optics.variables import BoundedVariables
 from optics.windows import BSplineWindow, GaussianWindow, PixelWindow
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 MOST_RAYS = 40_000_000  # at once
 COARSER, COARSE_PIXELS, COARSE_ITERATIONS = 4, 16, 20  # of a first pass on the last level, which carries light to islands in the dark
 MARGIN = 8  # dark pixels around the target
+SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
 
 
@@ -109,15 +111,15 @@ class Stage:
         return self.evaluations * self.rays[0] * self.rays[1]
 
 
-def first_level(problem: Problem) -> int:
+def first_level(problem: Problem, moved: bool) -> int:
     """Return the level at which optimisation starts.
 
     A transport start makes the levels superfluous whose spans are wider than four pixels.
     """
     last = last_level(problem)
-    if not uses_transport(problem):
+    if not moved:
         return 0
-    fine = [level for level in range(last + 1) if _coarsening(problem, level) == 1]
+    fine = [level for level in range(last + 1) if _coarsening(problem, level) == problem.optimizer.merge]
     return fine[0] if fine else last
 
 
@@ -126,26 +128,15 @@ def last_level(problem: Problem) -> int:
     return max(f.max_level for f in freeforms(problem))
 
 
-def uses_transport(problem: Problem) -> bool:
-    """Return whether the design starts from an optimal-transport map."""
-    front = problem.lens.front
-    return (
-        problem.optimizer.start == "transport"
-        and problem.source.kind == "collimated"
-        and isinf(front.radius)
-        and front.freeform is None
-        and not isinf(problem.target.distance)
-    )
-
-
-def stages(problem: Problem) -> list[Stage]:
-    """Return the Stage of every level that is optimised."""
+def stages(problem: Problem, moved: bool) -> list[Stage]:
+    """Return the Stage of every level that is optimised; moved : the design starts from an optimal-transport map."""
     out = []
-    last, moved = last_level(problem), uses_transport(problem)
-    for level in range(first_level(problem), last + 1):
+    last = last_level(problem)
+    for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
         if moved and level == last and iterations > 1 and min(problem.target.pixels) >= COARSER * COARSE_PIXELS:
-            out.append(_stage(problem, level, min(COARSE_ITERATIONS, iterations), COARSER, False))
+            coarser = COARSER * problem.optimizer.merge
+            out.append(_stage(problem, level, min(COARSE_ITERATIONS, iterations), coarser, False))
         out.append(_stage(problem, level, iterations, _coarsening(problem, level), level == last))
     return out
 
@@ -170,22 +161,22 @@ def _spans(problem: Problem, level: int) -> list[int]:
 
 
 def _coarsening(problem: Problem, level: int) -> int:
-    """Return how many pixels a level merges in each direction, a power of 2."""
+    """Return how many pixels a level merges in each direction: optimizer.merge times a power of 2."""
     spans = _spans(problem, level)
-    coarsening = 1
+    coarsening = problem.optimizer.merge
     while all(n // (2 * coarsening) >= PIXELS_PER_SPAN * s for n, s in zip(problem.target.pixels, spans)):
         coarsening *= 2
     return coarsening
 
 
-def first_state(problem: Problem, lens: Lens) -> State:
+def first_state(problem: Problem, lens: Lens, moved: bool) -> State:
     """Return the State from which a new run starts: the first level's meshes, sags zero."""
     sags = []
     for sag, freeform in zip(lens.sags, freeforms(problem)):
-        for level in range(min(first_level(problem), freeform.max_level)):
+        for level in range(min(first_level(problem, moved), freeform.max_level)):
             sag = sag.refine({level: sag.space.cells[:, 1:]})
         sags.append(sag)
-    return State(first_level(problem), tuple(sags))
+    return State(first_level(problem, moved), tuple(sags))
 
 
 def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
@@ -242,14 +233,14 @@ def design(
     light: NDArray[np.float64],
     backend: Backend,
     state: State | None = None,
-    progress: Callable[[Stage, Row], None] | None = None,
+    progress: Callable[[Sequence[Stage], Stage, Row], None] | None = None,
     checkpoint: Callable[[State], None] | None = None,
     note: Callable[[str], None] | None = None,
 ) -> tuple[Lens, State]:
     """Optimise the free surfaces of a problem's lens and return (Lens, State).
 
     light : the target picture as linear light.  state : to go on from, or None.
-    progress : called with (Stage, Row) after every evaluation.
+    progress : called with (every Stage, this Stage, Row) after every evaluation.
     checkpoint : called with the State after every level.
     note : called with a sentence where the problem itself limits the result.
 
@@ -260,20 +251,21 @@ def design(
     lens = base_lens(problem)
     flux = transmitted_flux(backend, problem, lens)
     clock = perf_counter() - (state.seconds if state else 0.0)
-    state = state or first_state(problem, lens)
-    axes = mirror_axes(target_irradiance(light, target_screen(problem), problem.target.fit, 1.0), source_profile(problem))
-    plan = stages(problem)
-    on_its_way = state.begun and state.level == plan[-1].level  # such a surface needs neither a start nor coarse pixels
+    target = target_irradiance(light, target_screen(problem), problem.target.fit, 1.0)
+    axes = mirror_axes(target, source_profile(problem))
+    on_its_way = state is not None and state.begun and state.level == last_level(problem)  # needs neither a start nor coarse pixels
+    start = None if on_its_way else _transport_start(problem, lens, light, backend, note)
+    plan = stages(problem, start is not None)
+    state = state or first_state(problem, lens, start is not None)
     remaining = plan[-1:] if on_its_way else [stage for stage in plan if stage.level >= state.level]
-    start = TransportStart(problem, lens, light) if remaining and not on_its_way and uses_transport(problem) else None
     for stage in remaining:
         if start and not state.begun:
-            state = State(stage.level, (start.fit(state.sags[-1].space),), history=state.history)
+            state = State(stage.level, (*state.sags[:-1], start.fit(state.sags[-1].space)), history=state.history)
         target = target_irradiance(light, stage.screen, problem.target.fit, flux)
         lens = _with_sags(lens, state.sags)
         objective = _objective(backend, problem, lens, stage, target)
         variables = BoundedVariables(state.sags, [f.z_freedom for f in freeforms(problem)], axes)
-        recorder = _Recorder(objective, variables, stage, state, clock, progress)
+        recorder = _Recorder(objective, variables, stage, state, clock, partial(progress, plan) if progress else None)
         lens = _with_sags(lens, _minimize(recorder, problem, stage))
         marked = _marked(problem, objective, lens, stage, axes)
         again = not stage.final and stage.level == plan[-1].level
@@ -284,6 +276,20 @@ def design(
     if note and start and start.note:
         note(start.note)
     return _with_sags(lens, state.sags), state
+
+
+def _transport_start(
+    problem: Problem, lens: Lens, light: NDArray[np.float64], backend: Backend, note: Callable[[str], None] | None
+) -> TransportStart | None:
+    """Return the start by optimal transport, or None where the problem asks for a flat one or the map asks for too much sag."""
+    if problem.optimizer.start == "flat":
+        return None
+    start = TransportStart(problem, lens, light, backend)
+    if start.parallel or start.within:
+        return start
+    if note:
+        note(start.note + "; the design starts from the base surface instead")
+    return None
 
 
 def sag_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
@@ -347,7 +353,7 @@ def _minimize(recorder: _Recorder, problem: Problem, stage: Stage) -> tuple[THBS
 
 
 def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]) -> Objective:
-    tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z)
+    tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM)
     weight = problem.optimizer.lost_flux_weight
     return Objective(backend, tracer, stage.screen, sag_window(problem, stage.final), target, weight)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from math import isinf
 from typing import TYPE_CHECKING
 
 import matplotlib
@@ -33,14 +34,15 @@ def draw_all(problem: Problem, lens: Lens, measurement: Measurement, history: Se
     top = float(target.max())
     error = light - target
     reach = float(np.quantile(np.abs(error), 0.999)) or 1.0
-    unit = "irradiance / mean"
+    kind, unit = ("intensity", "degrees") if isinf(problem.target_z) else ("irradiance", "mm")
+    label = f"{kind} / mean"
     return {
-        "target": ("The light asked for.", _image(target, extent, unit, "gray", 0, top)),
-        "irradiance": ("The light that the lens makes (fresh rays, box pixels).", _image(light, extent, unit, "gray", 0, top)),
-        "error": ("Made minus asked for.", _image(error, extent, unit, "RdBu_r", -reach, reach)),
+        "target": ("The light asked for.", _image(target, extent, unit, label, "gray", (0, top))),
+        "irradiance": ("The light that the lens makes (fresh rays, box pixels).", _image(light, extent, unit, label, "gray", (0, top))),
+        "error": ("Made minus asked for.", _image(error, extent, unit, label, "RdBu_r", (-reach, reach))),
         "irradiance_02": (
-            "Irradiance to the power 0.2: stray light and faint detail.",
-            _image(np.maximum(light, 0) ** 0.2, extent, "(irradiance / mean)^0.2", "magma", 0, top**0.2),
+            f"{kind.capitalize()} to the power 0.2: stray light and faint detail.",
+            _image(np.maximum(light, 0) ** 0.2, extent, unit, f"({label})^0.2", "magma", (0, top**0.2)),
         ),
         **_surfaces(lens),
         "loss": ("Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.", _loss(history)),
@@ -59,18 +61,18 @@ def _png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def _axes() -> tuple[Figure, Axes]:
+def _axes(unit: str = "mm") -> tuple[Figure, Axes]:
     figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
-    axes.set_xlabel("x / mm")
-    axes.set_ylabel("y / mm")
+    axes.set_xlabel(f"x / {unit}")
+    axes.set_ylabel(f"y / {unit}")
     return figure, axes
 
 
 def _image(
-    data: NDArray[np.float64], extent: tuple[float, float, float, float], label: str, colours: str, low: float, high: float
+    data: NDArray[np.float64], extent: tuple[float, float, float, float], unit: str, label: str, colours: str, limits: tuple[float, float]
 ) -> bytes:
-    figure, axes = _axes()
-    shown = axes.imshow(data, cmap=colours, vmin=low, vmax=high, extent=extent, interpolation="nearest")
+    figure, axes = _axes(unit)
+    shown = axes.imshow(data, cmap=colours, vmin=limits[0], vmax=limits[1], extent=extent, interpolation="nearest")
     figure.colorbar(shown, label=label)
     return _png(figure)
 

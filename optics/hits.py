@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     Vector = tuple[DrArray, DrArray, DrArray]
 
 
+ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
+
+
 @dataclass(eq=False)
 class Hits:
     """Meeting points as Dr.Jit arrays: position (x, y, height above the vertex), slopes, masks.
@@ -111,7 +114,7 @@ class SearchedHits:
         self._backend, self._conic, self._half_width = backend, conic, half_width
         self._table = None if knots is None else PolynomialTable(backend, knots)
         self._points: tuple[DrArray, DrArray] | None = None
-        self._top = max(0.0, float(conic(*half_width)))
+        self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
 
     def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
         """Return the Hits of rays; z of the origins counts from the vertex.  net : of the sag, where there is one."""
@@ -142,7 +145,7 @@ class SearchedHits:
         return table.pull_back(*self._points, gradients)
 
     def _search(self, o: list[DrArray], d: list[DrArray], top: float) -> tuple[DrArray, DrArray, DrArray, DrArray]:
-        """Return (ray parameter, t_0, t_1, whether the ray is known to miss); top : mm, no point of the surface lies higher."""
+        """Return (ray parameter, t_0, t_1, whether the ray is known to miss); top : mm, the surface lies below."""
         dr = self._backend.dr
         tolerance = 0.01 * self._backend.resolution
         first, last = self._span(o, d, dr.opaque(self._backend.Float, top))

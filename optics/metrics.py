@@ -33,7 +33,7 @@ RAYS_AT_ONCE = 1 << 21
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """irradiance, target : (rows, columns), W/mm^2; figures : the metrics that the README explains."""
+    """irradiance, target : (rows, columns), W/mm^2, intensities in the far field; figures : the metrics that the README explains."""
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]
@@ -57,10 +57,12 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
     irradiance = (images[0] + images[1]) / 2
     budget = budgets[0]
     target = target_irradiance(light, screen, problem.target.fit, budget.transmitted)
+    shown = screen.projection()  # in the far field intensities are compared
+    irradiance, target, images = irradiance / shown, target / shown, [image / shown for image in images]
     figures = compare(irradiance, target)
     figures["rel_l2_floor"] = float(np.linalg.norm(images[0] - images[1]) / 2 / np.linalg.norm(target))
     figures["efficiency"] = budget.on_target / problem.source.flux
-    figures["lit_efficiency"] = float(irradiance[target > 0].sum() * screen.pixel_area / problem.source.flux)
+    figures["lit_efficiency"] = float((irradiance * shown)[target > 0].sum() * screen.pixel_area / problem.source.flux)
     figures["stray"] = budget.off_target / problem.source.flux
     figures["flux_budget_w"] = asdict(budget)
     return Measurement(irradiance, target, figures)

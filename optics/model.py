@@ -93,7 +93,7 @@ def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
 def target_screen(problem: Problem, coarsening: int = 1, margin: int = 0) -> Screen:
     """Return the Screen of the target, with pixels merged `coarsening` times in each direction."""
     pixels = tuple(-(-n // coarsening) for n in problem.target.pixels)
-    return Screen(problem.target.half_width, pixels, margin)
+    return Screen(problem.target.half_width, pixels, margin, isinf(problem.target.distance))
 
 
 def target_light(problem: Problem) -> NDArray[np.float64]:
@@ -138,9 +138,9 @@ def require_reachable(problem: Problem, light: NDArray[np.float64]) -> None:
 
 
 def target_irradiance(light: NDArray[np.float64], screen: Screen, fit: str, flux: float) -> NDArray[np.float64]:
-    """Return the irradiance asked for on a screen's pixels, W/mm^2, with the given total flux."""
+    """Return the light asked for on a screen's pixels, W/mm^2 (in the far field W per square degree), with the given total flux."""
     aspect = screen.half_width[0] / screen.half_width[1]
-    image = fit_picture(light, screen.pixels, aspect, fit)
+    image = fit_picture(light, screen.pixels, aspect, fit) * screen.projection()
     total = image.sum() * screen.pixel_area
     if total <= 0:
         raise UserError("no light is left of the picture inside the target; choose another target.fit")

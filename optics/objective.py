@@ -6,6 +6,9 @@ E is the irradiance measured with a smooth window, T the target measured with th
 the target's pixels and a dark margin around them (thesis 5.4, squared and normalised).  The
 second term charges light beside the target: d_k is the distance of landing point k from the
 target rectangle, r the target's larger half-width.
+
+Rays that were searched for count fully only where they meet the rear more than `RIM` of its size
+inside; towards the rim they fade, so that light that goes over it is lost smoothly.
 """
 
 from __future__ import annotations

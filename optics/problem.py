@@ -111,7 +111,8 @@ class Optimizer:
     blur: float = option(0.3, low=0.05, high=0.5, note="pixels, of the pixel window: the half-width of the bump that smooths it")
     window_degree: int = option(2, low=1, high=5, note="of the B-spline window, which is window_degree + 1 pixels wide")
     sigma: float = option(1.0, low=0.3, high=2.5, note="pixels, of the Gaussian window")
-    rays_per_pixel: float = option(4.0, low=0.5, high=16, note="in each direction")
+    merge: int = option(1, low=1, high=64, note="pixels merged in each direction; more for light that is blurred anyway")
+    rays_per_pixel: float = option(4.0, low=0.5, high=16, note="in each direction, of merged pixels")
     lost_flux_weight: float = option(100.0, low=0, note="charge for light beside the target")
 
 

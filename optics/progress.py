@@ -18,15 +18,16 @@ class DesignProgress:
     The line is shown on terminals only; finished levels are always logged.
     """
 
-    def __init__(self, stages: Sequence[Stage], level: int = 0) -> None:
-        work = sum(stage.work for stage in stages)
-        before = sum(stage.work for stage in stages if stage.level < level)
+    def __init__(self) -> None:
         form = "{desc} {percentage:3.0f}% |{bar:20}| {elapsed} < {remaining} left"
-        self._bar = tqdm(total=work, initial=before, bar_format=form, file=sys.stderr, disable=None)
+        self._bar = tqdm(total=1, bar_format=form, file=sys.stderr, disable=None)
         self._last: Row | None = None
         self._in_level = 0
 
-    def __call__(self, stage: Stage, row: Row) -> None:
+    def __call__(self, plan: Sequence[Stage], stage: Stage, row: Row) -> None:
+        if self._last is None:
+            self._bar.total = sum(s.work for s in plan)
+            self._bar.initial = self._bar.n = sum(s.work for s in plan if s.level < stage.level)
         if self._last is not None and row.level != self._last.level:
             self._log()
         self._last = row

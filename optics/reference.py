@@ -44,7 +44,7 @@ class ParametricFace:
         self.high = np.array([knots[0][-1], knots[1][-1]])
 
     def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the parameters, on a coarse grid, of the face's point next to every ray, ahead of its origin (points, directions: (n, 3))."""
+        """Return the parameters, on a coarse grid, of the point next to every ray and ahead of its origin; points, directions : (n, 3)."""
         grid = [np.linspace(low, high, STARTS) for low, high in zip(self.low, self.high)]
         uv = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
         s = self._spline(uv)

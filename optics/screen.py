@@ -1,4 +1,4 @@
-"""The target plane as pixels."""
+"""The target as pixels: a rectangle of the target plane, or of directions in the far field."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ class Screen:
 
     pixels : (columns, rows).  margin : dark pixels added on every side, so that light that
     falls beside the target is seen (and charged) too.
+    angular : coordinates are the angles u = atan(d_x / d_z), v = atan(d_y / d_z) in degrees instead of mm.
     """
 
     half_width: tuple[float, float]
     pixels: tuple[int, int]
     margin: int = 0
+    angular: bool = False
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -38,6 +40,15 @@ class Screen:
     @property
     def pixel_area(self) -> float:
         return self.pitch[0] * self.pitch[1]
+
+    def projection(self) -> NDArray[np.float64]:
+        """Return flux per pixel area of a unit picture, (rows, columns): 1 in a plane, in the far field the solid angle
+        d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v, so that pictures are intensities.
+        """
+        if not self.angular:
+            return np.ones(self.shape)
+        a, b = (np.tan(np.radians(h * ((2 * np.arange(n) + 1) / n - 1)))[None, :] ** 2 for h, n in zip(self.half_width, self.pixels))
+        return (1 + a) * (1 + b.T) / (1 + a + b.T) ** 1.5
 
     def pixel_map(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""

@@ -1,86 +1,215 @@
-"""The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space."""
+"""The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space.
+
+The light of a source without extent has one direction at every point of the rear surface.  Optimal
+transport from its density there to the target tells where each point should send it, Snell's law
+which slope does so.  Where the rays spread inside the lens, density and directions depend on the
+shape that is looked for; they are traced again on the shape found, a few times.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 from scipy.sparse.linalg import LinearOperator, cg
 
-from optics.beam import Profile
-from optics.model import target_irradiance, target_screen
+from optics.model import problem_rays, source_profile, target_irradiance, target_screen
 from optics.screen import Screen
+from optics.splat import Splat
+from optics.tracing import Tracer
 from optics.transport import transport
+from optics.windows import BSplineWindow
 from thbcad.multilevel import MultilevelBasis
 from thbcad.thb import THBSurface
 
 if TYPE_CHECKING:
+    from optics.backend import Backend
     from optics.problem import Problem
-    from thbcad.lens import Lens
+    from thbcad.lens import FreeformSurface, Lens
     from thbcad.space import THBSpace
 
 SNELL_STEPS = 4
+TRACED_STEPS = 3  # of tracing to the shape found and finding another
 FIT_STEPS = 60
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
+MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
+RAYS_PER_CELL = 4
 INSIDE = 0.97  # of z_freedom
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there
+LEAST_WEIGHT = 1e-3  # of cells without light
+STEEPEST = 0.15  # least z of the normal's vector: steeper slopes are not asked for
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """Light at the rear surface, on a grid of cells.
+
+    x, y : (nx,), (ny,) cell centres, mm.  direction : three arrays (nx, ny), unit vectors inside the lens.
+    emitted : called with (nx, ny), returns the density of flux on such a grid.  weight : (nx, ny), of the slopes in a fit.
+    """
+
+    x: Floats
+    y: Floats
+    direction: Sequence[Floats]
+    emitted: Callable[[tuple[int, ...]], Floats]
+    weight: Floats
 
 
 class TransportStart:
-    """Rear slopes that send parallel rays to the picture; needs a plane front.
+    """Rear slopes that send the light of a source without extent to the target.
 
-    Every source cell gets a target point by optimal transport, Snell's law the slope that the
-    rear must have there.  `fit` gives the sag with these slopes in any THB space.
+    A Lambertian source is taken as a point in its middle.  `fit` gives the sag with these slopes in any THB space.
+    parallel : the rays are parallel inside the lens.
     """
 
-    def __init__(self, problem: Problem, lens: Lens, light: NDArray[np.float64]) -> None:
+    def __init__(self, problem: Problem, lens: Lens, light: Floats, backend: Backend) -> None:
+        self._problem, self._lens = problem, lens
         screen = target_screen(problem)
-        lit, centre, half = _lit_part(target_irradiance(light, screen, problem.target.fit, 1.0), screen)
-        beam = [min(s, f) for s, f in zip(problem.source.half_width, lens.front.half_width)]
-        cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
-
-        def density(grid: tuple[int, ...]) -> NDArray[np.float64]:
-            pixels = min(grid[0], lit.shape[1]), min(grid[1], lit.shape[0])
-            return target_irradiance(lit, Screen(half, pixels), "stretch", 1.0)[::-1].T
-
-        profile = Profile(problem.source.profile, problem.source.sigma)
-        reach = [b / s for b, s in zip(beam, problem.source.half_width)]
-
-        def emitted(grid: tuple[int, ...]) -> NDArray[np.float64]:
-            return profile(*(r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, reach)))
-
-        found = transport(density, cells, np.sqrt(beam[0] * half[0] / (beam[1] * half[1])), emitted)
-        self._x, self._y = found.x * beam[0], found.y * beam[1]
-        arrival = centre[0] + half[0] * found.tx, centre[1] + half[1] * found.ty
-        slopes = _slopes(lens, self._x, self._y, *arrival, problem.target_z)
-        base = (lens.rear.conic(self._x[:, None], self._y[None, :], d) for d in ((1, 0), (0, 1)))
-        self._slopes = [s - b for s, b in zip(slopes, base)]
+        self._lit, self._centre, self._half = _lit_part(target_irradiance(light, screen, problem.target.fit, 1.0), screen)
+        self._cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
         self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
         self.reach = 0.0
+        self._bundle: Bundle
+        self._slopes: list[Floats]
+        self.parallel = problem.source.kind == "collimated" and lens.front.sag is None and lens.front.conic.is_plane
+        if self.parallel:
+            self._shape_parallel()
+        else:
+            self._cells = [min(n, MOST_TRACED) for n in self._cells]
+            self._shape_traced(backend)
 
     def fit(self, space: THBSpace) -> THBSurface:
         """Return the sag in a THB space over x, y in mm; `reach` keeps the greatest |c| it asked for.
 
         A sag that exceeds z_freedom is scaled down, which moves the light part of the way.
         """
-        sag = fit_slopes(space, self._x, self._y, *self._slopes)
+        bundle = self._bundle
+        sag = fit_slopes(space, bundle.x, bundle.y, *self._slopes, bundle.weight)
         self.reach = float(np.abs(sag.coefficients).max())
         return sag if self.reach <= self._bound else THBSurface(space, sag.coefficients * (self._bound / self.reach))
 
     @property
+    def within(self) -> bool:
+        """Whether the sag of the last fit kept to z_freedom."""
+        return self.reach <= self._bound
+
+    @property
     def note(self) -> str:
         """A sentence for the user where z_freedom is too small for the transport map, or ""."""
-        if self.reach <= self._bound:
+        if self.within:
             return ""
         return (
             f"the transport map asks for a sag of +-{self.reach:.2f} mm, more than z_freedom allows; "
             f"raise lens.rear.freeform.z_freedom above {self.reach / INSIDE:.2f} for better light"
         )
 
+    def _shape_parallel(self) -> None:
+        """Find the slopes for parallel rays: density and directions do not depend on the rear's shape."""
+        source, lens = self._problem.source, self._lens
+        half = [min(s, f) for s, f in zip(source.half_width, lens.front.half_width)]
+        profile, reach = source_profile(self._problem), [b / s for b, s in zip(half, source.half_width)]
 
-def _lit_part(image: NDArray[np.float64], screen: Screen) -> tuple[NDArray[np.float64], tuple[float, float], tuple[float, float]]:
+        def emitted(grid: tuple[int, ...]) -> Floats:
+            s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, reach))
+            return profile(s[:, None], t[None, :])
+
+        x, y = _centres(half, self._cells)
+        along = np.zeros(self._cells)
+        self._bundle = Bundle(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
+        arrival = self._arrival(self._bundle, half)
+        height = lens.thickness + lens.rear.conic(x[:, None], y[None, :])
+        for _ in range(SNELL_STEPS):
+            slopes, _ = self._snell(self._bundle, arrival, height)
+            height = lens.thickness + _integrated(*slopes, x, y)
+        self._slopes = self._above_conic(lens.rear, slopes)
+
+    def _shape_traced(self, backend: Backend) -> None:
+        """Find the slopes for rays that spread inside the lens, on the sag's own mesh refined once or twice."""
+        lens = self._lens
+        space = lens.rear.sag.space
+        for level in range(min(2, self._problem.lens.rear.freeform.max_level)):
+            space = space.refine({level: space.cells[:, 1:]})
+        sag = THBSurface(space, np.zeros(space.dim))
+        for _ in range(TRACED_STEPS):
+            lens = lens.with_rear(lens.rear.with_sag(sag))
+            self._bundle = _traced_bundle(backend, self._problem, lens, self._cells)
+            x, y = self._bundle.x, self._bundle.y
+            slopes, sound = self._snell(
+                self._bundle, self._arrival(self._bundle, lens.rear.half_width), lens.thickness + lens.rear.grid(x, y)
+            )
+            sound &= self._bundle.weight > LEAST_WEIGHT
+            self._slopes = [np.where(sound, s, 0.0) for s in self._above_conic(lens.rear, slopes)]
+            self._bundle = replace(self._bundle, weight=np.where(sound, self._bundle.weight, LEAST_WEIGHT))
+            sag = self.fit(space)
+
+    def _arrival(self, bundle: Bundle, half: Sequence[float]) -> tuple[Floats, Floats]:
+        """Return the target coordinates (mm, or degrees in the far field) to which transport sends the bundle's cells."""
+
+        def density(grid: tuple[int, ...]) -> Floats:
+            pixels = min(grid[0], self._lit.shape[1]), min(grid[1], self._lit.shape[0])
+            return target_irradiance(self._lit, Screen(self._half, pixels), "stretch", 1.0)[::-1].T
+
+        aspect = np.sqrt(half[0] * self._half[0] / (half[1] * self._half[1]))
+        found = transport(density, self._cells, aspect, bundle.emitted)
+        return self._centre[0] + self._half[0] * found.tx, self._centre[1] + self._half[1] * found.ty
+
+    def _snell(self, bundle: Bundle, arrival: Sequence[Floats], height: Floats) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
+        """Return the slopes (zx, zy) that refract the bundle towards the arrival points, and where they are not too steep.
+
+        The normal lies along n d_in - d_out.
+        """
+        if isinf(self._problem.target_z):
+            dx, dy = (np.tan(np.radians(a)) for a in arrival)
+            dz = np.ones_like(dx)
+        else:
+            dx, dy, dz = arrival[0] - bundle.x[:, None], arrival[1] - bundle.y[None, :], self._problem.target_z - height
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        normal = [self._lens.index * a - d / length for a, d in zip(bundle.direction, (dx, dy, dz))]
+        sound = normal[2] > STEEPEST
+        across = np.where(sound, normal[2], 1.0)
+        return (-normal[0] / across, -normal[1] / across), sound
+
+    def _above_conic(self, rear: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
+        x, y = self._bundle.x[:, None], self._bundle.y[None, :]
+        return [s - rear.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1)))]
+
+
+def _traced_bundle(backend: Backend, problem: Problem, lens: Lens, cells: Sequence[int]) -> Bundle:
+    """Return the light of the problem's source, taken without extent, as it meets a lens's rear."""
+    source = problem.source
+    if source.kind == "lambertian":
+        problem = replace(problem, source=replace(source, kind="point", exponent=1.0))
+    rays = problem_rays(problem, [RAYS_PER_CELL * n + 1 for n in cells])
+    with backend.dr.suspend_grad():
+        hits, direction, flux = Tracer(backend, lens, rays, problem.target_z).at_rear([sag.coefficients for sag in lens.sags])
+
+    def density(grid: Sequence[int], carried: object) -> Floats:
+        screen = Screen(lens.rear.half_width, (grid[0], grid[1]))
+        image = Splat(backend, screen, BSplineWindow(2))(hits.x, hits.y, carried).numpy()
+        return image.reshape(screen.shape, order="F")[::-1].T
+
+    emitted = density(cells, flux)
+    dark = emitted <= DARK * emitted.mean()
+    nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
+    mean = [(density(cells, flux * d) / np.where(dark, 1.0, emitted))[nearest] for d in direction]
+    weight = np.where(dark, 0.0, np.minimum(emitted / emitted.mean(), 1.0))
+    return Bundle(*_centres(lens.rear.half_width, cells), mean, lambda grid: density(grid, flux), np.maximum(weight, LEAST_WEIGHT))
+
+
+def _centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:
+    x, y = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(half, cells))
+    return x, y
+
+
+def _lit_part(image: Floats, screen: Screen) -> tuple[Floats, tuple[float, float], tuple[float, float]]:
     """Return the least rectangle of an irradiance that holds all light but for DARK of the greatest, its centre and half-widths, mm."""
     bright = image > DARK * image.max()
     rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
@@ -90,26 +219,7 @@ def _lit_part(image: NDArray[np.float64], screen: Screen) -> tuple[NDArray[np.fl
     return image[r0:r1, c0:c1], centre, (float((c1 - c0) * wide), float((r1 - r0) * tall))
 
 
-def _slopes(
-    lens: Lens, x: NDArray[np.float64], y: NDArray[np.float64], px: NDArray[np.float64], py: NDArray[np.float64], target_z: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (zx, zy) that refract parallel rays at (x, y) to (px, py, target_z), each (nx, ny).
-
-    The normal lies along n d_in - d_out.  The height, which is needed for the direction to the
-    target, is integrated from the slopes of the step before.
-    """
-    x, y = x[:, None], y[None, :]
-    z = lens.thickness + lens.rear.conic(x, y)
-    for _ in range(SNELL_STEPS):
-        dx, dy, dz = px - x, py - y, target_z - z
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        across = lens.index - dz / length
-        zx, zy = dx / length / across, dy / length / across
-        z = lens.thickness + _integrated(zx, zy, x[:, 0], y[0])
-    return zx, zy
-
-
-def _integrated(zx: NDArray[np.float64], zy: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _integrated(zx: Floats, zy: Floats, x: Floats, y: Floats) -> Floats:
     """Return a height whose slopes are about (zx, zy), zero in the middle.
 
     Trapezoids along the middle row and from there along the columns: good enough for
@@ -121,27 +231,25 @@ def _integrated(zx: NDArray[np.float64], zy: NDArray[np.float64], x: NDArray[np.
     return (along - along[i])[:, None] + across - across[:, j : j + 1]
 
 
-def fit_slopes(
-    space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], zx: NDArray[np.float64], zy: NDArray[np.float64]
-) -> THBSurface:
+def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, weight: Floats) -> THBSurface:
     """Return the THB surface over x, y in mm whose slopes fit (zx, zy) on a grid best.
 
-    Least squares by conjugate gradients in the multilevel system.  The constant that slopes
+    weight : (nx, ny), of the squares.  Least squares by conjugate gradients in the multilevel system.  The constant that slopes
     leave open is chosen so that the greatest and the least coefficient are opposite.
     """
     basis, embedding = MultilevelBasis(space), space.embedding
     (a0, a1), (b0, b1) = ((kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((embedding.kv_u, x), (embedding.kv_v, y)))
     a0t, a1t, b0t, b1t = (m.T.tocsr() for m in (a0, a1, b0, b1))
 
-    def transposed(gx: NDArray[np.float64], gy: NDArray[np.float64]) -> NDArray[np.float64]:
+    def transposed(gx: Floats, gy: Floats) -> Floats:
         net = a1t @ (b0t @ gx.T).T + a0t @ (b1t @ gy.T).T
         return basis.adjoint(embedding.adjoint(net))
 
-    def normal(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def normal(weights: Floats) -> Floats:
         net = embedding.coefficients(basis.coefficients(weights))
-        return transposed((b0 @ (a1 @ net).T).T, (b1 @ (a0 @ net).T).T)
+        return transposed(weight * (b0 @ (a1 @ net).T).T, weight * (b1 @ (a0 @ net).T).T)
 
     system = LinearOperator((basis.size, basis.size), matvec=normal, dtype=np.float64)
-    weights, _ = cg(system, transposed(zx, zy), rtol=1e-8, maxiter=FIT_STEPS)
+    weights, _ = cg(system, transposed(weight * zx, weight * zy), rtol=1e-8, maxiter=FIT_STEPS)
     c = basis.coefficients(weights)
     return THBSurface(space, c - (c.max() + c.min()) / 2)

@@ -86,11 +86,13 @@ class FluxBudget:
 class Tracer:
     """Rays of one source through a lens whose sags may change.
 
-    lens : Lens.  rays : Beam or Rays.  target_z : mm, inf is the far field.  surfaces : of the lens that carry a sag, front first.
+    lens : Lens.  rays : Beam or Rays.  target_z : mm, inf is the far field.
+    soft_rim : share of the half-width within which the flux of rays in any direction fades towards the rim
+        of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
     """
 
-    def __init__(self, backend: Backend, lens: Lens, rays: Beam | Rays, target_z: float) -> None:
-        self._backend, self._lens = backend, lens
+    def __init__(self, backend: Backend, lens: Lens, rays: Beam | Rays, target_z: float, soft_rim: float = 0.0) -> None:
+        self._backend, self._lens, self._soft_rim = backend, lens, soft_rim
         dr, Float = backend.dr, backend.Float
         self._emitted = rays.entering
         self._missed = rays.missed if isinstance(rays, Beam) else 0.0
@@ -123,6 +125,16 @@ class Tracer:
 
         coefficients : of the sags, (dim,) each, front first.
         """
+        changing, hits, behind = self._meet(coefficients)
+        return changing, self._landing(hits, behind)
+
+    def at_rear(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
+        """Return (Hits of the rear, directions inside the lens, flux inside the lens, zero for rays that miss)."""
+        _, hits, behind = self._meet(coefficients)
+        return hits, behind.direction, self._backend.dr.select(hits.hit, behind.flux, 0)
+
+    def _meet(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Hits], Hits, _Bundle]:
+        """Return (Hits of the surfaces that carry a sag, Hits of the rear, what meets the rear)."""
         nets = [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
         changing = []
         behind = self._behind if self._lens.front.sag is None else None
@@ -133,7 +145,7 @@ class Tracer:
         hits = self._rear.meet(net) if isinstance(self._rear, KnownHits) else self._rear.meet(behind.origin, behind.direction, net)
         if net is not None:
             changing.append(hits)
-        return changing, self._landing(hits, behind)
+        return changing, hits, behind
 
     def pull_back(self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector] | None] | None = None) -> list[NDArray[np.float64]]:
         """Return the derivative by each sag's coefficients, or by a net over other knots, after `dr.backward`."""
@@ -173,7 +185,7 @@ class Tracer:
         """Return the front's Hits and what goes on behind it."""
         hits = self._front.meet(self._origin, self._direction, net)
         direction, share, _ = refract(self._backend.dr, self._direction, (hits.zx, hits.zy), self._inverse)
-        flux = self._backend.dr.select(hits.hit, self._flux * share, 0)
+        flux = self._backend.dr.select(hits.hit, self._flux * share * self._rim(hits, self._lens.front), 0)
         return hits, _Bundle((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux, hits.hit)
 
     def _landing(self, hits: Hits, behind: _Bundle) -> Landing:
@@ -181,7 +193,7 @@ class Tracer:
         (dx, dy, dz), share, refracted = refract(dr, behind.direction, (hits.zx, hits.zy), self._index)
         forward = refracted & (dz > 0)
         arrives = hits.hit & forward
-        flux = dr.select(arrives, behind.flux * share, 0)
+        flux = dr.select(arrives, behind.flux * share * self._rim(hits, self._lens.rear), 0)
         dz = dr.select(forward, dz, 1)
         if self._distance is None:
             degrees = 180 / np.pi
@@ -190,6 +202,16 @@ class Tracer:
             travel = (self._distance - hits.z) / dz
             x, y = hits.x + travel * dx, hits.y + travel * dy
         return Landing(x, y, flux, behind.flux, behind.met, hits.found, hits.hit, forward)
+
+    def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
+        """Return 1 inside a surface, falling to 0 at its rim by 3 s^2 - 2 s^3."""
+        if not self._soft_rim or surface.sag is None or isinstance(self._rear, KnownHits):
+            return 1.0
+        share = 1.0
+        for a, h in zip((hits.x, hits.y), surface.half_width):
+            s = self._backend.dr.clip((h - self._backend.dr.abs(a)) * (1 / (self._soft_rim * h)), 0, 1)
+            share = share * (s * s * (3 - 2 * s))
+        return share
 
 
 def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
