@@ -26,7 +26,7 @@ from optics.objective import Objective
 from optics.problem import Problem, load_problem
 from optics.tracing import Tracer
 from optics.windows import BSplineWindow, GaussianWindow, PixelWindow
-from thbcad import FreeformSurface, Lens, THBSpace, THBSurface, read_lens
+from thbcad import FreeformSurface, Lens, THBSurface, read_lens
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 PEARL = EXAMPLES / "pearl.toml"
@@ -85,19 +85,19 @@ def _objective(lens: Lens) -> list[Row]:
     for level in range(uniform.space.levels - 1):
         cells = uniform.space.cells
         uniform = uniform.refine({level: cells[cells[:, 0] == level, 1:]})
-    c = uniform.coefficients
+    lens, c = lens.with_sags([uniform]), uniform.coefficients
     timings = []
     for name, window, limit in (
         ("Gaussian window, 64 taps", GaussianWindow(1.0), 0.10),
         ("cubic B-spline window, 16 taps", BSplineWindow(3), None),
         ("default pixel window, 4 taps", PixelWindow(), None),
     ):
-        objective = _pearl_objective(backend, problem, light, lens, uniform.space, window)
-        seconds = median_seconds(lambda o=objective: o(c), 15)
+        objective = _pearl_objective(backend, problem, light, lens, window)
+        seconds = median_seconds(lambda o=objective: o([c]), 15)
         timings.append(Row(f"loss + gradient, 449^2 rays, 227^2 net, 1 core, {name}", seconds, "s", "", limit))
     differences = []
     for name, window in (("cubic B-spline window", BSplineWindow(3)), ("default pixel window", PixelWindow())):
-        objective = _pearl_objective(backend, problem, light, lens, uniform.space, window)
+        objective = _pearl_objective(backend, problem, light, lens, window)
         differences.append(Row(f"gradient, worst of 20 central differences, {name}", _worst_difference(objective, c), "", "", 1e-6))
     return [*timings, *differences]
 
@@ -107,24 +107,22 @@ def _pearl_objective(
     problem: Problem,
     light: NDArray[np.float64],
     lens: Lens,
-    space: THBSpace,
     window: PixelWindow | BSplineWindow | GaussianWindow,
 ) -> Objective:
     screen = target_screen(problem, 1, MARGIN)
     beam = collimated_beam(problem.source.half_width, problem.source.flux, lens.front.half_width, (449, 449))
-    e = space.embedding
-    tracer = Tracer(backend, lens, beam, problem.target_z, (e.kv_u, e.kv_v))
+    tracer = Tracer(backend, lens, beam, problem.target_z)
     target = target_irradiance(light, screen, problem.target.fit, 0.92)
-    return Objective(backend, tracer, e, screen, window, target, problem.optimizer.lost_flux_weight)
+    return Objective(backend, tracer, screen, window, target, problem.optimizer.lost_flux_weight)
 
 
 def _worst_difference(objective: Objective, c: NDArray[np.float64]) -> float:
     """Return the greatest relative difference, by a fourth-order central difference."""
-    _, gradient = objective(c)
+    _, (gradient,) = objective([c])
     rng, worst = np.random.default_rng(1), 0.0
     for _ in range(DIRECTIONS):
         d = rng.standard_normal(len(c))
-        near, far = (objective(c + k * STEP * d)[0] - objective(c - k * STEP * d)[0] for k in (1, 2))
+        near, far = (objective([c + k * STEP * d])[0] - objective([c - k * STEP * d])[0] for k in (1, 2))
         slope = (8 * near - far) / (12 * STEP)
         worst = max(worst, abs(slope - gradient @ d) / abs(gradient @ d))
     return worst
@@ -142,9 +140,8 @@ def _flux() -> list[Row]:
         sag = THBSurface(lens.rear.sag.space, np.zeros(lens.rear.sag.space.dim))
         shaped = Lens(lens.front, FreeformSurface((50, 50), conic, sag), lens.thickness, n)
         beam = collimated_beam((half, half), 1.0, (50, 50), (449, 449))
-        e = sag.space.embedding
-        tracer = Tracer(backend, shaped, beam, problem.target_z, (e.kv_u, e.kv_v))
-        _, landing = tracer.trace(e.coefficients(sag.coefficients))
+        tracer = Tracer(backend, shaped, beam, problem.target_z)
+        _, landing = tracer.trace([sag.coefficients])
         traced = tracer.budget(landing, (1e6, 1e6)).transmitted
         exact = 0.96 * dblquad(lambda y, x, r=radius: _fresnel(np.hypot(x, y) / r, n), 0, half, 0, half)[0] / half**2
         out.append(Row(f"transmitted flux, {name}, against the Fresnel integral", abs(traced / exact - 1), "", "", 1e-6))

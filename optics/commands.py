@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from optics.design import Interrupted, earlier_state, stages
 from optics.errors import UserError
-from optics.model import base_lens, freeforms, require_reachable, target_irradiance, target_light, target_screen
+from optics.model import base_lens, freeforms, require_reachable, source_profile, target_irradiance, target_light, target_screen
 from optics.problem import commented_problem, load_problem, problem_to_toml
 from optics.progress import DesignProgress
 from optics.results import ResultFolder
@@ -98,6 +98,7 @@ def _finish(
 ) -> tuple[dict[str, Any], list[str], bool]:
     """Export, measure, verify and report a designed lens."""
     from optics.backend import load_backend
+    from optics.budget import fans, follows_edges, nonsequential_figures
     from optics.figures import draw_all
     from optics.metrics import measure
     from optics.report import report_html
@@ -113,15 +114,19 @@ def _finish(
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
     measurement = measure(exact, problem, lens, light)
+    figures, paths = measurement.figures, {}
+    if follows_edges(problem):
+        figures["nonsequential_w"] = nonsequential_figures(exact, problem, lens, measurement.target)
+        paths = fans(exact, problem, lens)
     clock.lap("measure")
     checked = verification(verify(problem, lens, folder.step, exact))
     folder.write_json("verify.json", checked)
     clock.lap("verify")
-    pictures = draw_all(problem, lens, measurement, state.history)
+    pictures = draw_all(problem, lens, measurement, state.history, paths)
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
-    metrics = measurement.figures | {
+    metrics = figures | {
         "dof": sum(sag.space.dim for sag in lens.sags),
         "levels": max(sag.space.levels for sag in lens.sags),
         "evaluations": state.evaluations,
@@ -144,6 +149,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Read a problem without tracing."""
     problem = load_problem(options.problem)
     light = target_light(problem)
+    source_profile(problem)  # refuses a picture that cannot be read
     lens = base_lens(problem)
     require_reachable(problem, light)
     screen = target_screen(problem)

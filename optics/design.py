@@ -26,7 +26,7 @@ from optics.errors import NumericalError, UserError
 from optics.model import base_lens, freeforms, problem_rays, source_profile, target_irradiance, target_screen
 from optics.objective import Objective
 from optics.problem import Problem, per_level
-from optics.refinement import cell_indicator, mark, vertex_knots
+from optics.refinement import mark, promised_decrease, refined_once, summed_over_cells, vertex_knots
 from optics.start import TransportStart
 from optics.symmetry import Mirrors, mirror_axes
 from optics.tracing import Tracer
@@ -42,13 +42,14 @@ if TYPE_CHECKING:
 MOST_RAYS = 40_000_000  # at once
 COARSER, COARSE_PIXELS, COARSE_ITERATIONS = 4, 16, 20  # of a first pass on the last level, which carries light to islands in the dark
 MARGIN = 8  # dark pixels around the target
+PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
 
 
 @dataclass(frozen=True)
 class Row:
-    """One evaluation in the history."""
+    """One evaluation in the history; those that only estimate curvature are counted but have no row."""
 
     level: int
     dof: int
@@ -72,7 +73,7 @@ class State:
 
     @property
     def evaluations(self) -> int:
-        return len(self.history)
+        return self.history[-1].evaluation if self.history else 0
 
     @property
     def seconds(self) -> float:
@@ -266,9 +267,9 @@ def design(
         objective = _objective(backend, problem, lens, stage, target)
         variables = BoundedVariables(state.sags, [f.z_freedom for f in freeforms(problem)], axes)
         recorder = _Recorder(objective, variables, stage, state, clock, partial(progress, plan) if progress else None)
-        lens = _with_sags(lens, _minimize(recorder, problem, stage))
-        marked = _marked(problem, objective, lens, stage, axes)
-        again = not stage.final and stage.level == plan[-1].level
+        again = not stage.final and stage.level == plan[-1].level  # a coarse pass, which is better off without the scale
+        lens = _with_sags(lens, _minimize(recorder, problem, stage, not again))
+        marked = _marked(problem, lens, stage, axes, _Indicators(problem, backend, target, start))
         sags = tuple(sag.refine(cells) for sag, cells in zip(lens.sags, marked))
         state = State(stage.level if again else stage.level + 1, sags, again, state.history)
         if checkpoint:
@@ -317,12 +318,16 @@ class _Recorder:
     ) -> None:
         self._objective, self.variables = objective, variables
         self._stage, self._clock, self._progress = stage, clock, progress
-        self.state = state
+        self.state, self._before = state, state.evaluations
         self.best = np.inf, [sag.coefficients for sag in state.sags]
 
     @property
     def best_sags(self) -> tuple[THBSurface, ...]:
         return tuple(THBSurface(sag.space, c) for sag, c in zip(self.state.sags, self.best[1]))
+
+    def precondition(self, seed: int) -> None:
+        """Scale the variables by the curvature at the start."""
+        self.variables.precondition(self._objective.curvature(self.best[1], PROBES, seed))
 
     def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         coefficients = self.variables.coefficients(weights)
@@ -332,20 +337,29 @@ class _Recorder:
         if loss < self.best[0]:
             self.best = loss, coefficients
         history = self.state.history
-        row = Row(self._stage.level, sum(map(len, coefficients)), len(history) + 1, loss, self._objective.fit, perf_counter() - self._clock)
+        row = Row(
+            self._stage.level,
+            sum(map(len, coefficients)),
+            self._before + self._objective.evaluations,
+            loss,
+            self._objective.fit,
+            perf_counter() - self._clock,
+        )
         history.append(row)
         if self._progress:
             self._progress(self._stage, row)
         return loss, self.variables.gradient(gradient)
 
 
-def _minimize(recorder: _Recorder, problem: Problem, stage: Stage) -> tuple[THBSurface, ...]:
-    """Return the best sags that L-BFGS finds."""
-    options = {"maxiter": stage.iterations, "maxcor": problem.optimizer.memory, "maxfun": 2 * stage.iterations + 10}
+def _minimize(recorder: _Recorder, problem: Problem, stage: Stage, scaled: bool) -> tuple[THBSurface, ...]:
+    """Return the best sags that L-BFGS finds; scaled : by the curvature at the start."""
+    options = {"maxiter": stage.iterations, "maxcor": problem.optimizer.memory, "maxfun": 2 * stage.iterations + 10, "gtol": 0.0}
     try:
         if stage.iterations == 0:
             recorder(recorder.variables.zeros())
             return recorder.best_sags
+        if scaled:
+            recorder.precondition(problem.run.seed)
         minimize(recorder, recorder.variables.zeros(), jac=True, method="L-BFGS-B", options=options)
     except KeyboardInterrupt:
         raise Interrupted(State(stage.level, recorder.best_sags, True, recorder.state.history)) from None
@@ -358,19 +372,52 @@ def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, tar
     return Objective(backend, tracer, stage.screen, sag_window(problem, stage.final), target, weight)
 
 
-def _marked(problem: Problem, objective: Objective, lens: Lens, stage: Stage, axes: Sequence[int]) -> list[dict[int, NDArray[np.int64]]]:
+def _marked(problem: Problem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: _Indicators) -> list[dict[int, NDArray[np.int64]]]:
     """Return the cells of every free surface to refine after a level ({} after the last)."""
     settings = freeforms(problem)
     if stage.level == last_level(problem):
         return [{}] * len(settings)
-    rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
-    knots = [vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, f.spans)]) for h, f in zip(rectangles, settings)]
-    gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
-    for sag, freeform, kv, gradient in zip(lens.sags, settings, knots, gradients):
-        indicator = Mirrors(sag.space, axes).of_cells(cell_indicator(sag.space, kv, gradient))
+    for sag, freeform, indicator in zip(lens.sags, settings, indicators(lens, stage)):
+        indicator = Mirrors(sag.space, axes).of_cells(indicator)
         out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.max_level)))
     return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Indicators:
+    """The refinement indicators of a design, called with (Lens, Stage): numbers per leaf cell of every free surface."""
+
+    problem: Problem
+    backend: Backend
+    target: NDArray[np.float64]
+    start: TransportStart | None
+
+    def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        if self.problem.refinement.indicator == "decrease":
+            return self._decrease(lens, stage)
+        if self.problem.refinement.indicator == "slope":
+            return [self.start.misfit(lens.rear.sag)]
+        return self._vertex(lens, stage)
+
+    def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
+        spans = [f.spans for f in freeforms(self.problem)]
+        knots = [vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)]) for h, row in zip(rectangles, spans)]
+        objective = _objective(self.backend, self.problem, lens, stage, self.target)
+        gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
+        return [
+            summed_over_cells(sag.space, *(k.greville() for k in kv), gradient) for sag, kv, gradient in zip(lens.sags, knots, gradients)
+        ]
+
+    def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        spaces = [refined_once(sag.space, f.max_level) for sag, f in zip(lens.sags, freeforms(self.problem))]
+        finer = [THBSurface(space, sag.space.prolongation(space) @ sag.coefficients) for sag, space in zip(lens.sags, spaces)]
+        objective = _objective(self.backend, self.problem, _with_sags(lens, finer), stage, self.target)
+        coefficients = [sag.coefficients for sag in finer]
+        _, gradients = objective(coefficients)
+        probes = zip(*objective.curvature(coefficients, PROBES, self.problem.run.seed))
+        return [promised_decrease(sag.space, space, g, p) for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)]
 
 
 def _vertices(rays: int, spans: int) -> int:

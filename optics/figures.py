@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isinf
 from typing import TYPE_CHECKING
 
@@ -21,14 +21,20 @@ if TYPE_CHECKING:
 
     from optics.design import Row
     from optics.metrics import Measurement
+    from optics.nonsequential import RayPath
     from optics.problem import Problem
     from thbcad.lens import FreeformSurface, Lens
 
 DPI = 110
 
 
-def draw_all(problem: Problem, lens: Lens, measurement: Measurement, history: Sequence[Row]) -> dict[str, tuple[str, bytes]]:
-    """Return {name: (caption, PNG bytes)} of every figure, in the order of the report."""
+def draw_all(
+    problem: Problem, lens: Lens, measurement: Measurement, history: Sequence[Row], paths: Mapping[str, Sequence[RayPath]]
+) -> dict[str, tuple[str, bytes]]:
+    """Return {name: (caption, PNG bytes)} of every figure, in the order of the report.
+
+    paths : fans of rays in the plane x = 0 by name, or none.
+    """
     extent = _extent(problem.target.half_width)
     target, light = (a / measurement.target.mean() for a in (measurement.target, measurement.irradiance))
     top = float(target.max())
@@ -45,6 +51,10 @@ def draw_all(problem: Problem, lens: Lens, measurement: Measurement, history: Se
             _image(np.maximum(light, 0) ** 0.2, extent, unit, f"({label})^0.2", "magma", (0, top**0.2)),
         ),
         **_surfaces(lens),
+        **{
+            f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
+            for k, (name, fan) in enumerate(paths.items(), 1)
+        },
         "loss": ("Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.", _loss(history)),
     }
 
@@ -111,6 +121,27 @@ def _mesh(surface: FreeformSurface) -> bytes:
     axes.set_ylim(-hy, hy)
     axes.set_aspect("equal")
     axes.set_title(f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9)
+    return _png(figure)
+
+
+def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
+    """Return a section of the lens with the strongest branch of every ray."""
+    figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
+    outline = []
+    for surface, vertex, way in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
+        y = np.linspace(-1, 1, 201)[::way] * surface.half_width[1]
+        outline.append(np.stack([vertex + surface(np.zeros_like(y), y), y], axis=1))
+    section = np.concatenate(outline)
+    axes.fill(*section.T, facecolor="0.92", edgecolor="0.3", lw=1)
+    low, high = (f(np.concatenate([section] + [path.points[:1, [2, 1]] for path in fan]), axis=0) for f in (np.min, np.max))
+    margin = 0.4 * (high - low).max()
+    for path in fan:
+        axes.plot(path.points[:, 2], path.points[:, 1], lw=0.8, color="tab:green" if path.fate.endswith("on_target") else "tab:red")
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_aspect("equal")
+    axes.set_xlabel("z / mm")
+    axes.set_ylabel("y / mm")
     return _png(figure)
 
 

@@ -105,7 +105,8 @@ class SearchedHits:
     A ray can meet the surface only where it is above the rectangle, from t_0 to t_1.  There
     f(t) = surface height - ray height falls through zero.  Newton's steps from the conic's meeting
     point are taken while they stay within the bracket of f's signs, otherwise the bracket is halved;
-    a ray with f(t_0) < 0 or f(t_1) > 0 misses.  Without knots the surface is the conic alone.
+    a ray with f(t_0) < 0 or f(t_1) > 0 misses.  Of several meetings one is found, as a rule the first: the
+    independent trace of the verification, which looks for the first, would tell.  Without knots the surface is the conic alone.
     """
 
     steps = 100

@@ -77,6 +77,22 @@ class Objective:
         _, hits, _ = self._backward(coefficients)
         return [np.abs(g) for g in self._tracer.pull_back(hits, knots)]
 
+    def curvature(self, coefficients: Sequence[NDArray[np.float64]], count: int, seed: int) -> list[list[NDArray[np.float64]]]:
+        """Return vectors J^T s / ||T|| with random signs s, J the derivative of the measured light by the coefficients.
+
+        Their mean square is half the diagonal of the Gauss-Newton Hessian of the fit.
+        Source: C. Bekas, E. Kokiopoulou, Y. Saad, An estimator for the diagonal of a matrix, Appl. Numer. Math. 57 (2007).
+        """
+        dr, rng, out = self._backend.dr, np.random.default_rng(seed), []
+        for _ in range(count):
+            self.evaluations += 1
+            hits, landing = self._tracer.trace(coefficients)
+            image = self._splat(landing.x, landing.y, landing.flux)
+            signs = self._backend.array(rng.choice((-1.0, 1.0), dr.width(self._target)))
+            dr.backward(dr.sum(image * signs) * dr.sqrt(self._norm))
+            out.append(self._tracer.pull_back(hits))
+        return out
+
     def _backward(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[Hits], DrArray]:
         dr = self._backend.dr
         self.evaluations += 1

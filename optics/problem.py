@@ -118,7 +118,10 @@ class Optimizer:
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    alpha: tuple[float, ...] = option((0.1,), low=0, note="marking threshold per level; the last number goes on")
+    indicator: str = option("vertex", choices=("vertex", "slope", "decrease"), note="of the cells that need refinement")
+    alpha: tuple[float, ...] = option(
+        (0.1,), low=0, note="cells above alpha times the mean are refined, per level; the last number goes on"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

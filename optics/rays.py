@@ -21,6 +21,7 @@ from optics.beam import Beam, Profile
 if TYPE_CHECKING:
     from thbcad.lens import Lens
 
+MIRRORS = tuple((i, j) for i in (1.0, -1.0) for j in (1.0, -1.0))
 BEFORE = 10  # sizes of the lens: no front bends back so far
 
 Floats = NDArray[np.float64]
@@ -72,11 +73,13 @@ def lambertian_parts(
         if profile.kind == "round":
             s, t = concentric(s, t)
         p, q = (r * sin(radians(half_angle)) for r in concentric(a, b))
-        density = 1.0 if profile.kind in ("uniform", "round") else profile(s, t)
         origin = np.stack([s * half_width[0], t * half_width[1], np.full(size, -distance)])
         direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-        carried = np.broadcast_to(flux / count * density, size)
-        yield _mirrored(origin, direction, carried)
+        origin, direction = (np.concatenate([v * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1) for v in (origin, direction))
+        each: float | Floats = flux / count
+        if profile.kind not in ("uniform", "round"):
+            each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
+        yield Rays(origin, direction, each)
 
 
 def point_rays(distance: float, flux: float, half_angle: float, exponent: float, counts: Sequence[int], shift: Sequence[float]) -> Rays:
@@ -85,7 +88,7 @@ def point_rays(distance: float, flux: float, half_angle: float, exponent: float,
     half_angle : degrees.  counts : (n, m) directions, a grid on which every cell has the same solid angle.
     shift : moves the grid by a fraction of its step, |shift| <= 1/2.
     """
-    a, b = ((2 * (np.arange(n) + 0.5 + s) / n - 1) for n, s in zip(counts, shift))
+    a, b = ((2 * np.arange(n) + 1 - n + 2 * s) / n for n, s in zip(counts, shift))  # exact mirror images
     p, q = concentric(*(r.ravel() for r in np.meshgrid(a, b, indexing="ij")))
     rise = (1 - cos(radians(half_angle))) * (p * p + q * q)  # 1 - cos(theta), in proportion to the solid angle
     share = np.sqrt((2 - rise) * (1 - cos(radians(half_angle))))  # sin(theta) / r
@@ -106,12 +109,3 @@ def concentric(a: Floats, b: Floats) -> tuple[Floats, Floats]:
     angle = np.pi / 4 * other / np.where(radius == 0, 1.0, radius)
     near, far = radius * np.cos(angle), radius * np.sin(angle)
     return np.where(wide, near, far), np.where(wide, far, near)
-
-
-def _mirrored(origin: Floats, direction: Floats, carried: Floats) -> Rays:
-    signs = [np.array([[a], [b], [1.0]]) for a in (1.0, -1.0) for b in (1.0, -1.0)]
-    return Rays(
-        np.concatenate([s * origin for s in signs], axis=1),
-        np.concatenate([s * direction for s in signs], axis=1),
-        np.tile(carried, 4),
-    )

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from thbcad.surface import BSplineSurface
 
 
-STARTS = 17  # points in each direction from which the nearest is taken to start
+STARTS = 9  # points in each direction from which the nearest is taken to start, twice as many for rays not brought to the face
+RETRIES = 16  # starts for those
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 AT_ONCE = 10_000  # rays
 
 
@@ -43,17 +45,21 @@ class ParametricFace:
         self.low = np.array([knots[0][0], knots[1][0]])
         self.high = np.array([knots[0][-1], knots[1][-1]])
 
-    def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the parameters, on a coarse grid, of the point next to every ray and ahead of its origin; points, directions : (n, 3)."""
-        grid = [np.linspace(low, high, STARTS) for low, high in zip(self.low, self.high)]
+    def starts(self, points: NDArray[np.float64], directions: NDArray[np.float64], side: int, count: int) -> NDArray[np.float64]:
+        """Return parameters of the `count` points, out of side x side on the face, next to every ray and ahead of its origin.
+
+        points, directions : (n, 3).  Returns (n, count, 2).
+        """
+        grid = [np.linspace(low, high, side) for low, high in zip(self.low, self.high)]
         uv = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
         s = self._spline(uv)
-        nearest = []
+        nearest = [np.zeros((0, count), dtype=np.int64)]
         for part in range(0, len(points), AT_ONCE):
             o, d = points[part : part + AT_ONCE], directions[part : part + AT_ONCE]
             along = d @ s.T - _dot(o, d)[:, None]
             square = (s * s).sum(axis=1) - 2 * o @ s.T + _dot(o, o)[:, None] - along**2
-            nearest.append(np.where(along >= 0, square, np.inf).argmin(axis=1))
+            square = np.where(along >= 0, square, np.inf)
+            nearest.append(np.argpartition(square, range(count), axis=1)[:, :count])
         return uv[np.concatenate(nearest)]
 
     def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -98,26 +104,45 @@ def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Scre
 
 
 def _intersect(
-    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64], steps: int = 20, tolerance: float = 1e-12
+    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return (points, unit normals towards +z, met) of rays on a face.
+    """Return (points, unit normals towards +z, met) of rays on a face; of several meetings found the first along the ray.
 
-    Newton's method on a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray.
+    Rays that Newton's method does not bring to the face from the nearest start are tried again from many.
+    """
+    met_points, normals, met = _newton(face, points, directions, face.starts(points, directions, STARTS, 1)[:, 0])
+    lost = np.flatnonzero(~met)
+    starts = face.starts(points[lost], directions[lost], 2 * STARTS, RETRIES)
+    ray = np.repeat(lost, RETRIES)
+    again = _newton(face, points[ray], directions[ray], starts.reshape(-1, 2))
+    along = np.where(again[2], _dot(again[0] - points[ray], directions[ray]), np.inf).reshape(-1, RETRIES)
+    best = np.arange(len(lost)) * RETRIES + along.argmin(axis=1)
+    for kept, new in zip((met_points, normals, met), again):
+        kept[lost] = new[best]
+    return met_points, normals, met
+
+
+def _newton(
+    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64], uv: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return (points, unit normals towards +z, met) by Newton's method from the parameters uv.
+
+    It solves a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray; meetings behind the origin or on the
+    far side of the face do not count.
     """
     helper = np.where(np.abs(directions[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     a = np.cross(directions, helper)
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     b = np.cross(directions, a)
-    uv = face.start(points, directions)
     size = np.abs(face.high - face.low).max()
-    for _ in range(steps):
+    for _ in range(NEWTON_STEPS):
         s, su, sv = face.jet(uv)
         f, g = _dot(a, s - points), _dot(b, s - points)
         fu, fv, gu, gv = _dot(a, su), _dot(a, sv), _dot(b, su), _dot(b, sv)
         determinant = fu * gv - fv * gu
         step = np.column_stack([gv * f - fv * g, fu * g - gu * f]) / determinant[:, None]
         uv = np.clip(uv - step, face.low, face.high)
-        if np.abs(step).max() < tolerance * size:
+        if np.abs(step).max(initial=0.0) < NEWTON_TOLERANCE * size:
             break
     s, su, sv = face.jet(uv)
     distance = np.hypot(_dot(a, s - points), _dot(b, s - points))
@@ -126,7 +151,7 @@ def _intersect(
     normals *= np.sign(normals[:, 2:])
     if not np.isfinite(s).all():
         raise NumericalError("the independent trace met a degenerate face")
-    return s, normals, distance < 1e-9
+    return s, normals, (distance < 1e-9) & (_dot(s - points, directions) >= 0) & (_dot(normals, directions) > 0)
 
 
 def _refract(directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

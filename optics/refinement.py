@@ -1,4 +1,10 @@
-"""Which cells to refine: marking by vertex gradients (thesis 6.1-6.3)."""
+"""Which cells to refine: indicators per leaf cell, and marking by them.
+
+- vertex: the gradients of the loss by the heights of a grid of vertices (thesis 6.1-6.3);
+- slope: how far the slopes of the sag are from those that the transport start asks for;
+- decrease: the fall of the loss that the functions of the next level promise, g^2 / (2 h) each, with the
+  gradient g and the diagonal h of the Gauss-Newton Hessian: about the decrease per degree of freedom.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +19,45 @@ from thbcad.bspline import KnotVector
 if TYPE_CHECKING:
     from thbcad.space import THBSpace
 
+LEAST = 1e-3  # of the mean: smaller entries of the Hessian's diagonal count as that
+
 
 def vertex_knots(half_width: Sequence[float], counts: Sequence[int]) -> tuple[KnotVector, ...]:
     """Return degree-1 knot vectors whose knots are a grid of vertices over the surface (6.1)."""
     return tuple(KnotVector.uniform(1, n - 1, -h, h) for n, h in zip(counts, half_width))
 
 
-def cell_indicator(space: THBSpace, knots: Sequence[KnotVector], gradients: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return Z per leaf cell: the sum of |dL/dz| over the vertices inside it (6.2), (n_cells,)."""
-    x, y = (kv.greville() for kv in knots)
+def summed_over_cells(space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sum of values on a grid x x y, (nx, ny), over every leaf cell, (n_cells,); of |dL/dz| that is Z of (6.2)."""
     cell = space.locate(np.repeat(x, len(y)), np.tile(y, len(x)))
-    return np.bincount(cell, gradients.ravel(), len(space.cells))
+    return np.bincount(cell, values.ravel(), len(space.cells))
+
+
+def refined_once(space: THBSpace, max_level: int) -> THBSpace:
+    """Return the space with every leaf cell below a level refined."""
+    cells = space.cells[space.cells[:, 0] < max_level]
+    return space.refine({int(level): cells[cells[:, 0] == level, 1:] for level in np.unique(cells[:, 0])})
+
+
+def promised_decrease(
+    space: THBSpace, finer: THBSpace, gradient: NDArray[np.float64], probes: Sequence[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the sum of g^2 / (2 h) over the new functions of a finer space whose middle lies in a leaf cell, (n_cells,).
+
+    gradient : (finer.dim,).  probes : vectors whose mean square is h / 2.
+    """
+    half = np.mean(np.square(probes), axis=0)
+    decrease = np.square(gradient) / (4 * np.maximum(half, LEAST * half.mean()))
+    level, *index = finer.functions.T
+    old = {tuple(row) for row in space.functions.tolist()}
+    new = np.array([tuple(row) not in old for row in finer.functions.tolist()])
+    middle = []
+    for i, kv in zip(index, (finer.kv_u, finer.kv_v)):
+        spans = (kv.dim - kv.degree) << level
+        share = np.clip((i + (1 - kv.degree) / 2) / spans, 0, 1)
+        middle.append(kv.start + share * (kv.stop - kv.start))
+    cell = space.locate(*middle)
+    return np.bincount(cell[new], decrease[new], len(space.cells))
 
 
 def mark(space: THBSpace, indicator: NDArray[np.float64], alpha: float, max_level: int) -> dict[int, NDArray[np.int64]]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from optics.design import Row, State, last_level
 from optics.errors import UserError
+from optics.model import freeforms
 from optics.problem import Problem, load_problem, problem_to_toml
 from thbcad.files import json_text, write_bytes, write_text
 from thbcad.native import read_lens, sag_from_dict, sag_to_dict, write_lens
@@ -54,13 +55,17 @@ class ResultFolder:
                 raise UserError(f"cannot write {self.path / name}: it is a folder; move it or choose another with --out")
 
     def write_problem(self, problem: Problem) -> None:
-        """Store the resolved problem and its picture, so that the folder can be run again."""
-        if problem.target.image:
-            picture = Path(problem.target.image)
-            name = "target" + picture.suffix.lower()
-            if picture.resolve() != (self.path / name).resolve():
-                write_bytes(self.path / name, picture.read_bytes())
-            problem = replace(problem, target=replace(problem.target, image=name))
+        """Store the resolved problem and its pictures, so that the folder can be run again."""
+        names = {}
+        for table in ("target", "source"):
+            part = getattr(problem, table)
+            if part.image:
+                picture = Path(part.image)
+                names[table] = replace(part, image=table + picture.suffix.lower())
+                copy = self.path / names[table].image
+                if picture.resolve() != copy.resolve():
+                    write_bytes(copy, picture.read_bytes())
+        problem = replace(problem, **names)
         write_text(self.problem, problem_to_toml(problem))
 
     def read_problem(self) -> Problem:
@@ -124,6 +129,9 @@ class ResultFolder:
         last = last_level(problem) + 1
         if same and not 0 <= state.level <= last:
             raise UserError(f"cannot resume: {path} is damaged (level {state.level} of at most {last}); run without --resume")
+        count = len(freeforms(problem))
+        if same and len(state.sags) != count:
+            raise UserError(f"cannot resume: {path} is damaged ({len(state.sags)} sags instead of {count}); run without --resume")
         if not same:
             raise UserError(f"cannot resume: {path} belongs to another problem; run without --resume or change --out")
         return state
@@ -148,7 +156,9 @@ def _state(data: dict[str, Any]) -> State:
 
 
 def _fingerprint(problem: Problem) -> str:
-    """Return the text that tells problems apart: their values and what is in the picture, not where it lies."""
-    picture = hashlib.sha256(Path(problem.target.image).read_bytes()).hexdigest() if problem.target.image else ""
-    run = replace(problem.run, threads=0)
-    return problem_to_toml(replace(problem, run=run, target=replace(problem.target, image=picture)))
+    """Return the text that tells problems apart: their values and what is in the pictures, not where they lie."""
+    parts = {table: getattr(problem, table) for table in ("target", "source")}
+    hashed = {
+        table: replace(part, image=hashlib.sha256(Path(part.image).read_bytes()).hexdigest()) for table, part in parts.items() if part.image
+    }
+    return problem_to_toml(replace(problem, run=replace(problem.run, threads=0), **hashed))

@@ -19,6 +19,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse.linalg import LinearOperator, cg
 
 from optics.model import problem_rays, source_profile, target_irradiance, target_screen
+from optics.refinement import summed_over_cells
 from optics.screen import Screen
 from optics.splat import Splat
 from optics.tracing import Tracer
@@ -95,6 +96,12 @@ class TransportStart:
         sag = fit_slopes(space, bundle.x, bundle.y, *self._slopes, bundle.weight)
         self.reach = float(np.abs(sag.coefficients).max())
         return sag if self.reach <= self._bound else THBSurface(space, sag.coefficients * (self._bound / self.reach))
+
+    def misfit(self, sag: THBSurface) -> Floats:
+        """Return the sum over every leaf cell of the squared deviation of a sag's slopes from those asked for, (n_cells,)."""
+        bundle, (zx, zy) = self._bundle, self._slopes
+        deviation = (sag.grid(bundle.x, bundle.y, (1, 0)) - zx) ** 2 + (sag.grid(bundle.x, bundle.y, (0, 1)) - zy) ** 2
+        return summed_over_cells(sag.space, bundle.x, bundle.y, bundle.weight * deviation)
 
     @property
     def within(self) -> bool:

@@ -1,9 +1,10 @@
 """The variables of the optimiser: multilevel weights, squashed into the bounds.
 
-    c = b S((c0 + k M w) / b),    S(y) = y / (1 + |y|^8)^(1/8)
+    c = b S((c0 + k M D w) / b),    S(y) = y / (1 + |y|^8)^(1/8)
 
 M is the multilevel generating system, b = z_freedom.  S is the identity for sags well inside
-the bounds (thesis 4.33 and 5.3 bend everywhere with the arctangent) and keeps |c| < b.
+the bounds (thesis 4.33 and 5.3 bend everywhere with the arctangent) and keeps |c| < b.  D is
+diagonal: the identity, or what makes the diagonal of the Gauss-Newton Hessian constant.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 SHARPNESS = 8
 STEP = 0.02  # of the bound: the length of the optimiser's unit
 FAR = 1e6  # of the bound: far outside, where the powers still are numbers
+LEAST = 1e-3  # of the mean: smaller entries of the Hessian's diagonal count as that
 INSIDE = 0.99  # of the bound: where coefficients that lie on it start
 
 
@@ -35,6 +37,7 @@ class BoundedVariables:
     def __init__(self, sags: Sequence[THBSurface], bounds: Sequence[float], axes: Sequence[int] = ()) -> None:
         self._parts = [_Part(sag, bound, Mirrors(sag.space, axes)) for sag, bound in zip(sags, bounds)]
         self._ends = np.cumsum([part.basis.size for part in self._parts])
+        self._scale = np.ones(self._ends[-1])
 
     def zeros(self) -> NDArray[np.float64]:
         """Return the weights of the start."""
@@ -42,11 +45,18 @@ class BoundedVariables:
 
     def coefficients(self, weights: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return c of every sag and keep the slopes of the squashing for `gradient`."""
-        return [part.coefficients(w) for part, w in zip(self._parts, np.split(weights, self._ends[:-1]))]
+        return [part.coefficients(w) for part, w in zip(self._parts, np.split(self._scale * weights, self._ends[:-1]))]
 
     def gradient(self, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return dL/dw from dL/dc at the last coefficients."""
-        return np.concatenate([part.gradient(g) for part, g in zip(self._parts, gradients)])
+        return self._scale * np.concatenate([part.gradient(g) for part, g in zip(self._parts, gradients)])
+
+    def precondition(self, vectors: Sequence[Sequence[NDArray[np.float64]]]) -> None:
+        """Scale the weights at the start by `Objective.curvature`'s vectors there; the mean square of the scales is 1."""
+        self.coefficients(self.zeros())
+        diagonal = np.mean([np.square(self.gradient(v)) for v in vectors], axis=0)
+        scale = 1 / np.sqrt(np.maximum(diagonal, LEAST * diagonal.mean()))
+        self._scale = self._scale * scale / np.sqrt(np.mean(scale**2))
 
 
 class _Part:

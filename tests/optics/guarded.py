@@ -83,22 +83,26 @@ def guard():
 
 
 def main():
-    """Take loss, gradient and vertex gradients of a plane and of a curved front."""
+    """Take loss, gradient, image and vertex gradients of a plane and of a curved front, and of two free surfaces before a glowing area."""
     from optics.backend import load_backend
-    from tests.optics.small import small_space
-    from tests.optics.test_gradient import CUBIC, PLANE, Conic, KnotVector, make_objective
+    from optics.objective import Objective
+    from optics.tracing import Tracer
+    from tests.optics.small import coefficients, small_space
+    from tests.optics.test_gradient import ANGLES, BOTH, CUBIC, GLOWING, PLANE, Conic, KnotVector, asked_for, make_objective
 
     backend = load_backend("double", 2)
     space = small_space()
     vertices = KnotVector.uniform(1, 7, -10.0, 10.0), KnotVector.uniform(1, 9, -10.0, 10.0)
+    hollow = [tuple(KnotVector.uniform(1, 7, -h, h) for _ in "xy") for h in (5.0, 8.0)]
     guard()
-    for front in (PLANE, Conic(60.0)):
-        objective = make_objective(backend, front, space, CUBIC, rays=21)
-        loss, gradient = objective(np.zeros(space.dim))
+    cases = [(make_objective(backend, front, space, CUBIC, rays=21), [np.zeros(space.dim)], [vertices]) for front in (PLANE, Conic(60.0))]
+    far = Objective(backend, Tracer(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC, asked_for(ANGLES), 100.0)
+    for objective, at, knots in [*cases, (far, coefficients(BOTH), hollow)]:
+        loss, gradients = objective(at)
         assert np.isfinite(loss)
-        assert np.isfinite(gradient).all()
-        objective.vertex_gradients(np.zeros(space.dim), vertices)
-        objective.image(np.zeros(space.dim))
+        assert all(np.isfinite(gradient).all() for gradient in gradients)
+        objective.vertex_gradients(at, knots)
+        objective.image(at)
     print("guarded", len(sizes), flush=True)
     os._exit(0)  # without taking down arrays whose allocator goes first
 

@@ -97,6 +97,25 @@ def small_lens(front=PLANE, rear=PARABOLOID, sag=None, rear_half_width=(10.0, 10
     return Lens(FreeformSurface((10.0, 10.0), front), FreeformSurface(rear_half_width, rear, sag), thickness, 1.5)
 
 
+def hollow_lens(rear=None, front=None, spans=(2, 2)):
+    """Return the lens of thesis Table 6.3, in whose hollow front a source of 1 mm glows 2 mm before the vertex.
+
+    rear, front : functions of a space that give the sag's coefficients on it; None is a sag of zeros on the rear, none on the front.
+    """
+    rear_space, front_space = (THBSpace(*(KnotVector.uniform(3, n, -h, h) for n in spans)) for h in (8.0, 5.0))
+    sags = [
+        THBSurface(rear_space, np.zeros(rear_space.dim) if rear is None else rear(rear_space)),
+        None if front is None else THBSurface(front_space, front(front_space)),
+    ]
+    surfaces = (FreeformSurface((5.0, 5.0), Conic(-5.0, -1.0), sags[1]), FreeformSurface((8.0, 8.0), Conic(-10.0, -1.0), sags[0]))
+    return Lens(*surfaces, 5.0, 1.5)
+
+
+def coefficients(lens):
+    """Return the THB coefficients of the lens's free surfaces, front first, as the tracer takes them."""
+    return [sag.coefficients for sag in lens.sags]
+
+
 def rough(space, height=0.02, seed=5):
     """Return random coefficients of at most `height` mm."""
     return np.random.default_rng(seed).uniform(-height, height, space.dim)

@@ -76,19 +76,24 @@ def test_two_ray_sets_give_the_mean_and_its_error(tmp_path, backend, monkeypatch
     """E = (A + B) / 2, and half their difference is what the mean is known to."""
     first, second = np.random.default_rng(3).uniform(1, 2, (2, 48, 48))
     given = iter([first, second])
-    trace, grids = metrics._trace, []
+    trace, parts, grids = metrics._trace, metrics.ray_parts, []
 
-    def instead(*arguments):
-        grids.append((tuple(arguments[-2]), tuple(arguments[-1])))
-        return next(given), trace(*arguments)[1]
+    def watched(problem, counts, *arguments):
+        made = list(parts(problem, counts, *arguments))
+        steps = 2 * 9.5 / np.array(counts)
+        shift = np.array([made[0].x[0], made[0].y[0]]) + 9.5 - steps / 2
+        grids.append((tuple(counts), tuple(shift / steps)))
+        return iter(made)
 
-    monkeypatch.setattr(metrics, "_trace", instead)
+    monkeypatch.setattr(metrics, "_trace", lambda *arguments: (next(given), trace(*arguments)[1]))
+    monkeypatch.setattr(metrics, "ray_parts", watched)
     result = measured(tmp_path, backend)
     np.testing.assert_allclose(result.irradiance, (first + second) / 2, rtol=1e-15)
     expected = np.linalg.norm(first - second) / 2 / np.linalg.norm(result.target)
     assert result.figures["rel_l2_floor"] == pytest.approx(expected, rel=1e-14)
     assert grids[0][0] != grids[1][0]
     assert grids[0][1] != grids[1][1]
+    assert all(0.001 < abs(shift) <= 0.5 for _, shifts in grids for shift in shifts)  # nor is it the optimiser's set
 
 
 def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):

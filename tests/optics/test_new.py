@@ -10,10 +10,12 @@ from optics.problem import Problem, commented_problem, load_problem, problem_to_
 
 
 def keys(record, prefix=""):
-    """Return the dotted names of all keys."""
+    """Return the dotted names of all keys but those of tables that are left out."""
     found = []
     for f in fields(record):
         value = getattr(record, f.name)
+        if value is None:
+            continue
         found += keys(value, f"{prefix}{f.name}.") if is_dataclass(value) else [prefix + f.name]
     return found
 

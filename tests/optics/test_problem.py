@@ -19,7 +19,6 @@ from tests.optics.small import SMALL, toml_text, toml_value
 
 REQUIRED = (
     "source.kind",
-    "source.half_width",
     "lens.index",
     "lens.thickness",
     "lens.front.half_width",
@@ -29,7 +28,20 @@ REQUIRED = (
     "target.distance",
     "target.half_width",
 )
-MINIMAL = {key: SMALL[key] for key in REQUIRED}
+MINIMAL = {key: SMALL[key] for key in ("source.half_width", *REQUIRED)}
+EXTENDED = SMALL | {
+    "source.kind": "lambertian",
+    "source.profile": "image",
+    "source.image": "glow.png",
+    "source.half_angle": 60.0,
+    "source.exponent": 2.5,
+    "lens.front.freeform.degree": 4,
+    "lens.front.freeform.spans": [3, 2],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.25,
+    "target.distance": math.inf,
+    "target.half_width": [30.0, 89.0],
+}
 
 
 def load_text(folder, text):
@@ -56,8 +68,9 @@ def one_sentence(message):
 # What a file means
 
 
-def test_every_key_reaches_the_problem(tmp_path):
-    values = SMALL | {
+@pytest.mark.parametrize("base", [SMALL, EXTENDED], ids=["small", "extended"])
+def test_every_key_reaches_the_problem(tmp_path, base):
+    values = base | {
         "source.flux": 2.5,
         "source.distance": 3,
         "lens.front.radius": -80.0,
@@ -81,12 +94,14 @@ def test_every_key_reaches_the_problem(tmp_path):
         for name in key.split("."):
             found = getattr(found, name)
         wanted = tuple(value) if isinstance(value, list) else value
-        assert found == (str(tmp_path / "picture.png") if key == "target.image" else wanted), key
+        assert found == (str(tmp_path / value) if key in ("target.image", "source.image") else wanted), key
 
 
 def test_defaults_are_those_of_the_design_contract(tmp_path):
     p = load_values(tmp_path, MINIMAL)
     assert (p.source.distance, p.source.flux) == (2.0, 1.0)
+    assert (p.source.profile, p.source.image, p.source.half_angle, p.source.exponent) == ("uniform", "", 90.0, 0.0)
+    assert p.lens.front.freeform is None
     for surface in (p.lens.front, p.lens.rear):
         assert (surface.radius, surface.conic) == (math.inf, 0.0)
     assert vars(p.lens.rear.freeform) == {"degree": 3, "spans": (7, 7), "max_level": 5, "z_freedom": 5.0}
@@ -131,22 +146,25 @@ def test_an_absolute_picture_path_stays(tmp_path):
 # Round trip
 
 
-@pytest.mark.parametrize("values", [MINIMAL, SMALL], ids=["minimal", "small"])
+@pytest.mark.parametrize("values", [MINIMAL, SMALL, EXTENDED], ids=["minimal", "small", "extended"])
 def test_problem_survives_the_trip_through_toml(tmp_path, values):
     problem = load_values(tmp_path, values)
     assert load_text(tmp_path, problem_to_toml(problem)) == problem
 
 
-def test_the_written_file_holds_every_key(tmp_path):
-    problem = load_values(tmp_path, MINIMAL)
+@pytest.mark.parametrize("values", [MINIMAL, EXTENDED], ids=["minimal", "extended"])
+def test_the_written_file_holds_every_key(tmp_path, values):
+    problem = load_values(tmp_path, values)
 
     def compare(record, table):
-        assert {f.name for f in fields(record)} == set(table)
-        for f in fields(record):
+        written = [f for f in fields(record) if getattr(record, f.name) is not None]
+        assert {f.name for f in written} == set(table)
+        for f in written:
             if is_dataclass(getattr(record, f.name)):
                 compare(getattr(record, f.name), table[f.name])
 
     compare(problem, tomllib.loads(problem_to_toml(problem)))
+    assert (problem.lens.front.freeform is None) == (values is MINIMAL)
 
 
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -185,20 +203,42 @@ def test_odd_titles_survive_the_trip(tmp_path, title):
 NUMBERS = [
     "source.distance",
     "source.flux",
+    "source.half_angle",
+    "source.exponent",
     "lens.index",
     "lens.thickness",
     "lens.front.conic",
+    "lens.front.freeform.z_freedom",
     "lens.rear.freeform.z_freedom",
     "target.distance",
     "optimizer.sigma",
     "verify.landing",
 ]
-WHOLE = ["lens.rear.freeform.degree", "lens.rear.freeform.max_level", "optimizer.memory", "verify.rays", "run.seed", "run.threads"]
+WHOLE = [
+    "lens.front.freeform.degree",
+    "lens.rear.freeform.degree",
+    "lens.rear.freeform.max_level",
+    "optimizer.memory",
+    "verify.rays",
+    "run.seed",
+    "run.threads",
+]
 PAIRS = ["source.half_width", "lens.front.half_width", "lens.rear.half_width", "target.half_width"]
-WORDS = ["title", "source.kind", "target.kind", "target.image", "target.encoding", "target.fit", "optimizer.window", "run.precision"]
+WORDS = [
+    "title",
+    "source.kind",
+    "target.kind",
+    "target.image",
+    "source.profile",
+    "target.encoding",
+    "target.fit",
+    "optimizer.window",
+    "run.precision",
+]
 
 BAD = [
-    *((key, bad) for key in NUMBERS for bad in ("6", True, math.nan, math.inf, -math.inf, [1.0], {"a": 1}, datetime.date(2000, 1, 1))),
+    *((key, bad) for key in NUMBERS for bad in ("6", True, math.nan, -math.inf, [1.0], {"a": 1}, datetime.date(2000, 1, 1))),
+    *((key, math.inf) for key in NUMBERS if key != "target.distance"),
     *((key, bad) for key in WHOLE for bad in (1.5, 2.0, "2", False, math.nan, -1, [2], 10**9 if key != "run.seed" else -5)),
     *(
         (key, bad)
@@ -212,6 +252,13 @@ BAD = [
     *((key, 0.0) for key in ("source.flux", "lens.thickness", "target.distance", "lens.rear.freeform.z_freedom", "verify.volume")),
     ("lens.index", 1.0),
     ("lens.index", 0.5),
+    ("source.image", 3),
+    ("source.image", "a\0b.png"),
+    ("source.half_angle", 0.0),
+    ("lens.front.freeform", 3),
+    ("lens.front.freeform", "rough"),
+    ("lens.front.freeform.spans", [4, 0]),
+    ("lens.front.freeform.z_freedom", 0.0),
     ("lens.rear.freeform.degree", 1),
     ("lens.rear.freeform.spans", [4, 0]),
     ("lens.rear.freeform.spans", [4.0, 4.0]),
@@ -241,6 +288,10 @@ def test_bad_values_are_refused_by_name(tmp_path, key, bad):
 
 LIMITS = {
     "source.distance": (0.0, None),
+    "source.half_angle": (None, 90.0),
+    "source.exponent": (0.0, 1000.0),
+    "lens.front.freeform.degree": (2, 10),
+    "lens.front.freeform.max_level": (0, 12),
     "lens.rear.freeform.degree": (2, 10),
     "lens.rear.freeform.max_level": (0, 12),
     "target.pixels": ([2, 2], [4096, 4096]),
@@ -281,7 +332,74 @@ def test_a_missing_table_is_named(tmp_path, table):
         load_values(tmp_path, {k: v for k, v in SMALL.items() if not k.startswith(table + ".")})
 
 
-@pytest.mark.parametrize("key", ["colour", "source.colour", "lens.rear.freeform.colour", "run.colour", "sources.kind"])
+FAR = {"target.distance": math.inf}
+PARTNERS = [
+    ({"source.profile": "image"}, "the key source.image is missing"),
+    ({"source.profile": "image", "source.image": ""}, "the key source.image is missing"),
+    ({"target.image": ""}, "the key target.image is missing"),
+    ({"source.kind": "point", "source.distance": 0}, "source.distance must be greater than 0 for a point, which would lie in the lens"),
+    *(
+        ({"source.kind": kind, "source.half_width": pair}, f"source.half_width must be greater than 0 for a {kind} source, got {shown}")
+        for kind in ("collimated", "lambertian")
+        for pair, shown in (([0, 0], "[0.0, 0.0]"), ([3.0, 0.0], "[3.0, 0.0]"), ([0.0, 2.0], "[0.0, 2.0]"))
+    ),
+    *(
+        (FAR | {"target.half_width": pair}, "target.half_width must be less than 90 degrees in the far field, got ")
+        for pair in ([90.0, 20.0], [20.0, 90.5], [1000.0, 1000.0])
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "sentence"), PARTNERS, ids=str)
+def test_keys_that_do_not_go_together_are_refused(tmp_path, changes, sentence):
+    message = refusal(tmp_path, changes)
+    assert sentence in message
+    assert message.startswith(f"{tmp_path / 'problem.toml'}: ")
+    assert one_sentence(message)
+
+
+@pytest.mark.parametrize("kind", ["collimated", "lambertian"])
+def test_a_source_without_a_size_is_refused_by_name(tmp_path, kind):
+    values = {k: v for k, v in SMALL.items() if k != "source.half_width"} | {"source.kind": kind}
+    with pytest.raises(UserError, match=r"source\.half_width"):
+        load_values(tmp_path, values)
+
+
+FINE = [
+    {"source.kind": "point", "source.half_width": [0, 0], "source.distance": 1e-3},
+    {"source.kind": "lambertian", "source.distance": 0},
+    FAR | {"target.half_width": [89.9, 1e-3]},
+    {"target.half_width": [1000.0, 90.0]},
+    {"source.profile": "round", "source.image": ""},
+]
+
+
+@pytest.mark.parametrize("changes", FINE, ids=str)
+def test_limits_hold_only_where_they_matter(tmp_path, changes):
+    problem = load_values(tmp_path, SMALL | changes)
+    assert load_text(tmp_path, problem_to_toml(problem)) == problem
+
+
+def test_a_point_needs_no_size(tmp_path):
+    values = {k: v for k, v in SMALL.items() if k != "source.half_width"} | {"source.kind": "point"}
+    assert load_values(tmp_path, values).source.half_width == (0.0, 0.0)
+
+
+def test_the_far_field_is_at_infinity(tmp_path):
+    problem = load_values(tmp_path, EXTENDED)
+    assert problem.target_z == math.inf
+    assert "distance = inf" in problem_to_toml(problem)
+
+
+def test_a_free_front_takes_the_defaults_of_a_free_surface(tmp_path):
+    text = toml_text(SMALL) + "[lens.front.freeform]\n"
+    front = load_text(tmp_path, text).lens.front.freeform
+    assert vars(front) == {"degree": 3, "spans": (7, 7), "max_level": 5, "z_freedom": 5.0}
+
+
+@pytest.mark.parametrize(
+    "key", ["colour", "source.colour", "lens.front.freeform.colour", "lens.rear.freeform.colour", "run.colour", "sources.kind"]
+)
 def test_an_unknown_key_is_named_with_those_that_exist(tmp_path, key):
     message = refusal(tmp_path, {key: 1})
     assert f"unknown key {key.split('.')[0] if key.startswith('sources') else key}" in message
@@ -379,12 +497,12 @@ VALUES = st.recursive(
         st.sampled_from([10**308, 10**309, -(10**400)]),
         st.floats(),
         st.text(max_size=20),
-        st.sampled_from(["srgb", "linear", "image", "crop", "bspline", "single", "collimated"]),
+        st.sampled_from(["srgb", "linear", "image", "crop", "bspline", "single", "collimated", "lambertian", "point", "gaussian"]),
     ),
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=8), inner, max_size=3)),
     max_leaves=6,
 )
-KEYS = st.one_of(st.sampled_from([*SMALL, "run.seed", "optimizer.sigma", "refinement.alpha", "verify.surface", "lens.front.radius"]))
+KEYS = st.one_of(st.sampled_from([*EXTENDED, "run.seed", "optimizer.sigma", "refinement.alpha", "verify.surface", "lens.front.radius"]))
 
 
 @settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.refinement import cell_indicator, mark, vertex_knots
+from optics.refinement import mark, summed_over_cells, vertex_knots
 from tests.optics.small import small_space
 from thbcad.bspline import KnotVector
 from thbcad.space import THBSpace
@@ -51,7 +51,7 @@ def test_indicator_sums_the_vertices_of_every_leaf_cell(counts):
     space = small_space((10.0, 8.0))
     gradients = np.random.default_rng(1).uniform(0, 1, counts)
     knots = vertex_knots((10.0, 8.0), counts)
-    found = cell_indicator(space, knots, gradients)
+    found = summed_over_cells(space, *(kv.greville() for kv in knots), gradients)
     expected = brute_indicator(space, np.linspace(-10, 10, counts[0]), np.linspace(-8, 8, counts[1]), gradients)
     np.testing.assert_allclose(found, expected, rtol=1e-14)
     assert found.sum() == pytest.approx(gradients.sum(), rel=1e-14)
@@ -110,7 +110,7 @@ def test_a_mirror_symmetric_indicator_keeps_the_mesh_symmetric():
         quarter = rng.uniform(0, 1, (15, 16)) ** 4
         gradients = np.block([[quarter, quarter[:, ::-1]], [quarter[::-1], quarter[::-1, ::-1]]])
         knots = vertex_knots((10.0, 8.0), gradients.shape)  # 30 x 32 vertices: none but the border on a knot line
-        indicator = cell_indicator(space, knots, gradients)
+        indicator = summed_over_cells(space, *(kv.greville() for kv in knots), gradients)
         marked = mark(space, indicator, 0.8, level + 1)
         assert 0 < sum(map(len, marked.values())) < len(space.cells)
         space = space.refine(marked)

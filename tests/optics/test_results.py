@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from optics.design import Row, State
 from optics.errors import UserError
+from optics.model import source_profile
 from optics.problem import load_problem
 from optics.results import ResultFolder
 from tests.optics.small import picture, rough, small_space, write_problem
@@ -20,22 +24,27 @@ def folder(tmp_path):
     return out
 
 
-def some_state(begun=False):
+FREE_FRONT = {"lens.front.freeform.spans": [4, 4], "lens.front.freeform.max_level": 2}
+
+
+def some_state(begun=False, sags=1):
     space = small_space()
     history = [Row(0, 49, 1, 0.1, 0.3, 0.25), Row(0, 49, 2, 1 / 3, 1e-17, 1.5)]
-    return State(2, THBSurface(space, rough(space)), begun, history)
+    return State(2, tuple(THBSurface(space, rough(space, seed=seed)) for seed in range(sags)), begun, history)
 
 
 @pytest.mark.parametrize("begun", [False, True])
-def test_a_checkpoint_gives_back_every_bit(folder, problem_file, begun):
-    problem, state = load_problem(problem_file()), some_state(begun)
+@pytest.mark.parametrize("sags", [1, 2])
+def test_a_checkpoint_gives_back_every_bit(folder, problem_file, begun, sags):
+    problem, state = load_problem(problem_file(FREE_FRONT if sags == 2 else None)), some_state(begun, sags)
     assert not folder.has_checkpoint()
     folder.write_checkpoint(problem, state)
     assert folder.has_checkpoint()
     found = folder.read_checkpoint(problem)
     assert (found.level, found.begun, found.history) == (2, begun, state.history)
-    assert found.sag.coefficients.tobytes() == state.sag.coefficients.tobytes()
-    np.testing.assert_array_equal(found.sag.space.cells, state.sag.space.cells)
+    assert [sag.coefficients.tobytes() for sag in found.sags] == [sag.coefficients.tobytes() for sag in state.sags]
+    for sag, own in zip(found.sags, state.sags, strict=True):
+        np.testing.assert_array_equal(sag.space.cells, own.space.cells)
     folder.drop_checkpoint()
     assert not folder.has_checkpoint()
     folder.drop_checkpoint()
@@ -64,6 +73,14 @@ def test_another_picture_of_the_same_name_makes_another_problem(folder, problem_
         folder.read_checkpoint(load_problem(problem_file(None, picture()[:, ::-1].copy())))
 
 
+@pytest.mark.parametrize(("changes", "sags"), [(None, 0), (None, 2), (FREE_FRONT, 1), (FREE_FRONT, 3)], ids=str)
+def test_a_checkpoint_with_too_few_or_too_many_sags_is_refused(folder, problem_file, changes, sags):
+    problem = load_problem(problem_file(changes))
+    folder.write_checkpoint(problem, some_state(sags=sags))
+    with pytest.raises(UserError, match="cannot resume"):
+        folder.read_checkpoint(problem)
+
+
 def test_a_stored_problem_brings_its_picture(folder, problem_file):
     given = problem_file()
     folder.write_problem(load_problem(given))
@@ -73,6 +90,44 @@ def test_a_stored_problem_brings_its_picture(folder, problem_file):
     assert stored.target.image == str(folder.path / "target.png")
     folder.write_problem(stored)  # onto itself
     assert folder.read_problem() == stored
+
+
+GLOW = {"source.profile": "image", "source.image": "glow.png"}
+
+
+def write_glow(folder, level=200):
+    Image.fromarray(np.array([[10, 0], [0, level]], dtype=np.uint8)).save(folder / "glow.png")
+
+
+def test_a_stored_problem_brings_its_sources_picture(folder, problem_file, tmp_path):
+    write_glow(tmp_path)
+    given = problem_file(GLOW)
+    folder.write_problem(load_problem(given))
+    light = source_profile(load_problem(given)).light
+    for name in ("picture.png", "glow.png", "problem.toml"):
+        (tmp_path / name).unlink()
+    stored = folder.read_problem()
+    assert Path(stored.source.image).parent == folder.path
+    np.testing.assert_array_equal(source_profile(stored).light, light)
+    folder.write_problem(stored)  # onto itself
+    assert folder.read_problem() == stored
+
+
+def test_another_picture_of_the_source_makes_another_problem(folder, problem_file, tmp_path):
+    write_glow(tmp_path)
+    folder.write_checkpoint(load_problem(problem_file(GLOW)), some_state())
+    write_glow(tmp_path, 100)
+    with pytest.raises(UserError, match="belongs to another problem"):
+        folder.read_checkpoint(load_problem(problem_file(GLOW)))
+
+
+def test_the_place_of_the_sources_picture_may_change_between_runs(folder, problem_file, tmp_path):
+    write_glow(tmp_path)
+    folder.write_checkpoint(load_problem(problem_file(GLOW)), some_state())
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    write_glow(elsewhere)
+    assert folder.read_checkpoint(load_problem(write_problem(elsewhere, GLOW))).level == 2
 
 
 def test_nothing_is_left_where_a_folder_cannot_be_made(tmp_path):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from optics.model import base_lens, target_light
+from optics.model import base_lens, problem_rays, target_light
 from optics.problem import load_problem
 from optics.start import TransportStart, fit_slopes
-from tests.optics.small import picture, rough, small_space, write_problem
+from optics.tracing import Tracer
+from tests.optics.small import coefficients, picture, rough, small_space, write_problem
 from tests.optics.test_tracing import mesh, traced
 from thbcad.bspline import KnotVector
 from thbcad.lens import FreeformSurface
@@ -23,7 +25,7 @@ def started(folder, backend, changes=None, image=None, spans=16):
     problem = load_problem(write_problem(folder, changes, image))
     lens = base_lens(problem)
     space = THBSpace(*(KnotVector.uniform(3, spans, -h, h) for h in lens.rear.half_width))
-    sag = TransportStart(problem, lens, target_light(problem)).fit(space)
+    sag = TransportStart(problem, lens, target_light(problem), backend).fit(space)
     lens = lens.with_rear(FreeformSurface(lens.rear.half_width, lens.rear.conic, sag))
     return sag, traced(backend, lens, problem.source.half_width, (61, 59), problem.target_z, problem.target.half_width)
 
@@ -33,7 +35,7 @@ def test_slopes_of_a_surface_of_the_space_give_it_back():
     space = small_space((10.0, 8.0))
     sag = THBSurface(space, rough(space, 0.1))
     x, y = (h * ((2 * np.arange(96) + 1) / 96 - 1) for h in (10.0, 8.0))
-    found = fit_slopes(space, x, y, sag.grid(x, y, (1, 0)), sag.grid(x, y, (0, 1)))
+    found = fit_slopes(space, x, y, sag.grid(x, y, (1, 0)), sag.grid(x, y, (0, 1)), np.ones((96, 96)))
     assert np.ptp(found.coefficients - sag.coefficients) < 0.01 * 0.2
     assert found.coefficients.max() == pytest.approx(-found.coefficients.min(), abs=1e-15)
 
@@ -53,6 +55,26 @@ def test_an_oblong_beam_is_spread_over_an_oblong_target(tmp_path, backend):
     x, y = mesh(beam)
     assert np.abs(landing.x.numpy() - 15 / 9.5 * x).max() < 0.42
     assert np.abs(landing.y.numpy() - 20 / 6.0 * y).max() < 0.42
+
+
+@pytest.mark.parametrize("pixels", [[48, 48], [50, 40]], ids=str)
+@pytest.mark.parametrize("kind", ["gaussian", "image"])
+def test_light_that_is_not_even_is_spread_evenly(tmp_path, backend, kind, pixels):
+    """The shares of light beyond three lines across the target are those of uniform light, to a pixel of 48."""
+    picture_of_source = np.round(200 * np.outer(np.linspace(0.4, 1, 30), np.linspace(1, 0.5, 20))).astype(np.uint8)
+    Image.fromarray(picture_of_source).save(tmp_path / "glow.png")
+    changes = {"source.profile": kind, "source.sigma": [0.8, 1.2], "target.pixels": pixels, "target.fit": "stretch"}
+    changes |= {"source.image": "glow.png", "lens.rear.freeform.z_freedom": 5.0}
+    problem = load_problem(write_problem(tmp_path, changes, WHITE))
+    lens = base_lens(problem)
+    space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
+    lens = lens.with_sags([TransportStart(problem, lens, target_light(problem), backend).fit(space)])
+    tracer = Tracer(backend, lens, problem_rays(problem, (121, 119)), problem.target_z)
+    _, landing = tracer.trace(coefficients(lens))
+    flux = landing.flux.numpy()
+    for a in (landing.x.numpy(), landing.y.numpy()):
+        for place in (-10.0, 0.0, 10.0):
+            assert flux[a > place].sum() / flux.sum() == pytest.approx((20 - place) / 40, abs=1 / 48)
 
 
 def test_every_quadrant_gets_its_share(tmp_path, backend):

@@ -115,7 +115,8 @@ def test_a_gaussian_beam_spreads_evenly_by_the_error_function(sigma):
     profile = Profile("gaussian", (sigma, sigma))
 
     def source(grid):
-        return profile(*((2 * np.arange(n) + 1) / n - 1 for n in grid))
+        s, t = ((2 * np.arange(n) + 1) / n - 1 for n in grid)
+        return profile(s[:, None], t[None, :])
 
     found = transport(np.ones, (128, 128), 1.0, source)
     wanted = erf(found.x / (sigma * np.sqrt(2))) / erf(1 / (sigma * np.sqrt(2)))

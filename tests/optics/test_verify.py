@@ -22,7 +22,6 @@ from tests.optics.small import rough, write_problem
 from thbcad import write_step
 from thbcad.cad.solid import lens_solid, lens_surfaces
 from thbcad.cad.step import read_step
-from thbcad.lens import FreeformSurface
 from thbcad.surface import BSplineSurface
 from thbcad.thb import THBSurface
 
@@ -32,7 +31,8 @@ def shaped(folder, changes=None, height=0.05):
     problem = load_problem(write_problem(folder, changes))
     base = base_lens(problem)
     space = base.rear.sag.space.refine({0: [(1, 1), (1, 2), (2, 2)]}).refine({1: [(2, 2), (3, 3), (4, 5)]})
-    return problem, base.with_rear(FreeformSurface(base.rear.half_width, base.rear.conic, THBSurface(space, rough(space, height))))
+    sags = [THBSurface(s, rough(s, height)) for s in [*(sag.space for sag in base.sags[:-1]), space]]
+    return problem, base.with_sags(sags)
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +62,10 @@ def moved_point(text, point, change):
     return text[: found[0].start(2)] + numbers + text[found[0].end(2) :]
 
 
+FREE_FRONT = {"lens.front.freeform.spans": [3, 4], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 0.5}
+LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 4.0}
+POINT = {"source.kind": "point", "source.half_angle": 75.0, "source.distance": 4.0}
+FAR = {"target.distance": np.inf, "target.half_width": [60.0, 60.0]}
 LENSES = {
     "plane front": {},
     "paraboloid front": {"lens.front.radius": 60.0, "lens.front.conic": -1.0},
@@ -72,6 +76,14 @@ LENSES = {
     "oblong": {"lens.front.half_width": [10.0, 6.0], "lens.rear.half_width": [10.0, 6.0], "lens.rear.freeform.degree": 4},
     "totally reflecting corners": {"lens.rear.radius": 11.0},
     "degree 2": {"lens.rear.freeform.degree": 2},
+    "free front": FREE_FRONT,
+    "free curved front": FREE_FRONT | {"lens.front.radius": 60.0, "lens.front.conic": -1.0, "lens.thickness": 12.0},
+    "lambertian": LAMBERTIAN,
+    "lambertian, free front": LAMBERTIAN | FREE_FRONT,
+    "point": POINT,
+    "far field": FAR,
+    "lambertian, free front, far field": LAMBERTIAN | FREE_FRONT | FAR,
+    "a picture that glows": LAMBERTIAN | {"source.profile": "image", "source.image": "picture.png"},
 }
 
 
