@@ -27,6 +27,7 @@ from optics.model import base_lens, freeforms, problem_rays, source_profile, tar
 from optics.objective import Objective
 from optics.problem import Problem, per_level
 from optics.refinement import mark, promised_decrease, refined_once, summed_over_cells, vertex_knots
+from optics.shape import ShapePenalty, ShapeWeights
 from optics.start import TransportStart
 from optics.symmetry import Mirrors, mirror_axes
 from optics.tracing import Tracer
@@ -43,6 +44,7 @@ MOST_RAYS = 40_000_000  # at once
 COARSER, COARSE_PIXELS, COARSE_ITERATIONS = 4, 16, 20  # of a first pass on the last level, which carries light to islands in the dark
 MARGIN = 8  # dark pixels around the target
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
+LIMITS_WEIGHT = 100.0  # charge for the mean square of relative violations
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
 
@@ -367,9 +369,12 @@ def _minimize(recorder: _Recorder, problem: Problem, stage: Stage, scaled: bool)
 
 
 def _objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]) -> Objective:
-    tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM)
-    weight = problem.optimizer.lost_flux_weight
-    return Objective(backend, tracer, stage.screen, sag_window(problem, stage.final), target, weight)
+    tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM, sure=False)
+    options, limits = problem.optimizer, problem.limits
+    weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, limits.thickness)
+    shape = ShapePenalty(lens, weights) if weights.any else None
+    window = sag_window(problem, stage.final)
+    return Objective(backend, tracer, stage.screen, window, target, options.lost_flux_weight, options.dark_flux_weight, shape)
 
 
 def _marked(problem: Problem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: _Indicators) -> list[dict[int, NDArray[np.int64]]]:

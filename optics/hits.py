@@ -105,13 +105,23 @@ class SearchedHits:
     A ray can meet the surface only where it is above the rectangle, from t_0 to t_1.  There
     f(t) = surface height - ray height falls through zero.  Newton's steps from the conic's meeting
     point are taken while they stay within the bracket of f's signs, otherwise the bracket is halved;
-    a ray with f(t_0) < 0 or f(t_1) > 0 misses.  Of several meetings one is found, as a rule the first: the
-    independent trace of the verification, which looks for the first, would tell.  Without knots the surface is the conic alone.
+    a ray with f(t_0) < 0 or f(t_1) > 0 misses.  Of several meetings one is found, as a rule the first; with
+    `sure` the way of rays flatter than the surface is steep is sampled for it.  Without knots the surface is the conic alone.
     """
 
     steps = 100
+    samples = 32
 
-    def __init__(self, backend: Backend, conic: Conic, half_width: tuple[float, float], knots: Sequence[KnotVector] | None = None) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        conic: Conic,
+        half_width: tuple[float, float],
+        knots: Sequence[KnotVector] | None = None,
+        sure: bool = True,
+    ) -> None:
+        self._sure, self._knots = sure and knots is not None, knots
+        self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
         self._backend, self._conic, self._half_width = backend, conic, half_width
         self._table = None if knots is None else PolynomialTable(backend, knots)
         self._points: tuple[DrArray, DrArray] | None = None
@@ -120,13 +130,14 @@ class SearchedHits:
     def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
         """Return the Hits of rays; z of the origins counts from the vertex.  net : of the sag, where there is one."""
         dr = self._backend.dr
-        top = self._top
+        top, steepest = self._top, self._slope
         if self._table is not None:
             self._table.load(net)
             top += max(0.0, float(net.max()))
+            steepest += float(np.hypot(*(steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))))
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
-            t, first, last, decided = self._search(o, d, top)
+            t, first, last, decided = self._search(o, d, top, steepest)
             x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
             jet = self._surface(x, y)
             speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
@@ -145,8 +156,11 @@ class SearchedHits:
         table = self._table if knots is None else PolynomialTable(self._backend, knots)
         return table.pull_back(*self._points, gradients)
 
-    def _search(self, o: list[DrArray], d: list[DrArray], top: float) -> tuple[DrArray, DrArray, DrArray, DrArray]:
-        """Return (ray parameter, t_0, t_1, whether the ray is known to miss); top : mm, the surface lies below."""
+    def _search(self, o: list[DrArray], d: list[DrArray], top: float, steepest: float) -> tuple[DrArray, DrArray, DrArray, DrArray]:
+        """Return (ray parameter, t_0, t_1, whether the ray is known to miss).
+
+        top : mm, the surface lies below.  steepest : no slope of the surface is greater.
+        """
         dr = self._backend.dr
         tolerance = 0.01 * self._backend.resolution
         first, last = self._span(o, d, dr.opaque(self._backend.Float, top))
@@ -171,8 +185,34 @@ class SearchedHits:
         t = conic_distance(self._backend, self._conic, o, d)
         t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
         known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
-        t, low, high, _, _, _ = dr.while_loop((t, first, last, known, first < last, count), goes_on, step, mode="symbolic")
+        low, high = first, last
+        if self._sure:
+            low, high, known = self._first_change(o, d, first, last, steepest)
+            t = dr.select((t > low) & (t < high), t, 0.5 * (low + high))
+        t, low, high, _, _, _ = dr.while_loop((t, low, high, known, first < last, count), goes_on, step, mode="symbolic")
         return t, first, last, low >= high
+
+    def _first_change(
+        self, o: list[DrArray], d: list[DrArray], first: DrArray, last: DrArray, steepest: float
+    ) -> tuple[DrArray, DrArray, DrArray]:
+        """Return (low, high, known signs) around the first fall of f through zero, for rays that may meet the surface twice."""
+        dr = self._backend.dr
+        steepest = dr.opaque(self._backend.Float, steepest)
+        doubtful = (first < last) & (steepest * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2])
+        step = (last - first) * (1 / self.samples)
+        none = dr.zeros(self._backend.Index, dr.width(first))
+
+        def march(high: DrArray, index: DrArray, passed: DrArray) -> tuple[DrArray, DrArray, DrArray]:
+            high = high + step
+            z, *_ = self._surface(*self._clip(o[0] + high * d[0], o[1] + high * d[1]))
+            return high, index + 1, z < o[2] + high * d[2]
+
+        def goes_on(high: DrArray, index: DrArray, passed: DrArray) -> DrArray:
+            return doubtful & ~passed & (index < self.samples)
+
+        high, _, passed = dr.while_loop((first, none, first > last), goes_on, march, mode="symbolic")
+        passed &= doubtful
+        return dr.select(passed, high - step, first), dr.select(passed, high, last), dr.select(passed, 3, none)
 
     def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
         """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
@@ -214,6 +254,12 @@ class SearchedHits:
     def _surface(self, x: DrArray, y: DrArray) -> list[DrArray]:
         base = conic_jet(self._backend, self._conic, x, y)
         return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(x, y))]
+
+
+def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:
+    """Return a bound of a spline's derivative along the first direction: the greatest |p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1))|."""
+    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
+    return float(np.abs(kv.degree * np.diff(net, axis=0) / widths[:, None]).max())
 
 
 def conic_distance(backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]) -> DrArray:

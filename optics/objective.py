@@ -1,14 +1,12 @@
 """The objective of one level and its gradient by the THB coefficients of every free surface.
 
-    L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 sum_k phi_k)
+    L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
 
 E is the irradiance measured with a smooth window, T the target measured with the same one, on
-the target's pixels and a dark margin around them (thesis 5.4, squared and normalised).  The
-second term charges light beside the target: d_k is the distance of landing point k from the
-target rectangle, r the target's larger half-width.
-
-Rays that were searched for count fully only where they meet the rear more than `RIM` of its size
-inside; towards the rim they fade, so that light that goes over it is lost smoothly.
+the target's pixels and a dark margin around them (thesis 5.4, squared and normalised); Phi is the
+flux asked for.  The second term charges light beside the target: d_k is the distance of landing
+point k from the target rectangle, r the target's larger half-width.  The third charges light that
+does not reach the pixels where T > 0, wherever it is lost.  The last is `ShapePenalty`.
 """
 
 from __future__ import annotations
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
     from optics.backend import Backend, DrArray
     from optics.hits import Hits
     from optics.screen import Screen
+    from optics.shape import ShapePenalty
     from optics.tracing import Tracer
     from optics.windows import BSplineWindow, GaussianWindow, PixelWindow
     from thbcad.bspline import KnotVector
@@ -45,8 +44,10 @@ class Objective:
         window: PixelWindow | BSplineWindow | GaussianWindow,
         target: NDArray[np.float64],
         lost_flux_weight: float,
+        dark_flux_weight: float = 0.0,
+        shape: ShapePenalty | None = None,
     ) -> None:
-        self._backend, self._tracer = backend, tracer
+        self._backend, self._tracer, self._shape = backend, tracer, shape
         self._screen = screen
         self._splat = Splat(backend, screen, window)
         measured = filter_image(screen.pad(target), window)
@@ -54,13 +55,19 @@ class Objective:
         scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
         self._norm = backend.dr.opaque(backend.Float, 1.0 / np.square(measured).sum())
         self._charge = backend.dr.opaque(backend.Float, lost_flux_weight / scale)
+        self._dark = dark_flux_weight
+        self._reward = backend.array((measured.T > 0) * (dark_flux_weight / measured.sum())) if dark_flux_weight else None
         self.evaluations = 0
         self.fit = np.nan
 
     def __call__(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[NDArray[np.float64]]]:
         """Return (loss, its gradient by each sag's coefficients); `fit` keeps ||E - T|| / ||T|| of the call."""
         loss, hits, _ = self._backward(coefficients)
-        return loss, self._tracer.pull_back(hits)
+        gradients = self._tracer.pull_back(hits)
+        if self._shape is None:
+            return loss, gradients
+        more, slopes = self._shape(coefficients)
+        return loss + more, [g + s for g, s in zip(gradients, slopes)]
 
     def image(self, coefficients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the measured irradiance on the target's pixels, W/mm^2."""
@@ -104,6 +111,8 @@ class Objective:
         beside_y = dr.maximum(dr.abs(landing.y) - hy, 0)
         lost = dr.sum(landing.flux * (beside_x * beside_x + beside_y * beside_y)) * self._charge
         total = fit + lost
+        if self._reward is not None:
+            total = total + self._dark - dr.sum(image * self._reward)
         dr.backward(total)
         self.fit = float(np.sqrt(fit.numpy()[0]))
         return float(total.numpy()[0]), hits, image

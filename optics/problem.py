@@ -114,6 +114,14 @@ class Optimizer:
     merge: int = option(1, low=1, high=64, note="pixels merged in each direction; more for light that is blurred anyway")
     rays_per_pixel: float = option(4.0, low=0.5, high=16, note="in each direction, of merged pixels")
     lost_flux_weight: float = option(100.0, low=0, note="charge for light beside the target")
+    dark_flux_weight: float = option(0.0, low=0, note="charge for light that does not reach the lit part of the target")
+    roughness_weight: float = option(0.0, low=0, note="charge for the sags' bending energy")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    thickness: float = option(0.0, low=0, note="mm, least thickness of the lens; 0 is none")
+    radius: float = option(0.0, low=0, note="mm, least radius of curvature of the free surfaces; 0 is none")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +156,7 @@ class Problem:
     target: Target = option()
     optimizer: Optimizer = option(Optimizer())
     refinement: Refinement = option(Refinement())
+    limits: Limits = option(Limits())
     verify: Verify = option(Verify())
     run: Run = option(Run())
 

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from thbcad.surface import BSplineSurface
 
 
-STARTS = 9  # points in each direction from which the nearest is taken to start, twice as many for rays not brought to the face
-RETRIES = 16  # starts for those
+SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
+ROOM = 1e-3  # of the width, above and below the poles
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
-AT_ONCE = 10_000  # rays
+AT_ONCE = 20_000  # rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,23 +44,35 @@ class ParametricFace:
         self._spline = NdBSpline(knots, surface.coefficients, (surface.kv_u.degree, surface.kv_v.degree))
         self.low = np.array([knots[0][0], knots[1][0]])
         self.high = np.array([knots[0][-1], knots[1][-1]])
+        poles = surface.coefficients.reshape(-1, 3)
+        room = [0.0, 0.0, ROOM * np.ptp(poles[:, 0])]
+        self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
 
-    def starts(self, points: NDArray[np.float64], directions: NDArray[np.float64], side: int, count: int) -> NDArray[np.float64]:
-        """Return parameters of the `count` points, out of side x side on the face, next to every ray and ahead of its origin.
+    def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters where rays first fall through the face, to a sample's width; points, directions : (n, 3).
 
-        points, directions : (n, 3).  Returns (n, count, 2).
+        x and y are taken as linear in the parameters: a guess that Newton's method corrects.
         """
-        grid = [np.linspace(low, high, side) for low, high in zip(self.low, self.high)]
-        uv = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
-        s = self._spline(uv)
-        nearest = [np.zeros((0, count), dtype=np.int64)]
-        for part in range(0, len(points), AT_ONCE):
-            o, d = points[part : part + AT_ONCE], directions[part : part + AT_ONCE]
-            along = d @ s.T - _dot(o, d)[:, None]
-            square = (s * s).sum(axis=1) - 2 * o @ s.T + _dot(o, o)[:, None] - along**2
-            square = np.where(along >= 0, square, np.inf)
-            nearest.append(np.argpartition(square, range(count), axis=1)[:, :count])
-        return uv[np.concatenate(nearest)]
+        first, last = self._way(points, directions)
+        steps = np.linspace(0, 1, SAMPLES)
+        t = first[:, None] + (last - first)[:, None] * steps
+        at = points[:, None, :] + t[..., None] * directions[:, None, :]
+        share = np.clip((at[..., :2] - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
+        uv = self.low + share * (self.high - self.low)
+        above = self._spline(uv)[..., 2] - at[..., 2]
+        falls = (above[:, :-1] > 0) & (above[:, 1:] <= 0)
+        k = np.where(falls.any(axis=1), falls.argmax(axis=1), np.abs(above[:, :-1]).argmin(axis=1))[:, None]
+        before, behind = (np.take_along_axis(above, i, axis=1) for i in (k, k + 1))
+        part = np.clip(before / np.where(before == behind, 1, before - behind), 0, 1)
+        left, right = (np.take_along_axis(uv, i[..., None], axis=1)[:, 0] for i in (k, k + 1))
+        return left + part * (right - left)
+
+    def _way(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the ray parameters at which rays enter and leave the face's box."""
+        still = np.abs(directions) < 1e-12
+        speed = np.where(still, 1.0, directions)
+        ends = np.stack([np.where(still, side, (corner - points) / speed) for side, corner in zip((-np.inf, np.inf), self._box)])
+        return np.maximum(ends.min(axis=0).max(axis=1), 0.0), ends.max(axis=0).min(axis=1)
 
     def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
@@ -106,20 +118,10 @@ def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Scre
 def _intersect(
     face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return (points, unit normals towards +z, met) of rays on a face; of several meetings found the first along the ray.
-
-    Rays that Newton's method does not bring to the face from the nearest start are tried again from many.
-    """
-    met_points, normals, met = _newton(face, points, directions, face.starts(points, directions, STARTS, 1)[:, 0])
-    lost = np.flatnonzero(~met)
-    starts = face.starts(points[lost], directions[lost], 2 * STARTS, RETRIES)
-    ray = np.repeat(lost, RETRIES)
-    again = _newton(face, points[ray], directions[ray], starts.reshape(-1, 2))
-    along = np.where(again[2], _dot(again[0] - points[ray], directions[ray]), np.inf).reshape(-1, RETRIES)
-    best = np.arange(len(lost)) * RETRIES + along.argmin(axis=1)
-    for kept, new in zip((met_points, normals, met), again):
-        kept[lost] = new[best]
-    return met_points, normals, met
+    """Return (points, unit normals towards +z, met) of rays on a face, part by part."""
+    parts = [slice(k, k + AT_ONCE) for k in range(0, len(points), AT_ONCE)]
+    found = [_newton(face, points[k], directions[k], face.start(points[k], directions[k])) for k in parts]
+    return tuple(np.concatenate(column) for column in zip(*found))
 
 
 def _newton(

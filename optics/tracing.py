@@ -89,9 +89,10 @@ class Tracer:
     lens : Lens.  rays : Beam or Rays.  target_z : mm, inf is the far field.
     soft_rim : share of the half-width within which the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
+    sure : grazing rays are led to the first of several meetings with a rough surface; costs up to twice the time.
     """
 
-    def __init__(self, backend: Backend, lens: Lens, rays: Beam | Rays, target_z: float, soft_rim: float = 0.0) -> None:
+    def __init__(self, backend: Backend, lens: Lens, rays: Beam | Rays, target_z: float, soft_rim: float = 0.0, sure: bool = True) -> None:
         self._backend, self._lens, self._soft_rim = backend, lens, soft_rim
         dr, Float = backend.dr, backend.Float
         self._emitted = rays.entering
@@ -113,8 +114,8 @@ class Tracer:
         else:
             rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
             self._origin, self._direction = ([backend.array(a) for a in rows] for rows in (rays.origin, rays.direction))
-            self._front = SearchedHits(backend, lens.front.conic, lens.front.half_width, _knots(lens.front))
-            self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, _knots(lens.rear))
+            self._front = SearchedHits(backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure)
+            self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, _knots(lens.rear), sure)
             if lens.front.sag is None:
                 _, self._behind = self._through_front(None)
                 dr.eval(self._behind.origin, self._behind.direction, self._behind.flux)
