@@ -283,7 +283,7 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
     ):
         if limits[name] is not None and broken(value, limits[name]):
             raise UserError(f"{key} must be {word} {limits[name]}, got {value!r}")
-    if key.endswith("radius") and value == 0:
+    if limits["infinite"] and value == 0:  # of a surface: a target has its own limit
         raise UserError(f"{key} must not be 0; inf is a plane")
     return hint(value)
 
