@@ -112,7 +112,7 @@ def _pearl_objective(
     screen = target_screen(problem, 1, MARGIN)
     beam = collimated_beam(problem.source.half_width, problem.source.flux, lens.front.half_width, (449, 449))
     tracer = Tracer(backend, lens, beam, problem.target_z)
-    target = target_irradiance(light, screen, problem.target.fit, 0.92)
+    target = target_irradiance(light, screen, problem.target.placing, 0.92)
     return Objective(backend, tracer, screen, window, target, problem.optimizer.lost_flux_weight)
 
 

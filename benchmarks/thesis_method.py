@@ -34,7 +34,7 @@ def adam_batches(problem: Problem, light: NDArray[np.float64], backend: Backend)
     """Yield the lens after every batch of a problem with a free rear."""
     lens = base_lens(problem)
     screen = target_screen(problem, 1, MARGIN)
-    target = target_irradiance(light, screen, problem.target.fit, transmitted_flux(backend, problem, lens))
+    target = target_irradiance(light, screen, problem.target.placing, transmitted_flux(backend, problem, lens))
     rays = problem_rays(problem, RAYS)
     freeform = problem.lens.rear.freeform
     for batch in range(BATCHES):

@@ -1,4 +1,4 @@
-"""Designs for pictures that nothing was tuned on: photographs, text, a disk on black, smooth waves.
+"""Designs for pictures that nothing was tuned on: photographs, line art, text, a disk on black, smooth waves.
 
 Run: thbcad bench untuned
 """
@@ -45,6 +45,8 @@ def pictures() -> Iterator[tuple[str, NDArray[np.uint8]]]:
     yield "photographer", data.camera()
     yield "astronaut", data.astronaut()
     yield "coins", data.coins()
+    yield "line art, not square", np.where(data.horse(), 255, 0).astype(np.uint8)
+    yield "galaxies, mostly black", data.hubble_deep_field()
     x, y = np.meshgrid(*[(np.arange(SIZE) + 0.5) / SIZE] * 2)
     yield "smooth waves", np.round(127 + 100 * np.sin(9 * x + 2 * y) * np.cos(7 * y)).astype(np.uint8)
     yield "disk on black", (255 * ((x - 0.5) ** 2 + (y - 0.5) ** 2 < 0.3**2)).astype(np.uint8)

@@ -153,7 +153,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     lens = base_lens(problem)
     require_reachable(problem, light)
     screen = target_screen(problem)
-    target = target_irradiance(light, screen, problem.target.fit, problem.source.flux)
+    target = target_irradiance(light, screen, problem.target.placing, problem.source.flux)
     least = lens.least_thickness()
     plan = stages(problem, problem.optimizer.start == "transport")
     data = {

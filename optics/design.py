@@ -254,7 +254,7 @@ def design(
     lens = base_lens(problem)
     flux = transmitted_flux(backend, problem, lens)
     clock = perf_counter() - (state.seconds if state else 0.0)
-    target = target_irradiance(light, target_screen(problem), problem.target.fit, 1.0)
+    target = target_irradiance(light, target_screen(problem), problem.target.placing, 1.0)
     axes = mirror_axes(target, source_profile(problem))
     on_its_way = state is not None and state.begun and state.level == last_level(problem)  # needs neither a start nor coarse pixels
     start = None if on_its_way else _transport_start(problem, lens, light, backend, note)
@@ -264,7 +264,7 @@ def design(
     for stage in remaining:
         if start and not state.begun:
             state = State(stage.level, (*state.sags[:-1], start.fit(state.sags[-1].space)), history=state.history)
-        target = target_irradiance(light, stage.screen, problem.target.fit, flux)
+        target = target_irradiance(light, stage.screen, problem.target.placing, flux)
         lens = _with_sags(lens, state.sags)
         objective = _objective(backend, problem, lens, stage, target)
         variables = BoundedVariables(state.sags, [f.z_freedom for f in freeforms(problem)], axes)

@@ -56,7 +56,7 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
         budgets.append(budget)
     irradiance = (images[0] + images[1]) / 2
     budget = budgets[0]
-    target = target_irradiance(light, screen, problem.target.fit, budget.transmitted)
+    target = target_irradiance(light, screen, problem.target.placing, budget.transmitted)
     shown = screen.projection()  # in the far field intensities are compared
     irradiance, target, images = irradiance / shown, target / shown, [image / shown for image in images]
     figures = compare(irradiance, target)

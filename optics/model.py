@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from optics.beam import Beam, Profile, collimated_beam
 from optics.errors import UserError
+from optics.formula import formula_light
 from optics.picture import fit_picture, read_picture
 from optics.rays import Rays, lambertian_parts, point_rays
 from optics.screen import Screen
@@ -97,15 +98,17 @@ def target_screen(problem: Problem, coarsening: int = 1, margin: int = 0) -> Scr
 
 
 def target_light(problem: Problem) -> NDArray[np.float64]:
-    """Return the target as linear light: a picture at its own resolution, a region on the target's pixels.
+    """Return the target as linear light: a picture at its own resolution, a region or a formula on the target's pixels.
 
     Raises
     ------
-    UserError : see `read_picture`.
+    UserError : see `read_picture` and `formula_light`.
     """
     target = problem.target
     if target.kind == "tophat":
         return uniform_region(target.shape, target.pixels, target.lit)
+    if target.kind == "function":
+        return formula_light(target.formula, target.pixels)
     return read_picture(target.image, target.encoding)
 
 
@@ -123,7 +126,7 @@ def require_reachable(problem: Problem, light: NDArray[np.float64]) -> None:
     if problem.source.kind != "collimated" or not isinf(lens.front.radius) or isinf(target.distance):
         return
     screen = target_screen(problem)
-    lit = target_irradiance(light, screen, target.fit, 1.0) > 0
+    lit = target_irradiance(light, screen, target.placing, 1.0) > 0
     beam = [min(s, f) for s, f in zip(problem.source.half_width, lens.front.half_width)]
     aside = [
         np.maximum(np.abs((2 * np.arange(n) + 1) / n - 1) * h - b, 0)[lit.any(axis=1 - d)].max()

@@ -89,8 +89,9 @@ class LensSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    kind: str = option(choices=("image", "tophat"), note="a picture, or a region of uniform light")
+    kind: str = option(choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula")
     image: str = option("", note="picture file, relative to the problem file; of kind image")
+    formula: str = option("", note="light at x, y from -1 to 1 over the target, y upward; of kind function")
     shape: str = option("rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat")
     lit: tuple[float, float] = option((0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's")
     distance: float = option(above=0, infinite=True, note="mm from the rear vertex to the target plane; inf is the far field")
@@ -98,6 +99,11 @@ class Target:
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
     fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
+
+    @property
+    def placing(self) -> str:
+        """How the light is laid on the pixels: `fit` for pictures; regions and formulas are made on the pixels themselves."""
+        return self.fit if self.kind == "image" else "stretch"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,6 +201,8 @@ def _require_partners(problem: Problem) -> None:
     source, target = problem.source, problem.target
     if target.kind == "image" and not target.image:
         raise UserError("the key target.image is missing")
+    if target.kind == "function" and not target.formula:
+        raise UserError("the key target.formula is missing")
     if source.profile == "image" and not source.image:
         raise UserError("the key source.image is missing")
     if source.kind == "point" and source.distance == 0:

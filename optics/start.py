@@ -74,7 +74,7 @@ class TransportStart:
     def __init__(self, problem: Problem, lens: Lens, light: Floats, backend: Backend) -> None:
         self._problem, self._lens = problem, lens
         screen = target_screen(problem)
-        self._lit, self._centre, self._half = _lit_part(target_irradiance(light, screen, problem.target.fit, 1.0), screen)
+        self._lit, self._centre, self._half = _lit_part(target_irradiance(light, screen, problem.target.placing, 1.0), screen)
         self._cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
         self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
         self.reach = 0.0

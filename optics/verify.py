@@ -18,6 +18,7 @@ from optics.reference import deposit, trace_step
 from optics.tracing import Tracer
 from thbcad.cad.solid import lens_surfaces
 from thbcad.cad.step import StepLens, read_step, step_bytes
+from thbcad.curvature import least_radii
 
 if TYPE_CHECKING:
     from optics.backend import Backend
@@ -70,11 +71,28 @@ def verify(problem: Problem, lens: Lens, path: str | Path, backend: Backend) -> 
     ):
         checks.append(Check(f"{name} face against the lens in memory", surface_deviation(read, surface, vertex), limits.surface, "mm"))
     landing, irradiance, mismatched = _light(problem, lens, step, backend)
+    checks += limit_checks(problem, lens)
     checks += [
         Check("rays with another fate in the independent trace", mismatched, 0, ""),
         Check("landing points, independent trace of the file", landing, limits.landing, "degrees" if isinf(problem.target_z) else "mm"),
         Check("irradiance, independent trace of the file, relative", irradiance, limits.irradiance, ""),
     ]
+    return checks
+
+
+def limit_checks(problem: Problem, lens: Lens) -> list[Check]:
+    """Return by how much the lens may fall short of the problem's limits, from certified bounds, with the place."""
+    checks, limits = [], problem.limits
+    if limits.thickness:
+        least = lens.least_thickness()
+        name = f"thickness short of limits.thickness, at x = {least.u:.4g}, y = {least.v:.4g} mm"
+        checks.append(Check(name, max(0.0, limits.thickness - least.lower), 0, "mm"))
+    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+        if limits.radius and surface.sag is not None:
+            radii = least_radii(surface.graph())
+            least = min((radii.concave, radii.convex), key=lambda bound: bound.lower)
+            text = f"radius of the {name} short of limits.radius, at x = {least.u:.4g}, y = {least.v:.4g} mm"
+            checks.append(Check(text, max(0.0, limits.radius - least.lower), 0, "mm"))
     return checks
 
 

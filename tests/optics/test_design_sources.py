@@ -8,7 +8,7 @@ import pytest
 from optics.design import earlier_state
 from optics.errors import UserError
 from optics.model import base_lens
-from tests.optics.test_design import check_going_on, interrupted_at, loaded, rows_of, run
+from tests.optics.test_design import loaded, rows_of, run
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}
 POINT = {"source.kind": "point", "source.half_angle": 45.0, "source.exponent": 1.0}
