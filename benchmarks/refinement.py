@@ -25,16 +25,8 @@ from optics.problem import Freeform, Problem, Refinement, load_problem
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 UNIFORM = (4, 5)  # levels
 # indicator and alpha, level 5
-MESHES = (
-    ("decrease", 0.05),
-    ("decrease", 0.3),
-    ("decrease", 1.0),
-    ("decrease", 3.0),
-    ("vertex", 0.1),
-    ("vertex", 0.3),
-    ("vertex", 1.0),
-    ("vertex", 2.0),
-)
+DECREASE, VERTEX = (0.05, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 2.0)
+MESHES = [("decrease", a) for a in DECREASE] + [("vertex", a) for a in VERTEX]
 WANTED = 0.2  # of the uniform degrees of freedom; not reached where the detail is everywhere, as in the pearl
 EQUAL = 1.05  # errors within five percent count as equal: runs that differ in rounding only are that far apart
 LAST = 5  # evaluations, of which the best counts; those before may belong to the coarse pass

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from thbcad.surface import BSplineSurface
 
 
-SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
+SAMPLES = 25  # along every ray, from where it enters the face's box to where it leaves it
 ROOM = 1e-3  # of the width, above and below the poles
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 AT_ONCE = 20_000  # rays
@@ -41,7 +41,9 @@ class ParametricFace:
 
     def __init__(self, surface: BSplineSurface) -> None:
         knots = surface.kv_u.knots, surface.kv_v.knots
-        self._spline = NdBSpline(knots, surface.coefficients, (surface.kv_u.degree, surface.kv_v.degree))
+        degrees = surface.kv_u.degree, surface.kv_v.degree
+        self._spline = NdBSpline(knots, surface.coefficients, degrees)
+        self._height = NdBSpline(knots, surface.coefficients[..., 2], degrees)
         self.low = np.array([knots[0][0], knots[1][0]])
         self.high = np.array([knots[0][-1], knots[1][-1]])
         poles = surface.coefficients.reshape(-1, 3)
@@ -59,7 +61,7 @@ class ParametricFace:
         at = points[:, None, :] + t[..., None] * directions[:, None, :]
         share = np.clip((at[..., :2] - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
         uv = self.low + share * (self.high - self.low)
-        above = self._spline(uv)[..., 2] - at[..., 2]
+        above = self._height(uv) - at[..., 2]
         falls = (above[:, :-1] > 0) & (above[:, 1:] <= 0)
         k = np.where(falls.any(axis=1), falls.argmax(axis=1), np.abs(above[:, :-1]).argmin(axis=1))[:, None]
         before, behind = (np.take_along_axis(above, i, axis=1) for i in (k, k + 1))

@@ -161,7 +161,7 @@ def refined(folder, backend, start, indicator, place, more):
     ],
 )
 def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicator, place, more):
-    """Within 2.5 mm of the spot, not so near the place opposite to it; less than a third of the lens, centred within a cell of 5 mm of the spot."""
+    """Within 2.5 mm of the spot, not so near the place opposite to it; less than a third of the lens, centred around the spot."""
     found = refined(tmp_path, backend, start, indicator, place, more)
     assert len(found) == 1 + bool(more)
     for boxes_of_one in found:
