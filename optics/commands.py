@@ -60,6 +60,8 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         state = earlier_state(problem, lens, ResultFolder(options.earlier).read_lens())
     if not options.resume:
         folder.drop_checkpoint()
+    for sentence in advice(problem):
+        _note(sentence)
     from optics.backend import load_backend
 
     backend = load_backend(problem.run.precision, problem.run.threads)
@@ -91,6 +93,17 @@ def _optimise(
 
 def _note(sentence: str) -> None:
     print(f"thbcad: note: {sentence}", file=sys.stderr)
+
+
+def advice(problem: Problem) -> list[str]:
+    """Return sentences about settings that do not suit the problem."""
+    options = problem.optimizer
+    if problem.source.kind == "lambertian" and (options.window == "pixel" or options.lost_flux_weight > 1):
+        return [
+            'an extended source blurs its light anyway: optimizer.window = "bspline" and lost_flux_weight = 0 suit it better, '
+            "and merged pixels save time (examples/extended.toml)"
+        ]
+    return []
 
 
 def _finish(
@@ -174,6 +187,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
     if least.lower <= sum(f.z_freedom for f in freeforms(problem)):
         lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
+    lines += [f"note: {sentence}" for sentence in advice(problem)]
     return data, lines, True
 
 

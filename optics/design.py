@@ -391,7 +391,10 @@ def _marked(problem: Problem, lens: Lens, stage: Stage, axes: Sequence[int], ind
 
 @dataclass(frozen=True, eq=False)
 class _Indicators:
-    """The refinement indicators of a design, called with (Lens, Stage): numbers per leaf cell of every free surface."""
+    """The refinement indicators of a design, called with (Lens, Stage): numbers per leaf cell of every free surface.
+
+    Only the rear has slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
+    """
 
     problem: Problem
     backend: Backend
@@ -401,9 +404,10 @@ class _Indicators:
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         if self.problem.refinement.indicator == "decrease":
             return self._decrease(lens, stage)
-        if self.problem.refinement.indicator == "slope":
-            return [self.start.misfit(lens.rear.sag)]
-        return self._vertex(lens, stage)
+        found = self._vertex(lens, stage)
+        if self.problem.refinement.indicator == "slope" and self.start:
+            found[-1] = self.start.misfit(lens.rear.sag)
+        return found
 
     def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]

@@ -68,7 +68,7 @@ class Front:
     half_width: tuple[float, float] = option(above=0, note="mm")
     radius: float = option(math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane")
     conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
-    freeform: Freeform | None = option(None)
+    freeform: Freeform | None = option(None, note="with the keys of lens.rear.freeform: a front that is free too")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -317,6 +317,7 @@ def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
     for f in fields(record):
         value = getattr(record, f.name)
         if value is None:
+            tables.append(f"\n# [{prefix}{f.name}]{_remark(f.metadata)}\n" if notes else "")
             continue
         if is_dataclass(value):
             tables.append(f"\n[{prefix}{f.name}]\n" + _toml(value, f"{prefix}{f.name}.", notes))

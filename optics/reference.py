@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from thbcad.surface import BSplineSurface
 
 
-SAMPLES = 25  # along every ray, from where it enters the face's box to where it leaves it
+HALVINGS = 12  # of the interval in which a ray falls through the face, before Newton's method
+SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
 ROOM = 1e-3  # of the width, above and below the poles
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 AT_ONCE = 20_000  # rays
@@ -56,18 +57,23 @@ class ParametricFace:
         x and y are taken as linear in the parameters: a guess that Newton's method corrects.
         """
         first, last = self._way(points, directions)
-        steps = np.linspace(0, 1, SAMPLES)
-        t = first[:, None] + (last - first)[:, None] * steps
-        at = points[:, None, :] + t[..., None] * directions[:, None, :]
-        share = np.clip((at[..., :2] - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
-        uv = self.low + share * (self.high - self.low)
-        above = self._height(uv) - at[..., 2]
+
+        def at(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            here = points[:, None, :] + t[..., None] * directions[:, None, :]
+            share = np.clip((here[..., :2] - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
+            uv = self.low + share * (self.high - self.low)
+            return uv, self._height(uv) - here[..., 2]
+
+        t = first[:, None] + (last - first)[:, None] * np.linspace(0, 1, SAMPLES)
+        _, above = at(t)
         falls = (above[:, :-1] > 0) & (above[:, 1:] <= 0)
         k = np.where(falls.any(axis=1), falls.argmax(axis=1), np.abs(above[:, :-1]).argmin(axis=1))[:, None]
-        before, behind = (np.take_along_axis(above, i, axis=1) for i in (k, k + 1))
-        part = np.clip(before / np.where(before == behind, 1, before - behind), 0, 1)
-        left, right = (np.take_along_axis(uv, i[..., None], axis=1)[:, 0] for i in (k, k + 1))
-        return left + part * (right - left)
+        low, high = (np.take_along_axis(t, i, axis=1) for i in (k, k + 1))
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            over = at(middle)[1] > 0
+            low, high = np.where(over, middle, low), np.where(over, high, middle)
+        return at((low + high) / 2)[0][:, 0]
 
     def _way(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the ray parameters at which rays enter and leave the face's box."""

@@ -19,6 +19,7 @@ from thbcad.bspline import KnotVector
 if TYPE_CHECKING:
     from thbcad.space import THBSpace
 
+ASIDE = tuple((a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25))  # of a span of the function's level
 LEAST = 1e-3  # of the mean: smaller entries of the Hessian's diagonal count as that
 
 
@@ -47,17 +48,19 @@ def promised_decrease(
     gradient : (finer.dim,).  probes : vectors whose mean square is h / 2.
     """
     half = np.mean(np.square(probes), axis=0)
-    decrease = np.square(gradient) / (4 * np.maximum(half, LEAST * half.mean()))
-    level, *index = finer.functions.T
+    least = LEAST * half.mean() or 1.0  # without light there is no curvature, and no gradient
+    decrease = np.square(gradient) / (4 * np.maximum(half, least))
     old = {tuple(row) for row in space.functions.tolist()}
     new = np.array([tuple(row) not in old for row in finer.functions.tolist()])
-    middle = []
-    for i, kv in zip(index, (finer.kv_u, finer.kv_v)):
-        spans = (kv.dim - kv.degree) << level
-        share = np.clip((i + (1 - kv.degree) / 2) / spans, 0, 1)
-        middle.append(kv.start + share * (kv.stop - kv.start))
-    cell = space.locate(*middle)
-    return np.bincount(cell[new], decrease[new], len(space.cells))
+    level, *index = finer.functions[new].T
+    out = np.zeros(len(space.cells))
+    for aside in ASIDE:  # middles lie on knot lines or between them: beside them the cell is certain
+        middle = []
+        for i, kv, a in zip(index, (finer.kv_u, finer.kv_v), aside):
+            share = np.clip((i + (1 - kv.degree) / 2 + a) / ((kv.dim - kv.degree) << level), 0, 1)
+            middle.append(kv.start + share * (kv.stop - kv.start))
+        out += np.bincount(space.locate(*middle), decrease[new] / len(ASIDE), len(out))
+    return out
 
 
 def mark(space: THBSpace, indicator: NDArray[np.float64], alpha: float, max_level: int) -> dict[int, NDArray[np.int64]]:

@@ -55,6 +55,8 @@ class BoundedVariables:
         """Scale the weights at the start by `Objective.curvature`'s vectors there; the mean square of the scales is 1."""
         self.coefficients(self.zeros())
         diagonal = np.mean([np.square(self.gradient(v)) for v in vectors], axis=0)
+        if not diagonal.any():  # no light on the pixels
+            return
         scale = 1 / np.sqrt(np.maximum(diagonal, LEAST * diagonal.mean()))
         self._scale = self._scale * scale / np.sqrt(np.mean(scale**2))
 

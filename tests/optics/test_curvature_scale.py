@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from optics.backend import load_backend
 from optics.beam import Profile, collimated_beam
@@ -17,6 +18,7 @@ from optics.tracing import Tracer
 from optics.variables import LEAST, BoundedVariables
 from optics.windows import BSplineWindow, filter_image
 from tests.optics.small import coefficients, hollow_lens, picture, rough, small_lens, small_space
+from tests.optics.test_design import run
 from thbcad.conic import Conic
 
 WINDOW = BSplineWindow(3)
@@ -164,3 +166,15 @@ def test_light_that_moves_nothing_leaves_the_variables_alone():
     variables.precondition([[np.zeros(space.dim)]] * 4)
     (c,) = variables.coefficients(np.ones(len(variables.zeros())))
     assert np.isfinite(c).all()
+
+
+def test_a_design_starts_with_all_light_beside_the_target(tmp_path, backend):
+    """A beam that is dark in the middle, before a small target and on a flat start: the charge for lost light moves it onto the pixels."""
+    across = np.abs(np.linspace(-1, 1, 64))
+    Image.fromarray(np.where(np.maximum(across[:, None], across) > 0.7, 255, 0).astype(np.uint8)).save(tmp_path / "ring.png")
+    changes = {
+        "source.profile": "image", "source.image": "ring.png", "optimizer.start": "flat", "lens.rear.radius": 400.0, "lens.rear.conic": 0.0,
+        "lens.rear.freeform.max_level": 0, "target.half_width": [3.0, 3.0],
+    }  # fmt: skip
+    losses = [row.loss for row in run(tmp_path, backend, changes).state.history]
+    assert min(losses) < 0.1 * losses[0]
