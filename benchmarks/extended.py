@@ -20,10 +20,11 @@ from benchmarks.rows import Row
 from benchmarks.thesis_method import adam_batches
 from optics.backend import Backend, load_backend
 from optics.budget import nonsequential_figures
-from optics.design import State, design
+from optics.design import design
 from optics.metrics import measure
 from optics.model import base_lens, target_light
 from optics.problem import Problem, load_problem
+from optics.state import State
 from optics.verify import verify
 from thbcad import write_step
 

@@ -20,9 +20,9 @@ from scipy.integrate import dblquad
 from benchmarks.rows import Row, median_seconds
 from optics.backend import Backend, load_backend
 from optics.beam import collimated_beam
-from optics.design import MARGIN
 from optics.model import base_lens, target_irradiance, target_light, target_screen
 from optics.objective import Objective
+from optics.plan import MARGIN
 from optics.problem import Problem, load_problem
 from optics.tracing import Tracer
 from optics.windows import BSplineWindow, GaussianWindow, PixelWindow

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.backend import Backend
-from optics.design import MARGIN, transmitted_flux
+from optics.design import transmitted_flux
 from optics.model import base_lens, problem_rays, target_irradiance, target_screen
 from optics.objective import Objective
+from optics.plan import MARGIN
 from optics.problem import Problem
 from optics.refinement import mark, summed_over_cells, vertex_knots
 from optics.tracing import Tracer

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from benchmarks.rows import Row
-from optics.problem import load_problem, problem_to_toml
+from optics.problem import load_problem
+from optics.problem_text import problem_to_toml
 
 PEARL = Path(__file__).resolve().parent.parent / "examples" / "pearl.toml"
 Z_FREEDOM = 19.0  # mm: busy pictures ask for more sag than the pearl

@@ -11,20 +11,23 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from optics.design import Interrupted, earlier_state, stages
+from optics.design import Interrupted
 from optics.errors import UserError
 from optics.model import base_lens, freeforms, require_reachable, source_profile, target_irradiance, target_light, target_screen
-from optics.problem import commented_problem, load_problem, problem_to_toml
+from optics.plan import stages
+from optics.problem import load_problem
+from optics.problem_text import commented_problem, problem_to_toml
 from optics.progress import DesignProgress
 from optics.results import ResultFolder
+from optics.state import earlier_state
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from optics.backend import Backend
-    from optics.design import State
     from optics.problem import Problem
+    from optics.state import State
     from thbcad.lens import Lens
 
 
@@ -50,9 +53,7 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     problem = load_problem(options.problem)
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
-    light = target_light(problem)
-    lens = base_lens(problem)
-    require_reachable(problem, light)
+    light, lens = _sound(problem)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     folder.prepare()
     state = folder.read_checkpoint(problem) if options.resume else None
@@ -93,6 +94,14 @@ def _optimise(
 
 def _note(sentence: str) -> None:
     print(f"thbcad: note: {sentence}", file=sys.stderr)
+
+
+def _sound(problem: Problem) -> tuple[NDArray[np.float64], Lens]:
+    """Return the light asked for and the lens before optimisation; UserError where the problem cannot be solved."""
+    light, lens = target_light(problem), base_lens(problem)
+    source_profile(problem)
+    require_reachable(problem, light)
+    return light, lens
 
 
 def advice(problem: Problem) -> list[str]:
@@ -161,10 +170,7 @@ def new(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
 def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Read a problem without tracing."""
     problem = load_problem(options.problem)
-    light = target_light(problem)
-    source_profile(problem)  # refuses a picture that cannot be read
-    lens = base_lens(problem)
-    require_reachable(problem, light)
+    light, lens = _sound(problem)
     screen = target_screen(problem)
     target = target_irradiance(light, screen, problem.target.placing, problem.source.flux)
     least = lens.least_thickness()

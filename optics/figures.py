@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from optics.design import Row
     from optics.metrics import Measurement
     from optics.nonsequential import RayPath
     from optics.problem import Problem
+    from optics.state import Row
     from thbcad.lens import FreeformSurface, Lens
 
 DPI = 110

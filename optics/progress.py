@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 if TYPE_CHECKING:
-    from optics.design import Row, Stage
+    from optics.plan import Stage
+    from optics.state import Row
 
 
 class DesignProgress:

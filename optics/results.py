@@ -12,10 +12,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.design import Row, State, last_level
 from optics.errors import UserError
 from optics.model import freeforms
-from optics.problem import Problem, load_problem, problem_to_toml
+from optics.plan import last_level
+from optics.problem import Problem, load_problem
+from optics.problem_text import problem_to_toml
+from optics.state import Row, State
 from thbcad.files import json_text, write_bytes, write_text
 from thbcad.native import read_lens, sag_from_dict, sag_to_dict, write_lens
 

@@ -12,10 +12,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.design import PROBES, Interrupted, State, _vertices, design, first_state, sag_window, stages, transmitted_flux
+from optics.design import Interrupted, design, transmitted_flux
 from optics.errors import NumericalError, UserError
+from optics.marking import PROBES, _vertices, sag_window
 from optics.model import base_lens, target_light, target_screen
+from optics.plan import stages
 from optics.problem import load_problem
+from optics.state import State, first_state
 from tests.optics.small import ROOT, write_problem
 from thbcad.thb import THBSurface
 

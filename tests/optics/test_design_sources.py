@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.design import earlier_state
 from optics.errors import UserError
 from optics.model import base_lens
+from optics.state import earlier_state
 from tests.optics.test_design import loaded, rows_of, run
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}

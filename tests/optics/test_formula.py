@@ -16,7 +16,8 @@ from optics.cli import main
 from optics.errors import LONGEST, UserError
 from optics.formula import ALLOWED, BAND_POINTS, MAX_DEPTH, MAX_LENGTH, SUBPOINTS, formula_light
 from optics.model import target_irradiance, target_light, target_screen
-from optics.problem import load_problem, problem_to_toml
+from optics.problem import load_problem
+from optics.problem_text import problem_to_toml
 from optics.shapes import uniform_region
 from tests.optics.small import write_problem
 

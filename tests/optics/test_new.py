@@ -6,7 +6,8 @@ from dataclasses import fields, is_dataclass
 from PIL import Image
 
 from optics.cli import main
-from optics.problem import Problem, commented_problem, load_problem, problem_to_toml
+from optics.problem import Problem, load_problem
+from optics.problem_text import commented_problem, problem_to_toml
 
 
 def keys(record, prefix=""):

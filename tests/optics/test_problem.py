@@ -14,7 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from optics.errors import UserError
-from optics.problem import MAX_FILE_BYTES, Problem, load_problem, per_level, problem_to_toml
+from optics.problem import MAX_FILE_BYTES, Problem, load_problem, per_level
+from optics.problem_text import problem_to_toml
 from tests.optics.small import SMALL, toml_text, toml_value
 
 REQUIRED = (

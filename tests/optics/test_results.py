@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from optics.design import Row, State
 from optics.errors import UserError
 from optics.model import source_profile
 from optics.problem import load_problem
 from optics.results import ResultFolder
+from optics.state import Row, State
 from tests.optics.small import picture, rough, small_space, write_problem
 from thbcad.thb import THBSurface
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optics.backend import load_backend
-from optics.design import MARGIN
+from optics.plan import MARGIN
 from optics.screen import Screen
 from optics.splat import Splat
 from optics.windows import BoxWindow, BSplineWindow, GaussianWindow
