@@ -17,7 +17,7 @@ from optics.rays import beam_rays
 from optics.reference import deposit, trace_step
 from optics.tracing import Tracer
 from thbcad.cad.solid import lens_surfaces
-from thbcad.cad.step import StepLens, read_step, step_bytes
+from thbcad.cad.step import StepLens, read_step, step_bytes, step_volume
 from thbcad.curvature import least_radii
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from thbcad.surface import BSplineSurface
 
 TOLERANCE = 1e-6  # mm
+FINE_VOLUME = 1e-9  # relative
 SURFACE_SAMPLES = 6  # per knot span and direction
 
 
@@ -62,7 +63,10 @@ def verify(problem: Problem, lens: Lens, path: str | Path, backend: Backend) -> 
         Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
     ]
     volume = lens.volume()
-    checks.append(Check("volume by OCCT against the closed form, relative", abs(step.volume / volume - 1), limits.volume, ""))
+    off = abs(step.volume / volume - 1)
+    if off > limits.volume:  # OCCT's estimate of its own error is too low on rough surfaces: ask for more
+        off = abs(step_volume(path, FINE_VOLUME) / volume - 1)
+    checks.append(Check("volume by OCCT against the closed form, relative", off, limits.volume, ""))
     for name, read, own in zip(("front", "rear"), (step.front, step.rear), lens_surfaces(lens)):
         checks.append(Check(f"{name} poles and knots that differ from the lens in memory", _different(read, own), 0, ""))
     for name, read, surface, vertex in (

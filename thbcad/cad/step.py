@@ -100,8 +100,6 @@ def read_step(path: str | Path) -> StepLens:
         raise ValueError(f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear")
     front, rear = sorted(splines, key=_centre_height)
     shells = [TopoDS.Shell_s(s) for s in explore(shape, TopAbs_SHELL)]
-    properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, properties, VOLUME_TOLERANCE)
     return StepLens(
         front=front,
         rear=rear,
@@ -111,8 +109,26 @@ def read_step(path: str | Path) -> StepLens:
         tolerance=ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1),
         closed=bool(shells) and all(BRep_Tool.IsClosed_s(s) for s in shells),
         valid=BRepCheck_Analyzer(shape).IsValid(),
-        volume=properties.Mass(),
+        volume=_volume(shape, VOLUME_TOLERANCE),
     )
+
+
+def step_volume(path: str | Path, tolerance: float) -> float:
+    """Return the volume in a STEP file, mm^3, by OCCT's integral; it estimates its error and may miss the relative tolerance.
+
+    Raises
+    ------
+    OSError : the file cannot be read.
+    ValueError : it is no STEP file.
+    """
+    silence()
+    return _volume(step_shape(Path(path)), tolerance)
+
+
+def _volume(shape: TopoDS_Shape, tolerance: float) -> float:
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, properties, tolerance)
+    return properties.Mass()
 
 
 def _centre_height(spline: BSplineSurface) -> float:
