@@ -90,4 +90,6 @@ def collimated_beam(
     if profile.kind == "uniform":
         return Beam(x, y, each, flux * (1 - share))
     carried = each * profile(x[:, None] / half_width[0], y[None, :] / half_width[1])
-    return Beam(x, y, carried, flux - carried.sum())
+    # the midpoint rule's error is no light that misses
+    carried *= flux / carried.sum() if share == 1 else min(1.0, flux / carried.sum())
+    return Beam(x, y, carried, max(0.0, flux - carried.sum()))

@@ -24,9 +24,10 @@ WIDEST = 0.98  # of the cone's half-angle: the outermost rays of a fan
 
 
 def follows_edges(problem: Problem) -> bool:
-    """Return whether the sequential trace may miss light that reaches the target by other ways.
+    """Return whether light may reach the target by other ways than through front and rear.
 
-    Parallel light stays within the rear, and what is reflected twice is spread thin.
+    The non-sequential trace needs a target plane.  Parallel beams are left out: where a curved front sends them
+    into the edges, the fate `missed_rear` tells.
     """
     return problem.source.kind != "collimated" and not isinf(problem.target_z)
 

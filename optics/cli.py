@@ -26,15 +26,20 @@ def parser() -> argparse.ArgumentParser:
     design.add_argument("problem", metavar="PROBLEM.toml")
     design.add_argument("--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)")
     design.add_argument("--resume", action="store_true", help="go on from the checkpoint in the result folder")
-    design.add_argument("--from", dest="earlier", metavar="DIR", help="start from the rear surface of an earlier design, on its mesh")
+    design.add_argument("--from", dest="earlier", metavar="DIR", help="start from the free surfaces of an earlier design, on their meshes")
     new = commands.add_parser("new", help="print a commented problem file to start from")
     check = commands.add_parser("check", help="read the problem and say what would be done, without tracing")
     check.add_argument("problem", metavar="PROBLEM.toml")
-    verify = commands.add_parser("verify", help="check the STEP file of a result folder against its lens")
-    verify.add_argument("result", metavar="DIR", help="result folder of a design")
+    verify = commands.add_parser("verify", help="check the STEP file of a result folder against its lens, or a STEP file by itself")
+    verify.add_argument("result", metavar="RESULT", help="result folder of a design, or a STEP file")
+    export = commands.add_parser("export", help="write the lens for other programs, read it back and compare it with the exact surfaces")
+    export.add_argument("result", metavar="RESULT", help="result folder of a design, or a lens.json")
+    export.add_argument("--out", metavar="FILE", required=True, help="file to write (dat and xyz: FILE_front and FILE_rear)")
+    export.add_argument("--format", metavar="NAME", help="step iges brep stl 3mf obj ply dat xyz npz (default: the suffix of FILE)")
+    export.add_argument("--chord", type=float, default=1e-3, metavar="MM", help="error that meshes may have, in mm (default: 1e-3)")
     bench = commands.add_parser("bench", help="run a benchmark of a checkout and print its figures beside their limits")
     bench.add_argument("name", metavar="NAME", help="a module of benchmarks/, such as overview")
-    for command in (design, new, check, verify, bench):
+    for command in (design, new, check, verify, export, bench):
         command.add_argument("--json", action="store_true", help="print the result as JSON")
     return main
 

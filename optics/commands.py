@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 from optics.design import Interrupted
 from optics.errors import UserError
-from optics.model import base_lens, freeforms, require_reachable, source_profile, target_irradiance, target_light, target_screen
+from optics.model import (
+    base_lens,
+    freeforms,
+    require_place,
+    require_reachable,
+    source_profile,
+    target_irradiance,
+    target_light,
+    target_screen,
+)
 from optics.plan import stages
 from optics.problem import load_problem
 from optics.problem_text import commented_problem, problem_to_toml
@@ -100,6 +109,7 @@ def _sound(problem: Problem) -> tuple[NDArray[np.float64], Lens]:
     """Return the light asked for and the lens before optimisation; UserError where the problem cannot be solved."""
     light, lens = target_light(problem), base_lens(problem)
     source_profile(problem)
+    require_place(problem, lens)
     require_reachable(problem, light)
     return light, lens
 
@@ -198,19 +208,44 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
 
 
 def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
-    """Check the STEP file of a result folder."""
-    from optics.backend import load_backend
+    """Check the STEP file of a result folder against its lens, by this program and by others; or a STEP file by itself."""
+    from optics.strangers import bare_checks, stranger_checks
     from optics.verify import verification
     from optics.verify import verify as run
 
-    folder = ResultFolder(options.result)
-    problem = folder.read_problem()
-    lens = folder.read_lens()
+    path = Path(options.result)
     try:
-        checked = verification(run(problem, lens, folder.step, load_backend("double", problem.run.threads)))
+        if path.suffix.lower() in (".step", ".stp"):
+            checks = bare_checks(path)
+        else:
+            from optics.backend import load_backend
+
+            folder = ResultFolder(path)
+            problem, lens = folder.read_problem(), folder.read_lens()
+            backend = load_backend("double", problem.run.threads)
+            # first the reader that damaged files cannot crash
+            checks = stranger_checks(problem, lens, folder.step, backend)
+            checks += run(problem, lens, folder.step, backend)
+    except OSError as error:
+        raise UserError(f"cannot read {error.filename or path}: {error.strerror}") from None
     except ValueError as error:
         raise UserError(str(error)) from None
+    checked = verification(checks)
     return checked, _check_lines(checked), checked["ok"]
+
+
+def export(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Write the lens for other programs, check the file and store what was found beside it."""
+    from optics.export import export as run
+    from optics.export import format_of, lens_of
+    from optics.verify import verification
+    from thbcad.files import json_text, write_text
+
+    name = format_of(options.out, options.format)
+    files, checks = run(lens_of(options.result), name, options.out, options.chord)
+    data = {"format": name, "files": [str(file) for file in files], "chord_mm": options.chord, **verification(checks)}
+    write_text(f"{options.out}.json", json_text(data))
+    return data, [*_check_lines(data), *(f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files)], data["ok"]
 
 
 def bench(options: Namespace) -> tuple[list[dict[str, Any]], list[str], bool]:

@@ -91,11 +91,13 @@ def design(
     clock = perf_counter() - (state.seconds if state else 0.0)
     target = target_irradiance(light, target_screen(problem), problem.target.placing, 1.0)
     axes = mirror_axes(target, source_profile(problem))
-    on_its_way = state is not None and state.begun and state.level == last_level(problem)  # needs neither a start nor coarse pixels
+    last = last_level(problem)
+    # such a state needs neither a start nor coarse pixels
+    on_its_way = state is not None and (state.level > last or (state.begun and state.level == last))
     start = None if on_its_way else _transport_start(problem, lens, light, backend, note)
     plan = stages(problem, start is not None)
     state = state or first_state(problem, lens, start is not None)
-    remaining = plan[-1:] if on_its_way else [stage for stage in plan if stage.level >= state.level]
+    remaining = [stage for stage in (plan[-1:] if on_its_way else plan) if stage.level >= state.level]
     for stage in remaining:
         if start and not state.begun:
             state = State(stage.level, (*state.sags[:-1], start.fit(state.sags[-1].space)), history=state.history)
@@ -106,7 +108,10 @@ def design(
         recorder = _Recorder(objective, variables, stage, state, clock, partial(progress, plan) if progress else None)
         again = not stage.final and stage.level == plan[-1].level  # a coarse pass, which is better off without the scale
         lens = _with_sags(lens, _minimize(recorder, problem, stage, not again))
-        marked = marked_cells(problem, lens, stage, axes, Indicators(problem, backend, target, start))
+        try:
+            marked = marked_cells(problem, lens, stage, axes, Indicators(problem, backend, target, start))
+        except KeyboardInterrupt:
+            raise Interrupted(State(stage.level, lens.sags, True, state.history)) from None
         sags = tuple(sag.refine(cells) for sag, cells in zip(lens.sags, marked))
         state = State(stage.level if again else stage.level + 1, sags, again, state.history)
         if checkpoint:

@@ -33,7 +33,7 @@ LIMITS_WEIGHT = 100.0  # charge for the mean square of relative violations
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 
 
-def sag_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
+def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
     """Return the smooth measurement window of a stage.
 
     A pixel window sees what moves across its border only: before the final stage a B-spline takes its place.
@@ -45,11 +45,12 @@ def sag_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | G
 
 
 def stage_objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]) -> Objective:
+    """Return the Objective of a stage: its rays, screen, window and target, and the charges of the problem."""
     tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM, sure=False)
     options, limits = problem.optimizer, problem.limits
     weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, limits.thickness)
     shape = ShapePenalty(lens, weights) if weights.any else None
-    window = sag_window(problem, stage.final)
+    window = stage_window(problem, stage.final)
     return Objective(backend, tracer, stage.screen, window, target, options.lost_flux_weight, options.dark_flux_weight, shape)
 
 

@@ -1,6 +1,6 @@
 """What the lens delivers, measured on fresh rays in float64 with box pixels.
 
-A ray stands for a cell of the beam, whose light arrives spread over about 1 / RAYS_PER_PIXEL of a
+A ray of a grid stands for a cell of the source, whose light arrives spread over about 1 / RAYS_PER_PIXEL of a
 pixel: it is shared between two pixels when it lands so close to their border.  On sharp edges
 that removes most of the moire between rays and pixels and changes nothing else
 (`rel_l2_floor` tells).
@@ -43,7 +43,7 @@ class Measurement:
 def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.float64]) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    Two ray grids, neither of which the optimisation has seen, are traced; their mean is the
+    Two ray sets, neither of which the optimisation has seen, are traced; their mean is the
     irradiance and their difference tells the estimator's own error (`rel_l2_floor`).
     """
     screen = target_screen(problem)

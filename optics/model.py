@@ -71,7 +71,7 @@ def ray_parts(
     if source.kind == "collimated":
         yield from collimated_beam(source.half_width, source.flux, problem.lens.front.half_width, counts, shift, profile).slices(most)
     elif source.kind == "point":
-        yield point_rays(source.distance, source.flux, source.half_angle, source.exponent, counts, shift)
+        yield from point_rays(source.distance, source.flux, source.half_angle, source.exponent, counts, shift).slices(most)
     else:
         count = 1 << max(2, round(log2(counts[0] * counts[1])))
         seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
@@ -123,7 +123,8 @@ def require_reachable(problem: Problem, light: NDArray[np.float64]) -> None:
     UserError : names the angle needed and the angle that the index allows.
     """
     lens, target = problem.lens, problem.target
-    if problem.source.kind != "collimated" or not isinf(lens.front.radius) or isinf(target.distance):
+    behind_plane = isinf(lens.front.radius) and lens.front.freeform is None
+    if problem.source.kind != "collimated" or not behind_plane or isinf(target.distance):
         return
     screen = target_screen(problem)
     lit = target_irradiance(light, screen, target.placing, 1.0) > 0
@@ -138,6 +139,26 @@ def require_reachable(problem: Problem, light: NDArray[np.float64]) -> None:
             f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index {lens.index:g} bends rays by less "
             f"than {most:.1f} degrees; make target.half_width smaller or target.distance larger"
         )
+
+
+def require_place(problem: Problem, lens: Lens) -> None:
+    """Refuse a source that reaches into the lens, and a target plane that cuts it.
+
+    Raises
+    ------
+    UserError : names the planes and how far the surfaces reach.
+    """
+    source, distance = problem.source, problem.target.distance
+    x, y = (min(s, h) for s, h in zip(source.half_width, lens.front.half_width))
+    front = min(0.0, float(lens.front.conic(x, y)))
+    if source.kind == "lambertian" and front <= -source.distance:
+        raise UserError(
+            f"the source lies in the lens: its plane is z = {-source.distance:g} mm and the front reaches to z = {front:.4g} mm there; "
+            "make source.distance larger or source.half_width smaller"
+        )
+    rim = float(lens.rear.conic(*lens.rear.half_width))
+    if distance <= rim:
+        raise UserError(f"target.distance must be greater than {rim:.4g} mm, to where the rear surface reaches, got {distance:g}")
 
 
 def target_irradiance(light: NDArray[np.float64], screen: Screen, fit: str, flux: float) -> NDArray[np.float64]:

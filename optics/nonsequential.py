@@ -85,12 +85,6 @@ class NonsequentialResult:
     def fates(self) -> Fates:
         return Fates(*(float(f) for f in self.by_ray.sum(axis=1)))
 
-    @property
-    def standard_error(self) -> Fates:
-        """Return the standard errors of the fates, for source rays drawn independently of each other: sqrt(n) times the deviation."""
-        n = self.by_ray.shape[1]
-        return Fates(*(float(f) for f in np.sqrt(n) * self.by_ray.std(axis=1, ddof=1)))
-
 
 def trace_nonsequential(
     backend: Backend, lens: Lens, rays: SourceRays, target: TargetPlane, bounces: int = 64, threshold: float = 1e-4

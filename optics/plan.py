@@ -67,7 +67,7 @@ def stages(problem: Problem, moved: bool) -> list[Stage]:
     last = last_level(problem)
     for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
-        if moved and level == last and iterations > 1 and min(problem.target.pixels) >= COARSER * COARSE_PIXELS:
+        if moved and level == last and iterations > 1 and min(problem.target.pixels) >= COARSER * COARSE_PIXELS * problem.optimizer.merge:
             coarser = COARSER * problem.optimizer.merge
             out.append(_stage(problem, level, min(COARSE_ITERATIONS, iterations), coarser, False))
         out.append(_stage(problem, level, iterations, _coarsening(problem, level), level == last))
@@ -81,7 +81,7 @@ def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final
     if rays[0] * rays[1] > MOST_RAYS:
         raise UserError(
             f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most machines; "
-            "use fewer target.pixels, lens.rear.freeform.spans or levels, or fewer optimizer.rays_per_pixel"
+            "use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
         )
     return Stage(level, iterations, screen, rays, final)
 

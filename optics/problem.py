@@ -110,7 +110,11 @@ class Target:
 class Optimizer:
     iterations: tuple[int, ...] = option((60,), low=1, high=100_000, note="L-BFGS iterations per level; the last number goes on")
     memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
-    start: str = option("transport", choices=("transport", "flat"), note="transport needs a plane front, otherwise flat is used")
+    start: str = option(
+        "transport",
+        choices=("transport", "flat"),
+        note="transport gives way to flat where rays spread in the lens and the map asks for too much sag",
+    )
     window: str = option(
         "pixel", choices=("pixel", "bspline", "gaussian"), note="measurement window; pixel is for the last level, bspline before"
     )
@@ -142,14 +146,14 @@ class Refinement:
 class Verify:
     rays: int = option(257, low=8, high=2049, note="rays per direction of the independent trace")
     surface: float = option(1e-10, above=0, note="mm, limit of the STEP face's deviation")
-    landing: float = option(1e-8, above=0, note="mm, limit of the landing points' deviation")
+    landing: float = option(1e-8, above=0, note="mm (degrees in the far field), limit of the landing points' deviation")
     irradiance: float = option(1e-6, above=0, note="limit of the relative difference of the irradiance")
     volume: float = option(1e-6, above=0, note="limit of the relative difference of the volume")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    seed: int = option(0, low=0, note="shifts the fresh rays of the metrics")
+    seed: int = option(0, low=0, note="of the fresh rays of the metrics and of the random signs that scale the variables")
     threads: int = option(0, low=0, high=1024, note="0 uses all cores; 1 repeats a run bit for bit")
     precision: str = option("double", choices=("double", "single"), note="of the optimisation; metrics are always double")
 
@@ -173,7 +177,7 @@ class Problem:
 
 
 def load_problem(path: str | Path) -> Problem:
-    """Read a problem file and return the Problem; its image path is made absolute.
+    """Read a problem file and return the Problem; its image paths are made absolute.
 
     Raises
     ------
@@ -209,6 +213,12 @@ def _require_partners(problem: Problem) -> None:
         raise UserError("source.distance must be greater than 0 for a point, which would lie in the lens")
     if source.kind != "point" and min(source.half_width) <= 0:
         raise UserError(f"source.half_width must be greater than 0 for a {source.kind} source, got {list(source.half_width)}")
+    free = [f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f]
+    most = problem.lens.thickness + sum(f.z_freedom for f in free)
+    if problem.limits.thickness > most:
+        raise UserError(
+            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, got {problem.limits.thickness:g}"
+        )
     if math.isinf(target.distance) and max(target.half_width) >= 90:
         raise UserError(f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}")
 

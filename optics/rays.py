@@ -43,6 +43,13 @@ class Rays:
         """Flux of all rays, W."""
         return float(np.broadcast_to(self.ray_flux, self.origin.shape[1]).sum())
 
+    def slices(self, most: int) -> Iterator[Rays]:
+        """Yield rays, at most `most` at once, that make up these."""
+        for start in range(0, self.origin.shape[1], most):
+            chosen = slice(start, start + most)
+            flux = self.ray_flux if np.isscalar(self.ray_flux) else self.ray_flux[chosen]
+            yield Rays(self.origin[:, chosen], self.direction[:, chosen], flux)
+
 
 def beam_rays(beam: Beam, lens: Lens) -> Rays:
     """Return the rays of a beam one by one, y first; they start well before the lens."""

@@ -34,7 +34,7 @@ class Screen:
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """Pixel size (x, y), mm."""
+        """Pixel size (x, y), mm or degrees."""
         return 2 * self.half_width[0] / self.pixels[0], 2 * self.half_width[1] / self.pixels[1]
 
     @property

@@ -1,12 +1,13 @@
 """What the shape of a lens adds to the loss: roughness, and limits of thickness and curvature that it violates.
 
-With the Hessian D^2 of a sag s and of a whole surface z, L the larger half-width, means over the rectangle:
+With the Hessian D^2 of a sag s and of a whole surface z, h the larger half-width, means over the rectangle:
 
-    roughness          L^2 mean |D^2 s|^2                      (the bending energy of a thin plate)
+    roughness          h^2 mean |D^2 s|^2                      (the bending energy of a thin plate)
     curvature          mean max(0, R |D^2 z| - 1)^2            (R the least radius; |D^2 z| bounds both principal ones)
     thickness          mean max(0, 1 - gap / t)^2              (t the least thickness; gap between equal relative positions)
 
 Means are taken by Simpson's rule on every knot span: curvatures of cubics are greatest at the knots, which it sees.
+R and t are taken 2 % larger (STRICTER).  The parameters of the sags are x and y in mm.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+
+from thbcad.operators import tensor_apply
 
 if TYPE_CHECKING:
     from thbcad.bspline import KnotVector
@@ -85,18 +88,18 @@ class _Samples:
     def __init__(self, surface: FreeformSurface) -> None:
         self.embedding = surface.sag.space.embedding
         knots = self.embedding.kv_u, self.embedding.kv_v
-        (x, wx), (y, wy) = (_lobatto(kv) for kv in knots)
+        (x, wx), (y, wy) = (_simpson(kv) for kv in knots)
         self._matrices = [[kv.collocation(s, d) for d in range(3)] for kv, s in zip(knots, (x, y))]
         self.mean = np.outer(wx, wy)
         self.size = max(surface.half_width)
         self.conic = {d: surface.conic(x[:, None], y[None, :], d) for d in HESSIAN}
 
     def values(self, net: Floats, derivative: tuple[int, int]) -> Floats:
-        return _product(*(m[d] for m, d in zip(self._matrices, derivative)), net)
+        return tensor_apply(*(m[d] for m, d in zip(self._matrices, derivative)), net)
 
     def pulled(self, values: Floats, derivative: tuple[int, int]) -> Floats:
         """Return the adjoint of `values` applied to numbers at the points."""
-        return _product(*(m[d].T for m, d in zip(self._matrices, derivative)), values)
+        return tensor_apply(*(m[d].T for m, d in zip(self._matrices, derivative)), values)
 
 
 class _Gap:
@@ -105,7 +108,7 @@ class _Gap:
     def __init__(self, lens: Lens) -> None:
         finest = max((s.space.embedding for s in lens.sags), key=lambda e: e.kv_u.dim * e.kv_v.dim)
         half = next(s.half_width for s in (lens.front, lens.rear) if s.sag is not None and s.sag.space.embedding is finest)
-        (x, wx), (y, wy) = (_lobatto(kv) for kv in (finest.kv_u, finest.kv_v))
+        (x, wx), (y, wy) = (_simpson(kv) for kv in (finest.kv_u, finest.kv_v))
         s, t = x / half[0], y / half[1]
         self._mean = np.outer(wx, wy)
         self._fixed = np.full((len(s), len(t)), lens.thickness)
@@ -119,14 +122,14 @@ class _Gap:
 
     def violation(self, nets: Sequence[Floats], slopes: Sequence[Floats], least: float, weight: float) -> float:
         """Add weight times the gradient to `slopes` and return the mean of max(0, 1 - gap / least)^2."""
-        gap = self._fixed + sum(sign * _product(a, b, net) for (sign, a, b), net in zip(self._parts, nets))
+        gap = self._fixed + sum(sign * tensor_apply(a, b, net) for (sign, a, b), net in zip(self._parts, nets))
         short = np.maximum(1 - gap / least, 0)
         for (sign, a, b), slope in zip(self._parts, slopes):
-            slope += _product(a.T, b.T, -2 * weight * sign / least * self._mean * short)
+            slope += tensor_apply(a.T, b.T, -2 * weight * sign / least * self._mean * short)
         return float((self._mean * short**2).sum())
 
 
-def _lobatto(kv: KnotVector) -> tuple[Floats, Floats]:
+def _simpson(kv: KnotVector) -> tuple[Floats, Floats]:
     """Return the breaks and the middles between them, and Simpson's weights, which sum to 1."""
     share = np.diff(kv.breaks) / (kv.stop - kv.start)
     points = np.sort(np.concatenate([kv.breaks, (kv.breaks[:-1] + kv.breaks[1:]) / 2]))
@@ -135,8 +138,3 @@ def _lobatto(kv: KnotVector) -> tuple[Floats, Floats]:
     weights[:-1:2] += share / 6
     weights[2::2] += share / 6
     return points, weights
-
-
-def _product(a: csr_array, b: csr_array, net: Floats) -> Floats:
-    """Return A C B^T."""
-    return (b @ (a @ net).T).T

@@ -1,4 +1,4 @@
-"""Targets by formula: regions of uniform light.
+"""Targets that are regions of uniform light.
 
 A region is {(s, t): |s| <= 1, |t - middle(s)| <= half(s)} in coordinates that run from -1 to 1 over
 its bounding rectangle, t upward.

@@ -63,7 +63,8 @@ def first_state(problem: Problem, lens: Lens, moved: bool) -> State:
 def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
     """Return the State that optimises the sags of an earlier design on the last level, on their own meshes.
 
-    A surface that was not free in the earlier design starts from zero.
+    A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the optimiser
+    averages the sags with their mirror images.
 
     Raises
     ------

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 class Landing:
     """Where rays meet the target: x, y in mm (degrees in the far field), flux in W (zero unless they arrive).
 
-    entering : flux behind the front.  met : the front is hit.  found, hit : at the rear surface, as in `Hits`.
+    entering : flux behind the front.  decided, met : of the front, as `found` and `hit` of Hits.
+    found, hit : of the rear, as in Hits.
     refracted : the ray leaves the rear surface forward.
     """
 
@@ -40,6 +41,7 @@ class Landing:
     y: DrArray
     flux: DrArray
     entering: DrArray
+    decided: DrArray
     met: DrArray
     found: DrArray
     hit: DrArray
@@ -48,12 +50,13 @@ class Landing:
 
 @dataclass(frozen=True, eq=False)
 class _Bundle:
-    """Rays behind the front: origin from the rear vertex (None: known), direction, flux, and whether they met the front."""
+    """Rays behind the front: origin from the rear vertex (None: known), direction, flux; masks as in `Landing`."""
 
     origin: Vector | None
     direction: Vector
     flux: DrArray
-    met: DrArray
+    decided: DrArray | bool
+    met: DrArray | bool
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,8 @@ class FluxBudget:
     """The source flux by fate, in W; the fates sum to the source flux.
 
     beside_lens : passes beside the front.  front_reflected, rear_reflected : Fresnel losses.
-    missed_rear : meets an edge face instead of the rear surface.  total_internal : totally reflected.
-    unresolved : the search for the rear surface failed.
+    missed_rear : meets an edge face instead of the rear surface.  total_internal : totally reflected, or refracted backwards.
+    unresolved : the search for the front or the rear failed.
     on_target, off_target : leaves the lens and meets the target rectangle or misses it.
     """
 
@@ -110,7 +113,7 @@ class Tracer:
             _, share, _ = refract(dr, direction, (Float(0), Float(0)), self._inverse)
             entering = self._flux * share
             dr.make_opaque(entering)
-            self._behind = _Bundle(None, direction, entering, True)
+            self._behind = _Bundle(None, direction, entering, True, True)
         else:
             rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
             self._origin, self._direction = ([backend.array(a) for a in rows] for rows in (rays.origin, rays.direction))
@@ -164,6 +167,8 @@ class Tracer:
             every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
             return float(dr.sum(every).numpy()[0])
 
+        lost_before = total(self._flux, dr.select(landing.decided, False, True))
+        lost_inside = total(landing.entering, dr.select(landing.found, False, True))
         met = total(self._flux, landing.met)
         inside = total(landing.entering, True)
         found = total(landing.entering, landing.found)
@@ -172,10 +177,10 @@ class Tracer:
         arriving = total(landing.flux, True)
         on_target = total(landing.flux, onto)
         return FluxBudget(
-            beside_lens=self._missed + self._emitted - met,
+            beside_lens=self._missed + self._emitted - lost_before - met,
             front_reflected=met - inside,
             missed_rear=found - at_rear,
-            unresolved=inside - found,
+            unresolved=lost_before + lost_inside,
             total_internal=at_rear - refracted,
             rear_reflected=refracted - arriving,
             on_target=on_target,
@@ -187,7 +192,7 @@ class Tracer:
         hits = self._front.meet(self._origin, self._direction, net)
         direction, share, _ = refract(self._backend.dr, self._direction, (hits.zx, hits.zy), self._inverse)
         flux = self._backend.dr.select(hits.hit, self._flux * share * self._rim(hits, self._lens.front), 0)
-        return hits, _Bundle((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux, hits.hit)
+        return hits, _Bundle((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux, hits.found, hits.hit)
 
     def _landing(self, hits: Hits, behind: _Bundle) -> Landing:
         dr = self._backend.dr
@@ -202,7 +207,7 @@ class Tracer:
         else:
             travel = (self._distance - hits.z) / dz
             x, y = hits.x + travel * dx, hits.y + travel * dy
-        return Landing(x, y, flux, behind.flux, behind.met, hits.found, hits.hit, forward)
+        return Landing(x, y, flux, behind.flux, behind.decided, behind.met, hits.found, hits.hit, forward)
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
         """Return 1 inside a surface, falling to 0 at its rim by 3 s^2 - 2 s^3."""
@@ -216,8 +221,9 @@ class Tracer:
 
 
 def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:
-    """Return the knots of a sag's tensor-product form; its parameters are x and y in mm."""
+    """Return the knots in mm of a sag's tensor-product form."""
     if surface.sag is None:
         return None
     embedding = surface.sag.space.embedding
-    return embedding.kv_u, embedding.kv_v
+    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((embedding.kv_u, embedding.kv_v), surface.half_width))
+    return kv_x, kv_y

@@ -1,7 +1,8 @@
 """The variables of the optimiser: multilevel weights, squashed into the bounds.
 
-    c = b S((c0 + k M D w) / b),    S(y) = y / (1 + |y|^8)^(1/8)
+    c = b S(H (S^-1(c0 / b) + k M D w)),    S(y) = y / (1 + |y|^8)^(1/8)
 
+H averages with the mirror images of a symmetric problem (otherwise the identity), k is STEP.
 M is the multilevel generating system, b = z_freedom.  S is the identity for sags well inside
 the bounds (thesis 4.33 and 5.3 bend everywhere with the arctangent) and keeps |c| < b.  D is
 diagonal: the identity, or what makes the diagonal of the Gauss-Newton Hessian constant.
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.refinement import LEAST
 from optics.symmetry import Mirrors
 from thbcad.multilevel import MultilevelBasis
 
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
 SHARPNESS = 8
 STEP = 0.02  # of the bound: the length of the optimiser's unit
 FAR = 1e6  # of the bound: far outside, where the powers still are numbers
-LEAST = 1e-3  # of the mean: smaller entries of the Hessian's diagonal count as that
 INSIDE = 0.99  # of the bound: where coefficients that lie on it start
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from optics.design import Interrupted, design, transmitted_flux
 from optics.errors import NumericalError, UserError
-from optics.marking import PROBES, _vertices, sag_window
+from optics.marking import PROBES, _vertices, stage_window
 from optics.model import base_lens, target_light, target_screen
 from optics.plan import stages
 from optics.problem import load_problem
@@ -90,7 +90,7 @@ def test_a_finer_level_starts_from_the_surface_of_the_level_before(small):
 @pytest.mark.parametrize(("window", "wide", "last"), [("pixel", 3, 2), ("bspline", 3, 3), ("gaussian", 8, 8)])
 def test_windows_of_the_levels(tmp_path, window, wide, last):
     problem, _ = loaded(tmp_path, FLAT | {"optimizer.window": window})
-    assert [sag_window(problem, stage.final).taps for stage in stages(problem, False)] == [wide, wide, last]
+    assert [stage_window(problem, stage.final).taps for stage in stages(problem, False)] == [wide, wide, last]
 
 
 COARSE = {"optimizer.start": "transport", "target.pixels": [64, 64]}

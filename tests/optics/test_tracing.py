@@ -378,4 +378,5 @@ def test_rays_of_a_profile_keep_their_own_flux(backend, front):
         landings.append(landing.flux.numpy())
     s, t = ((2 * np.arange(n) + 1) / n - 1 for n in rays)
     density = profile(s[:, None], t[None, :]).ravel()
-    np.testing.assert_allclose(landings[1], landings[0] * density, rtol=1e-12)
+    share = density / density.mean()  # all light meets the lens, whatever the midpoint rule says
+    np.testing.assert_allclose(landings[1], landings[0] * share, rtol=1e-12)

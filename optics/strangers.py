@@ -1,0 +1,226 @@
+"""Checks of a STEP file by programs that are not ours, or share no code with the rest: its text, and OCCT's own rays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isinf
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.beam import Beam
+from optics.model import problem_rays
+from optics.rays import beam_rays
+from optics.tracing import Tracer
+from optics.verify import Check
+from thbcad.bspline import KnotVector
+from thbcad.cad.rays import face_hits
+from thbcad.cad.reading import step_shape
+from thbcad.cad.solid import lens_surfaces
+from thbcad.cad.step import read_step
+from thbcad.cad.writing import silence
+from thbcad.part21_surfaces import MILLIMETRE, Brep, BrepEdge, BrepFace, read_brep
+from thbcad.surface import BSplineSurface
+
+if TYPE_CHECKING:
+    from optics.backend import Backend
+    from optics.problem import Problem
+    from thbcad.cad.rays import TopoDS_Shape
+    from thbcad.lens import Lens
+    from thbcad.rational import NURBSSurface
+
+    Rows = NDArray[np.float64]
+    Pair = tuple[BSplineSurface, BSplineSurface]
+
+RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
+ROUNDING = 1e-12  # of the direction of a line
+UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
+
+
+def stranger_checks(problem: Problem, lens: Lens, path: str | Path, backend: Backend) -> list[Check]:
+    """Return the Checks of the STEP file at `path` by its text and by OCCT's intersections of rays and faces.
+
+    The text is read first, so that a file that is cut off or damaged never reaches OCCT.
+    backend : of double precision.
+
+    Raises
+    ------
+    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    """
+    solid = read_brep(path)
+    landing, mismatched = _occt_light(problem, lens, path, backend, _optical(solid))
+    unit = "degrees" if isinf(problem.target_z) else "mm"
+    return [
+        *_whole(solid),
+        *_same(solid, lens),
+        Check("rays with another fate by OCCT's intersections with the file", mismatched, 0, ""),
+        Check("landing points by OCCT's intersections with the file", landing, problem.verify.landing, unit),
+    ]
+
+
+def bare_checks(path: str | Path) -> list[Check]:
+    """Return the Checks of a STEP file of which no lens is at hand: by its text, and by what OCCT reads in it.
+
+    Raises
+    ------
+    OSError, ValueError : as `stranger_checks`.
+    """
+    solid = read_brep(path)
+    step = read_step(path)
+    checks = _whole(solid)
+    for name, k, other in zip(("front", "rear"), _optical(solid), (step.front, step.rear)):
+        name = f"text of the file: {name} numbers that differ from those that OCCT reads"
+        checks.append(Check(name, _different(solid.faces[k].surface, other), 0, ""))
+    return checks
+
+
+def _whole(solid: Brep) -> list[Check]:
+    """Return the checks that need no lens: unit, number of faces, edges."""
+    return [
+        Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
+        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
+        Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
+        Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
+    ]
+
+
+def _same(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the checks of faces and edges, number by number, against the lens in memory."""
+    own, optical = lens_surfaces(lens), _optical(solid)
+    rest = [face for k, face in enumerate(solid.faces) if k not in optical]
+    figures = {
+        "front numbers": _different(solid.faces[optical[0]].surface, own[0]),
+        "rear numbers": _different(solid.faces[optical[1]].surface, own[1]),
+        "edge face numbers": _other_planes(rest, own) if lens.front.half_width == lens.rear.half_width else _other_ruled(rest, own),
+        "rims and corners": _loose(solid, own),
+    }
+    return [Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "") for name, value in figures.items()]
+
+
+def _optical(solid: Brep) -> tuple[int, int]:
+    """Return the places of front and rear among the faces: the two splines that are curved both ways, the lower first."""
+    heights = {}
+    for k, face in enumerate(solid.faces):
+        surface = face.surface
+        if isinstance(surface, BSplineSurface) and min(surface.kv_u.degree, surface.kv_v.degree) > 1:
+            heights[k] = surface(*([(kv.start + kv.stop) / 2] for kv in (surface.kv_u, surface.kv_v)))[0, 2]
+    if len(heights) != 2:
+        raise ValueError(f"the file holds {len(heights)} curved spline faces where a lens has 2, front and rear")
+    front, rear = sorted(heights, key=heights.get)
+    return front, rear
+
+
+def _other_ruled(faces: Sequence[BrepFace], own: Pair) -> int:
+    """Return how many numbers of the edge faces differ from the four ruled faces between the rims of front and rear."""
+    off = abs(len(faces) - 4)
+    for face, rims in zip(faces, zip(*(_rims(s) for s in own))):
+        kv = rims[0][0].merged(rims[1][0])
+        poles = np.stack([k.prolongation(kv) @ poles for k, poles in rims], axis=1)
+        off += _different(face.surface, BSplineSurface(kv, UNIT, poles))
+    return off
+
+
+def _other_planes(faces: Sequence[BrepFace], own: Pair) -> int:
+    """Return how many of the edge faces are not one of the four planes through the sides of the lens."""
+    c = own[0].coefficients
+    wanted = {(axis, c[end, end, axis]) for axis in (0, 1) for end in (0, -1)}
+    for face in faces:
+        if face.plane is not None and np.count_nonzero(face.plane[1]) == 1:
+            axis = int(np.argmax(face.plane[1] != 0))
+            wanted.discard((axis, face.plane[0, axis]))
+    return len(wanted) + abs(len(faces) - 4)
+
+
+def _rims(surface: BSplineSurface) -> list[tuple[KnotVector, Rows]]:
+    """Return knots and poles of the sides at low y, high x, high y, low x."""
+    c = surface.coefficients
+    return [(surface.kv_u, c[:, 0]), (surface.kv_v, c[-1]), (surface.kv_u, c[:, -1]), (surface.kv_v, c[0])]
+
+
+def _different(read: BSplineSurface | NURBSSurface | None, own: BSplineSurface) -> int:
+    """Return how many coordinates and knots of a face differ from those in memory; all of them where their number does."""
+    everything = own.coefficients.size + len(own.kv_u.knots) + len(own.kv_v.knots)
+    if not isinstance(read, BSplineSurface) or read.coefficients.shape != own.coefficients.shape:
+        return everything
+    if any(len(a.knots) != len(b.knots) for a, b in ((read.kv_u, own.kv_u), (read.kv_v, own.kv_v))):
+        return everything
+    knots = sum(int((a.knots != b.knots).sum()) for a, b in ((read.kv_u, own.kv_u), (read.kv_v, own.kv_v)))
+    return int((read.coefficients != own.coefficients).sum()) + knots
+
+
+def _loose(solid: Brep, own: Pair) -> int:
+    """Return how many spline edges are no rim and no line between corners, and how many ends of edges are no corner."""
+    corners = {_bits(s.coefficients[a, b]) for s in own for a in (0, -1) for b in (0, -1)}
+    rims = {_bits(kv.knots) + _bits(poles) for s in own for kv, poles in _rims(s)}
+    loose = 0
+    for edge in solid.edges:
+        loose += sum(_bits(end) not in corners for end in edge.ends)
+        if edge.kv is None:
+            loose += not _leads(edge)
+        else:
+            straight = edge.kv.degree == 1 and len(edge.poles) == 2 and (edge.kv.knots == UNIT.knots).all()
+            loose += not straight and _bits(edge.kv.knots) + _bits(edge.poles) not in rims
+            loose += int((edge.poles[[0, -1]] != edge.ends).any())
+    return loose
+
+
+def _leads(edge: BrepEdge) -> bool:
+    """Return whether an edge is a line that starts at the edge's first end and leads to its second."""
+    if edge.poles is None or (edge.poles[0] != edge.ends[0]).any():
+        return False
+    way, line = edge.ends[1] - edge.ends[0], edge.poles[1] - edge.poles[0]
+    beside = np.linalg.norm(np.cross(way, line))
+    return bool(way @ line > 0 and beside <= ROUNDING * np.linalg.norm(way) * np.linalg.norm(line))
+
+
+def _bits(array: Rows) -> bytes:
+    """Return a row's bytes; 0.0 and -0.0 are the same place."""
+    return np.ascontiguousarray(array + 0.0).tobytes()
+
+
+def _occt_light(problem: Problem, lens: Lens, path: str | Path, backend: Backend, optical: tuple[int, int]) -> tuple[float, int]:
+    """Return (error of landing points on the target, rays of different fate) of about 500 rays of the problem's source."""
+    rays = problem_rays(problem, RAYS)
+    _, landing = Tracer(backend, lens, rays, problem.target_z).trace([sag.coefficients for sag in lens.sags])
+    own, arrives = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy() > 0
+    rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
+    silence()
+    shape = step_shape(Path(path))
+    points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, problem.target_z, optical)
+    found = np.isfinite(points).all(axis=1) & (np.broadcast_to(rays.ray_flux, len(points)) > 0)
+    # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by far
+    both = arrives & found & (np.abs(own) <= problem.target.half_width).all(axis=1)
+    error = np.abs(own[both] - points[both]).max() if both.any() else np.inf
+    return float(error), int((arrives != found).sum())
+
+
+def trace_faces(solid: TopoDS_Shape, rays: tuple[Rows, Rows], index: float, target_z: float, optical: tuple[int, int] = (0, 1)) -> Rows:
+    """Return where rays through the front and the rear of a solid land, (n, 2), by OCCT's intersections; NaN where they do not.
+
+    rays : origins and directions, (n, 3) float each, mm and unit vectors.  target_z : mm, inf is the far field (degrees).
+    optical : places of front and rear among the faces.
+    """
+    points, directions = (np.array(a, dtype=np.float64) for a in rays)
+    lit = np.arange(len(points))
+    for face, eta in zip(optical, (1 / index, index)):
+        hits = face_hits(solid, points, directions)
+        directions, passes = _refracted(directions, hits.normals, eta)
+        passes &= hits.faces == face
+        points, directions, lit = hits.points[passes], directions[passes], lit[passes]
+    forward = directions[:, 2] > 0
+    points, directions, lit = points[forward], directions[forward], lit[forward]
+    across = directions[:, :2] / directions[:, 2:]
+    landing = np.full((len(rays[0]), 2), np.nan)
+    landing[lit] = np.degrees(np.arctan(across)) if isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
+    return landing
+
+
+def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, NDArray[np.bool_]]:
+    """Return (directions, passes) by the vector form of Snell's law; normals point to either side."""
+    cosine = np.einsum("ij,ij->i", directions, normals)
+    normals, cosine = normals * np.sign(cosine)[:, None], np.abs(cosine)
+    square = 1 - eta**2 * (1 - cosine**2)
+    passes = square > 0
+    return eta * directions + (np.sqrt(np.where(passes, square, 1.0)) - eta * cosine)[:, None] * normals, passes

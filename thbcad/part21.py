@@ -1,0 +1,207 @@
+"""The text of STEP files: entities and their parameters, by ISO 10303-21 (the clear text encoding), without OCCT.
+
+A file is split into entities by one regular expression; the parameters of an entity are read when they are asked for.
+Nothing in the file is executed, and sizes are checked before memory is taken.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+MOST_BYTES = 1 << 28
+MOST_ENTITIES = 4_000_000
+MOST_NESTED = 16  # lists within lists
+NUMBER = r"\d{1,15}+(?!\d)"
+REAL = r"[+-]?\d++\.\d*+(?:E[+-]?\d++)?"
+STRING = r"'(?:[^']|'')*+'"
+
+# a statement ends with ";", but not within a string; "++" and "*+" never step back, so that no damaged text takes long
+STATEMENT = rf"(?:[^';]++|{STRING})++;\s*+"
+HEAD = re.compile(rf"\s*+ISO-10303-21\s*+;\s*+HEADER\s*+;\s*+(?:(?!ENDSEC\b){STATEMENT})*+ENDSEC\s*+;\s*+DATA\s*+;\s*+", re.ASCII)
+ENTITY = re.compile(rf"#({NUMBER})\s*+=\s*+((?:[^';]++|{STRING})++);\s*+", re.ASCII)
+TAIL = re.compile(r"ENDSEC\s*+;\s*+END-ISO-10303-21\s*+;\s*+", re.ASCII)
+COMMENT = re.compile(rf"({STRING})|/\*.*?\*/", re.DOTALL)
+TEXT_OR_REFERENCE = re.compile(rf"{STRING}|#(\d++)", re.ASCII)
+KEYWORD = r"[A-Z_][A-Z0-9_]*+"
+INSTANCE = re.compile(rf"(?:{KEYWORD}|(?P<complex>\())\s*+", re.ASCII)
+TOKEN = re.compile(
+    rf"(?:(?P<open>\()|(?P<close>\))|(?P<comma>,)|#(?P<reference>{NUMBER})|(?P<real>{REAL})|(?P<integer>[+-]?{NUMBER})"
+    rf"|(?P<string>{STRING})|\.(?P<enumeration>{KEYWORD})\.|(?P<keyword>{KEYWORD})|(?P<omitted>\$)|(?P<derived>\*))\s*+",
+    re.ASCII,
+)
+
+
+class Reference(int):
+    """The number of another entity."""
+
+
+class Enumeration(str):
+    """A name between dots: .T., .F., .MILLI."""
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A parameter with its type, such as LENGTH_MEASURE(1.E-7)."""
+
+    keyword: str
+    parameters: list[Value]
+
+
+Value = int | float | str | Reference | Enumeration | Typed | list["Value"] | None  # None: $ or *, not given
+
+CONVERT = {
+    "reference": Reference,
+    "real": float,
+    "integer": int,
+    "string": lambda text: text[1:-1].replace("''", "'"),
+    "enumeration": Enumeration,
+    "omitted": lambda _: None,
+    "derived": lambda _: None,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Entity:
+    """One entity of a file; `text` is what stands between "=" and ";"."""
+
+    number: int
+    text: str
+
+    @cached_property
+    def parts(self) -> dict[str, list[Value]]:
+        """The parameters of every type that the entity has: one, or several of a complex entity `( A(...) B(...) )`.
+
+        Raises
+        ------
+        ValueError : text that does not follow the grammar.
+        """
+        return _Parser(self).parts()
+
+    def parameters(self, keyword: str, count: int) -> list[Value]:
+        """Return the parameters under a keyword; raise ValueError for another type or number of them."""
+        found = self.parts.get(keyword)
+        if found is None:
+            raise ValueError(f"STEP entity #{self.number} must be a {keyword}, got {' and '.join(self.parts)[:80]}")
+        if len(found) != count:
+            raise ValueError(f"STEP entity #{self.number}: {keyword} must have {count} parameters, got {len(found)}")
+        return found
+
+
+def read_part21(path: str | Path) -> dict[int, Entity]:
+    """Return the entities of a STEP file by number, in their order.
+
+    Raises
+    ------
+    OSError : the file cannot be read.
+    ValueError : it is no STEP file, not whole, larger than 256 MiB or 4,000,000 entities, or refers to entities that it does not hold.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_file():
+        raise ValueError(f"{path} is not a file")
+    with path.open("rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise ValueError(f"{path} is larger than {MOST_BYTES >> 20} MiB, the most that is read")
+    try:
+        return entities_of_text(data.decode("latin-1"))
+    except ValueError as error:
+        raise ValueError(f"{path} is not a whole STEP file: {error}") from None
+
+
+def entities_of_text(text: str) -> dict[int, Entity]:
+    """Return the entities of a STEP file's text; raise ValueError as `read_part21`."""
+    if "/*" in text:
+        text = COMMENT.sub(lambda m: m[1] or " ", text)
+    head = HEAD.match(text)
+    if head is None:
+        raise ValueError("its head must be ISO-10303-21; HEADER; ... ENDSEC; DATA;")
+    entities: dict[int, Entity] = {}
+    place, last = head.end(), 0
+    while found := ENTITY.match(text, place):
+        number = int(found[1])
+        if number in entities:
+            raise ValueError(f"entity #{number} stands twice")
+        if len(entities) == MOST_ENTITIES:
+            raise ValueError(f"it has more than {MOST_ENTITIES} entities")
+        entities[number] = Entity(number, found[2])
+        place, last = found.end(), number
+    if not TAIL.fullmatch(text, place):
+        raise ValueError(f"it is cut off or damaged after entity #{last}")
+    lacking = {int(m[1][:16]) for m in TEXT_OR_REFERENCE.finditer(text, head.end()) if m[1]} - entities.keys()
+    if lacking:
+        raise ValueError(f"it lacks entity #{min(lacking)}, to which others refer")
+    return entities
+
+
+def having(entities: Mapping[int, Entity], keyword: str) -> list[Entity]:
+    """Return the entities of one type, in their order."""
+    return [e for e in entities.values() if keyword in e.text and keyword in e.parts]
+
+
+class _Parser:
+    """The grammar of one entity, over its tokens."""
+
+    def __init__(self, entity: Entity) -> None:
+        self._number, self._text, self._place = entity.number, entity.text, 0
+
+    def parts(self) -> dict[str, list[Value]]:
+        first = INSTANCE.match(self._text)
+        if first is None:
+            raise self._wrong()
+        found: dict[str, list[Value]] = {}
+        if first["complex"]:
+            self._place = first.end()
+        while True:
+            kind, keyword = self._next()
+            if kind == "close" and first["complex"] and found:
+                break
+            if kind != "keyword" or keyword in found:
+                raise self._wrong()
+            found[keyword] = self._list(0)
+            if not first["complex"]:
+                break
+        if self._place != len(self._text):
+            raise self._wrong()
+        return found
+
+    def _list(self, depth: int) -> list[Value]:
+        """Return the parameters that stand between "(" and ")"."""
+        if depth > MOST_NESTED or self._next()[0] != "open":
+            raise self._wrong()
+        return self._rest(depth)
+
+    def _rest(self, depth: int) -> list[Value]:
+        """Return the parameters up to ")", behind "("."""
+        values: list[Value] = []
+        kind, text = self._next()
+        if kind == "close":
+            return values
+        while True:
+            if kind == "open" and depth < MOST_NESTED:
+                values.append(self._rest(depth + 1))
+            elif kind == "keyword":
+                values.append(Typed(text, self._list(depth + 1)))
+            elif kind in CONVERT:
+                values.append(CONVERT[kind](text))
+            else:
+                raise self._wrong()
+            kind, text = self._next()
+            if kind == "close":
+                return values
+            if kind != "comma":
+                raise self._wrong()
+            kind, text = self._next()
+
+    def _next(self) -> tuple[str, str]:
+        token = TOKEN.match(self._text, self._place)
+        if token is None:
+            raise self._wrong()
+        self._place = token.end()
+        return token.lastgroup, token[token.lastgroup]
+
+    def _wrong(self) -> ValueError:
+        return ValueError(f"STEP entity #{self._number} does not follow the grammar at character {self._place}: {self._text[:60]!r}")
