@@ -1,0 +1,162 @@
+"""Files of a whole lens for other programs: written, read back by what did not write them, compared with the exact surfaces."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.errors import UserError
+from optics.export_checks import array_checks, cloud_checks, mesh_checks, require_readers, sag_checks, solid_checks
+from optics.results import ResultFolder
+from thbcad.files import write_bytes
+from thbcad.mesh_files import obj_bytes, ply_bytes, stl_bytes, threemf_bytes
+from thbcad.native import read_lens
+from thbcad.sag_table import cloud_text, sag_text, table_size
+from thbcad.tessellation import Tessellation, tessellated
+
+if TYPE_CHECKING:
+    from optics.export_checks import SolidReader
+    from optics.verify import Check
+    from thbcad.lens import Lens
+
+MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and whether the format holds float32
+    "stl": (stl_bytes, True),
+    "3mf": (threemf_bytes, True),
+    "obj": (obj_bytes, False),
+    "ply": (ply_bytes, False),
+}
+SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep", "dat": "dat", "xyz": "xyz", "npz": "npz"}
+SUFFIXES |= {name: name for name in MESHES}
+FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
+
+
+def lens_of(result: str) -> Lens:
+    """Return the lens of a result folder or of a native lens file.
+
+    Raises
+    ------
+    UserError : there is none, or it is damaged.
+    """
+    path = Path(result)
+    if path.is_dir():
+        return ResultFolder(path).read_lens()
+    try:
+        return read_lens(path)
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}; give a result folder or a lens.json") from None
+    except ValueError as error:
+        raise UserError(f"{path}: {error}") from None
+
+
+def format_of(out: str, wanted: str | None) -> str:
+    """Return the format asked for, or else that of the suffix.
+
+    Raises
+    ------
+    UserError : it is unknown.
+    """
+    name = Path(out).suffix[1:].lower() if wanted is None else wanted.lower()
+    if name not in SUFFIXES:
+        asked = f"the suffix of {out}" if wanted is None else f"the format {wanted!r}"
+        raise UserError(f"{asked} is unknown; choose --format from {', '.join(FORMATS)}")
+    return SUFFIXES[name]
+
+
+def export(lens: Lens, name: str, out: str, chord: float) -> tuple[list[Path], list[Check]]:
+    """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
+
+    chord : mm, the error that meshes may have, and grid sags between their points.
+    A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
+
+    Raises
+    ------
+    UserError : the path cannot be written, what reads the format back is not installed, a chord error that cannot be kept.
+    """
+    path = Path(out)
+    _require_writable(path)
+    require_readers(name)
+    try:
+        if name in MESHES:
+            write, single = MESHES[name]
+            mesh = tessellated(lens, chord, single)
+            return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord)
+        if name in ("dat", "xyz"):
+            return _tables(lens, name, path, chord)
+        if name == "npz":
+            return _written({path: _arrays(lens)}), array_checks(lens, path)
+        return _solid(lens, name, path)
+    except (ValueError, RuntimeError) as error:
+        raise UserError(f"cannot export {path}: {error}") from None
+
+
+def _require_writable(path: Path) -> None:
+    """Raise UserError unless a file can be written there, before any work is done."""
+    reason = f"there is no folder {path.parent}" if not path.parent.is_dir() else "it is a folder" if path.is_dir() else ""
+    try:
+        if not reason:
+            with tempfile.TemporaryFile(dir=path.parent) as probe:
+                probe.write(b"0")
+    except OSError as error:
+        reason = str(error.strerror)
+    if reason:
+        raise UserError(f"cannot write {path}: {reason}; choose another --out")
+
+
+def _written(files: dict[Path, bytes]) -> list[Path]:
+    for path, data in files.items():
+        write_bytes(path, data)
+    return list(files)
+
+
+def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
+    """Write a sag table or a point cloud of the front and of the rear."""
+    files: dict[Path, bytes] = {}
+    checks = []
+    for word, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
+        own = path.with_name(f"{path.stem}_{word}{path.suffix}")
+        _require_writable(own)
+        size = table_size(surface)
+        if name == "dat":
+            files[own] = sag_text(surface, size)
+            checks.append(partial(sag_checks, word, surface, own, chord))
+        else:
+            files[own] = cloud_text(surface, vertex, word == "rear", size)
+            checks.append(partial(cloud_checks, word, surface, vertex, own))
+    return _written(files), [found for check in checks for found in check()]
+
+
+def _arrays(lens: Lens) -> bytes:
+    """Return an NPZ file: front and rear as splines z(x, y), conic included, in mm; nothing in it is executed."""
+    arrays = {"thickness": np.float64(lens.thickness), "index": np.float64(lens.index)}
+    for word, surface, graph in zip(("front", "rear"), (lens.front, lens.rear), lens.graphs()):
+        arrays |= {
+            f"{word}_knots_x": graph.kv_u.knots,
+            f"{word}_knots_y": graph.kv_v.knots,
+            f"{word}_degrees": np.array([graph.kv_u.degree, graph.kv_v.degree]),
+            f"{word}_coefficients": graph.coefficients,
+            f"{word}_half_width": np.array(surface.half_width),
+            f"{word}_radius": np.float64(surface.conic.radius),
+            f"{word}_conic": np.float64(surface.conic.constant),
+        }
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def _solid(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
+    from thbcad.cad.formats import brep_bytes, iges_bytes, read_brep, read_iges
+    from thbcad.cad.step import read_step, step_bytes
+
+    writers: dict[str, tuple[Callable[[Lens], bytes], SolidReader]] = {
+        "step": (step_bytes, read_step),
+        "iges": (iges_bytes, read_iges),
+        "brep": (brep_bytes, read_brep),
+    }
+    write, read = writers[name]
+    return _written({path: write(lens)}), solid_checks(lens, read(path), name)
