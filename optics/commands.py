@@ -80,10 +80,12 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         lens, state = _optimise(problem, light, backend, folder, state)
         clock.lap("optimise")
         return _finish(problem, light, lens, state, folder, clock)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ImportError) as error:
+        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
+            raise
         if folder.has_checkpoint():
             _note(f"the same command with --resume goes on from {folder.path}")
-        raise
+        raise KeyboardInterrupt from None
 
 
 def _optimise(
@@ -147,6 +149,8 @@ def _finish(
     exact = load_backend("double", problem.run.threads)
     measurement = measure(exact, problem, lens, light)
     figures, paths = measurement.figures, {}
+    if not figures["efficiency"]:
+        _note("no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam")
     if follows_edges(problem):
         figures["nonsequential_w"] = nonsequential_figures(exact, problem, lens, measurement.target)
         paths = fans(exact, problem, lens)

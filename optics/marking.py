@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.model import freeforms, problem_rays
+from optics.model import base_lens, freeforms, problem_rays
 from optics.objective import Objective
 from optics.plan import last_level
 from optics.problem import per_level
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
 LIMITS_WEIGHT = 100.0  # charge for the mean square of relative violations
+THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 
 
@@ -48,7 +49,10 @@ def stage_objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage
     """Return the Objective of a stage: its rays, screen, window and target, and the charges of the problem."""
     tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM, sure=False)
     options, limits = problem.optimizer, problem.limits
-    weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, limits.thickness)
+    thickness = limits.thickness
+    if not thickness and base_lens(problem).least_thickness().lower <= sum(f.z_freedom for f in freeforms(problem)):
+        thickness = THINNEST * lens.thickness  # the surfaces could cross
+    weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, thickness)
     shape = ShapePenalty(lens, weights) if weights.any else None
     window = stage_window(problem, stage.final)
     return Objective(backend, tracer, stage.screen, window, target, options.lost_flux_weight, options.dark_flux_weight, shape)

@@ -153,12 +153,13 @@ def require_place(problem: Problem, lens: Lens) -> None:
     front = min(0.0, float(lens.front.conic(x, y)))
     if source.kind == "lambertian" and front <= -source.distance:
         raise UserError(
-            f"the source lies in the lens: its plane is z = {-source.distance:g} mm and the front reaches to z = {front:.4g} mm there; "
-            "make source.distance larger or source.half_width smaller"
+            f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm and the front reaches "
+            f"to z = {front:.4g} mm there; make source.distance larger or source.half_width smaller"
         )
-    rim = float(lens.rear.conic(*lens.rear.half_width))
-    if distance <= rim:
-        raise UserError(f"target.distance must be greater than {rim:.4g} mm, to where the rear surface reaches, got {distance:g}")
+    freeform = problem.lens.rear.freeform
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.z_freedom
+    if distance <= top:
+        raise UserError(f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, got {distance:g}")
 
 
 def target_irradiance(light: NDArray[np.float64], screen: Screen, fit: str, flux: float) -> NDArray[np.float64]:

@@ -24,6 +24,8 @@ Record = TypeVar("Record", bound="DataclassInstance")
 
 MAX_FILE_BYTES = 1_000_000
 MAX_PIXELS = 4096
+LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
+LEAST_MERGED = 4  # pixels each way that merging leaves
 PICTURES = ("target.image", "source.image")
 LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
 
@@ -213,6 +215,14 @@ def _require_partners(problem: Problem) -> None:
         raise UserError("source.distance must be greater than 0 for a point, which would lie in the lens")
     if source.kind != "point" and min(source.half_width) <= 0:
         raise UserError(f"source.half_width must be greater than 0 for a {source.kind} source, got {list(source.half_width)}")
+    if source.kind == "point" and source.profile != "uniform":
+        raise UserError(f"source.profile is that of an area, a point has none; got {source.profile!r}")
+    if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:
+        raise UserError(f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; take a smaller source.half_width")
+    if problem.optimizer.merge > 1 and min(target.pixels) < LEAST_MERGED * problem.optimizer.merge:
+        raise UserError(
+            f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {problem.optimizer.merge} of {min(target.pixels)}"
+        )
     free = [f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f]
     most = problem.lens.thickness + sum(f.z_freedom for f in free)
     if problem.limits.thickness > most:

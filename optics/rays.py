@@ -69,6 +69,7 @@ def lambertian_parts(
     half_width : mm, of the rectangle (or of the ellipse in it, for the profile "round") in the plane z = -distance.
     half_angle : degrees, of the cone that is lit.  count : of rays, a multiple of four.  seed : of the scrambling.
     """
+    from scipy.special import erf, erfinv
     from scipy.stats import qmc
 
     engine = qmc.Sobol(4, scramble=True, seed=seed)
@@ -80,11 +81,13 @@ def lambertian_parts(
         if profile.kind == "round":
             s, t = concentric(s, t)
         p, q = (r * sin(radians(half_angle)) for r in concentric(a, b))
+        if profile.kind == "gaussian":
+            s, t = (np.sqrt(2) * w * erfinv(r * erf(1 / (np.sqrt(2) * w))) for r, w in zip((s, t), profile.sigma))
         origin = np.stack([s * half_width[0], t * half_width[1], np.full(size, -distance)])
         direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
         origin, direction = (np.concatenate([v * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1) for v in (origin, direction))
         each: float | Floats = flux / count
-        if profile.kind not in ("uniform", "round"):
+        if profile.kind == "image":
             each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
         yield Rays(origin, direction, each)
 

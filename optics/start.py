@@ -42,6 +42,7 @@ LEAST_CELLS, MOST_CELLS = 64, 512
 MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
 RAYS_PER_CELL = 4
 INSIDE = 0.97  # of z_freedom
+HALVINGS = 20  # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there
 LEAST_WEIGHT = 1e-3  # of cells without light
 STEEPEST = 0.15  # least z of the normal's vector: steeper slopes are not asked for
@@ -77,7 +78,7 @@ class TransportStart:
         self._lit, self._centre, self._half = _lit_part(target_irradiance(light, screen, problem.target.placing, 1.0), screen)
         self._cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
         self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
-        self.reach = 0.0
+        self.reach, self.crosses = 0.0, False
         self._bundle: Bundle
         self._slopes: list[Floats]
         self.parallel = problem.source.kind == "collimated" and lens.front.sag is None and lens.front.conic.is_plane
@@ -90,12 +91,19 @@ class TransportStart:
     def fit(self, space: THBSpace) -> THBSurface:
         """Return the sag in a THB space over x, y in mm; `reach` keeps the greatest |c| it asked for.
 
-        A sag that exceeds z_freedom is scaled down, which moves the light part of the way.
+        A sag that exceeds z_freedom or crosses the front is scaled down, which moves the light part of the way.
         """
         bundle = self._bundle
         sag = fit_slopes(space, bundle.x, bundle.y, *self._slopes, bundle.weight)
-        self.reach = float(np.abs(sag.coefficients).max())
-        return sag if self.reach <= self._bound else THBSurface(space, sag.coefficients * (self._bound / self.reach))
+        self.reach, self.crosses = float(np.abs(sag.coefficients).max()), False
+        kept = sag.coefficients * min(1.0, self._bound / self.reach) if self.reach else sag.coefficients
+        for _ in range(HALVINGS):
+            try:
+                self._lens.with_rear(self._lens.rear.with_sag(THBSurface(space, kept)))
+                break
+            except ValueError:
+                kept, self.crosses = kept / 2, True
+        return THBSurface(space, kept)
 
     def misfit(self, sag: THBSurface) -> Floats:
         """Return the sum over every leaf cell of the squared deviation of a sag's slopes from those asked for, (n_cells,)."""
@@ -105,18 +113,20 @@ class TransportStart:
 
     @property
     def within(self) -> bool:
-        """Whether the sag of the last fit kept to z_freedom."""
-        return self.reach <= self._bound
+        """Whether the sag of the last fit kept to z_freedom and clear of the front."""
+        return self.reach <= self._bound and not self.crosses
 
     @property
     def note(self) -> str:
-        """A sentence for the user where z_freedom is too small for the transport map, or ""."""
+        """A sentence for the user where z_freedom or the thickness is too small for the transport map, or ""."""
         if self.within:
             return ""
-        return (
-            f"the transport map asks for a sag of +-{self.reach:.2f} mm, more than z_freedom allows; "
-            f"raise lens.rear.freeform.z_freedom above {self.reach / INSIDE:.2f} for better light"
-        )
+        asked = f"the transport map asks for a sag of +-{self.reach:.3g} mm"
+        if self.reach > max(self._lens.rear.half_width):
+            return f"{asked}, more than the lens is wide: are the units right, is the target within reach?"
+        if self.crosses:
+            return f"{asked}, which would bring the rear to the front; raise lens.thickness for better light"
+        return f"{asked}, more than z_freedom allows; raise lens.rear.freeform.z_freedom above {self.reach / INSIDE:.3g} for better light"
 
     def _shape_parallel(self) -> None:
         """Find the slopes for parallel rays: density and directions do not depend on the rear's shape."""
