@@ -7,7 +7,6 @@ equal weights come back as a polynomial surface, in IGES also those that differ 
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,17 +33,13 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
-from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
-from OCP.IGESData import IGESData_IGESWriter
-from OCP.IGESSolid import IGESSolid
-from OCP.TCollection import TCollection_HAsciiString
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
-from OCP.TopTools import TopTools_FormatVersion
 
 from thbcad.cad.geom import TOLERANCE, rational_geom, spline_surface
+from thbcad.cad.iges_writing import FACES, brep_text, iges_text
 from thbcad.cad.reading import brep_shape, explore, iges_shape, step_shape
-from thbcad.cad.writing import REALS, silence, step_text
+from thbcad.cad.writing import silence, step_text
 from thbcad.files import write_bytes
 from thbcad.rational import NURBSSurface
 from thbcad.surface import BSplineSurface
@@ -53,7 +48,6 @@ if TYPE_CHECKING:
     from OCP.Geom import Geom_Surface
     from OCP.TopoDS import TopoDS_Face
 
-IGES_STAMP = "20000101.000000"
 IGES_LEAST_WEIGHT = 1e-9  # OCCT reads a surface with a lesser weight as polynomial
 EXACT = (GeomAbs_Plane, GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus, GeomAbs_BezierSurface, GeomAbs_BSplineSurface)
 SWEPT = (GeomAbs_SurfaceOfRevolution, GeomAbs_SurfaceOfExtrusion)
@@ -130,35 +124,14 @@ def _step_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
 
 
 def _brep_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
-    buffer = io.BytesIO()
-    BRepTools.Write_s(_compound(surfaces), buffer, False, False, TopTools_FormatVersion.TopTools_FormatVersion_VERSION_1)
-    return buffer.getvalue()
+    return brep_text(_compound(surfaces))
 
 
 def _iges_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
     least = min(surface.weights.min() for surface in surfaces)
     if least < IGES_LEAST_WEIGHT:
         raise ValueError(f"weights must be at least {IGES_LEAST_WEIGHT} in IGES, got {least}")
-    IGESControl_Controller.Init_s()
-    silence()
-    writer = IGESControl_Writer("MM", 0)
-    if not writer.AddShape(_compound(surfaces)):
-        raise RuntimeError("OCCT could not translate the surfaces to IGES")
-    writer.ComputeModel()
-    model = writer.Model()
-    head = model.GlobalSection()
-    for setter, value in ((head.SetAuthorName, ""), (head.SetFileName, "surfaces"), (head.SetSendName, "thbcad")):
-        setter(TCollection_HAsciiString(value))
-    for setter in (head.SetDate, head.SetLastChangeDate):
-        setter(TCollection_HAsciiString(IGES_STAMP))
-    model.SetGlobalSection(head)
-    text = IGESData_IGESWriter(model)
-    text.FloatWriter().SetFormat(REALS)
-    text.SendModel(IGESSolid.Protocol_s())
-    buffer = io.BytesIO()
-    if not text.Print(buffer):
-        raise RuntimeError("OCCT could not print the IGES file")
-    return buffer.getvalue()
+    return iges_text(_compound(surfaces), FACES, "surfaces")
 
 
 FORMATS: dict[str, tuple[Callable[[Sequence[NURBSSurface]], bytes], Callable[[Path], TopoDS_Shape]]] = {

@@ -6,7 +6,6 @@ and the time stamp is fixed: poles and knots read back bit for bit, the same len
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,22 +13,19 @@ from typing import TYPE_CHECKING
 from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
-from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_BSplineSurface
 from OCP.GProp import GProp_GProps
-from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
-from OCP.IGESData import IGESData_IGESWriter
-from OCP.IGESSolid import IGESSolid
-from OCP.TCollection import TCollection_HAsciiString
+from OCP.IGESControl import IGESControl_Controller
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_FormatVersion, TopTools_IndexedDataMapOfShapeListOfShape
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
 from thbcad.cad.geom import spline_surface
+from thbcad.cad.iges_writing import SOLID, brep_text, iges_text
 from thbcad.cad.reading import brep_shape, explore, iges_shape
 from thbcad.cad.solid import lens_solid
-from thbcad.cad.writing import REALS, silence
+from thbcad.cad.writing import silence
 from thbcad.surface import BSplineSurface
 
 if TYPE_CHECKING:
@@ -37,8 +33,6 @@ if TYPE_CHECKING:
 
     from thbcad.lens import Lens
 
-BREP_MODE = 1  # of OCCT's IGES writer: solids as entity 186, not as loose trimmed surfaces
-STAMP = "20000101.000000"
 VOLUME_TOLERANCE = 1e-6  # relative, asked of OCCT's volume integral
 
 
@@ -68,33 +62,12 @@ def iges_bytes(lens: Lens) -> bytes:
     ------
     RuntimeError : OCCT refuses the solid.
     """
-    IGESControl_Controller.Init_s()
-    silence()
-    writer = IGESControl_Writer("MM", BREP_MODE)
-    if not writer.AddShape(lens_solid(lens)):
-        raise RuntimeError("OCCT could not translate the lens to IGES")
-    writer.ComputeModel()
-    model = writer.Model()
-    head = model.GlobalSection()
-    for setter, value in ((head.SetAuthorName, ""), (head.SetFileName, "lens"), (head.SetSendName, "thbcad")):
-        setter(TCollection_HAsciiString(value))
-    for setter in (head.SetDate, head.SetLastChangeDate):
-        setter(TCollection_HAsciiString(STAMP))
-    model.SetGlobalSection(head)
-    text = IGESData_IGESWriter(model)
-    text.FloatWriter().SetFormat(REALS)
-    text.SendModel(IGESSolid.Protocol_s())
-    buffer = io.BytesIO()
-    if not text.Print(buffer):
-        raise RuntimeError("OCCT could not print the IGES file")
-    return buffer.getvalue()
+    return iges_text(lens_solid(lens), SOLID, "lens")
 
 
 def brep_bytes(lens: Lens) -> bytes:
     """Return a BREP file of the lens as a solid, mm."""
-    buffer = io.BytesIO()
-    BRepTools.Write_s(lens_solid(lens), buffer, False, False, TopTools_FormatVersion.TopTools_FormatVersion_VERSION_1)
-    return buffer.getvalue()
+    return brep_text(lens_solid(lens))
 
 
 def read_iges(path: str | Path) -> SolidFile:
