@@ -7,6 +7,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from importlib import import_module
+from math import isinf
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from optics.problem import Problem
     from optics.state import State
     from thbcad.lens import Lens
+
+
+CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
 class _Clock:
@@ -118,13 +122,20 @@ def _sound(problem: Problem) -> tuple[NDArray[np.float64], Lens]:
 
 def advice(problem: Problem) -> list[str]:
     """Return sentences about settings that do not suit the problem."""
-    options = problem.optimizer
+    options, sentences = problem.optimizer, []
     if problem.source.kind == "lambertian" and (options.window == "pixel" or options.lost_flux_weight > 1):
-        return [
+        sentences.append(
             'an extended source blurs its light anyway: optimizer.window = "bspline" and lost_flux_weight = 0 suit it better, '
             "and merged pixels save time (examples/extended.toml)"
-        ]
-    return []
+        )
+    bent = any(not isinf(s.radius) and s.conic != -1 for s in (problem.lens.front, problem.lens.rear))
+    thrown = CONIC_SLOPE * problem.target.distance
+    if bent and not isinf(thrown) and thrown > problem.verify.landing:
+        sentences.append(
+            f"STEP holds conics other than paraboloids as splines, which may move landing points by {thrown:.1g} mm at this distance; "
+            f"verify.landing = {problem.verify.landing:g} mm may be refused then: use conic = -1, or raise it if that will do"
+        )
+    return sentences
 
 
 def _finish(
