@@ -20,6 +20,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_So
 
 from thbcad.bspline import KnotVector
 from thbcad.cad.geom import TOLERANCE, geom_curve, geom_surface
+from thbcad.cad.part import Part
 from thbcad.graph import graph_poles
 from thbcad.surface import BSplineSurface
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # counter-clockwise seen from +z; 0 and 1 are low and high x, y
 SIDES = ((0, 1), (1, 2), (3, 2), (0, 3))  # corners of each side in the direction of increasing x or y
+NAMES = ("front", "rear", "edge -y", "edge +x", "edge +y", "edge -x")
 UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
 
 
@@ -45,6 +47,11 @@ def lens_surfaces(lens: Lens) -> tuple[BSplineSurface, BSplineSurface]:
 
 def lens_solid(lens: Lens) -> TopoDS_Solid:
     """Return the lens as a closed TopoDS_Solid of six faces."""
+    return lens_part(lens).solid
+
+
+def lens_part(lens: Lens) -> Part:
+    """Return the lens as a closed Part of six faces: front, rear and the edges at low y, high x, high y, low x."""
     surfaces = lens_surfaces(lens)
     planar = lens.front.half_width == lens.rear.half_width
     builder = BRep_Builder()
@@ -52,24 +59,31 @@ def lens_solid(lens: Lens) -> TopoDS_Solid:
     rims = [[_rim(builder, s, side, corners) for side in range(4)] for s, corners in zip(surfaces, vertices)]
     struts = [_strut(builder, surfaces, k, vertices, planar) for k in range(4)]
 
-    shell = TopoDS_Shell()
-    builder.MakeShell(shell)
+    faces = []
     for k, surface in enumerate(surfaces):
         face = _spline_face(builder, surface, [_turned(rims[k][side], side >= 2) for side in range(4)])
         for side in range(4):
             builder.UpdateEdge(rims[k][side], _side_line(surface, side), face, TOLERANCE)
         # the normal of the parametrisation points to +z: outward at the rear, inward at the front
-        builder.Add(shell, face if k == 1 else face.Reversed())
+        faces.append(face if k == 1 else TopoDS.Face_s(face.Reversed()))
     for side in range(4):
         start, stop = SIDES[side]
         loop = [rims[0][side], struts[stop], rims[1][side].Reversed(), struts[start].Reversed()]
         face = _flat_face(builder, surfaces, side, loop) if planar else _ruled_face(builder, surfaces, side, loop)
-        builder.Add(shell, face if side < 2 else face.Reversed())
+        faces.append(face if side < 2 else TopoDS.Face_s(face.Reversed()))
+    return closed_part(NAMES, faces)
+
+
+def closed_part(names: Sequence[str], faces: Sequence[TopoDS_Face]) -> Part:
+    """Return the solid between faces that share their edges and whose normals point outward."""
+    builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
+    builder.MakeShell(shell)
+    for face in faces:
+        builder.Add(shell, face)
     shell.Closed(True)
-    solid = TopoDS_Solid()
     builder.MakeSolid(solid)
     builder.Add(solid, shell)
-    return solid
+    return Part(solid, tuple(names), tuple(faces))
 
 
 def _vertex(builder: BRep_Builder, point: NDArray[np.float64]) -> TopoDS_Vertex:
