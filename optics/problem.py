@@ -55,6 +55,7 @@ class Source:
     image: str = option("", note="picture file of the profile image, linear light, relative to the problem file")
     half_angle: float = option(90.0, above=0, high=90, note="degrees, of the cone that a lambertian or a point source lights")
     exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
+    wavelength: float = option(550.0, above=0, note="nm; only the report compares the lens's features with it")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +86,8 @@ class Rear:
 class LensSpec:
     index: float = option(above=1, note="refractive index, relative to the air around")
     thickness: float = option(above=0, note="mm between the vertices")
+    material: str = option("", note="its name, for the files and the workshop")
+    density: float = option(0.0, low=0, note="g/cm^3, for the mass; 0 is unknown")
     front: Front = option()
     rear: Rear = option()
 
@@ -133,7 +136,14 @@ class Optimizer:
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     thickness: float = option(0.0, low=0, note="mm, least thickness of the lens; 0 is none")
+    centre_thickness: float = option(0.0, low=0, note="mm, least thickness on the axis; 0 is none")
+    edge_thickness: float = option(0.0, low=0, note="mm, least thickness at the rim; 0 is none")
     radius: float = option(0.0, low=0, note="mm, least radius of curvature of the free surfaces; 0 is none")
+    concave_radius: float = option(0.0, low=0, note="mm, the same where they are hollow, as the tool must fit in; 0 is none")
+    slope: float = option(90.0, above=0, high=90, note="degrees, greatest slope of a surface against the plane; 90 is none")
+    sag_range: float = option(math.inf, above=0, infinite=True, note="mm, greatest difference in height on a surface; inf is none")
+    feature: float = option(0.0, low=0, note="wavelengths, least size of what a single coefficient shapes; 0 is none")
+    mass: float = option(math.inf, above=0, infinite=True, note="g, greatest mass; inf is none")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +164,14 @@ class Verify:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Export:
+    schema: str = option("AP242", choices=("AP203", "AP214", "AP242"), note="of the STEP file")
+    product: str = option("", note="name of the solid; the title where empty")
+    author: str = option("", note="of the STEP file")
+    organization: str = option("", note="of the STEP file")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Run:
     seed: int = option(0, low=0, note="of the fresh rays of the metrics and of the random signs that scale the variables")
     threads: int = option(0, low=0, high=1024, note="0 uses all cores; 1 repeats a run bit for bit")
@@ -170,6 +188,7 @@ class Problem:
     refinement: Refinement = option(Refinement())
     limits: Limits = option(Limits())
     verify: Verify = option(Verify())
+    export: Export = option(Export())
     run: Run = option(Run())
 
     @property
