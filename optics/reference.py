@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 HALVINGS = 12  # of the interval in which a ray falls through the face, before Newton's method
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
 ROOM = 1e-3  # of the width, above and below the poles
+STILL = 1e-12  # of a direction: components that count as none
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 AT_ONCE = 20_000  # rays
 
@@ -55,13 +56,26 @@ class ParametricFace:
         """Return parameters where rays first fall through the face, to a sample's width; points, directions : (n, 3).
 
         x and y are taken as linear in the parameters: a guess that Newton's method corrects.
+        Rays parallel to z need no search.
         """
+        uv = self._below(points[:, :2])
+        slanted = (np.abs(directions[:, :2]) >= STILL).any(axis=1)
+        if slanted.any():
+            uv[slanted] = self._search(points[slanted], directions[slanted])
+        return uv
+
+    def _below(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the parameters at (x, y), (..., 2), of the rim where they lie beside the face."""
+        share = np.clip((points - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
+        return self.low + share * (self.high - self.low)
+
+    def _search(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the parameters where slanted rays first fall through the face, by samples and halvings."""
         first, last = self._way(points, directions)
 
         def at(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             here = points[:, None, :] + t[..., None] * directions[:, None, :]
-            share = np.clip((here[..., :2] - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
-            uv = self.low + share * (self.high - self.low)
+            uv = self._below(here[..., :2])
             return uv, self._height(uv) - here[..., 2]
 
         t = first[:, None] + (last - first)[:, None] * np.linspace(0, 1, SAMPLES)
@@ -77,7 +91,7 @@ class ParametricFace:
 
     def _way(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the ray parameters at which rays enter and leave the face's box."""
-        still = np.abs(directions) < 1e-12
+        still = np.abs(directions) < STILL
         speed = np.where(still, 1.0, directions)
         ends = np.stack([np.where(still, side, (corner - points) / speed) for side, corner in zip((-np.inf, np.inf), self._box)])
         return np.maximum(ends.min(axis=0).max(axis=1), 0.0), ends.max(axis=0).min(axis=1)
