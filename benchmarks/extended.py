@@ -25,6 +25,7 @@ from optics.metrics import measure
 from optics.model import base_lens, target_light
 from optics.problem import Problem, load_problem
 from optics.state import State
+from optics.step_file import StepFile
 from optics.verify import verify
 from thbcad import write_step
 
@@ -95,7 +96,7 @@ def _batches(problem: Problem, light: NDArray[np.float64], backend: Backend, pat
     def check(state: State) -> None:
         lens = base_lens(problem).with_sags(state.sags)
         write_step(lens, path)
-        checks = {c.name: c.value for c in verify(problem, lens, path, backend)}
+        checks = {c.name: c.value for c in verify(problem, lens, StepFile(path), backend)}
         difference = checks["irradiance, independent trace of the file, relative"]
         out.append(Row(f"extended, batch {len(out) + 1}: irradiance of its STEP, independent trace", difference, "", "", 1e-6))
 

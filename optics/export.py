@@ -5,26 +5,40 @@ from __future__ import annotations
 import io
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.bodies import Body
 from optics.errors import UserError
-from optics.export_checks import array_checks, cloud_checks, mesh_checks, require_readers, sag_checks, solid_checks
+from optics.export_checks import (
+    array_checks,
+    cloud_checks,
+    face_checks,
+    mesh_checks,
+    patch_checks,
+    require_readers,
+    sag_checks,
+    solid_checks,
+)
+from optics.model import lens_product
 from optics.results import ResultFolder
 from thbcad.files import write_bytes
 from thbcad.mesh_files import obj_bytes, ply_bytes, stl_bytes, threemf_bytes
 from thbcad.native import read_lens
+from thbcad.product import Product
 from thbcad.sag_table import cloud_text, sag_text, table_size
 from thbcad.tessellation import Tessellation, tessellated
 
 if TYPE_CHECKING:
-    from optics.export_checks import SolidReader
-    from optics.verify import Check
+    from optics.checks import Check
     from thbcad.lens import Lens
 
+CHORD = 1e-3  # mm
+PLAIN = Body()
 MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and whether the format holds float32
     "stl": (stl_bytes, True),
     "3mf": (threemf_bytes, True),
@@ -33,11 +47,20 @@ MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and wheth
 }
 SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep", "dat": "dat", "xyz": "xyz", "npz": "npz"}
 SUFFIXES |= {name: name for name in MESHES}
+SOLIDS = ("step", "iges", "brep")
 FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
 
 
-def lens_of(result: str) -> Lens:
-    """Return the lens of a result folder or of a native lens file.
+@dataclass(frozen=True)
+class Labels:
+    """What CAD files say about a lens, and the schema of STEP files."""
+
+    product: Product = Product()
+    schema: str = "AP242"
+
+
+def labelled_lens(result: str) -> tuple[Lens, Labels]:
+    """Return the lens of a result folder or of a native lens file, and its labels.
 
     Raises
     ------
@@ -45,9 +68,11 @@ def lens_of(result: str) -> Lens:
     """
     path = Path(result)
     if path.is_dir():
-        return ResultFolder(path).read_lens()
+        folder = ResultFolder(path)
+        problem = folder.read_problem()
+        return folder.read_lens(), Labels(lens_product(problem), problem.export.schema)
     try:
-        return read_lens(path)
+        return read_lens(path), Labels()
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}; give a result folder or a lens.json") from None
     except ValueError as error:
@@ -68,17 +93,24 @@ def format_of(out: str, wanted: str | None) -> str:
     return SUFFIXES[name]
 
 
-def export(lens: Lens, name: str, out: str, chord: float) -> tuple[list[Path], list[Check]]:
+def export(
+    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = PLAIN, labels: Labels | None = None
+) -> tuple[list[Path], list[Check]]:
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 
     chord : mm, the error that meshes may have, and grid sags between their points.
+    body : of the solid formats step, iges and brep.  labels : for STEP and IGES; None is those of a nameless lens.
     A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
 
     Raises
     ------
-    UserError : the path cannot be written, what reads the format back is not installed, a chord error that cannot be kept.
+    UserError : the path cannot be written, what reads the format back is not installed, a chord error that cannot be kept,
+        a body that the format or the lens does not allow.
     """
     path = Path(out)
+    if body != PLAIN and name not in (("step",) if body.patches else SOLIDS):
+        wanted = "--patches needs step" if body.patches else f"--aperture, --flange and --separate need {', '.join(SOLIDS)}"
+        raise UserError(f"{wanted}, got {name}")
     _require_writable(path)
     require_readers(name)
     try:
@@ -90,7 +122,9 @@ def export(lens: Lens, name: str, out: str, chord: float) -> tuple[list[Path], l
             return _tables(lens, name, path, chord)
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
-        return _solid(lens, name, path)
+        if body.separate:
+            return _faces(lens, name, path)
+        return _solid(lens, name, path, body, labels or Labels())
     except (ValueError, RuntimeError) as error:
         raise UserError(f"cannot export {path}: {error}") from None
 
@@ -149,14 +183,33 @@ def _arrays(lens: Lens) -> bytes:
     return buffer.getvalue()
 
 
-def _solid(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
-    from thbcad.cad.formats import brep_bytes, iges_bytes, read_brep, read_iges
-    from thbcad.cad.step import read_step, step_bytes
+def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tuple[list[Path], list[Check]]:
+    """Write the lens as a solid in a CAD format."""
+    from thbcad.cad.formats import part_iges, read_brep, read_iges
+    from thbcad.cad.iges_writing import brep_text
+    from thbcad.cad.step import part_step, read_step
 
-    writers: dict[str, tuple[Callable[[Lens], bytes], SolidReader]] = {
-        "step": (step_bytes, read_step),
-        "iges": (iges_bytes, read_iges),
-        "brep": (brep_bytes, read_brep),
-    }
-    write, read = writers[name]
-    return _written({path: write(lens)}), solid_checks(lens, read(path), name)
+    part = body.part(lens)
+    if name == "step":
+        files = _written({path: part_step(part, labels.product, labels.schema)})
+    else:
+        files = _written({path: part_iges(part, labels.product) if name == "iges" else brep_text(part.solid)})
+    if body.patches:
+        return files, patch_checks(lens, path, len(part.faces))
+    read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
+    return files, solid_checks(lens, read, name, len(part.faces), body.volume(lens))
+
+
+def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
+    """Write front and rear as loose faces, each into a file of its own."""
+    from thbcad.cad.exchange import read_faces, write_faces
+    from thbcad.cad.solid import lens_surfaces
+
+    files, checks = [], []
+    for word, surface in zip(("front", "rear"), lens_surfaces(lens)):
+        own = path.with_name(f"{path.stem}_{word}.{name}")
+        _require_writable(own)
+        write_faces([surface], own)
+        files.append(own)
+        checks += face_checks(word, surface, read_faces(own), name)
+    return files, checks

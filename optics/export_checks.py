@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, NdBSpline
 
+from optics.checks import Check
 from optics.edge_distance import edge_distance
 from optics.errors import UserError
-from optics.verify import Check, surface_deviation
+from optics.verify import surface_deviation
+from thbcad.surface import BSplineSurface
 from thbcad.tessellation import EDGES, FRONT, REAR
 
 if TYPE_CHECKING:
-    from thbcad.cad.formats import SolidFile
-    from thbcad.cad.step import StepLens
+    from thbcad.cad.solid_file import SolidFile, SolidState
     from thbcad.lens import FreeformSurface, Lens
+    from thbcad.rational import NURBSSurface
     from thbcad.tessellation import Tessellation
-
-    SolidReader = Callable[[Path], StepLens | SolidFile]
 
 SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
 SOLID_SURFACE = {"step": SURFACE, "iges": 1e-8, "brep": SURFACE}  # mm
@@ -42,25 +42,56 @@ def require_readers(name: str) -> None:
             raise UserError(f"a {name} file is read back by {module}, which is not installed: pip install {module}") from None
 
 
-def solid_checks(lens: Lens, read: StepLens | SolidFile, name: str) -> list[Check]:
-    """Return the Checks of a solid as OCCT read it."""
+def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: float) -> list[Check]:
+    """Return the Checks of a solid as OCCT read it.
+
+    faces : how many are expected.  volume : mm^3, by quadrature.
+    """
     from thbcad.cad.solid import lens_surfaces
 
     by = f"{name.upper()} read back by OCCT"
-    checks = [
-        Check(f"solids besides the one expected, {by}", abs(read.solids - 1), 0, ""),
-        Check(f"faces besides the six expected, {by}", abs(read.faces - 6), 0, ""),
-        Check(f"free edges, {by}", read.free_edges, 0, ""),
-        Check(f"solid not valid, {by}", int(not read.valid), 0, ""),
-        Check(f"volume against the closed form, relative, {by}", abs(read.volume / lens.volume() - 1), VOLUME, ""),
-    ]
+    checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
     for word, face, own, (surface, vertex) in zip(("front", "rear"), (read.front, read.rear), lens_surfaces(lens), surfaces):
-        pairs = [(face.kv_u.knots, own.kv_u.knots), (face.kv_v.knots, own.kv_v.knots), (face.coefficients, own.coefficients)]
-        different = sum(int((a != b).sum()) if a.shape == b.shape else max(a.size, b.size) for a, b in pairs)
-        checks.append(Check(f"{word} poles and knots that differ from the lens in memory, {by}", different, 0, ""))
+        checks.append(Check(f"{word} poles and knots that differ from the lens in memory, {by}", _different(face, own), 0, ""))
         checks.append(Check(f"{word} face, {by}", surface_deviation(face, surface, vertex), SOLID_SURFACE[name], "mm"))
     return checks
+
+
+def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
+    """Return the Checks of a STEP file whose front and rear are patches."""
+    from thbcad.cad.patched import patched_deviation
+    from thbcad.cad.reading import step_shape
+    from thbcad.cad.solid_file import SolidState
+
+    checks = _state_checks(SolidState(step_shape(path)), "STEP read back by OCCT", faces, lens.volume())
+    return [*checks, Check("front and rear, text of the file", patched_deviation(path, lens), SURFACE, "mm")]
+
+
+def face_checks(word: str, own: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str) -> list[Check]:
+    """Return the Checks of a file with one loose face."""
+    by = f"{name.upper()} read back by OCCT"
+    different = _different(read[0], own) if isinstance(read[0], BSplineSurface) else own.coefficients.size
+    return [
+        Check(f"faces besides the one expected, {by}", len(read) - 1, 0, ""),
+        Check(f"{word} poles and knots that differ from the lens in memory, {by}", different, 0, ""),
+    ]
+
+
+def _state_checks(state: SolidState, by: str, faces: int, volume: float) -> list[Check]:
+    return [
+        Check(f"solids besides the one expected, {by}", abs(state.solids - 1), 0, ""),
+        Check(f"faces besides the {faces} expected, {by}", abs(state.faces - faces), 0, ""),
+        Check(f"free edges, {by}", state.free_edges, 0, ""),
+        Check(f"solid not valid, {by}", int(not state.valid), 0, ""),
+        Check(f"volume against the closed form, relative, {by}", abs(state.volume / volume - 1), VOLUME, ""),
+    ]
+
+
+def _different(read: BSplineSurface, own: BSplineSurface) -> int:
+    """Return how many poles and knots differ."""
+    pairs = [(read.kv_u.knots, own.kv_u.knots), (read.kv_v.knots, own.kv_v.knots), (read.coefficients, own.coefficients)]
+    return sum(int((a != b).sum()) if a.shape == b.shape else max(a.size, b.size) for a, b in pairs)
 
 
 def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: float) -> list[Check]:

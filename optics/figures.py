@@ -35,20 +35,24 @@ def draw_all(
 
     paths : fans of rays in the plane x = 0 by name, or none.
     """
-    extent = _extent(problem.target.half_width)
     target, light = (a / measurement.target.mean() for a in (measurement.target, measurement.irradiance))
     top = float(target.max())
     error = light - target
     reach = float(np.quantile(np.abs(error), 0.999)) or 1.0
     kind, unit = ("intensity", "degrees") if isinf(problem.target_z) else ("irradiance", "mm")
     label = f"{kind} / mean"
+    made = f"({label})^0.2"
+
+    def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
+        return plane_figure(data, problem.target.half_width, unit, text, colours, (low, high))
+
     return {
-        "target": ("The light asked for.", _image(target, extent, unit, label, "gray", (0, top))),
-        "irradiance": ("The light that the lens makes (fresh rays, box pixels).", _image(light, extent, unit, label, "gray", (0, top))),
-        "error": ("Made minus asked for.", _image(error, extent, unit, label, "RdBu_r", (-reach, reach))),
+        "target": ("The light asked for.", picture(target, label, "gray", 0, top)),
+        "irradiance": ("The light that the lens makes (fresh rays, box pixels).", picture(light, label, "gray", 0, top)),
+        "error": ("Made minus asked for.", picture(error, label, "RdBu_r", -reach, reach)),
         "irradiance_02": (
             f"{kind.capitalize()} to the power 0.2: stray light and faint detail.",
-            _image(np.maximum(light, 0) ** 0.2, extent, unit, f"({label})^0.2", "magma", (0, top**0.2)),
+            picture(np.maximum(light, 0) ** 0.2, made, "magma", 0, top**0.2),
         ),
         **_surfaces(lens),
         **{
@@ -64,7 +68,8 @@ def _extent(half_width: tuple[float, float]) -> tuple[float, float, float, float
     return (-hx, hx, -hy, hy)
 
 
-def _png(figure: Figure) -> bytes:
+def png_bytes(figure: Figure) -> bytes:
+    """Return a figure as PNG, and close it."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     plt.close(figure)
@@ -78,13 +83,14 @@ def _axes(unit: str = "mm") -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _image(
-    data: NDArray[np.float64], extent: tuple[float, float, float, float], unit: str, label: str, colours: str, limits: tuple[float, float]
+def plane_figure(
+    data: NDArray[np.float64], half_width: tuple[float, float], unit: str, label: str, colours: str, limits: tuple[float, float]
 ) -> bytes:
+    """Return an image over a rectangle as a picture with axes and a scale."""
     figure, axes = _axes(unit)
-    shown = axes.imshow(data, cmap=colours, vmin=limits[0], vmax=limits[1], extent=extent, interpolation="nearest")
+    shown = axes.imshow(data, cmap=colours, vmin=limits[0], vmax=limits[1], extent=_extent(half_width), interpolation="nearest")
     figure.colorbar(shown, label=label)
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
@@ -103,7 +109,7 @@ def _sag(surface: FreeformSurface) -> bytes:
     figure, axes = _axes()
     shown = axes.imshow(sag.T[::-1], cmap="viridis", extent=_extent(surface.half_width))
     figure.colorbar(shown, label="sag / mm")
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def _mesh(surface: FreeformSurface) -> bytes:
@@ -121,7 +127,7 @@ def _mesh(surface: FreeformSurface) -> bytes:
     axes.set_ylim(-hy, hy)
     axes.set_aspect("equal")
     axes.set_title(f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9)
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
@@ -142,7 +148,7 @@ def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
     axes.set_aspect("equal")
     axes.set_xlabel("z / mm")
     axes.set_ylabel("y / mm")
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def _loss(history: Sequence[Row]) -> bytes:
@@ -155,4 +161,4 @@ def _loss(history: Sequence[Row]) -> bytes:
     axes.set_xlabel("evaluations of loss and gradient")
     axes.set_ylabel("||E - T|| / ||T||")
     axes.grid(alpha=0.3, which="both")
-    return _png(figure)
+    return png_bytes(figure)

@@ -19,6 +19,7 @@ from optics.shapes import uniform_region
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.product import Product
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 
@@ -39,6 +40,19 @@ def base_lens(problem: Problem) -> Lens:
         return Lens(front, rear, spec.thickness, spec.index)
     except ValueError as error:
         raise UserError(f"lens: {error}") from None
+
+
+def lens_product(problem: Problem) -> Product:
+    """Return what the CAD files say about the lens."""
+    spec, names = problem.lens, problem.export
+    return Product(
+        name=names.product or " ".join(problem.title.split()) or "lens",
+        author=names.author,
+        organization=names.organization,
+        material=spec.material or f"transparent, n = {spec.index:g}",
+        density=spec.density,
+        index=spec.index,
+    )
 
 
 def freeforms(problem: Problem) -> tuple[Freeform, ...]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from optics.errors import UserError
+from thbcad.product import require_line
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -224,6 +225,16 @@ def load_problem(path: str | Path) -> Problem:
 def _require_partners(problem: Problem) -> None:
     """Refuse a problem that lacks a key which another key asks for."""
     source, target = problem.source, problem.target
+    for key, text in (
+        ("lens.material", problem.lens.material),
+        ("export.product", problem.export.product),
+        ("export.author", problem.export.author),
+        ("export.organization", problem.export.organization),
+    ):
+        try:
+            require_line(key, text)
+        except ValueError as error:
+            raise UserError(str(error)) from None
     if target.kind == "image" and not target.image:
         raise UserError("the key target.image is missing")
     if target.kind == "function" and not target.formula:

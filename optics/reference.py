@@ -18,7 +18,7 @@ from optics.errors import NumericalError
 
 if TYPE_CHECKING:
     from optics.screen import Screen
-    from thbcad.cad.step import StepLens
+    from thbcad.cad.solid_file import SolidFile
     from thbcad.surface import BSplineSurface
 
 
@@ -102,9 +102,9 @@ class ParametricFace:
 
 
 def trace_step(
-    step: StepLens, origins: NDArray[np.float64], directions: NDArray[np.float64], flux: ArrayLike, index: float, target_z: float
+    step: SolidFile, origins: NDArray[np.float64], directions: NDArray[np.float64], flux: ArrayLike, index: float, target_z: float
 ) -> ReferenceRays:
-    """Trace rays through the two faces of a StepLens to the plane z = target_z, or to the far field where that is inf.
+    """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field where that is inf.
 
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.

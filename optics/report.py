@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -19,15 +20,28 @@ figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overfl
 """
 
 
-def report_html(
-    problem: Problem, metrics: dict[str, Any], verification: dict[str, Any], pictures: Mapping[str, tuple[str, bytes]], problem_text: str
-) -> str:
+@dataclass(frozen=True)
+class Report:
+    """What a report shows.
+
+    metrics : figures by name.  verification : as `optics.checks.verification`.  manufacture : rows (name, value, unit, place).
+    pictures : (caption, PNG bytes) by name.
+    """
+
+    problem: Problem
+    metrics: dict[str, Any]
+    verification: dict[str, Any]
+    manufacture: Sequence[tuple[str, float, str, str]]
+    pictures: Mapping[str, tuple[str, bytes]]
+
+
+def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page without outside references."""
-    title = escape(problem.title)
+    title, metrics, verification = escape(report.problem.title), report.metrics, report.verification
     figures = "".join(
         f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
-        for caption, png in pictures.values()
+        for caption, png in report.pictures.values()
     )
     verdict = '<span class="good">every check passed</span>' if verification["ok"] else '<span class="bad">a check failed</span>'
     return (
@@ -35,6 +49,7 @@ def report_html(
         f"<h1>{title}</h1><p>{_summary(metrics)}</p>"
         f'<div class="grid">{figures}</div>'
         f"<h2>Figures</h2>{_metric_table(metrics)}"
+        f"<h2>Manufacture</h2>{_manufacture_table(report.manufacture)}"
         f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
         f"<h2>Problem</h2><pre>{escape(problem_text)}</pre></html>\n"
     )
@@ -56,6 +71,14 @@ def _metric_table(metrics: dict[str, Any]) -> str:
             shown = f"{number:.6g}" if isinstance(number, float) else str(number)
             rows.append(f'<tr><td>{escape(label)}</td><td class="n">{escape(shown)}</td></tr>')
     return f"<table>{''.join(rows)}</table>"
+
+
+def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
+    cells = (
+        f'<tr><td>{escape(name)}</td><td class="n">{value:.6g}</td><td>{escape(unit)}</td><td>{escape(place)}</td></tr>'
+        for name, value, unit, place in rows
+    )
+    return f"<table>{''.join(cells)}</table>"
 
 
 def _check_table(verification: dict[str, Any]) -> str:

@@ -25,8 +25,24 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 CHECKPOINT = "checkpoint.json"
-FILES = ("problem.toml", "lens.json", "lens.step", "metrics.json", "verify.json", "history.csv", "report.html", CHECKPOINT)
+CHECKED = ("metrics.json", "verify.json", "manufacture.json")
+FILES = ("problem.toml", "lens.json", "lens.step", *CHECKED, "history.csv", "report.html", CHECKPOINT)
 VERSION = 2
+
+
+def writable_folder(path: Path) -> None:
+    """Make a folder and see that it can be written, before any work is done.
+
+    Raises
+    ------
+    UserError : it cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path) as probe:
+            probe.write(b"0")
+    except OSError as error:
+        raise UserError(f"cannot write to the result folder {path}: {error.strerror}; choose another with --out") from None
 
 
 class ResultFolder:
@@ -46,12 +62,8 @@ class ResultFolder:
 
     def prepare(self) -> None:
         """Make the folder and see that it can be written, before any work is done."""
-        try:
-            self.figures.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=self.path) as probe:
-                probe.write(b"0")
-        except OSError as error:
-            raise UserError(f"cannot write to the result folder {self.path}: {error.strerror}; choose another with --out") from None
+        writable_folder(self.path)
+        writable_folder(self.figures)
         for name in FILES:
             if (self.path / name).is_dir():
                 raise UserError(f"cannot write {self.path / name}: it is a folder; move it or choose another with --out")

@@ -3,44 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isinf
-from pathlib import Path
+from math import inf, isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.beam import Beam
+from optics.checks import Check
 from optics.model import problem_rays
 from optics.rays import beam_rays
 from optics.tracing import Tracer
-from optics.verify import Check
+from thbcad.brep_measure import areas
+from thbcad.brep_measure import volume as brep_volume
 from thbcad.bspline import KnotVector
 from thbcad.cad.rays import face_hits
-from thbcad.cad.reading import step_shape
 from thbcad.cad.solid import lens_surfaces
-from thbcad.cad.step import read_step
-from thbcad.cad.writing import silence
-from thbcad.part21_surfaces import MILLIMETRE, Brep, BrepEdge, BrepFace, read_brep
+from thbcad.cad.solid_file import spline_faces
+from thbcad.part21_surfaces import MILLIMETRE, Brep, BrepEdge, BrepFace
 from thbcad.surface import BSplineSurface
 
 if TYPE_CHECKING:
     from optics.backend import Backend
     from optics.problem import Problem
+    from optics.step_file import StepFile
     from thbcad.cad.rays import TopoDS_Shape
+    from thbcad.cad.solid_file import SolidFile, SolidState
     from thbcad.lens import Lens
     from thbcad.rational import NURBSSurface
 
     Rows = NDArray[np.float64]
     Pair = tuple[BSplineSurface, BSplineSurface]
 
+VOLUME = 1e-10  # relative, by our own quadrature
+MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
+TOLERANCE = 1e-6  # mm
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line
 UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
 
 
-def stranger_checks(problem: Problem, lens: Lens, path: str | Path, backend: Backend) -> list[Check]:
-    """Return the Checks of the STEP file at `path` by its text and by OCCT's intersections of rays and faces.
+def stranger_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+    """Return the Checks of a STEP file by its text and by OCCT's intersections of rays and faces.
 
     The text is read first, so that a file that is cut off or damaged never reaches OCCT.
     backend : of double precision.
@@ -49,41 +53,71 @@ def stranger_checks(problem: Problem, lens: Lens, path: str | Path, backend: Bac
     ------
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    solid = read_brep(path)
-    landing, mismatched = _occt_light(problem, lens, path, backend, _optical(solid))
+    solid = file.text
+    landing, mismatched = _occt_light(problem, lens, file.solid, backend, _optical(solid))
     unit = "degrees" if isinf(problem.target_z) else "mm"
     return [
         *_whole(solid),
+        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
         *_same(solid, lens),
+        *_own_volume(solid, lens),
+        *_measures(solid, file.solid),
         Check("rays with another fate by OCCT's intersections with the file", mismatched, 0, ""),
         Check("landing points by OCCT's intersections with the file", landing, problem.verify.landing, unit),
     ]
 
 
-def bare_checks(path: str | Path) -> list[Check]:
+def bare_checks(file: StepFile) -> list[Check]:
     """Return the Checks of a STEP file of which no lens is at hand: by its text, and by what OCCT reads in it.
 
     Raises
     ------
     OSError, ValueError : as `stranger_checks`.
     """
-    solid = read_brep(path)
-    step = read_step(path)
-    checks = _whole(solid)
-    for name, k, other in zip(("front", "rear"), _optical(solid), (step.front, step.rear)):
-        name = f"text of the file: {name} numbers that differ from those that OCCT reads"
-        checks.append(Check(name, _different(solid.faces[k].surface, other), 0, ""))
-    return checks
+    solid, state = file.text, file.state
+    surfaces = spline_faces(state.shape)
+    own = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
+    unequal = sum(_different(read, surface) for read, surface in zip(surfaces, own)) + abs(len(surfaces) - len(own))
+    return [
+        *_whole(solid),
+        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
+        Check("free edges, by OCCT", state.free_edges, 0, ""),
+        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
+        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
+        Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
+        Check("text of the file: numbers of spline faces that differ from those that OCCT reads", unequal, 0, ""),
+        *_measures(solid, state),
+    ]
+
+
+def _measures(solid: Brep, state: SolidState) -> list[Check]:
+    """Return the checks of volume and area by OCCT against quadrature over the faces of the text, where they are planes and splines."""
+    try:
+        volume, area = brep_volume(solid), sum(areas(solid))
+    except ValueError:  # round edges
+        return []
+    return [
+        Check("volume by OCCT against quadrature over the text of the file, relative", abs(state.volume / volume - 1), MEASURE, ""),
+        Check("area by OCCT against quadrature over the text of the file, relative", abs(state.area / area - 1), MEASURE, ""),
+    ]
 
 
 def _whole(solid: Brep) -> list[Check]:
-    """Return the checks that need no lens: unit, number of faces, edges."""
+    """Return the checks that need no lens: unit, edges."""
     return [
         Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
-        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
         Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
         Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
     ]
+
+
+def _own_volume(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the check of the volume by quadrature over the faces of the text against the closed form of the lens in memory."""
+    try:
+        off = abs(brep_volume(solid) / lens.volume() - 1)
+    except ValueError:  # faces that do not close
+        off = inf
+    return [Check("volume by quadrature over the text of the file against the closed form, relative", off, VOLUME, "")]
 
 
 def _same(solid: Brep, lens: Lens) -> list[Check]:
@@ -180,15 +214,13 @@ def _bits(array: Rows) -> bytes:
     return np.ascontiguousarray(array + 0.0).tobytes()
 
 
-def _occt_light(problem: Problem, lens: Lens, path: str | Path, backend: Backend, optical: tuple[int, int]) -> tuple[float, int]:
+def _occt_light(problem: Problem, lens: Lens, step: SolidFile, backend: Backend, optical: tuple[int, int]) -> tuple[float, int]:
     """Return (error of landing points on the target, rays of different fate) of about 500 rays of the problem's source."""
     rays = problem_rays(problem, RAYS)
     _, landing = Tracer(backend, lens, rays, problem.target_z).trace([sag.coefficients for sag in lens.sags])
     own, arrives = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy() > 0
     rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
-    silence()
-    shape = step_shape(Path(path))
-    points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, problem.target_z, optical)
+    points = trace_faces(step.shape, (rays.origin.T, rays.direction.T), lens.index, problem.target_z, optical)
     found = np.isfinite(points).all(axis=1) & (np.broadcast_to(rays.ray_flux, len(points)) > 0)
     # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by far
     both = arrives & found & (np.abs(own) <= problem.target.half_width).all(axis=1)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 class Landing:
     """Where rays meet the target: x, y in mm (degrees in the far field), flux in W (zero unless they arrive).
 
+    p, q : direction cosines along x and y behind the lens.
     entering : flux behind the front.  decided, met : of the front, as `found` and `hit` of Hits.
     found, hit : of the rear, as in Hits.
     refracted : the ray leaves the rear surface forward.
@@ -39,6 +40,8 @@ class Landing:
 
     x: DrArray
     y: DrArray
+    p: DrArray
+    q: DrArray
     flux: DrArray
     entering: DrArray
     decided: DrArray
@@ -187,6 +190,24 @@ class Tracer:
             off_target=arriving - on_target,
         )
 
+    def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:
+        """Return how many rays have each fate; reflected light has none of its own, it splits off rays that go on."""
+        dr = self._backend.dr
+        every = dr.ones(dr.mask_t(self._backend.Float), self._width)
+        decided, met, found = (every & mask for mask in (landing.decided, landing.met, landing.found))
+        onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
+        at_rear = met & found & landing.hit
+        arrives = at_rear & landing.refracted
+        masks = {
+            "beside_lens": decided & ~met,
+            "missed_rear": met & found & ~landing.hit,
+            "unresolved": ~decided | (met & ~found),
+            "total_internal": at_rear & ~landing.refracted,
+            "on_target": arrives & onto,
+            "off_target": arrives & ~onto,
+        }
+        return {name: int(dr.count(mask).numpy()[0]) for name, mask in masks.items()}
+
     def _through_front(self, net: NDArray[np.float64] | None) -> tuple[Hits, _Bundle]:
         """Return the front's Hits and what goes on behind it."""
         hits = self._front.meet(self._origin, self._direction, net)
@@ -207,7 +228,7 @@ class Tracer:
         else:
             travel = (self._distance - hits.z) / dz
             x, y = hits.x + travel * dx, hits.y + travel * dy
-        return Landing(x, y, flux, behind.flux, behind.decided, behind.met, hits.found, hits.hit, forward)
+        return Landing(x, y, dx, dy, flux, behind.flux, behind.decided, behind.met, hits.found, hits.hit, forward)
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
         """Return 1 inside a surface, falling to 0 at its rim by 3 s^2 - 2 s^3."""

@@ -11,6 +11,7 @@ from thbcad.approximation import approximated
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.operators import tensor_apply
+from thbcad.quadrature import gauss_rule
 from thbcad.surface import BSplineSurface
 
 CONIC_TOLERANCE = 1e-11  # mm
@@ -100,10 +101,10 @@ def volume_between(front: BSplineSurface, rear: BSplineSurface, thickness: float
     for d in (0, 1):
         knots = [(g.kv_u, g.kv_v)[d] for g in (front, rear)]
         breaks = np.unique(np.concatenate([kv.breaks / kv.stop for kv in knots]))
-        nodes.append(_gauss(breaks, max(kv.degree for kv in knots) // 2 + 2))
+        nodes.append(gauss_rule(breaks, max(kv.degree for kv in knots) // 2 + 2))
     (s, ws), (t, wt) = nodes
     total = 0.0
-    for w, ww in zip(*_gauss(np.array([0.0, 1.0]), 2)):
+    for w, ww in zip(*gauss_rule(np.array([0.0, 1.0]), 2)):
         (af, bf), (ar, br) = halves
         a, b, da, db = (1 - w) * af + w * ar, (1 - w) * bf + w * br, ar - af, br - bf
         z_w = thickness + rear.grid(s * ar, t * br) - front.grid(s * af, t * bf)
@@ -116,9 +117,3 @@ def volume_between(front: BSplineSurface, rear: BSplineSurface, thickness: float
             jacobian = jacobian - a * db * t[None, :] * z_t - b * da * s[:, None] * z_s
         total += ww * (ws @ jacobian @ wt)
     return float(total)
-
-
-def _gauss(breaks: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    x, w = np.polynomial.legendre.leggauss(n)
-    half = np.diff(breaks)[:, None] / 2
-    return (breaks[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,8 +19,13 @@ from thbcad.bspline import KnotVector
 from thbcad.checks import half_widths, require_number, require_orders, require_type
 from thbcad.conic import Conic
 from thbcad.graph import conic_graph, gap_graph, volume_between
+from thbcad.ruled_edges import require_simple_edges
 from thbcad.surface import BSplineSurface
 from thbcad.thb import THBSurface
+
+if TYPE_CHECKING:
+    import build123d
+    import cadquery
 
 RIM = 1e-12  # of the half-width: rounding of positions on the rim
 
@@ -140,7 +146,7 @@ class Lens:
     Raises
     ------
     ValueError : index at most 1 or not finite, thickness not positive, surfaces that touch or
-        cross (with the place and the amount).
+        cross, or ruled edges that cross a surface or each other (with the place and the amount).
     """
 
     front: FreeformSurface
@@ -156,12 +162,21 @@ class Lens:
             object.__setattr__(self, name, float(getattr(self, name)))
         least = self.least_thickness()
         if least.lower <= 0:
-            amount = abs(min(least.value, 0.0))
-            word = "cross" if amount else "touch"
-            raise ValueError(
-                f"the surfaces {word}: at x = {least.u:.6g}, y = {least.v:.6g} mm the rear lies {amount:.6g} mm before the front; "
-                f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
-            )
+            raise ValueError(self._touching(least))
+        require_simple_edges(self.graphs(), self.thickness, least.lower)
+
+    def _touching(self, least: Enclosure) -> str:
+        """Return what is wrong with surfaces of no thickness, and where."""
+        amount = abs(min(least.value, 0.0))
+        ends = zip((least.u, least.v), self.rear.half_width, "xy")
+        rims = " and ".join(f"{'-+'[end > 0]}{axis}" for end, half, axis in ends if abs(end) == half)
+        remedy = f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
+        if rims and not amount:
+            return f"the rims touch: at x = {least.u:.6g}, y = {least.v:.6g} mm the lens has no thickness at its edges {rims}; {remedy}"
+        return (
+            f"the surfaces {'cross' if amount else 'touch'}: at x = {least.u:.6g}, y = {least.v:.6g} mm"
+            f" the rear lies {amount:.6g} mm before the front{f', at the edges {rims}' if rims else ''}; {remedy}"
+        )
 
     def least_thickness(self) -> Enclosure:
         """Return certified bounds of the least distance in z, mm, and its place on the rear.
@@ -197,6 +212,28 @@ class Lens:
     def with_rear(self, rear: FreeformSurface) -> Lens:
         """Return the lens with another rear surface."""
         return Lens(self.front, rear, self.thickness, self.index)
+
+    def to_build123d(self, name: str = "lens") -> build123d.Solid:
+        """Return the lens as a build123d solid in mm, with its name as label.
+
+        Raises
+        ------
+        ImportError : build123d is not installed (`pip install thbcad[cad]`).
+        """
+        from thbcad.cad.objects import build123d_solid
+
+        return build123d_solid(self, name)
+
+    def to_cadquery(self) -> cadquery.Solid:
+        """Return the lens as a cadquery solid in mm.
+
+        Raises
+        ------
+        ImportError : cadquery is not installed (`pip install thbcad[cad]`).
+        """
+        from thbcad.cad.objects import cadquery_solid
+
+        return cadquery_solid(self)
 
     @property
     def sags(self) -> tuple[THBSurface, ...]:

@@ -122,16 +122,18 @@ def entities_of_text(text: str) -> dict[int, Entity]:
     entities: dict[int, Entity] = {}
     place, last = head.end(), 0
     while found := ENTITY.match(text, place):
-        number = int(found[1])
+        number, body = found.groups()
+        number = int(number)
         if number in entities:
             raise ValueError(f"entity #{number} stands twice")
         if len(entities) == MOST_ENTITIES:
             raise ValueError(f"it has more than {MOST_ENTITIES} entities")
-        entities[number] = Entity(number, found[2])
+        entities[number] = Entity(number, body)
         place, last = found.end(), number
     if not TAIL.fullmatch(text, place):
         raise ValueError(f"it is cut off or damaged after entity #{last}")
-    lacking = {int(m[1][:16]) for m in TEXT_OR_REFERENCE.finditer(text, head.end()) if m[1]} - entities.keys()
+    bodies = (e.text for e in entities.values() if "#" in e.text)  # few: most are points
+    lacking = {int(k[:16]) for body in bodies for k in TEXT_OR_REFERENCE.findall(body) if k} - entities.keys()
     if lacking:
         raise ValueError(f"it lacks entity #{min(lacking)}, to which others refer")
     return entities

@@ -30,12 +30,16 @@ class BrepFace:
     """An ADVANCED_FACE: its number in the file and the type of its surface.
 
     surface : where it is a spline, else None.  plane : where it is one, a point and the normal, (2, 3) float, else None.
+    outward : whether the normal of the surface points out of the solid.
+    loops : around the face, seen from outside to the left: edges by number, each with whether it is passed along its curve.
     """
 
     number: int
     kind: str
     surface: BSplineSurface | NURBSSurface | None
     plane: NDArray[np.float64] | None
+    outward: bool
+    loops: tuple[tuple[tuple[int, bool], ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +102,7 @@ def brep(entities: Entities) -> Brep:
     return Brep(
         name=" ".join(names),
         unit=length_unit(entities),
-        faces=brep_faces(entities),
+        faces=tuple(_face(entities, face) for face in shell),
         edges=tuple(_edge(entities, entities[number]) for number in numbers),
         unpaired=unpaired,
         gaps=sum(_gaps(entities, loop) for loop in loops),
@@ -185,7 +189,10 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
         place = _entity(entities, surface.parameters("PLANE", 2)[1], surface)
         _, point, axis, _ = place.parameters("AXIS2_PLACEMENT_3D", 4)
         plane = np.stack([_points(entities, [point], place)[0], _direction(entities, axis, place)])
-    return BrepFace(face.number, " ".join(surface.parts), spline, plane)
+    along = {k: _flag(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k]) for loop in _loops(entities, face) for k, _ in loop}
+    loops = tuple(tuple((k, forwards == along[k]) for k, forwards in loop) for loop in _loops(entities, face))
+    outward = _flag(face.parameters("ADVANCED_FACE", 4)[3], face)
+    return BrepFace(face.number, " ".join(surface.parts), spline, plane, outward, loops)
 
 
 def _edge(entities: Entities, edge: Entity) -> BrepEdge:
@@ -260,7 +267,7 @@ def _points(entities: Entities, references: Sequence[Value], user: Entity) -> ND
     if not all(found):
         bad = points[found.index(None)]
         raise ValueError(f"STEP entity #{bad.number} must be a CARTESIAN_POINT of three reals, got {bad.text[:60]!r}")
-    rows = np.array([[float(a) for a in point.groups()] for point in found]).reshape(-1, 3)
+    rows = np.fromiter(map(float, chain.from_iterable(p.groups() for p in found)), np.float64, 3 * len(found)).reshape(-1, 3)
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         raise ValueError(f"STEP entity #{points[int(np.argmin(finite))].number} has a coordinate that float64 cannot hold")

@@ -23,7 +23,7 @@ from optics.problem import load_problem
 from tests.optics.small import ROOT, picture, write_problem
 
 QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
-FIGURES = {"target", "irradiance", "error", "irradiance_02", "sag", "mesh", "loss"}
+FIGURES = {"target", "irradiance", "error", "irradiance_02", "sag", "mesh", "loss", "solid"}
 
 
 def strict_json(text):
@@ -82,7 +82,8 @@ def test_a_design_ends_well(golden):
 
 def test_the_result_folder_holds_what_the_design_contract_says(golden):
     names = {p.name for p in golden.path.iterdir()}
-    wanted = {"problem.toml", "lens.json", "lens.step", "metrics.json", "history.csv", "verify.json", "report.html", "figures"}
+    checked = {"metrics.json", "verify.json", "manufacture.json"}
+    wanted = {"problem.toml", "lens.json", "lens.step", "history.csv", "report.html", "figures"} | checked
     # the picture lies beside the problem file that names it; no checkpoint and no temporary file is left
     assert names == wanted | {"target.png"}
     assert {p.name for p in (golden.path / "figures").iterdir()} == {f"{name}.png" for name in FIGURES}

@@ -32,7 +32,13 @@ def pointed(counts=(61, 59), half_angle=90.0, exponent=1.0, distance=2.0):
 
 
 def rough_by(height, seed=5):
-    return lambda space: rough(space, height, seed)
+    """Return a function that makes coefficients which fall to zero at the rim, so that the ruled edges stay clear of the surface."""
+
+    def made(space):
+        a, b = (np.linspace(-1, 1, kv.dim) for kv in (space.kv_u, space.kv_v))
+        return rough(space, height, seed) * ((1 - a**2)[:, None] * (1 - b**2)).ravel()
+
+    return made
 
 
 def traced(backend, lens, rays, target_z=TARGET_Z, target=(2000.0, 2000.0)):

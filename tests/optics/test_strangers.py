@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from optics.step_file import StepFile
 from optics.strangers import _optical, bare_checks, stranger_checks, trace_faces
 from tests.optics.oracles import meridional
 from tests.optics.small import small_lens
@@ -15,6 +16,7 @@ from tests.optics.test_verify import LENSES, moved_point, shaped
 from thbcad import write_step
 from thbcad.cad.rays import step_solid
 from thbcad.cad.solid import lens_solid, lens_surfaces
+from thbcad.cad.writing import compact
 from thbcad.conic import Conic
 from thbcad.part21_surfaces import read_brep
 
@@ -26,6 +28,7 @@ RIMS = "text of the file: rims and corners that differ from the lens in memory"
 UNIT = "text of the file: unit of length that is not mm"
 FACES = "text of the file: faces besides the six expected"
 GAPS = "text of the file: edges that do not begin where the one before ends"
+VOLUME = "volume by quadrature over the text of the file against the closed form, relative"
 UNPAIRED = "text of the file: edges that do not border two faces"
 
 
@@ -44,7 +47,7 @@ def good(request, tmp_path_factory):
 def failed(good, folder, text, backend):
     """Return the names of the checks that fail for a file with this text."""
     (folder / "lens.step").write_text(text)
-    return {c.name for c in stranger_checks(good.problem, good.lens, folder / "lens.step", backend) if not c.ok}
+    return {c.name for c in stranger_checks(good.problem, good.lens, StepFile(folder / "lens.step"), backend) if not c.ok}
 
 
 @pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
@@ -52,17 +55,17 @@ def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     path = tmp_path / "lens.step"
     write_step(lens, path)
-    checks = stranger_checks(problem, lens, path, backend)
+    checks = stranger_checks(problem, lens, StepFile(path), backend)
     assert [(c.name, c.value) for c in checks if not c.ok] == []
     assert {c.name for c in checks} >= {LANDING, REAR, FRONT, EDGES, RIMS, UNIT, FACES, UNPAIRED, GAPS}
     assert next(c for c in checks if c.name == LANDING).limit == problem.verify.landing == 1e-8
-    assert [(c.name, c.value) for c in bare_checks(path) if not c.ok] == []
+    assert [(c.name, c.value) for c in bare_checks(StepFile(path)) if not c.ok] == []
 
 
 def test_rays_without_light_do_not_count(tmp_path, backend):
     problem, lens = shaped(tmp_path, {"source.profile": "round"})
     write_step(lens, tmp_path / "lens.step")
-    assert [c.name for c in stranger_checks(problem, lens, tmp_path / "lens.step", backend) if not c.ok] == []
+    assert [c.name for c in stranger_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok] == []
 
 
 def test_rays_land_where_snells_law_in_angles_sends_them():
@@ -93,7 +96,7 @@ def test_a_file_cut_off_is_refused(good, tmp_path, backend, tenth):
     with pytest.raises(ValueError, match=r"lens\.step is not a whole STEP file"):
         failed(good, tmp_path, good.text[: len(good.text) * tenth // 10], backend)
     with pytest.raises(ValueError, match=r"lens\.step is not a whole STEP file"):
-        bare_checks(tmp_path / "lens.step")
+        bare_checks(StepFile(tmp_path / "lens.step"))
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -105,7 +108,7 @@ def test_a_pole_moved_by_a_nanometre_is_caught(good, tmp_path, backend, face, na
 
 def test_a_rear_pole_moved_by_a_nanometre_moves_the_rays_of_occt(good, tmp_path, backend):
     pole = lens_surfaces(good.lens)[1].coefficients[3, 3]
-    assert failed(good, tmp_path, moved_point(good.text, pole, [0, 0, 1e-6]), backend) == {REAR, LANDING}
+    assert failed(good, tmp_path, moved_point(good.text, pole, [0, 0, 1e-6]), backend) >= {REAR, LANDING}
 
 
 def poles_of(text, what):
@@ -114,42 +117,43 @@ def poles_of(text, what):
 
 
 def moved_number(text, number, change):
-    found = re.search(rf"#{number} = CARTESIAN_POINT\('',\(([^)]*)\)\)", text)
+    found = re.search(rf"#{number}=CARTESIAN_POINT\('',\(([^)]*)\)\)", text)
     numbers = ",".join(f"{float(v) + c:#.17G}" for v, c in zip(found[1].split(","), change))
     return text[: found.start(1)] + numbers + text[found.end(1) :]
 
 
 def test_a_rim_pole_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
-    rims = [p for p in poles_of(good.text, "B_SPLINE_CURVE") if len(p) > 2]
+    in_space = set(re.findall(r"#(\d+)=CARTESIAN_POINT\('',\([^,)]*,[^,)]*,", good.text))  # the others lie in parameters of faces
+    rims = [p for p in poles_of(good.text, "B_SPLINE_CURVE") if len(p) > 2 and p[0] in in_space]
     assert len(rims) == 8
     for poles in rims[::3]:
-        assert failed(good, tmp_path, moved_number(good.text, poles[len(poles) // 2], [0, 0, 1e-6]), backend) == {RIMS}
+        assert failed(good, tmp_path, moved_number(good.text, poles[len(poles) // 2], [0, 0, 1e-6]), backend) == {RIMS, VOLUME}
 
 
 def test_a_corner_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
     corner = re.findall(r"VERTEX_POINT\('',#(\d+)\)", good.text)[5]
-    assert failed(good, tmp_path, moved_number(good.text, corner, [0, 0, 1e-6]), backend) == {RIMS}
+    assert failed(good, tmp_path, moved_number(good.text, corner, [0, 0, 1e-6]), backend) == {RIMS, VOLUME}
 
 
 def test_an_edge_face_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
     if good.ruled:
         moved = poles_of(good.text, "B_SPLINE_SURFACE")[3][5]
     else:
-        place = re.findall(r"= PLANE\(\'\',#(\d+)\)", good.text)[1]
-        moved = re.search(rf"#{place} = AXIS2_PLACEMENT_3D\(\'\',#(\d+)", good.text)[1]
-    assert failed(good, tmp_path, moved_number(good.text, moved, [1e-6, 1e-6, 0]), backend) == {EDGES}
+        place = re.findall(r"=PLANE\(\'\',#(\d+)\)", good.text)[1]
+        moved = re.search(rf"#{place}=AXIS2_PLACEMENT_3D\(\'\',#(\d+)", good.text)[1]
+    assert failed(good, tmp_path, moved_number(good.text, moved, [1e-6, 1e-6, 0]), backend) == {EDGES, VOLUME}
 
 
 @pytest.mark.parametrize("which", range(0, 12, 3))
 def test_an_edge_turned_round_is_caught(good, tmp_path, backend, which):
-    place = [m.end() for m in re.finditer(r"= EDGE_CURVE\([^;]*,\.(?=T\.\);)", good.text)][which]
-    assert failed(good, tmp_path, good.text[:place] + "F" + good.text[place + 1 :], backend) == {RIMS}
+    place = [m.end() for m in re.finditer(r"=EDGE_CURVE\([^;]*,\.(?=T\.\);)", good.text)][which]
+    assert failed(good, tmp_path, good.text[:place] + "F" + good.text[place + 1 :], backend) >= {RIMS}
 
 
 @pytest.mark.parametrize("which", range(0, 12, 3))
 def test_an_edge_to_another_corner_is_caught(good, tmp_path, backend, which):
-    corners = re.findall(r"#(\d+) = VERTEX_POINT", good.text)
-    found = list(re.finditer(r"= EDGE_CURVE\(\'\',#(\d+),#(\d+)", good.text))[which]
+    corners = re.findall(r"#(\d+)=VERTEX_POINT", good.text)
+    found = list(re.finditer(r"=EDGE_CURVE\(\'\',#(\d+),#(\d+)", good.text))[which]
     other = next(c for c in corners if c not in found.groups())
     assert failed(good, tmp_path, good.text[: found.start(1)] + other + good.text[found.end(1) :], backend) >= {GAPS, RIMS}
 
@@ -159,7 +163,7 @@ def test_another_unit_is_caught(good, tmp_path, backend, prefix):
     text = good.text.replace("SI_UNIT(.MILLI.", f"SI_UNIT({prefix}")
     assert text != good.text
     assert UNIT in failed(good, tmp_path, text, backend)
-    assert {c.name for c in bare_checks(tmp_path / "lens.step") if not c.ok} >= {UNIT}
+    assert {c.name for c in bare_checks(StepFile(tmp_path / "lens.step")) if not c.ok} >= {UNIT}
 
 
 def test_a_prefix_taken_away_is_refused(good, tmp_path, backend):
@@ -176,18 +180,18 @@ def test_a_face_missing_is_caught(good, tmp_path, backend, which):
             failed(good, tmp_path, text, backend)
     else:
         assert failed(good, tmp_path, text, backend) >= {FACES, UNPAIRED}
-        assert {c.name for c in bare_checks(tmp_path / "lens.step") if not c.ok} == {FACES, UNPAIRED}
+        assert {c.name for c in bare_checks(StepFile(tmp_path / "lens.step")) if not c.ok} >= {UNPAIRED, "free edges, by OCCT"}
 
 
 def test_a_knot_moved_is_caught(good, tmp_path, backend):
-    knot = f"{lens_surfaces(good.lens)[1].kv_u.breaks[1]:#.17G}"
+    knot = compact(f"{lens_surfaces(good.lens)[1].kv_u.breaks[1]:#.17G}")
     text = good.text.replace(knot, f"{np.nextafter(float(knot), 0):#.17G}")
     assert text != good.text
     assert failed(good, tmp_path, text, backend) >= {REAR, RIMS}
 
 
 def test_knots_in_another_order_are_refused(good, tmp_path, backend):
-    breaks = [f"{k:#.17G}" for k in lens_surfaces(good.lens)[1].kv_u.breaks[:2]]
+    breaks = [compact(f"{k:#.17G}") for k in lens_surfaces(good.lens)[1].kv_u.breaks[:2]]
     text = re.sub(rf"{breaks[0]},\s*{breaks[1]}", f"{breaks[1]},{breaks[0]}", good.text)
     assert text != good.text
     with pytest.raises(ValueError, match="must not decrease"):

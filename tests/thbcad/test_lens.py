@@ -364,6 +364,20 @@ def test_surfaces_that_touch_are_refused():
     assert "-0 mm" not in str(caught.value)
 
 
+def test_no_thickness_at_a_rim_is_told_by_its_name():
+    """A plane front and a tilted rear, z = x / 5 + T: they meet at x = -5 for T = 1."""
+    kv = KnotVector.uniform(2, 1)
+    tilt = THBSurface(THBSpace(kv, kv), np.repeat([0.0, 1.0, 2.0], 3))
+    with pytest.raises(
+        ValueError, match=r"^the rims touch: at x = -5, y = \S+ mm the lens has no thickness at its edges -x( and [+-]y)?; raise"
+    ):
+        plano(FreeformSurface((5, 4), Conic(), THBSurface(tilt.space, tilt.coefficients - 1)), 1.0)
+    with pytest.raises(
+        ValueError, match=r"cross: at x = -5, y = \S+ mm the rear lies 0\.5 mm before the front, at the edges -x( and [+-]y)?; raise"
+    ):
+        plano(FreeformSurface((5, 4), Conic(), THBSurface(tilt.space, tilt.coefficients - 1)), 0.5)
+
+
 def test_surfaces_that_cross_between_samples_are_refused():
     """A tilted paraboloid whose lowest point, -0.156 mm at x = -1.25, lies between quarter points of its one span."""
     kv = KnotVector.uniform(3, 1)

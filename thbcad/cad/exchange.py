@@ -41,6 +41,7 @@ from thbcad.cad.iges_writing import FACES, brep_text, iges_text
 from thbcad.cad.reading import brep_shape, explore, iges_shape, step_shape
 from thbcad.cad.writing import silence, step_text
 from thbcad.files import write_bytes
+from thbcad.product import Product
 from thbcad.rational import NURBSSurface
 from thbcad.surface import BSplineSurface
 
@@ -131,7 +132,7 @@ def _iges_bytes(surfaces: Sequence[NURBSSurface]) -> bytes:
     least = min(surface.weights.min() for surface in surfaces)
     if least < IGES_LEAST_WEIGHT:
         raise ValueError(f"weights must be at least {IGES_LEAST_WEIGHT} in IGES, got {least}")
-    return iges_text(_compound(surfaces), FACES, "surfaces")
+    return iges_text(_compound(surfaces), FACES, Product("surfaces"))
 
 
 FORMATS: dict[str, tuple[Callable[[Sequence[NURBSSurface]], bytes], Callable[[Path], TopoDS_Shape]]] = {

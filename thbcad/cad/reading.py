@@ -10,7 +10,10 @@ from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.IGESControl import IGESControl_Reader
+from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPControl import STEPControl_Reader
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDocStd import TDocStd_Document
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape
 
@@ -45,6 +48,20 @@ def step_shape(path: Path) -> TopoDS_Shape:
         if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
             raise ValueError(f"{path} is not a readable STEP file")
         return reader.OneShape()
+
+
+def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
+    """Return a STEP file as read, in mm, with the document that holds its names and materials.
+
+    Raises
+    ------
+    ValueError : it is not readable.
+    """
+    reader, document = STEPCAFControl_Reader(), TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
+    with occt_settings({"xstep.cascade.unit": "MM"}):
+        if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.Transfer(document):
+            raise ValueError(f"{path} is not a readable STEP file")
+    return reader.ChangeReader(), document
 
 
 def iges_shape(path: Path) -> TopoDS_Shape:

@@ -7,6 +7,7 @@ construction: 8 vertices, 12 edges, 6 faces.  Nothing is sewn.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,21 +56,21 @@ def lens_part(lens: Lens) -> Part:
     surfaces = lens_surfaces(lens)
     planar = lens.front.half_width == lens.rear.half_width
     builder = BRep_Builder()
-    vertices = [[_vertex(builder, s.coefficients[-a, -b]) for a, b in CORNERS] for s in surfaces]
+    vertices = [[new_vertex(builder, s.coefficients[-a, -b]) for a, b in CORNERS] for s in surfaces]
     rims = [[_rim(builder, s, side, corners) for side in range(4)] for s, corners in zip(surfaces, vertices)]
-    struts = [_strut(builder, surfaces, k, vertices, planar) for k in range(4)]
+    struts = [strut(builder, surfaces, k, vertices, planar) for k in range(4)]
 
     faces = []
     for k, surface in enumerate(surfaces):
-        face = _spline_face(builder, surface, [_turned(rims[k][side], side >= 2) for side in range(4)])
+        face = spline_face(builder, surface, [turned(rims[k][side], side >= 2) for side in range(4)])
         for side in range(4):
-            builder.UpdateEdge(rims[k][side], _side_line(surface, side), face, TOLERANCE)
+            builder.UpdateEdge(rims[k][side], side_line(surface, side), face, TOLERANCE)
         # the normal of the parametrisation points to +z: outward at the rear, inward at the front
         faces.append(face if k == 1 else TopoDS.Face_s(face.Reversed()))
     for side in range(4):
         start, stop = SIDES[side]
         loop = [rims[0][side], struts[stop], rims[1][side].Reversed(), struts[start].Reversed()]
-        face = _flat_face(builder, surfaces, side, loop) if planar else _ruled_face(builder, surfaces, side, loop)
+        face = flat_face(builder, surfaces, side, loop) if planar else ruled_face(builder, surfaces, side, [[edge] for edge in loop])
         faces.append(face if side < 2 else TopoDS.Face_s(face.Reversed()))
     return closed_part(NAMES, faces)
 
@@ -86,20 +87,22 @@ def closed_part(names: Sequence[str], faces: Sequence[TopoDS_Face]) -> Part:
     return Part(solid, tuple(names), tuple(faces))
 
 
-def _vertex(builder: BRep_Builder, point: NDArray[np.float64]) -> TopoDS_Vertex:
+def new_vertex(builder: BRep_Builder, point: NDArray[np.float64]) -> TopoDS_Vertex:
+    """Return a vertex at a point, (3,) float, mm."""
     vertex = TopoDS_Vertex()
     builder.MakeVertex(vertex, gp_Pnt(*point.tolist()), TOLERANCE)
     return vertex
 
 
-def _boundary(surface: BSplineSurface, side: int) -> tuple[KnotVector, NDArray[np.float64]]:
+def boundary(surface: BSplineSurface, side: int) -> tuple[KnotVector, NDArray[np.float64]]:
     """Return (KnotVector, poles) of a side: 0 low y, 1 high x, 2 high y, 3 low x."""
     c = surface.coefficients
     along_x = side in (0, 2)
     return (surface.kv_u, c[:, 0 if side == 0 else -1]) if along_x else (surface.kv_v, c[-1 if side == 1 else 0])
 
 
-def _edge(builder: BRep_Builder, curve: Geom_Curve, first: float, last: float, start: TopoDS_Vertex, stop: TopoDS_Vertex) -> TopoDS_Edge:
+def new_edge(builder: BRep_Builder, curve: Geom_Curve, first: float, last: float, start: TopoDS_Vertex, stop: TopoDS_Vertex) -> TopoDS_Edge:
+    """Return the piece [first, last] of a curve between two vertices as an edge."""
     edge = TopoDS_Edge()
     builder.MakeEdge(edge, curve, TOLERANCE)
     builder.Add(edge, start)
@@ -111,12 +114,12 @@ def _edge(builder: BRep_Builder, curve: Geom_Curve, first: float, last: float, s
 
 def _rim(builder: BRep_Builder, surface: BSplineSurface, side: int, vertices: Sequence[TopoDS_Vertex]) -> TopoDS_Edge:
     """Return the edge of a side, running towards increasing x or y."""
-    kv, poles = _boundary(surface, side)
+    kv, poles = boundary(surface, side)
     start, stop = SIDES[side]
-    return _edge(builder, geom_curve(kv, poles), kv.start, kv.stop, vertices[start], vertices[stop])
+    return new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, vertices[start], vertices[stop])
 
 
-def _strut(
+def strut(
     builder: BRep_Builder, surfaces: Sequence[BSplineSurface], corner: int, vertices: Sequence[Sequence[TopoDS_Vertex]], straight: bool
 ) -> TopoDS_Edge:
     """Return the edge from the front corner to the rear corner."""
@@ -127,10 +130,10 @@ def _strut(
         curve = Geom_Line(gp_Pnt(*ends[0].tolist()), gp_Dir(*(ends[1] - ends[0]).tolist()))
     else:
         length, curve = 1.0, geom_curve(UNIT, ends)
-    return _edge(builder, curve, 0.0, length, vertices[0][corner], vertices[1][corner])
+    return new_edge(builder, curve, 0.0, length, vertices[0][corner], vertices[1][corner])
 
 
-def _side_line(surface: BSplineSurface, side: int) -> Geom2d_Line:
+def side_line(surface: BSplineSurface, side: int) -> Geom2d_Line:
     """Return the parameter-space line of a side of a tensor-product face."""
     ku, kv = surface.kv_u, surface.kv_v
     if side in (0, 2):
@@ -138,11 +141,13 @@ def _side_line(surface: BSplineSurface, side: int) -> Geom2d_Line:
     return Geom2d_Line(gp_Pnt2d(ku.stop if side == 1 else ku.start, 0.0), gp_Dir2d(0, 1))
 
 
-def _turned(edge: TopoDS_Edge, reverse: bool) -> TopoDS_Shape:
+def turned(edge: TopoDS_Edge, reverse: bool) -> TopoDS_Shape:
+    """Return the edge, reversed or not."""
     return edge.Reversed() if reverse else edge
 
 
-def _wire(builder: BRep_Builder, edges: Sequence[TopoDS_Shape]) -> TopoDS_Wire:
+def new_wire(builder: BRep_Builder, edges: Sequence[TopoDS_Shape]) -> TopoDS_Wire:
+    """Return the closed wire of edges that follow each other head to tail."""
     wire = TopoDS_Wire()
     builder.MakeWire(wire)
     for edge in edges:
@@ -151,29 +156,35 @@ def _wire(builder: BRep_Builder, edges: Sequence[TopoDS_Shape]) -> TopoDS_Wire:
     return wire
 
 
-def _spline_face(builder: BRep_Builder, surface: BSplineSurface, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
+def spline_face(builder: BRep_Builder, surface: BSplineSurface, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
+    """Return the face of a spline surface within a loop of edges."""
     face = TopoDS_Face()
     builder.MakeFace(face, geom_surface(surface), TOLERANCE)
-    builder.Add(face, _wire(builder, loop))
+    builder.Add(face, new_wire(builder, loop))
     return face
 
 
-def _flat_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
+def flat_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
     """Return the plane edge face of a lens whose front and rear have the same size."""
-    _, poles = _boundary(surfaces[0], side)
+    _, poles = boundary(surfaces[0], side)
     normal = gp_Dir(0, -1, 0) if side in (0, 2) else gp_Dir(1, 0, 0)
     face = TopoDS_Face()
     builder.MakeFace(face, Geom_Plane(gp_Pln(gp_Pnt(*poles[0].tolist()), normal)), TOLERANCE)
-    builder.Add(face, _wire(builder, loop))
+    builder.Add(face, new_wire(builder, loop))
     return face
 
 
-def _ruled_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
-    """Return the ruled face between two rims; its second parameter runs from front to rear."""
-    rims = [_boundary(s, side) for s in surfaces]
+def ruled_face(
+    builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, chains: Sequence[Sequence[TopoDS_Shape]]
+) -> TopoDS_Face:
+    """Return the ruled face between two rims; its second parameter runs from front to rear.
+
+    chains : the edges along the front rim, the strut at its end, the rear rim (reversed) and the strut at its start (reversed).
+    """
+    rims = [boundary(s, side) for s in surfaces]
     kv = rims[0][0].merged(rims[1][0])
     poles = np.stack([own.prolongation(kv) @ points for own, points in rims], axis=1)
-    face = _spline_face(builder, BSplineSurface(kv, UNIT, poles), loop)
+    face = spline_face(builder, BSplineSurface(kv, UNIT, poles), list(chain.from_iterable(chains)))
     across, along = gp_Dir2d(0, 1), gp_Dir2d(1, 0)
     lines = [
         Geom2d_Line(gp_Pnt2d(0, 0), along),
@@ -181,6 +192,7 @@ def _ruled_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side:
         Geom2d_Line(gp_Pnt2d(0, 1), along),
         Geom2d_Line(gp_Pnt2d(kv.start, 0), across),
     ]
-    for edge, line in zip(loop, lines):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), line, face, TOLERANCE)
+    for edges, line in zip(chains, lines):
+        for edge in edges:
+            builder.UpdateEdge(TopoDS.Edge_s(edge), line, face, TOLERANCE)
     return face

@@ -1,8 +1,12 @@
-"""Files from OCCT shapes: process-wide settings, silence, STEP text with every digit."""
+"""STEP text from OCCT models: process-wide settings, silence, every number as the shortest text that reads back to the same bits.
+
+Text beyond ASCII is encoded as ISO 10303-21 wants it.
+"""
 
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -17,6 +21,8 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_HAsciiString
 
+from thbcad.product import Product
+
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
@@ -26,9 +32,15 @@ SETTINGS = {
     "write.step.schema": "AP214IS",
     "write.step.unit": "MM",
     "write.step.assembly": "0",
-    "write.surfacecurve.mode": "0",
+    "write.surfacecurve.mode": "1",
     "xstep.cascade.unit": "MM",
 }
+REAL = r"-?\d+\.\d*(?:E[+-]\d+)?"
+POINT = rf"CARTESIAN_POINT\(''\s*,\s*\(\s*({REAL})\s*,\s*({REAL})\s*,\s*({REAL})\s*\)\s*\)"
+STRING = r"'(?:[^']|'')*'"
+# a point, a text, a number, the blanks that begin a line, the blanks around "="
+TOKEN = re.compile(rf" = (?:{POINT})?|{STRING}|{REAL}|\n +")
+BEYOND_ASCII = re.compile(r"[^\x20-\x7e]+")
 
 
 @contextmanager
@@ -62,13 +74,22 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
         writer = STEPControl_Writer()  # takes the schema when it is made
         if writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone:
             raise RuntimeError(f"OCCT could not translate the {product} to STEP")
-    model = writer.Model()
-    _name_product(model, product)
+    _name_product(writer.Model(), product)
+    return model_text(writer.Model(), Product(product))
+
+
+def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
+    """Return the file of an OCCT STEP model under the names of a Product, with a fixed time stamp.
+
+    Raises
+    ------
+    RuntimeError : OCCT cannot print the model.
+    """
     header = APIHeaderSection_MakeHeader(model)
-    header.SetName(TCollection_HAsciiString(product))
+    header.SetName(TCollection_HAsciiString(product.name))
     header.SetTimeStamp(TCollection_HAsciiString(STAMP))
-    header.SetAuthorValue(1, TCollection_HAsciiString(""))
-    header.SetOrganizationValue(1, TCollection_HAsciiString(""))
+    header.SetAuthorValue(1, TCollection_HAsciiString(product.author))
+    header.SetOrganizationValue(1, TCollection_HAsciiString(product.organization))
     header.SetOriginatingSystem(TCollection_HAsciiString("thbcad"))
     text = StepData_StepWriter(model)
     text.FloatWriter().SetFormat(REALS)
@@ -76,7 +97,43 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
     buffer = io.BytesIO()
     if not text.Print(buffer):
         raise RuntimeError("OCCT could not print the STEP file")
-    return buffer.getvalue()
+    return compact(buffer.getvalue().decode("utf-8")).encode("ascii")
+
+
+def compact(text: str) -> str:
+    """Return OCCT's STEP text in its shortest form: the numbers keep their bits, the texts are as ISO 10303-21 edition 3 wants them."""
+    known = _Shortest()
+
+    def shorter(token: re.Match[str]) -> str:
+        whole = token[0]
+        if whole[0] == " ":
+            return "=" if token[1] is None else f"=CARTESIAN_POINT('',({known[token[1]]},{known[token[2]]},{known[token[3]]}))"
+        if whole[0] == "'":
+            # OCCT breaks long texts into lines, which are no part of them
+            return BEYOND_ASCII.sub(_encoded, whole.replace("\n", ""))
+        return "\n" if whole[0] == "\n" else known[whole]
+
+    return TOKEN.sub(shorter, text)
+
+
+class _Shortest(dict[str, str]):
+    """The shortest text of a real, by the text that OCCT wrote."""
+
+    def __missing__(self, text: str) -> str:
+        mantissa, _, exponent = repr(float(text)).partition("e")
+        shortest = mantissa.removesuffix("0") if mantissa.endswith(".0") else mantissa
+        shortest = "0." if shortest == "-0." else shortest
+        if exponent:
+            shortest += f"{'' if '.' in shortest else '.'}E{int(exponent)}"
+        self[text] = shortest
+        return shortest
+
+
+def _encoded(beyond: re.Match[str]) -> str:
+    """Return characters beyond ASCII as the hexadecimal numbers between control directives: 4 digits each, or 8 where that is too few."""
+    wide = max(beyond[0]) > "\uffff"
+    digits = "".join(f"{ord(c):0{8 if wide else 4}X}" for c in beyond[0])
+    return f"\\X{4 if wide else 2}\\{digits}\\X0\\"
 
 
 def _name_product(model: Interface_InterfaceModel, product: str) -> None:

@@ -1,0 +1,139 @@
+"""The lens as a CAD file: seconds, megabytes and what reads back, on rough synthetic lenses that fill the whole net.
+
+Run on one core: thbcad bench cad
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.rows import Row
+from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
+from thbcad.cad.formats import brep_bytes, iges_bytes, read_brep, read_iges
+from thbcad.cad.solid import lens_part, lens_surfaces
+from thbcad.cad.solid_file import SolidFile
+from thbcad.cad.step import part_step, read_step, step_bytes
+from thbcad.product import Product
+
+MEGABYTES = {227: 5.0, 451: 20.0}  # by the poles per direction
+SECONDS = {227: 1.5, 451: 5.0}  # half of what a lens may take from its splines to its checked file
+RELIEF = 0.05  # mm
+FACE = {"step": 1e-10, "iges": 1e-8, "brep": 1e-10}  # mm
+VOLUME = 1e-6  # relative
+SAMPLES = 997  # per direction; a prime, so that points fall everywhere between knots
+QUARTER = 1 / 3  # of the file of the full net
+PRODUCT = Product("rough lens", "thbcad", "thbcad", "PMMA", 1.19)
+
+
+@dataclass(frozen=True, eq=False)
+class Trip:
+    """A lens that went through a STEP file: what was read, seconds by step, and the size of the file in MB."""
+
+    read: SolidFile
+    seconds: dict[str, float]
+    megabytes: float
+
+
+def rows() -> list[Row]:
+    """Return the figures."""
+    found = []
+    with TemporaryDirectory() as folder:
+        for poles in MEGABYTES:
+            lens = rough_lens(poles)
+            trip = step_trip(lens, Path(folder))
+            found += [*_time_rows(poles, trip), *_step_rows(poles, lens, trip), *_other_rows(poles, lens, Path(folder))]
+    return [*found, _quarter_row()]
+
+
+def rough_lens(poles: int) -> Lens:
+    """Return a lens of 100 x 100 mm whose rear is a paraboloid with poles x poles random heights, smoothed as 1 / frequency^2."""
+    kv = KnotVector.uniform(3, poles - 3)
+    frequency = np.hypot(np.fft.fftfreq(poles)[:, None], np.fft.rfftfreq(poles)[None, :])
+    frequency[0, 0] = np.inf
+    noise = np.random.default_rng(0).standard_normal((poles, poles))
+    heights = np.fft.irfft2(np.fft.rfft2(noise) / frequency**2, (poles, poles))
+    return _lens(THBSurface(THBSpace(kv, kv), RELIEF * (heights / np.abs(heights).max()).ravel()))
+
+
+def step_trip(lens: Lens, folder: Path) -> Trip:
+    """Build, write, read and check a lens."""
+    seconds, path = {}, folder / "lens.step"
+
+    def timed(name: str, function: Callable[[], Any]) -> Any:
+        start = perf_counter()
+        result = function()
+        seconds[name] = perf_counter() - start
+        return result
+
+    part = timed("build the solid", lambda: lens_part(lens))
+    timed("write the STEP file", lambda: path.write_bytes(part_step(part, PRODUCT)))
+    read = timed("read it with OCCT", lambda: read_step(path))
+    timed("check it and integrate its volume with OCCT", lambda: (read.valid, read.closed, read.tolerance, read.free_edges, read.volume))
+    return Trip(read, seconds, path.stat().st_size / 1e6)
+
+
+def _lens(sag: THBSurface) -> Lens:
+    return Lens(FreeformSurface((50, 50)), FreeformSurface((50, 50), Conic(-150.0, -1.0), sag), 20.0, 1.49)
+
+
+def _time_rows(poles: int, trip: Trip) -> list[Row]:
+    total = sum(trip.seconds.values())
+    return [
+        *(Row(f"{poles}^2 poles: {name}", time, "s") for name, time in trip.seconds.items()),
+        Row(f"{poles}^2 poles: all of this", total, "s", "", SECONDS[poles]),
+        Row(f"{poles}^2 poles: STEP file", trip.megabytes, "MB", "", MEGABYTES[poles]),
+    ]
+
+
+def _step_rows(poles: int, lens: Lens, trip: Trip) -> list[Row]:
+    read = trip.read
+    faults = abs(read.solids - 1) + abs(read.faces - 6) + read.free_edges + (not read.valid) + (not read.closed)
+    return [
+        Row(f"{poles}^2 poles: STEP, faults of the solid", faults, "", "solids, faces, free edges, closed, valid", 0),
+        *_face_rows(poles, lens, read, "step"),
+        Row(f"{poles}^2 poles: STEP, volume by OCCT against the closed form", abs(read.volume / lens.volume() - 1), "", "", VOLUME),
+    ]
+
+
+def _other_rows(poles: int, lens: Lens, folder: Path) -> list[Row]:
+    found = []
+    for name, data, read in (("iges", iges_bytes(lens, PRODUCT), read_iges), ("brep", brep_bytes(lens), read_brep)):
+        path = folder / f"lens.{name}"
+        path.write_bytes(data)
+        found += [Row(f"{poles}^2 poles: {name.upper()} file", len(data) / 1e6, "MB"), *_face_rows(poles, lens, read(path), name)]
+    return found
+
+
+def _face_rows(poles: int, lens: Lens, read: SolidFile, name: str) -> list[Row]:
+    faces = (read.front, read.rear)
+    differ = sum(_different(face.coefficients, own.coefficients) for face, own in zip(faces, lens_surfaces(lens)))
+    x = np.linspace(-50, 50, SAMPLES)
+    exact = (lens.front.grid(x, x), lens.thickness + lens.rear.grid(x, x))
+    u = [np.clip(x, face.kv_u.start, face.kv_u.stop) for face in faces]
+    error = max(float(np.abs(face.grid(at, at)[..., 2] - z).max()) for face, at, z in zip(faces, u, exact))
+    return [
+        Row(f"{poles}^2 poles: {name.upper()}, poles that differ", differ, "", "", 0),
+        Row(f"{poles}^2 poles: {name.upper()}, faces against the lens", error, "mm", f"{SAMPLES}^2 points per face", FACE[name]),
+    ]
+
+
+def _different(poles: NDArray[np.float64], own: NDArray[np.float64]) -> int:
+    return int((poles != own).any(axis=2).sum()) if poles.shape == own.shape else max(len(poles), len(own)) ** 2
+
+
+def _quarter_row() -> Row:
+    """Return the size of a file whose lens has 256^2 spans in one quarter and 32^2 elsewhere, as a share of that with 256^2 spans."""
+    quarter, full = THBSpace(*[KnotVector.uniform(3, 32)] * 2), THBSpace(*[KnotVector.uniform(3, 256)] * 2)
+    for level in range(3):
+        quarter = quarter.refine({level: np.argwhere(np.ones((16 << level, 16 << level)))})
+    rng = np.random.default_rng(0)
+    sizes = [len(step_bytes(_lens(THBSurface(space, 1e-3 * rng.standard_normal(space.dim))))) for space in (quarter, full)]
+    return Row("refined in one quarter: STEP file, share of the full net's", sizes[0] / sizes[1], "", f"{sizes[0] / 1e6:.2f} MB", QUARTER)

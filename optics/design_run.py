@@ -1,0 +1,166 @@
+"""`thbcad design`: from a problem file to the result folder."""
+
+from __future__ import annotations
+
+import resource
+from argparse import Namespace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from optics.design import Interrupted
+from optics.errors import UserError
+from optics.limits import limit_checks
+from optics.model import lens_product
+from optics.problem import load_problem
+from optics.problem_text import problem_to_toml
+from optics.progress import DesignProgress
+from optics.results import ResultFolder
+from optics.soundness import advice, sound
+from optics.state import earlier_state
+from optics.text import check_lines, note
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from optics.backend import Backend
+    from optics.problem import Problem
+    from optics.state import State
+    from thbcad.lens import Lens
+
+
+class _Clock:
+    """Wall time by phase."""
+
+    def __init__(self) -> None:
+        self._start = self._mark = perf_counter()
+        self.phases: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        now = perf_counter()
+        self.phases[name] = now - self._mark
+        self._mark = now
+
+    def total(self) -> dict[str, float]:
+        return {**self.phases, "total": perf_counter() - self._start}
+
+
+def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Shape the lens of a problem file and write the result folder."""
+    clock = _Clock()
+    problem = load_problem(options.problem)
+    if options.resume and options.earlier:
+        raise UserError("--resume and --from exclude each other: a resumed run has its surface")
+    light, lens = sound(problem)
+    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    folder.prepare()
+    state = folder.read_checkpoint(problem) if options.resume else None
+    if options.earlier:
+        state = earlier_state(problem, lens, ResultFolder(options.earlier).read_lens())
+    if not options.resume:
+        folder.drop_checkpoint()
+    for sentence in advice(problem, lens):
+        note(sentence)
+    from optics.backend import load_backend
+
+    backend = load_backend(problem.run.precision, problem.run.threads)
+    clock.lap("setup")
+    try:
+        lens, state = _optimise(problem, light, backend, folder, state)
+        clock.lap("optimise")
+        return _finish(problem, light, lens, state, folder, clock)
+    except (KeyboardInterrupt, ImportError) as error:
+        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
+            raise
+        if folder.has_checkpoint():
+            note(f"the same command with --resume goes on from {folder.path}")
+        raise KeyboardInterrupt from None
+
+
+def _optimise(
+    problem: Problem, light: NDArray[np.float64], backend: Backend, folder: ResultFolder, state: State | None
+) -> tuple[Lens, State]:
+    from optics.design import design as run
+
+    progress = DesignProgress()
+    try:
+        return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note)
+    except Interrupted as stop:
+        folder.write_checkpoint(problem, stop.state)
+        raise KeyboardInterrupt from None
+    finally:
+        progress.close()
+
+
+def _finish(
+    problem: Problem, light: NDArray[np.float64], lens: Lens, state: State, folder: ResultFolder, clock: _Clock
+) -> tuple[dict[str, Any], list[str], bool]:
+    """Export, measure, verify and report a designed lens."""
+    from optics.backend import load_backend
+    from optics.budget import fans, follows_edges, nonsequential_figures
+    from optics.checks import verification
+    from optics.figures import draw_all
+    from optics.manufacture_text import as_data, manufacture_rows
+    from optics.metrics import measure
+    from optics.report import Report, report_html
+    from optics.solid_figure import solid_views
+    from optics.step_file import StepFile
+    from optics.verify import verify
+    from thbcad.cad.step import write_step
+    from thbcad.files import write_bytes, write_text
+    from thbcad.manufacture import manufacturability
+
+    # only now: until then a folder keeps the problem and the lens of an earlier run, which belong together
+    folder.write_problem(problem)
+    folder.write_lens(lens)
+    folder.write_history(state.history)
+    write_step(lens, folder.step, lens_product(problem), problem.export.schema)
+    clock.lap("export")
+    exact = load_backend("double", problem.run.threads)
+    measurement = measure(exact, problem, lens, light)
+    figures, paths = measurement.figures, {}
+    if not figures["efficiency"]:
+        note("no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam")
+    if follows_edges(problem):
+        figures["nonsequential_w"] = nonsequential_figures(exact, problem, lens, measurement.target)
+        paths = fans(exact, problem, lens)
+    clock.lap("measure")
+    found = manufacturability(lens, problem.lens.density or None)
+    folder.write_json("manufacture.json", as_data(found))
+    checked = verification(verify(problem, lens, StepFile(folder.step), exact) + limit_checks(problem, found))
+    folder.write_json("verify.json", checked)
+    clock.lap("verify")
+    pictures = draw_all(problem, lens, measurement, state.history, paths)
+    pictures["solid"] = "The solid from four sides; the text below says how much steeper its relief is shaded.", solid_views(lens)
+    for name, (_, png) in pictures.items():
+        write_bytes(folder.figures / f"{name}.png", png)
+    clock.lap("figures")
+    metrics = figures | {
+        "dof": sum(sag.space.dim for sag in lens.sags),
+        "levels": max(sag.space.levels for sag in lens.sags),
+        "evaluations": state.evaluations,
+        "wall_s": clock.total(),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+    folder.write_json("metrics.json", metrics)
+    page = Report(problem, metrics, checked, manufacture_rows(found, problem.source.wavelength), pictures)
+    write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
+    folder.drop_checkpoint()
+    return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, _design_lines(folder, metrics, checked), checked["ok"]
+
+
+def _shown(value: float | None, form: str) -> str:
+    """Return a figure as text, "-" where it is not defined."""
+    return "-" if value is None else format(value, form)
+
+
+def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any]) -> list[str]:
+    return [
+        *check_lines(checked),
+        f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   "
+        f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
+        f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
+        f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        f"solid {folder.step}   report {folder.path / 'report.html'}",
+    ]

@@ -1,0 +1,190 @@
+"""`thbcad trace`: a designed lens traced again, in sequence and without, and its light in phase space."""
+
+from __future__ import annotations
+
+import io
+from argparse import Namespace
+from dataclasses import asdict
+from math import isinf
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.beam import Beam
+from optics.errors import UserError
+from optics.model import problem_rays, ray_parts, target_screen
+from optics.results import ResultFolder, writable_folder
+
+if TYPE_CHECKING:
+    from optics.backend import Backend
+    from optics.phase_space import PhaseSpace
+    from optics.problem import Problem
+    from optics.rays import Rays
+    from optics.tracing import FluxBudget
+    from thbcad.lens import Lens
+
+RAYS_AT_ONCE = 1 << 21
+MOST_RAYS = 1 << 15  # per direction
+NONSEQUENTIAL_RAYS = (256, 256)
+SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of etendue
+LINES, WIDEST = 201, 0.98  # of the grid in the sections of phase space, and how far it goes towards grazing rays
+NEGLIGIBLE = 0.01  # of the light on the target: what may come by other ways where the sequential tracer is said to suffice
+WORDS = {
+    "beside_lens": "pass beside the lens",
+    "missed_rear": "meet an edge instead of the rear",
+    "unresolved": "undecided",
+    "total_internal": "reflected totally at the rear",
+    "front_reflected": "reflected at the front",
+    "rear_reflected": "reflected at the rear",
+    "on_target": "on the target",
+    "off_target": "beside the target",
+}
+
+
+def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Trace the lens of a result folder and tell where its light goes."""
+    from optics.backend import load_backend
+    from optics.trace_figures import irradiance_figure, phase_space_figure
+    from thbcad.files import json_text, write_bytes, write_text
+
+    if not 8 <= options.rays <= MOST_RAYS:
+        raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
+    result = ResultFolder(options.result)
+    problem, lens = result.read_problem(), result.read_lens()
+    folder = Path(options.out or Path(options.result) / "trace")
+    writable_folder(folder)
+    backend = load_backend(options.precision, problem.run.threads)
+    exact = backend if options.precision == "double" else load_backend("double", problem.run.threads)
+    start = perf_counter()
+    image, budget, counts = sequential(backend, problem, lens, options.rays)
+    seconds = perf_counter() - start
+    screen = target_screen(problem)
+    data: dict[str, Any] = {
+        "rays": sum(counts.values()),
+        "seconds": seconds,
+        "counts": counts,
+        "flux_w": asdict(budget),
+        "efficiency": budget.on_target / problem.source.flux,
+        "efficiency_bound": efficiency_bound(lens.index),
+        "etendue": conservation(exact, problem, lens),
+    }
+    if not isinf(problem.target_z):
+        data["nonsequential"] = nonsequential(exact, problem, lens)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, irradiance=image, half_width=np.array(screen.half_width))
+    write_bytes(folder / "irradiance.npz", buffer.getvalue())
+    write_bytes(folder / "irradiance.png", irradiance_figure(image, screen))
+    write_bytes(folder / "phase_space.png", phase_space_figure(sections(exact, problem, lens)))
+    write_text(folder / "trace.json", json_text(data))
+    return data, [*_lines(data), f"wrote {folder}"], True
+
+
+def sequential(backend: Backend, problem: Problem, lens: Lens, rays: int) -> tuple[NDArray[np.float64], FluxBudget, dict[str, int]]:
+    """Return (irradiance (rows, columns), FluxBudget, rays by fate) of rays x rays rays, with box pixels."""
+    from optics.splat import Splat
+    from optics.tracing import Tracer
+    from optics.windows import BoxWindow
+
+    screen = target_screen(problem)
+    splat = Splat(backend, screen, BoxWindow())
+    image, budgets, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
+    for part in ray_parts(problem, (rays, rays), None, RAYS_AT_ONCE):
+        tracer = Tracer(backend, lens, part, problem.target_z)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+            image = image + splat(landing.x, landing.y, landing.flux).numpy()
+            budgets.append(tracer.budget(landing, screen.half_width))
+            counts.append(tracer.counts(landing, screen.half_width))
+    total = budgets[0]
+    for budget in budgets[1:]:
+        total = total + budget
+    return image.reshape(screen.shape, order="F"), total, {name: sum(c[name] for c in counts) for name in counts[0]}
+
+
+def nonsequential(backend: Backend, problem: Problem, lens: Lens) -> dict[str, Any]:
+    """Return the fates of the light in the closed lens, W, and the share on the target that came by other ways than front and rear."""
+    from optics.branches import SourceRays
+    from optics.nonsequential import TargetPlane, trace_nonsequential
+
+    rays = _single(problem, lens, NONSEQUENTIAL_RAYS)
+    flux = np.broadcast_to(rays.ray_flux, rays.origin.shape[1])
+    plane = TargetPlane(problem.target_z, problem.target.half_width)
+    found = trace_nonsequential(backend, lens, SourceRays(rays.origin, rays.direction, flux), plane)
+    hx, hy = problem.target.half_width
+    landings = found.landings
+    onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
+    total, direct = float(landings.flux[onto].sum()), float(landings.flux[onto & landings.direct].sum())
+    other = 1 - direct / total if total else 0.0
+    return {"fates_w": asdict(found.fates), "by_other_ways": other, "sequential_suffices": other <= NEGLIGIBLE}
+
+
+def conservation(backend: Backend, problem: Problem, lens: Lens) -> dict[str, float]:
+    """Return how far the determinant of the map from source to target in phase space is from 1, over rays that arrive."""
+    from optics.phase_space import jacobian_determinants, source_points
+
+    rays = _single(problem, lens, SAMPLES)
+    size = max(problem.source.half_width) or problem.source.distance
+    found = jacobian_determinants(
+        backend, lens, source_points(rays), (size, size, 0.1, 0.1), float(rays.origin[2, 0]), plane_behind(problem, lens)
+    )
+    off = np.abs(found[np.isfinite(found)] - 1)
+    return {"rays": int(off.size), "median": float(np.median(off)) if off.size else 0.0, "most": float(off.max(initial=0.0))}
+
+
+def plane_behind(problem: Problem, lens: Lens) -> float:
+    """Return z of the target plane; of a plane a thickness behind the lens where the target is the far field."""
+    return 2 * lens.thickness if isinf(problem.target_z) else problem.target_z
+
+
+def sections(backend: Backend, problem: Problem, lens: Lens) -> dict[str, tuple[PhaseSpace, float]]:
+    """Return rays of the source with x = 0 and p = 0 in phase space, in planes by name, and how far y matters there, mm."""
+    from optics.phase_space import PhaseSpace, at_target
+
+    source, behind = problem.source, 2 * lens.thickness
+    collimated = source.kind == "collimated"
+    reach = source.half_width[1] or 1.0
+    y = np.linspace(-1, 1, LINES) * source.half_width[1]
+    q = np.linspace(-1, 1, LINES) * (0.0 if collimated else WIDEST * np.sin(np.radians(source.half_angle)))
+    points = np.zeros((4, LINES * LINES))
+    points[1], points[3] = (a.ravel() for a in np.meshgrid(y, q))
+    start = -source.distance - (max(lens.front.half_width) if collimated else 0.0)
+    found = {
+        "source": (PhaseSpace(points, np.ones(points.shape[1])), 1.1 * reach),
+        f"behind the lens, z = {behind:g} mm": (at_target(backend, lens, points, start, behind), 1.5 * lens.rear.half_width[1]),
+    }
+    if not isinf(problem.target_z):
+        found["target"] = at_target(backend, lens, points, start, problem.target_z), 1.1 * problem.target.half_width[1]
+    return found
+
+
+def efficiency_bound(index: float) -> float:
+    """Return the most that two uncoated faces let through, (1 - ((n - 1) / (n + 1))^2)^2: 0.96^2 for n = 1.5 (thesis 2.12, 2.13)."""
+    return (1 - ((index - 1) / (index + 1)) ** 2) ** 2
+
+
+def _single(problem: Problem, lens: Lens, counts: tuple[int, int]) -> Rays:
+    """Return rays of the source one by one."""
+    from optics.rays import beam_rays
+
+    rays = problem_rays(problem, counts)
+    return beam_rays(rays, lens) if isinstance(rays, Beam) else rays
+
+
+def _lines(data: dict[str, Any]) -> list[str]:
+    rays = data["rays"]
+    lines = [f"{rays} rays in sequence, {data['seconds']:.3g} s"]
+    for name, flux in data["flux_w"].items():
+        count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
+        lines.append(f"{abs(flux):10.6f} W {count}  {WORDS[name]}")
+    lines.append(f"efficiency {data['efficiency']:.4f}, at most {data['efficiency_bound']:.4f} through two uncoated faces")
+    etendue = data["etendue"]
+    lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")
+    if "nonsequential" in data:
+        found = data["nonsequential"]
+        lines += [f"{flux:10.6f} W  {name.replace('_', ' ')}, with all reflections" for name, flux in found["fates_w"].items() if flux]
+        verdict = "suffices" if found["sequential_suffices"] else "does not suffice"
+        lines.append(f"{found['by_other_ways']:.2%} of the light on the target comes by other ways: the sequential tracer {verdict}")
+    return lines

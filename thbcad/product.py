@@ -1,0 +1,57 @@
+"""What a lens is called, who made it and what it is made of, as CAD files state it."""
+
+from __future__ import annotations
+
+import unicodedata
+from dataclasses import dataclass, fields
+
+from thbcad.checks import require_number
+
+# control characters, separators of lines and halves of surrogate pairs: a file would not give them back
+FORBIDDEN = {"Cc", "Cs", "Zl", "Zp"}
+
+
+@dataclass(frozen=True)
+class Product:
+    """Names, material and refractive index for the head of a CAD file.
+
+    name : of the solid, not empty.  author, organization, material : empty is unknown.
+    density : g/cm^3, 0 is unknown.  index : refractive index, None is unknown.
+    Density and index stand in a file only beside a material.
+
+    Raises
+    ------
+    ValueError : a text that is no string of one line or has a blank at an end; an empty name; a density below 0;
+        an index that is not positive; a density or an index without a material.
+    """
+
+    name: str = "lens"
+    author: str = ""
+    organization: str = ""
+    material: str = ""
+    density: float = 0.0
+    index: float | None = None
+
+    def __post_init__(self) -> None:
+        for key in [field.name for field in fields(self) if field.type == "str"]:
+            require_line(key, getattr(self, key))
+        if not self.name:
+            raise ValueError("name must not be empty")
+        require_number("density", self.density, least=0.0, finite=True)
+        object.__setattr__(self, "density", float(self.density))
+        if self.index is not None:
+            require_number("index", self.index, above=0.0, finite=True)
+            object.__setattr__(self, "index", float(self.index))
+        if not self.material and (self.density or self.index is not None):
+            raise ValueError(f"material must be named for a density or an index, got {self.density:g} g/cm^3 and index {self.index}")
+
+
+def require_line(key: str, text: object) -> None:
+    """Raise ValueError unless the text is a string of one line, without control characters and blanks at its ends."""
+    if not isinstance(text, str):
+        raise ValueError(f"{key} must be a string, got {type(text).__name__}")
+    if text != text.strip():
+        raise ValueError(f"{key} must not begin or end with a blank, got {text[:60]!r}")
+    bad = [c for c in text if unicodedata.category(c) in FORBIDDEN]
+    if bad:
+        raise ValueError(f"{key} must be one line without control characters, got {bad[0]!r} in {text[:60]!r}")
