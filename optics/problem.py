@@ -6,43 +6,23 @@ Unknown keys, wrong types and impossible numbers are UserErrors that name the ke
 from __future__ import annotations
 
 import math
-import reprlib
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import TypeVar
 
 from optics.errors import UserError
+from optics.toml_records import option, record
 from thbcad.product import require_line
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 PROFILES = ("uniform", "round", "gaussian", "image")
 Number = TypeVar("Number", int, float)
-Record = TypeVar("Record", bound="DataclassInstance")
 
 MAX_FILE_BYTES = 1_000_000
 MAX_PIXELS = 4096
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
 LEAST_MERGED = 4  # pixels each way that merging leaves
-PICTURES = ("target.image", "source.image")
-LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
-
-
-def option(
-    default: Any = MISSING,
-    choices: tuple[str, ...] | None = None,
-    low: float | None = None,
-    high: float | None = None,
-    above: float | None = None,
-    note: str = "",
-    infinite: bool = False,
-) -> Any:
-    """Return a field with a default (or none: the key is required), its limits and a note."""
-    limits = {"choices": choices, "low": low, "high": high, "above": above, "note": note, "infinite": infinite}
-    return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +33,7 @@ class Source:
     flux: float = option(1.0, above=0, note="W")
     profile: str = option("uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse")
     sigma: tuple[float, float] = option((0.5, 0.5), above=0, note="of the gaussian profile, relative to half_width")
-    image: str = option("", note="picture file of the profile image, linear light, relative to the problem file")
+    image: str = option("", note="picture file of the profile image, linear light, relative to the problem file", picture=True)
     half_angle: float = option(90.0, above=0, high=90, note="degrees, of the cone that a lambertian or a point source lights")
     exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
     wavelength: float = option(550.0, above=0, note="nm; only the report compares the lens's features with it")
@@ -96,7 +76,7 @@ class LensSpec:
 @dataclass(frozen=True, kw_only=True)
 class Target:
     kind: str = option(choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula")
-    image: str = option("", note="picture file, relative to the problem file; of kind image")
+    image: str = option("", note="picture file, relative to the problem file; of kind image", picture=True)
     formula: str = option("", note="light at x, y from -1 to 1 over the target, y upward; of kind function")
     shape: str = option("rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat")
     lit: tuple[float, float] = option((0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's")
@@ -215,7 +195,7 @@ def load_problem(path: str | Path) -> Problem:
     except (ValueError, RecursionError) as error:
         raise UserError(f"{path} is not valid TOML: {error}") from None
     try:
-        problem = _record(Problem, data, "", path.parent)
+        problem = record(Problem, data, "", path.parent)
         _require_partners(problem)
     except UserError as error:
         raise UserError(f"{path}: {error}") from None
@@ -266,76 +246,3 @@ def _require_partners(problem: Problem) -> None:
 def per_level(values: Sequence[Number], level: int) -> Number:
     """Return the value of a level from a list whose last entry goes on."""
     return values[min(level, len(values) - 1)]
-
-
-def _record(kind: type[Record], data: object, prefix: str, folder: Path) -> Record:
-    if not isinstance(data, dict):
-        raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
-    known = {f.name: f for f in fields(kind)}
-    for key in data:
-        if key not in known:
-            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
-            raise UserError(f"unknown key {prefix}{key}; {where} takes {', '.join(known)}")
-    hints = get_type_hints(kind)
-    values = {}
-    for name, f in known.items():
-        key = prefix + name
-        if name not in data:
-            if f.default is MISSING:
-                raise UserError(f"the key {key} is missing")
-            continue
-        table = next((h for h in (hints[name], *get_args(hints[name])) if is_dataclass(h)), None)
-        if table:
-            values[name] = _record(table, data[name], key + ".", folder)
-        else:
-            values[name] = _value(key, hints[name], data[name], f.metadata)
-        if key in PICTURES and values[name]:
-            values[name] = str((folder / values[name]).resolve())
-    return kind(**values)
-
-
-def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
-    if get_origin(hint) is tuple:
-        return _row(key, hint, value, limits)
-    if hint is str:
-        if not isinstance(value, str):
-            raise UserError(f"{key} must be a string, got {_brief(value)}")
-        if key in PICTURES and "\0" in value:
-            raise UserError(f"{key} must not hold a zero character")
-        if limits["choices"] and value not in limits["choices"]:
-            raise UserError(f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}")
-        return value
-    wanted = "a whole number" if hint is int else "a number"
-    if isinstance(value, bool) or not isinstance(value, int if hint is int else (int, float)):
-        raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
-    if isinstance(value, int) and abs(value) > LARGEST:
-        raise UserError(f"{key} must not be larger than {LARGEST:g} in size")
-    finite = math.isfinite(value) or (limits["infinite"] and not math.isnan(value))
-    if not finite:
-        raise UserError(f"{key} must be a finite number, got {value!r}")
-    for name, word, broken in (
-        ("low", "at least", lambda v, b: v < b),
-        ("high", "at most", lambda v, b: v > b),
-        ("above", "greater than", lambda v, b: v <= b),
-    ):
-        if limits[name] is not None and broken(value, limits[name]):
-            raise UserError(f"{key} must be {word} {limits[name]}, got {value!r}")
-    if limits["infinite"] and value == 0:  # of a surface: a target has its own limit
-        raise UserError(f"{key} must not be 0; inf is a plane")
-    return hint(value)
-
-
-def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
-    kinds = get_args(hint)
-    open_ended = kinds[-1] is Ellipsis
-    if open_ended and not isinstance(value, list):
-        value = [value]
-    if not isinstance(value, list) or not value or (not open_ended and len(value) != len(kinds)):
-        wanted = "a list of numbers" if open_ended else f"a list of {len(kinds)} numbers"
-        raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
-    return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
-
-
-def _brief(value: object) -> str:
-    """Return a short text of any value, for messages."""
-    return reprlib.repr(value) if not isinstance(value, int) or abs(value) <= LARGEST else "a huge number"
