@@ -16,6 +16,7 @@ from optics import llvm
 DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
 
 PACKET = 64  # numbers, more than any processor handles at once
+PACKED = 4  # numbers of `Backend.Packet`
 PRECISIONS = {"double": ("Float64", np.float64, 1e-9), "single": ("Float32", np.float32, 1e-4)}  # resolution in mm
 
 
@@ -34,6 +35,12 @@ class Backend:
     Index: type[DrArray]
     dtype: type[np.floating]
     resolution: float
+
+    @property
+    def Packet(self) -> type[DrArray]:
+        """Array type of four numbers that lie side by side in memory and are read, written or added to together."""
+        types = self.dr.llvm.ad
+        return types.Array4f64 if self.dtype is np.float64 else types.Array4f
 
     def array(self, values: ArrayLike) -> DrArray:
         """Return numbers as a flat Dr.Jit array.
