@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from optics.design import Interrupted
 from optics.errors import UserError
 from optics.limits import limit_checks
-from optics.model import lens_product
+from optics.model import base_lens, lens_product
 from optics.problem import load_problem
 from optics.problem_text import problem_to_toml
 from optics.progress import DesignProgress
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from optics.backend import Backend
+    from optics.metrics import Measurement
     from optics.problem import Problem
     from optics.state import State
     from thbcad.lens import Lens
@@ -101,10 +102,10 @@ def _finish(
     from optics.budget import fans, follows_edges, nonsequential_figures
     from optics.checks import verification
     from optics.figures import draw_all
+    from optics.fresnel import efficiency_bound
     from optics.manufacture_text import as_data, manufacture_rows
     from optics.metrics import measure
     from optics.report import Report, report_html
-    from optics.solid_figure import solid_views
     from optics.step_file import StepFile
     from optics.verify import verify
     from thbcad.cad.step import write_step
@@ -119,7 +120,7 @@ def _finish(
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
     measurement = measure(exact, problem, lens, light)
-    figures, paths = measurement.figures, {}
+    figures, paths = measurement.figures | {"efficiency_bound": efficiency_bound(lens.index)}, {}
     if not figures["efficiency"]:
         note("no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam")
     if follows_edges(problem):
@@ -131,8 +132,7 @@ def _finish(
     checked = verification(verify(problem, lens, StepFile(folder.step), exact) + limit_checks(problem, found))
     folder.write_json("verify.json", checked)
     clock.lap("verify")
-    pictures = draw_all(problem, lens, measurement, state.history, paths)
-    pictures["solid"] = "The solid from four sides; the text below says how much steeper its relief is shaded.", solid_views(lens)
+    pictures = draw_all(problem, lens, measurement, state.history, paths) | _solids(problem, lens, measurement, exact)
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
@@ -148,6 +148,19 @@ def _finish(
     write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
     folder.drop_checkpoint()
     return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, _design_lines(folder, metrics, checked), checked["ok"]
+
+
+def _solids(problem: Problem, lens: Lens, measurement: Measurement, exact: Backend) -> dict[str, tuple[str, bytes]]:
+    """Return (caption, PNG) of the scene, and of the lens before and after, by name."""
+    from optics.scene_figure import scene_paths, scene_view
+    from optics.solid_figure import solid_views
+
+    scene = scene_view(problem, lens, measurement.irradiance, scene_paths(exact, problem, lens))
+    return {
+        "scene": ("Source, lens and target, seen from behind; rays that miss the target are red.", scene),
+        "solid_before": ("The solid before optimisation.", solid_views(base_lens(problem))),
+        "solid": ("The solid from four sides; the text below says how much steeper its relief is shaded.", solid_views(lens)),
+    }
 
 
 def _shown(value: float | None, form: str) -> str:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from optics.trace_run import NEGLIGIBLE
+
 if TYPE_CHECKING:
     from optics.problem import Problem
 
@@ -57,10 +59,20 @@ def report_html(report: Report, problem_text: str) -> str:
 
 def _summary(metrics: dict[str, Any]) -> str:
     return (
-        f"Relative error {metrics['rel_l2']:.1%}, "
-        f"{metrics['efficiency']:.1%} of the source flux inside the target, {metrics['stray']:.2%} stray; "
+        f"Relative error {metrics['rel_l2']:.1%}, {metrics['efficiency']:.1%} of the source flux inside the target "
+        f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), {metrics['stray']:.2%} stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, {metrics['wall_s']['total']:.1f} s."
+        f"{_other_ways(metrics.get('nonsequential_w'))}"
     )
+
+
+def _other_ways(flux: dict[str, float] | None) -> str:
+    """Return whether the sequential tracer suffices, a sentence; nothing where that was not traced or no light arrives."""
+    if not flux or not flux["lit"]:
+        return ""
+    other = 1 - flux["lit_direct"] / flux["lit"]
+    verdict = "suffices" if other <= NEGLIGIBLE else "does not suffice"
+    return f" {other:.2%} of the light on the lit pixels comes by other ways than front and rear: the sequential tracer {verdict}."
 
 
 def _metric_table(metrics: dict[str, Any]) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from optics.beam import Beam
 from optics.errors import UserError
+from optics.fresnel import efficiency_bound
 from optics.model import problem_rays, ray_parts, target_screen
 from optics.results import ResultFolder, writable_folder
 
@@ -47,6 +48,7 @@ WORDS = {
 def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Trace the lens of a result folder and tell where its light goes."""
     from optics.backend import load_backend
+    from optics.fresnel_figure import fresnel_figure
     from optics.trace_figures import irradiance_figure, phase_space_figure
     from thbcad.files import json_text, write_bytes, write_text
 
@@ -78,6 +80,7 @@ def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     write_bytes(folder / "irradiance.npz", buffer.getvalue())
     write_bytes(folder / "irradiance.png", irradiance_figure(image, screen))
     write_bytes(folder / "phase_space.png", phase_space_figure(sections(exact, problem, lens)))
+    write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
     write_text(folder / "trace.json", json_text(data))
     return data, [*_lines(data), f"wrote {folder}"], True
 
@@ -158,11 +161,6 @@ def sections(backend: Backend, problem: Problem, lens: Lens) -> dict[str, tuple[
     if not isinf(problem.target_z):
         found["target"] = at_target(backend, lens, points, start, problem.target_z), 1.1 * problem.target.half_width[1]
     return found
-
-
-def efficiency_bound(index: float) -> float:
-    """Return the most that two uncoated faces let through, (1 - ((n - 1) / (n + 1))^2)^2: 0.96^2 for n = 1.5 (thesis 2.12, 2.13)."""
-    return (1 - ((index - 1) / (index + 1)) ** 2) ** 2
 
 
 def _single(problem: Problem, lens: Lens, counts: tuple[int, int]) -> Rays:

@@ -23,7 +23,7 @@ from optics.problem import load_problem
 from tests.optics.small import ROOT, picture, write_problem
 
 QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
-FIGURES = {"target", "irradiance", "error", "irradiance_02", "sag", "mesh", "loss", "solid"}
+FIGURES = {"target", "irradiance", "error", "irradiance_02", "sag", "mesh", "loss", "solid", "solid_before", "scene"}
 
 
 def strict_json(text):

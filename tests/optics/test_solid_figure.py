@@ -55,6 +55,12 @@ def test_the_same_lens_gives_the_same_picture_and_no_figure_stays_open():
     assert plt.get_fignums() == []
 
 
+def test_a_sag_of_zeros_is_drawn_as_none():
+    """What is left of the slopes of a paraboloid is rounding, and no relief to be shaded."""
+    none, zeros = (lens(rear=rear) for rear in (FreeformSurface((50.0, 50.0), Conic(150.0, -1.0)), rippled(0.0, 150.0)))
+    assert solid_views(none) == solid_views(zeros)
+
+
 def test_ripples_of_a_twentieth_of_a_millimetre_are_seen_on_100_mm():
     """They change grey levels by 10 and more, where eyes tell 2 apart; the view from the front stays as it was."""
     before, after = (picture(lens(rear=rippled(height, 150.0))).mean(axis=2) for height in (0.0, 0.05))
@@ -77,6 +83,7 @@ SIZES = {
     "oblong": lens(FreeformSurface((40.0, 30.0)), FreeformSurface((40.0, 30.0), Conic(-90.0, -1.0)), 25.0),
     "wider rear": lens(FreeformSurface((20.0, 30.0)), FreeformSurface((40.0, 30.0), Conic(80.0, -1.0)), 25.0),
     "wider front": lens(FreeformSurface((40.0, 30.0), Conic(-80.0, -1.0)), FreeformSurface((20.0, 25.0)), 25.0),
+    "steep rim": lens(rear=rippled(80.0, where=(0.8, 1)), thickness=60.0),  # samples at equal steps of x leave gaps there
     "steep": lens(FreeformSurface((10.0, 10.0)), FreeformSurface((10.0, 10.0), Conic(-3.0, -1.0)), 40.0),
 }
 

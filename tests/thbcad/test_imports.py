@@ -27,7 +27,7 @@ ALLOWED = {
     "optiland": (["optics/optiland_trace.py"], "an optional stranger that takes seconds to load"),
     "trimesh": (["optics/export_checks.py"], "exported meshes are read back by what did not write them"),
     "lib3mf": (["optics/export_checks.py"], "exported meshes are read back by what did not write them"),
-    "matplotlib": (["optics/figures.py", "optics/solid_figure.py"], "modules that draw are few and named for it"),
+    "matplotlib": (["optics/figures.py", "optics/scene_figure.py", "optics/solid_figure.py"], "modules that draw are few and named for it"),
 }
 HANDOVER = "thbcad.cad.objects"
 THBCAD_NEEDS = {"numpy", "scipy", "thbcad", "OCP", "build123d", "cadquery", *sys.stdlib_module_names}

@@ -1,0 +1,145 @@
+"""Shaded images of the lens as a solid.
+
+The six faces are sampled as points with normals, turned, and put into a depth buffer: the nearest
+point gives a pixel its colour.  The light grazes, and fine slopes are drawn steeper than they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, grey_closing
+
+if TYPE_CHECKING:
+    from thbcad.lens import FreeformSurface, Lens
+
+    Array = NDArray[np.float64]
+
+SAMPLES = 420  # across a face
+PIXELS = 440  # across a view, in which a face takes 350 at most
+STEEP = 0.5  # median slope up to which relief is drawn steeper
+FACTORS = np.outer(10.0 ** np.arange(4), [1, 2, 5]).ravel()
+LIGHT = np.array([-0.63, 0.60, 0.49])  # direction to the light: right, up, towards the viewer
+GLASS, GROUND = (0.86, 0.93, 1.0), (0.78, 0.84, 0.9)  # of optical faces and of edges
+AMBIENT = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A face as a grid of points, mm, with the outward normals that it is shaded by, both (3, n, m)."""
+
+    name: str
+    points: Array
+    normals: Array
+    colour: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A direction to look along.
+
+    turn : (3, 3), rows right, up and towards the viewer
+    centre : (2,), right and up in the middle of the view, mm
+    reach : half the width of the view, mm
+    """
+
+    turn: Array
+    centre: Array
+    reach: float
+
+    @property
+    def extent(self) -> list[float]:
+        """Left, right, bottom and top of the view, mm."""
+        return [self.centre[k] + side * self.reach for k in (0, 1) for side in (-1, 1)]
+
+    def pixels(self, seen: Array) -> NDArray[np.int64]:
+        """Return the number of the pixel of every turned point (3, n), (n,)."""
+        column, row = ((seen[:2] + (self.reach - self.centre)[:, None]) * (PIXELS / (2 * self.reach))).astype(np.int64)
+        return row * PIXELS + column
+
+
+def oblique(turn: float, rise: float) -> Array:
+    """Return the turn of a view on the rear from `turn` degrees to the right and `rise` degrees above, (3, 3)."""
+    a, b = np.deg2rad([turn, rise])
+    right = np.array([np.cos(a), 0.0, -np.sin(a)])
+    toward = np.array([np.cos(b) * np.sin(a), np.sin(b), np.cos(b) * np.cos(a)])
+    return np.stack([right, np.cross(toward, right), toward])
+
+
+def solid_faces(lens: Lens) -> tuple[list[Face], dict[str, float]]:
+    """Return the six faces, front and rear first, and by how much the relief of those two is steeper than it is."""
+    faces, steeper = [], {}
+    for name, surface, vertex, side in (("front", lens.front, 0.0, -1), ("rear", lens.rear, lens.thickness, 1)):
+        x, y = _positions(surface)
+        slopes = [surface.grid(x, y, order) for order in ((1, 0), (0, 1))]
+        smooth = [_linear(slope, x, y) for slope in slopes]
+        usual = np.median(np.hypot(*(slope - flat for slope, flat in zip(slopes, smooth))))
+        relief = surface.sag is not None and surface.sag.coefficients.any()
+        steeper[name] = float(FACTORS[FACTORS * usual < STEEP].max(initial=1.0)) if relief else 1.0
+        drawn = [flat + steeper[name] * (slope - flat) for slope, flat in zip(slopes, smooth)]
+        points = np.stack([*np.meshgrid(x, y, indexing="ij"), vertex + surface.grid(x, y)])
+        faces.append(Face(name, points, _unit(-side * drawn[0], -side * drawn[1], np.full_like(drawn[0], side)), GLASS))
+    return faces + _edges(*faces), steeper
+
+
+def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
+    """Return the depth of the nearest point of every pixel, -inf for none, (PIXELS, PIXELS), and its colour, (PIXELS, PIXELS, 4)."""
+    depth, image = np.full(PIXELS**2, -np.inf), np.zeros((PIXELS**2, 4))
+    for face in faces:
+        normals = view.turn @ face.normals.reshape(3, -1)
+        if normals[2].max() <= 0:  # turned away
+            continue
+        seen = view.turn @ face.points.reshape(3, -1)
+        pixel = view.pixels(seen)
+        np.maximum.at(depth, pixel, seen[2])
+        nearest = np.flatnonzero(seen[2] >= depth[pixel])
+        light = AMBIENT + (1 - AMBIENT) * (0.5 + 0.5 * (LIGHT @ normals[:, nearest])) ** 1.5
+        image[pixel[nearest]] = np.column_stack([light[:, None] * face.colour, np.ones_like(light)])
+    return _closed(depth.reshape(PIXELS, PIXELS), image.reshape(PIXELS, PIXELS, 4), 0.02 * view.reach)
+
+
+def _positions(surface: FreeformSurface) -> list[Array]:
+    """Return x and y of samples: equal steps of a length that grows, at every place, as the steepest of the lines across it."""
+    even = [np.linspace(-h, h, SAMPLES) for h in surface.half_width]
+    z, found = surface.grid(*even), []
+    for axis, a in enumerate(even):
+        step = np.hypot(np.diff(a), np.abs(np.diff(z, axis=axis)).max(axis=1 - axis))
+        length = np.concatenate([[0.0], np.cumsum(step)])
+        found.append(np.interp(np.linspace(0, length[-1], SAMPLES), length, a))
+    return found
+
+
+def _linear(slope: Array, x: Array, y: Array) -> Array:
+    """Return the linear function of x and y that is nearest to values on a grid."""
+    x, y = x - x.mean(), y - y.mean()
+    return slope.mean() + np.mean(slope.T @ x / (x @ x)) * x[:, None] + np.mean(slope @ y / (y @ y)) * y
+
+
+def _edges(front: Face, rear: Face) -> list[Face]:
+    """Return the four ruled faces between the rims, their points along a rim and then from front to rear."""
+    size = np.ptp(np.concatenate([front.points, rear.points], axis=1), axis=(1, 2))
+    w = np.linspace(0, 1, 2 + int(SAMPLES * size[2] / size.max()))
+    edges = []
+    for name, rim, sign in (("-y", np.s_[:, :, :1], 1), ("+x", np.s_[:, -1:], 1), ("+y", np.s_[:, :, -1:], -1), ("-x", np.s_[:, :1], -1)):
+        low, high = (face.points[rim].reshape(3, -1, 1) for face in (front, rear))
+        points = (1 - w) * low + w * high
+        normals = sign * np.cross(np.gradient(points, axis=1), high - low, axis=0)
+        edges.append(Face(f"edge {name}", points, _unit(*normals), GROUND))
+    return edges
+
+
+def _unit(x: Array, y: Array, z: Array) -> Array:
+    """Return vectors divided by their length, (3, ...)."""
+    return np.stack([x, y, z]) / np.sqrt(x * x + y * y + z * z)
+
+
+def _closed(depth: Array, image: Array, step: float) -> tuple[Array, Array]:
+    """Return depth and image without the pixels that steep samples leave open: those take what is beside them."""
+    with np.errstate(invalid="ignore"):
+        holes = grey_closing(depth, 3) - depth > step
+    at = tuple(distance_transform_edt(holes, return_distances=False, return_indices=True))
+    return depth[at], image[at]
