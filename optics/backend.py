@@ -17,7 +17,7 @@ DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
 
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
-PRECISIONS = {"double": ("Float64", np.float64, 1e-9), "single": ("Float32", np.float32, 1e-4)}  # resolution in mm
+PRECISIONS = {"double": ("Float64", np.float64, 1e-10), "single": ("Float32", np.float32, 2e-6)}  # and resolution
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Backend:
     dr : the drjit module
     Float, Index : differentiable float and unsigned integer array types
     dtype : of numpy, like Float
-    resolution : mm, within which a ray counts as meeting a surface
+    resolution : within which a ray counts as meeting a surface, relative to the lengths of lens and ray
     """
 
     dr: ModuleType

@@ -69,6 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("thbcad: interrupted", file=sys.stderr)
         return 130
+    except ImportError as error:
+        if not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
+            raise
+        print("thbcad: interrupted", file=sys.stderr)
+        return 130
     except MemoryError:
         print("thbcad: out of memory; use fewer pixels, rays or levels", file=sys.stderr)
         return NumericalError.exit_code

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from optics.plan import stages
 from optics.problem import load_problem
 from optics.problem_text import commented_problem
 from optics.results import ResultFolder
+from optics.skips import skip_lines, skips
 from optics.soundness import advice, sound
 from optics.text import check_lines, note
 from optics.trace_run import trace
@@ -40,7 +42,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     screen = target_screen(problem)
     target = target_irradiance(light, screen, problem.target.placing, problem.source.flux)
     least = lens.least_thickness()
-    plan = stages(problem, problem.optimizer.start == "transport")
+    plan, found = stages(problem, problem.optimizer.start == "transport"), skips(problem)
     data = {
         "title": problem.title,
         "picture_pixels": list(light.shape[::-1]),
@@ -49,6 +51,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
         "volume_mm3": lens.volume(),
+        "skips": [asdict(skip) for skip in found],
         "levels": [{"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan],
     }
     lines = [
@@ -59,6 +62,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
     if least.lower <= sum(f.z_freedom for f in freeforms(problem)):
         lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
+    lines += skip_lines(found)
     lines += [f"note: {sentence}" for sentence in advice(problem, lens)]
     return data, lines, True
 

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from optics.problem import Problem
     from thbcad.lens import Lens
 
+LEAST_SHARE = 1e-3  # of a level's changes; below it they are not worth keeping
+
 
 class Interrupted(Exception):
     """The run was stopped by the user; `state` holds the best surfaces of the level so far."""
@@ -84,7 +86,7 @@ def design(
 
     Raises
     ------
-    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or the surfaces cross.
+    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or the surfaces that a level starts from cross.
     """
     lens = base_lens(problem)
     flux = transmitted_flux(backend, problem, lens)
@@ -107,7 +109,13 @@ def design(
         variables = BoundedVariables(state.sags, [f.z_freedom for f in freeforms(problem)], axes)
         recorder = _Recorder(objective, variables, stage, state, clock, partial(progress, plan) if progress else None)
         again = not stage.final and stage.level == plan[-1].level  # a coarse pass, which is better off without the scale
-        lens = _with_sags(lens, _minimize(recorder, problem, stage, not again))
+        try:
+            lens, wrong = _nearest(lens, _minimize(recorder, problem, stage, not again))
+        except Interrupted as stop:
+            stop.state.sags = _nearest(lens, stop.state.sags)[0].sags
+            raise
+        if note and wrong:
+            note(f"level {stage.level}: {wrong}; lower z_freedom of the free surfaces for a better result")
         try:
             marked = marked_cells(problem, lens, stage, axes, Indicators(problem, backend, target, start))
         except KeyboardInterrupt:
@@ -195,6 +203,26 @@ def _minimize(recorder: _Recorder, problem: Problem, stage: Stage, scaled: bool)
     except KeyboardInterrupt:
         raise Interrupted(State(stage.level, recorder.best_sags, True, recorder.state.history)) from None
     return recorder.best_sags
+
+
+def _nearest(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
+    """Return the lens with other sags and "", or, where it cannot exist, one on the way there and a sentence that says why.
+
+    The way from the lens's own sags, c + t (c' - c), is halved until a lens can exist.
+    """
+    try:
+        return lens.with_sags(sags), ""
+    except ValueError as error:
+        wrong = str(error)
+    share = 1.0
+    while share > LEAST_SHARE:
+        share /= 2
+        between = [THBSurface(a.space, a.coefficients + share * (b.coefficients - a.coefficients)) for a, b in zip(lens.sags, sags)]
+        try:
+            return lens.with_sags(between), f"the optimised lens cannot exist ({wrong}): of the level's changes {share:.2g} are kept"
+        except ValueError:
+            continue
+    return lens, f"the optimised lens cannot exist ({wrong}): none of the level's changes are kept"
 
 
 def _with_sags(lens: Lens, sags: Sequence[THBSurface]) -> Lens:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -112,6 +113,7 @@ def export(
         wanted = "--patches needs step" if body.patches else f"--aperture, --flange and --separate need {', '.join(SOLIDS)}"
         raise UserError(f"{wanted}, got {name}")
     _require_writable(path)
+    _require_report(Path(f"{out}.json"))
     require_readers(name)
     try:
         if name in MESHES:
@@ -125,8 +127,20 @@ def export(
         if body.separate:
             return _faces(lens, name, path)
         return _solid(lens, name, path, body, labels or Labels())
+    except OSError as error:  # a full disk
+        raise UserError(f"cannot write {path}: {error.strerror}; choose another --out") from None
     except (ValueError, RuntimeError) as error:
         raise UserError(f"cannot export {path}: {error}") from None
+
+
+def _require_report(path: Path) -> None:
+    """Raise UserError where something else than the report of an earlier export has the name of this one's."""
+    try:
+        earlier = not path.exists() or "chord_mm" in json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, TypeError):
+        earlier = False
+    if not earlier:
+        raise UserError(f"cannot write the report {path}: something else has this name; choose another --out")
 
 
 def _require_writable(path: Path) -> None:
@@ -143,9 +157,19 @@ def _require_writable(path: Path) -> None:
 
 
 def _written(files: dict[Path, bytes]) -> list[Path]:
-    for path, data in files.items():
-        write_bytes(path, data)
-    return list(files)
+    """Write files, all or none of them."""
+    for path in files:
+        _require_writable(path)
+    done: list[Path] = []
+    try:
+        for path, data in files.items():
+            write_bytes(path, data)
+            done.append(path)
+    except BaseException:
+        for path in done:
+            path.unlink()
+        raise
+    return done
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
@@ -154,7 +178,6 @@ def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path]
     checks = []
     for word, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
         own = path.with_name(f"{path.stem}_{word}{path.suffix}")
-        _require_writable(own)
         size = table_size(surface)
         if name == "dat":
             files[own] = sag_text(surface, size)
@@ -205,11 +228,11 @@ def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
     from thbcad.cad.exchange import read_faces, write_faces
     from thbcad.cad.solid import lens_surfaces
 
-    files, checks = [], []
-    for word, surface in zip(("front", "rear"), lens_surfaces(lens)):
-        own = path.with_name(f"{path.stem}_{word}.{name}")
-        _require_writable(own)
-        write_faces([surface], own)
-        files.append(own)
-        checks += face_checks(word, surface, read_faces(own), name)
-    return files, checks
+    surfaces, files = dict(zip(("front", "rear"), lens_surfaces(lens))), {}
+    with tempfile.TemporaryDirectory() as folder:
+        for word, surface in surfaces.items():
+            own = path.with_name(f"{path.stem}_{word}.{name}")
+            write_faces([surface], Path(folder) / own.name)
+            files[own] = (Path(folder) / own.name).read_bytes()
+    checks = [face_checks(word, surfaces[word], read_faces(own), name) for word, own in zip(surfaces, _written(files))]
+    return list(files), [check for found in checks for check in found]

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     Vector = tuple[DrArray, DrArray, DrArray]
 
-
 ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
 
 
@@ -93,8 +92,7 @@ class KnownHits:
 
     def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
-        matrices = self._matrices if knots is None else [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
-        (a0, a1), (b0, b1) = matrices
+        (a0, a1), (b0, b1) = self._matrices if knots is None else [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         gz, gx, gy = (g.reshape(self.shape) for g in gradients)
         return a0.T @ (_columns(b0.T, gz) + _columns(b1.T, gy)) + a1.T @ _columns(b0.T, gx)
 
@@ -109,8 +107,8 @@ class SearchedHits:
     `sure` the way of rays flatter than the surface is steep is sampled for it.  Without knots the surface is the conic alone.
     """
 
-    steps = 100
-    samples = 32
+    steps, samples = 100, 32
+    settled = 0.5  # of the resolution: a residual after which one more of Newton's steps is the last
 
     def __init__(
         self,
@@ -125,6 +123,7 @@ class SearchedHits:
         self._backend, self._conic, self._half_width = backend, conic, half_width
         self._table = None if knots is None else PolynomialTable(backend, knots)
         self._points: tuple[DrArray, DrArray] | None = None
+        self._unit = backend.dr.opaque(backend.Float, backend.resolution * max(half_width))
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
 
     def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
@@ -141,7 +140,7 @@ class SearchedHits:
             x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
             jet = self._surface(x, y)
             speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
-            hit = (dr.abs(jet[0] - (o[2] + t * d[2])) < self._backend.resolution) & (first <= t) & (t <= last)
+            hit = (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o)) & (first <= t) & (t <= last)
             dr.eval(t, x, y, jet, hit, speed, decided)
         self._points = x, y
         found = hit | decided
@@ -157,26 +156,25 @@ class SearchedHits:
         return table.pull_back(*self._points, gradients)
 
     def _search(self, o: list[DrArray], d: list[DrArray], top: float, steepest: float) -> tuple[DrArray, DrArray, DrArray, DrArray]:
-        """Return (ray parameter, t_0, t_1, whether the ray is known to miss).
+        """Return (ray parameter, t_0, t_1, whether the search came to an end: what is not on the surface then misses it).
 
         top : mm, the surface lies below.  steepest : no slope of the surface is greater.
         """
         dr = self._backend.dr
-        tolerance = 0.01 * self._backend.resolution
+        tolerance = self.settled * self._resolution(o)
         first, last = self._span(o, d, dr.opaque(self._backend.Float, top))
 
         def step(t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray) -> tuple[DrArray, ...]:
             jet = self._surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
             residual = jet[0] - (o[2] + t * d[2])
-            newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])
+            newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])  # not a number on a tangent ray
             before = residual > 0
             low, high = dr.select(before, t, low), dr.select(before, high, t)
             other = dr.select(before, high, low)  # the end of the bracket on the surface's side
             known = known | dr.select(before, 1, 2)  # bit 0: f > 0 was seen at low, bit 1: f <= 0 at high
-            bracketed = known == 3
             settled = dr.abs(residual) < tolerance
-            halved = dr.select(bracketed, 0.5 * (t + other), other)
-            t = dr.select(settled | ((newton > low) & (newton < high)), newton, halved)
+            halved = dr.select(known == 3, 0.5 * (t + other), other)
+            t = dr.select((newton > low) & (newton < high), newton, dr.select(settled, t, halved))
             return t, low, high, known, active & ~settled & (low < high), count + 1
 
         def goes_on(t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray) -> DrArray:
@@ -189,8 +187,9 @@ class SearchedHits:
         if self._sure:
             low, high, known = self._first_change(o, d, first, last, steepest)
             t = dr.select((t > low) & (t < high), t, 0.5 * (low + high))
-        t, low, high, _, _, _ = dr.while_loop((t, low, high, known, first < last, count), goes_on, step, mode="symbolic")
-        return t, first, last, low >= high
+        t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
+        t, _, _, _, active, _ = dr.while_loop((t, low, high, known, first < last, count), goes_on, step, mode="symbolic")
+        return t, first, last, ~active & dr.isfinite(sum(o) + sum(d))
 
     def _first_change(
         self, o: list[DrArray], d: list[DrArray], first: DrArray, last: DrArray, steepest: float
@@ -217,8 +216,7 @@ class SearchedHits:
     def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
         """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
         dr, Float = self._backend.dr, self._backend.Float
-        width = max(dr.width(a) for a in (*o, *d))
-        first = dr.zeros(Float, width)
+        first = dr.zeros(Float, max(dr.width(a) for a in (*o, *d)))
         last = dr.select(d[2] > 0, (top - o[2]) / dr.select(d[2] > 0, d[2], 1), dr.inf) + first
         for a, h in zip((0, 1), self._half_width):
             moves = d[a] != 0
@@ -227,7 +225,11 @@ class SearchedHits:
             inside = dr.abs(o[a]) <= h
             first = dr.select(moves, dr.maximum(first, dr.minimum(*ends)), dr.select(inside, first, dr.inf))
             last = dr.select(moves, dr.minimum(last, dr.maximum(*ends)), last)
-        return first, last
+        return first, dr.select(dr.isinf(last), -1, last)  # rays straight down
+
+    def _resolution(self, origin: Sequence[DrArray]) -> DrArray:
+        """Return mm within which a height counts as the surface's, in proportion to the lens and the ray's coordinates."""
+        return self._unit + self._backend.resolution * sum(abs(a) for a in origin)
 
     def _attached(
         self, origin: Vector, direction: Vector, t: DrArray, point: Sequence[DrArray], jet: Sequence[DrArray],
@@ -239,7 +241,7 @@ class SearchedHits:
         x, y = (o + t * d for o, d in zip(origin[:2], direction[:2]))
         dz = origin[2] + t * direction[2] - (point_z := self._backend.dr.detach(origin[2] + t * direction[2]))
         dx, dy = x - point[0], y - point[1]
-        dt = (own_z - z + zx * dx + zy * dy - dz) / speed
+        dt = (own_z - z + zx * dx + zy * dy - dz) / self._backend.dr.select(speed > 0, speed, 1)  # none enters along the surface
         x, y = x + direction[0] * dt, y + direction[1] * dt
         dx, dy = x - point[0], y - point[1]
         return Hits(

@@ -19,7 +19,7 @@ from optics.shapes import uniform_region
 from thbcad.bspline import KnotVector
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.product import Product
+from thbcad.product import Product, one_line
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface
 
@@ -46,7 +46,7 @@ def lens_product(problem: Problem) -> Product:
     """Return what the CAD files say about the lens."""
     spec, names = problem.lens, problem.export
     return Product(
-        name=names.product or " ".join(problem.title.split()) or "lens",
+        name=names.product or one_line(problem.title) or "lens",
         author=names.author,
         organization=names.organization,
         material=spec.material or f"transparent, n = {spec.index:g}",

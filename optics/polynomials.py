@@ -14,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from optics.backend import PACKED
+from optics.cells import Cells
+
 if TYPE_CHECKING:
     from optics.backend import Backend, DrArray
     from thbcad.bspline import KnotVector
@@ -27,7 +30,10 @@ class PolynomialTable:
         self._maps = [_power_map(kv) for kv in knots]
         self._orders = [kv.degree + 1 for kv in knots]
         self._cells = [kv.spans for kv in knots]
-        self._breaks = [backend.array(kv.breaks) for kv in knots]
+        self._find = [Cells(backend, kv.breaks) for kv in knots]
+        self._middles = [backend.array((kv.breaks[1:] + kv.breaks[:-1]) / 2) for kv in knots]
+        self._rates = [backend.array(2 / np.diff(kv.breaks)) for kv in knots]
+        self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
         self._data: DrArray = None
 
     def load(self, net: NDArray[np.float64]) -> None:
@@ -35,19 +41,22 @@ class PolynomialTable:
         ax, ay = self._maps
         power = ax @ (ay @ net.T).T
         (nx, ny), (p, q) = self._cells, self._orders
-        self._data = self._backend.array(power.reshape(nx, p, ny, q).transpose(0, 2, 1, 3))
+        table = np.zeros((nx, ny, p, self._packets * PACKED))
+        table[..., :q] = power.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
+        self._data = self._backend.array(table)
 
     def __call__(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
         """Return z, zx, zy, zxx, zxy, zyy."""
         dr = self._backend.dr
-        first, s, t, hx, hy = self._locate(x, y)
+        first, s, t, rx, ry = self._locate(x, y)
         p, q = self._orders
         z = [0.0] * 6
         for a in reversed(range(p)):
             # value and two derivatives in y of the row's polynomial, by Horner's scheme
             row = [0.0] * 3
+            packets = [dr.gather(self._backend.Packet, self._data, first + (a * self._packets + k)) for k in range(self._packets)]
             for b in reversed(range(q)):
-                c = dr.gather(self._backend.Float, self._data, first + (a * q + b))
+                c = packets[b // PACKED][b % PACKED]
                 row = [row[0] * t + c, row[1] * t + row[0], row[2] * t + row[1]]
             r0, r1, r2 = row[0], row[1], 2 * row[2]
             z = [
@@ -58,42 +67,41 @@ class PolynomialTable:
                 z[4] * s + z[2],
                 z[5] * s + r2,
             ]
-        return z[0], z[1] / hx, z[2] / hy, 2 * z[3] / (hx * hx), z[4] / (hx * hy), z[5] / (hy * hy)
+        return z[0], z[1] * rx, z[2] * ry, 2 * z[3] * (rx * rx), z[4] * (rx * ry), z[5] * (ry * ry)
 
     def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points."""
         dr, Float = self._backend.dr, self._backend.Float
         gz, gx, gy = (self._backend.array(g) for g in gradients)
-        first, s, t, hx, hy = self._locate(x, y)
+        first, s, t, rx, ry = self._locate(x, y)
         (p, q), (nx, ny) = self._orders, self._cells
-        power = dr.zeros(Float, nx * ny * p * q)
+        width = self._packets * PACKED
+        power = dr.zeros(Float, nx * ny * p * width)
         xs, ys = _powers(s, p), _powers(t, q)
+        slopes = [0.0, *(b * ry * ys[b - 1] for b in range(1, q))]
         for a in range(p):
-            for b in range(q):
-                value = gz * xs[a] * ys[b]
-                if a:
-                    value += gx * (a * xs[a - 1] / hx) * ys[b]
-                if b:
-                    value += gy * xs[a] * (b * ys[b - 1] / hy)
-                dr.scatter_reduce(dr.ReduceOp.Add, power, value, first + (a * q + b))
+            across = gz * xs[a] + (gx * (a * xs[a - 1] * rx) if a else 0.0)
+            along = gy * xs[a]
+            row = [across * ys[b] + along * slopes[b] for b in range(q)] + [Float(0)] * (width - q)
+            for k in range(self._packets):
+                packet = self._backend.Packet(*row[k * PACKED : (k + 1) * PACKED])
+                dr.scatter_reduce(dr.ReduceOp.Add, power, packet, first + (a * self._packets + k))
         ax, ay = self._maps
-        table = power.numpy().reshape(nx, ny, p, q).transpose(0, 2, 1, 3).reshape(nx * p, ny * q)
+        table = power.numpy().reshape(nx, ny, p, width)[..., :q].transpose(0, 2, 1, 3).reshape(nx * p, ny * q)
         return ax.T @ (ay.T @ table.T).T
 
     def _locate(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray]:
-        """Return (index of the cell's first coefficient, local coordinates in [0, 1], cell sizes)."""
-        dr, Index, Float = self._backend.dr, self._backend.Index, self._backend.Float
-        cells, local, sizes = [], [], []
-        for breaks, count, position in zip(self._breaks, self._cells, (x, y)):
-            at = dr.binary_search(1, count, lambda i, b=breaks, s=position: dr.gather(Float, b, i) <= s)
-            cell = Index(dr.minimum(at, count) - 1)
-            low = dr.gather(Float, breaks, cell)
-            size = dr.gather(Float, breaks, cell + 1) - low
+        """Return (index of the cell's first packet, local coordinates in [-1, 1], their derivatives by x and y)."""
+        dr, Float = self._backend.dr, self._backend.Float
+        cells, local, rates = [], [], []
+        for find, middles, per, position in zip(self._find, self._middles, self._rates, (x, y)):
+            cell = find(position)
+            rate = dr.gather(Float, per, cell)
             cells.append(cell)
-            local.append((position - low) / size)
-            sizes.append(size)
-        p, q = self._orders
-        return (cells[0] * self._cells[1] + cells[1]) * (p * q), *local, *sizes
+            local.append((position - dr.gather(Float, middles, cell)) * rate)
+            rates.append(rate)
+        packets = self._orders[0] * self._packets
+        return (cells[0] * self._cells[1] + cells[1]) * packets, *local, *rates
 
 
 def _powers(s: DrArray, count: int) -> list[DrArray]:
@@ -104,17 +112,18 @@ def _powers(s: DrArray, count: int) -> list[DrArray]:
 
 
 def _power_map(kv: KnotVector) -> csr_array:
-    """Return the matrix from spline coefficients to coefficients of s^k, s in [0, 1] on each span.
+    """Return the matrix from spline coefficients to coefficients of s^k, s in [-1, 1] on each span.
 
-    Row span * (p + 1) + k holds the k-th derivative at the span's left end, times h^k / k!.
+    Row span * (p + 1) + k holds the k-th derivative at the span's middle, times (h / 2)^k / k!.  About the middle the moduli
+    of the coefficients sum to at most (1 + sqrt 2)^p times the greatest value, about an end to (1 + sqrt 2)^(2 p) times.
     """
-    p, h = kv.degree, np.diff(kv.breaks)
-    left = kv.breaks[:-1]
+    p, half = kv.degree, np.diff(kv.breaks) / 2
+    middle = (kv.breaks[1:] + kv.breaks[:-1]) / 2
     rows, columns, values = [], [], []
     for k in range(p + 1):
-        first, basis = kv.basis(left, k)
-        rows.append(np.repeat(np.arange(len(left)) * (p + 1) + k, p + 1))
+        first, basis = kv.basis(middle, k)
+        rows.append(np.repeat(np.arange(len(middle)) * (p + 1) + k, p + 1))
         columns.append((first[:, None] + np.arange(p + 1)).ravel())
-        values.append((basis * (h**k / factorial(k))[:, None]).ravel())
+        values.append((basis * (half**k / factorial(k))[:, None]).ravel())
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return csr_array(entries, shape=(len(left) * (p + 1), kv.dim))
+    return csr_array(entries, shape=(len(middle) * (p + 1), kv.dim))

@@ -27,6 +27,7 @@ SAMPLES = 33  # along every ray, from where it enters the face's box to where it
 ROOM = 1e-3  # of the width, above and below the poles
 STILL = 1e-12  # of a direction: components that count as none
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
+MEETS = 1e-10  # of the face's width: so far beside a ray, or behind its origin, a point still lies on it
 AT_ONCE = 20_000  # rays
 
 
@@ -49,7 +50,8 @@ class ParametricFace:
         self.low = np.array([knots[0][0], knots[1][0]])
         self.high = np.array([knots[0][-1], knots[1][-1]])
         poles = surface.coefficients.reshape(-1, 3)
-        room = [0.0, 0.0, ROOM * np.ptp(poles[:, 0])]
+        self.width = float(np.ptp(poles[:, 0]))
+        room = [0.0, 0.0, ROOM * self.width]
         self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
 
     def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -175,7 +177,8 @@ def _newton(
     normals *= np.sign(normals[:, 2:])
     if not np.isfinite(s).all():
         raise NumericalError("the independent trace met a degenerate face")
-    return s, normals, (distance < 1e-9) & (_dot(s - points, directions) >= 0) & (_dot(normals, directions) > 0)
+    near = MEETS * face.width
+    return s, normals, (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0)
 
 
 def _refract(directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

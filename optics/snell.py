@@ -31,7 +31,8 @@ def refract(
     cos_t = dr.sqrt(dr.select(passes, square, 1))
     along = (cos_t - eta * cos_i) * inverse
     refracted = (eta * dx - along * zx, eta * dy - along * zy, eta * dz + along)
-    senkrecht = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
-    parallel = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
-    transmittance = 1 - 0.5 * (senkrecht * senkrecht + parallel * parallel)
+    # 1 - R in products: small shares keep their digits; where nothing passes no denominator may vanish
+    cos_i = dr.select(passes, cos_i, 1)
+    senkrecht, parallel = eta * cos_i + cos_t, cos_i + eta * cos_t
+    transmittance = 2 * eta * cos_i * cos_t * (1 / (senkrecht * senkrecht) + 1 / (parallel * parallel))
     return refracted, dr.select(passes, transmittance, 0), passes

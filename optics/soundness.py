@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from optics.problem import Problem
     from thbcad.lens import Lens
 
+MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
@@ -42,5 +43,11 @@ def advice(problem: Problem, lens: Lens) -> list[str]:
         sentences.append(
             f"STEP holds conics other than paraboloids as splines, which may move landing points by {thrown:.1g} mm at this distance; "
             f"verify.landing = {problem.verify.landing:g} mm may be refused then: use conic = -1, or raise it if that will do"
+        )
+    poles = max(graph.coefficients.size for graph in lens.graphs())
+    if bent and poles > MANY_POLES:
+        sentences.append(
+            f"a conic other than a paraboloid needs {poles:,} poles as a spline, about {poles * STEP_BYTES / 1e6:.0f} MB of STEP: "
+            "conic = -1 needs none of its own, a higher lens.rear.freeform.degree fewer"
         )
     return sentences + limit_advice(problem, lens)

@@ -156,6 +156,7 @@ class Tracer:
 
     def pull_back(self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector] | None] | None = None) -> list[NDArray[np.float64]]:
         """Return the derivative by each sag's coefficients, or by a net over other knots, after `dr.backward`."""
+        self._backend.dr.eval([leaf.grad for h in hits for leaf in h.leaves])  # of all surfaces together: they share most of the way
         searched = [self._front] * (self._lens.front.sag is not None) + [self._rear] * (self._lens.rear.sag is not None)
         if knots is not None:
             return [s.pull_back(h.gradients(), k) for s, h, k in zip(searched, hits, knots)]

@@ -45,7 +45,7 @@ def verify(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> li
         Check("free edges", step.free_edges, 0, ""),
         Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
         Check(
-            "file differs from a fresh export of the lens",
+            "file differs from a fresh export of the lens by this version",
             int(file.path.read_bytes() != fresh),
             0,
             "",

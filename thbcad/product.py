@@ -9,6 +9,7 @@ from thbcad.checks import require_number
 
 # control characters, separators of lines and halves of surrogate pairs: a file would not give them back
 FORBIDDEN = {"Cc", "Cs", "Zl", "Zp"}
+LONGEST = 500  # characters; OCCT writes unreadable IGES files from 1000 on and ends the process from 2000 on
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Product:
 
     Raises
     ------
-    ValueError : a text that is no string of one line or has a blank at an end; an empty name; a density below 0;
+    ValueError : a text that is no string of one line of at most 500 characters or has a blank at an end; an empty name; a density below 0;
         an index that is not positive; a density or an index without a material.
     """
 
@@ -47,11 +48,18 @@ class Product:
 
 
 def require_line(key: str, text: object) -> None:
-    """Raise ValueError unless the text is a string of one line, without control characters and blanks at its ends."""
+    """Raise ValueError unless the text is one line of at most 500 characters, none of them control characters or blanks at its ends."""
     if not isinstance(text, str):
         raise ValueError(f"{key} must be a string, got {type(text).__name__}")
     if text != text.strip():
         raise ValueError(f"{key} must not begin or end with a blank, got {text[:60]!r}")
+    if len(text) > LONGEST:
+        raise ValueError(f"{key} must have at most {LONGEST} characters, got {len(text)}")
     bad = [c for c in text if unicodedata.category(c) in FORBIDDEN]
     if bad:
         raise ValueError(f"{key} must be one line without control characters, got {bad[0]!r} in {text[:60]!r}")
+
+
+def one_line(text: str) -> str:
+    """Return a text as `require_line` wants it: blanks for control characters and line breaks, cut at 500 characters."""
+    return " ".join("".join(" " if unicodedata.category(c) in FORBIDDEN else c for c in text).split())[:LONGEST].rstrip()
