@@ -136,7 +136,10 @@ def test_a_rear_pole_moved_by_a_nanometre_moves_the_light(good, tmp_path, backen
 def test_a_pole_moved_by_its_last_bit_is_caught(good, tmp_path, backend):
     pole = lens_surfaces(good.lens)[1].coefficients[3, 3]
     names = failed(good, tmp_path, moved_point(good.text, pole, [0, 0, np.spacing(pole[2])]), backend)
-    assert names == ["file differs from a fresh export of the lens by this version", "rear poles and knots that differ from the lens in memory"]
+    assert names == [
+        "file differs from a fresh export of the lens by this version",
+        "rear poles and knots that differ from the lens in memory",
+    ]
 
 
 def test_a_knot_moved_is_caught(good, tmp_path, backend):
