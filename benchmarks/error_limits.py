@@ -81,7 +81,7 @@ def seconds(objective: Objective, lens: Lens, repeats: int = REPEATS) -> float:
 def _collimated(backend: Backend, mitsuba: bool) -> list[Row]:
     problem, lens = designed(backend, "pearl")
     lens, out = uniform(lens), []
-    net = "x".join(map(str, lens.rear.sag.space.embedding.coefficients(lens.rear.sag.coefficients).shape))
+    net = "x".join(map(str, lens.rear.sag.to_bspline().coefficients.shape))
     for name, window, limit in (("64 taps", WINDOW, 0.07), ("pixel window, 4 taps", PixelWindow(), 0.03)):
         own = seconds(fit(backend, problem, lens, window, RAYS), lens)
         out.append(Row(f"loss + gradient, 449^2 rays, net {net}, {name}", own, "s", "", limit))

@@ -57,7 +57,7 @@ class Body:
         return trimmed_part(lens, self.aperture) if self.aperture else lens_part(lens)
 
     def volume(self, lens: Lens) -> float:
-        """Return the volume in mm^3 by exact or proven quadrature."""
+        """Return the volume in mm^3 by quadrature over the splines."""
         if self.flange:
             return flanged_volume(lens, self.flange, self.aperture)
         return aperture_volume(lens, self.aperture) if self.aperture else lens.volume()

@@ -36,9 +36,10 @@ class Cells:
         self._low, self._rate, self._last = (dr.opaque(backend.Float, v) for v in (breaks[0], bins / reach, bins - 1))
 
     def __call__(self, position: DrArray) -> DrArray:
-        """Return the numbers of the spans in which points lie, the first and the last for points beside them."""
+        """Return the numbers of the spans in which points lie, the first and the last for points beside them, the first for NaN."""
         dr, Float, Index = self._backend.dr, self._backend.Float, self._backend.Index
-        at = Index(dr.clip((position - self._low) * self._rate, 0, self._last))
+        along = (position - self._low) * self._rate
+        at = Index(dr.select(along > 0, dr.minimum(along, self._last), 0))  # 0 for what is no number: clip keeps it
         cell = dr.gather(Index, self._first, at)
         for _ in range(self._steps):
             passed = (position >= dr.gather(Float, self._breaks, cell + 1)) & (cell + 1 < self._count)

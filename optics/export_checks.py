@@ -14,14 +14,14 @@ from scipy.interpolate import CubicHermiteSpline, NdBSpline
 from optics.checks import Check
 from optics.edge_distance import edge_distance
 from optics.errors import UserError
-from optics.verify import surface_deviation
-from thbcad.surface import BSplineSurface
+from optics.verify import differing_numbers, surface_deviation
 from thbcad.tessellation import EDGES, FRONT, REAR
 
 if TYPE_CHECKING:
     from thbcad.cad.solid_file import SolidFile, SolidState
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.rational import NURBSSurface
+    from thbcad.surface import BSplineSurface
     from thbcad.tessellation import Tessellation
 
 SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
@@ -53,7 +53,7 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
     checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
     for word, face, own, (surface, vertex) in zip(("front", "rear"), (read.front, read.rear), lens_surfaces(lens), surfaces):
-        checks.append(Check(f"{word} poles and knots that differ from the lens in memory, {by}", _different(face, own), 0, ""))
+        checks.append(Check(f"{word} poles and knots that differ from the lens in memory, {by}", differing_numbers(face, own), 0, ""))
         checks.append(Check(f"{word} face, {by}", surface_deviation(face, surface, vertex), SOLID_SURFACE[name], "mm"))
     return checks
 
@@ -71,10 +71,9 @@ def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
 def face_checks(word: str, own: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str) -> list[Check]:
     """Return the Checks of a file with one loose face."""
     by = f"{name.upper()} read back by OCCT"
-    different = _different(read[0], own) if isinstance(read[0], BSplineSurface) else own.coefficients.size
     return [
         Check(f"faces besides the one expected, {by}", len(read) - 1, 0, ""),
-        Check(f"{word} poles and knots that differ from the lens in memory, {by}", different, 0, ""),
+        Check(f"{word} poles and knots that differ from the lens in memory, {by}", differing_numbers(read[0], own), 0, ""),
     ]
 
 
@@ -86,12 +85,6 @@ def _state_checks(state: SolidState, by: str, faces: int, volume: float) -> list
         Check(f"solid not valid, {by}", int(not state.valid), 0, ""),
         Check(f"volume against the closed form, relative, {by}", abs(state.volume / volume - 1), VOLUME, ""),
     ]
-
-
-def _different(read: BSplineSurface, own: BSplineSurface) -> int:
-    """Return how many poles and knots differ."""
-    pairs = [(read.kv_u.knots, own.kv_u.knots), (read.kv_v.knots, own.kv_v.knots), (read.coefficients, own.coefficients)]
-    return sum(int((a != b).sum()) if a.shape == b.shape else max(a.size, b.size) for a, b in pairs)
 
 
 def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: float) -> list[Check]:

@@ -44,7 +44,7 @@ def require_limits(problem: Problem) -> None:
 
 
 def limit_checks(problem: Problem, found: Manufacturability) -> list[Check]:
-    """Return by how much the lens may miss each of the problem's limits, from certified bounds, with the place."""
+    """Return by how much the lens may miss each of the problem's limits, from certified bounds (the mass by quadrature), with the place."""
     return [Check(f"{m.figure} {m.side} limits.{m.key}{m.where}", m.most, 0, m.unit) for m in _misses(problem, found)]
 
 

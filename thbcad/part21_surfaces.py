@@ -109,11 +109,6 @@ def brep(entities: Entities) -> Brep:
     )
 
 
-def brep_faces(entities: Entities) -> tuple[BrepFace, ...]:
-    """Return the faces of the one MANIFOLD_SOLID_BREP; raise ValueError as `read_brep`."""
-    return tuple(_face(entities, face) for face in _shell(entities))
-
-
 def length_unit(entities: Entities) -> str:
     """Return the unit of length in which the solid is given: "MILLI METRE", "METRE", or the name of a converted unit.
 

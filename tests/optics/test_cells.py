@@ -46,3 +46,8 @@ def test_spans_of_very_different_width(backend):
 def test_points_beside_the_breaks_have_the_spans_at_the_ends(backend):
     found = Cells(backend, np.array([0.0, 1.0, 3.0]))(backend.array([-1e9, -1e-300, 3.0, 1e9])).numpy()
     assert found.tolist() == [0, 0, 1, 1]
+
+
+def test_what_is_no_number_has_the_first_span(backend):
+    """Else it would be read beside the table."""
+    assert Cells(backend, np.array([0.0, 1.0, 3.0]))(backend.array([np.nan, 2.0])).numpy().tolist() == [0, 1]

@@ -211,3 +211,12 @@ def test_another_lens_is_caught(good, tmp_path, backend):
     _, other = shaped(tmp_path, {"lens.rear.radius": 41.0})
     write_step(other, tmp_path / "other.step")
     assert failed(good, tmp_path, (tmp_path / "other.step").read_text(), backend) >= {REAR, LANDING, RIMS}
+
+
+def test_a_solid_inside_out_is_caught_without_its_lens(good, tmp_path):
+    """OCCT turns it round as it reads; the text still tells."""
+    flag = re.compile(r"(ADVANCED_FACE\([^;]*,)\.([TF])\.\)")
+    text = flag.sub(lambda m: f"{m[1]}.{'F' if m[2] == 'T' else 'T'}.)", good.text)
+    assert len(flag.findall(text)) == 6
+    (tmp_path / "lens.step").write_text(text)
+    assert any(c.name.startswith("volume by OCCT") for c in bare_checks(StepFile(tmp_path / "lens.step")) if not c.ok)

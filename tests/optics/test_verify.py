@@ -19,9 +19,9 @@ from optics.problem import load_problem
 from optics.reference import deposit
 from optics.screen import Screen
 from optics.step_file import StepFile
-from optics.verify import TOLERANCE, surface_deviation, verify
+from optics.verify import TOLERANCE, differing_numbers, surface_deviation, verify
 from tests.optics.small import rough, write_problem
-from thbcad import write_step
+from thbcad import KnotVector, write_step
 from thbcad.cad.solid import lens_solid, lens_surfaces
 from thbcad.cad.step import read_step
 from thbcad.cad.writing import compact
@@ -276,6 +276,19 @@ def test_surface_deviation_sees_a_face_of_another_size(good, scale):
     front = lens_surfaces(good.lens)[0]
     face = BSplineSurface(front.kv_u, front.kv_v, front.coefficients * [scale, 1.0, 1.0])
     assert surface_deviation(face, good.lens.front, 0.0) == pytest.approx(abs(scale - 1) * 10, rel=1e-9)
+
+
+def test_numbers_that_differ_are_counted(good):
+    """A face of another degree with as many poles, and none at all, differ in everything."""
+    own = lens_surfaces(good.lens)[1]
+    everything = own.coefficients.size + len(own.kv_u.knots) + len(own.kv_v.knots)
+    moved = own.coefficients.copy()
+    moved[2, 3, 1:] += 1.0
+    vectors = [KnotVector.uniform(kv.degree - 1, kv.dim - kv.degree + 1, kv.start, kv.stop) for kv in (own.kv_u, own.kv_v)]
+    assert differing_numbers(own, own) == 0
+    assert differing_numbers(BSplineSurface(own.kv_u, own.kv_v, moved), own) == 2
+    assert differing_numbers(BSplineSurface(*vectors, own.coefficients), own) == everything
+    assert differing_numbers(None, own) == everything
 
 
 @pytest.mark.parametrize(("value", "limit", "ok"), CHECKS)

@@ -18,7 +18,7 @@ from thbcad.cad.exchange import read_faces
 from thbcad.cad.solid import lens_solid, lens_surfaces
 from thbcad.cad.step import read_step, step_bytes, write_step
 from thbcad.part21 import MOST_NESTED, REAL, Enumeration, Reference, Typed, entities_of_text, having, read_part21
-from thbcad.part21_surfaces import MILLIMETRE, brep, brep_faces, length_unit, read_brep
+from thbcad.part21_surfaces import MILLIMETRE, brep, length_unit, read_brep
 from thbcad.rational import NURBSSurface
 
 HEAD = "ISO-10303-21;\nHEADER;\nFILE_NAME('a; ENDSEC;','');\nENDSEC;\nDATA;\n"
@@ -309,7 +309,7 @@ def test_edges_in_another_order_leave_gaps():
 
 
 def test_a_pole_moved_by_its_last_digit_is_seen():
-    good = brep_faces(entities_of_text(TABLE63))[1].surface
+    good = brep(entities_of_text(TABLE63)).faces[1].surface
     pole = good.coefficients[1, 2]
     moved = np.nextafter(pole[2], np.inf)
     points = re.finditer(rf"CARTESIAN_POINT\('',\(({REAL}),\s*({REAL}),\s*({REAL})", TABLE63)
@@ -317,6 +317,6 @@ def test_a_pole_moved_by_its_last_digit_is_seen():
     assert len(places) == 1
     start, stop = places[0].span(3)
     text = TABLE63[:start] + f"{moved:#.17G}" + TABLE63[stop:]
-    read = brep_faces(entities_of_text(text))[1].surface
+    read = brep(entities_of_text(text)).faces[1].surface
     assert read.coefficients[1, 2, 2] == moved
     assert (read.coefficients != good.coefficients).sum() == 1

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
-from OCP.StepBasic import StepBasic_CalendarDate, StepBasic_LocalTime, StepBasic_Organization, StepBasic_Person
+from OCP.StepBasic import (
+    StepBasic_CalendarDate,
+    StepBasic_DerivedUnitElement,
+    StepBasic_LocalTime,
+    StepBasic_Organization,
+    StepBasic_Person,
+    StepBasic_SiUnitAndMassUnit,
+)
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
 from OCP.StepShape import StepShape_AdvancedFace
@@ -24,9 +31,9 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material
 
 from thbcad.cad.part import Part
-from thbcad.cad.reading import explore, step_document, step_shape
+from thbcad.cad.reading import explore, step_document
 from thbcad.cad.solid import lens_part
-from thbcad.cad.solid_file import SolidFile, solid_file, solid_volume
+from thbcad.cad.solid_file import SolidFile, solid_file
 from thbcad.cad.writing import SETTINGS, model_text, occt_settings, silence
 from thbcad.checks import require_type
 from thbcad.files import write_bytes
@@ -71,7 +78,7 @@ def step_bytes(lens: Lens, product: Product | None = None, schema: str = "AP242"
 def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
     """Return the STEP file of a Part in mm; the same part gives the same bytes.
 
-    Faces are named and coloured; a material stands with its density and, as its description, "refractive index 1.5".
+    Faces are named and coloured; a material stands with its density in g/cm^3 and, as its description, "refractive index 1.5".
     An AP203 file also names FILE_SCHEMA 'SHAPE_APPEARANCE_LAYER_MIM', whose entities the colours are: its first edition has none.
 
     Raises
@@ -91,9 +98,11 @@ def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
         if not writer.Transfer(document, STEPControl_AsIs):
             raise RuntimeError(f"OCCT could not translate {product.name} to STEP")
     model = writer.ChangeWriter().Model()
-    if schema == "AP203":
-        for number in range(1, model.NbEntities() + 1):
-            _declare(model.Value(number), product)
+    for entity in [model.Value(number) for number in range(1, model.NbEntities() + 1)]:
+        if schema == "AP203":
+            _declare(entity, product)
+        if isinstance(entity, StepBasic_DerivedUnitElement):  # of the density, which OCCT gives in g^3 cm^2
+            entity.SetExponent(1.0 if isinstance(entity.Unit(), StepBasic_SiUnitAndMassUnit) else -3.0)
     return model_text(model, product)
 
 
@@ -122,18 +131,6 @@ def read_step(path: str | Path) -> SolidFile:
         schema=next((name for name, start in SCHEMA_STARTS.items() if schema.startswith(start)), schema),
         material=_material_name(document),
     )
-
-
-def step_volume(path: str | Path, tolerance: float) -> float:
-    """Return the volume in a STEP file, mm^3, as `solid_volume`.
-
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : it is no STEP file.
-    """
-    silence()
-    return solid_volume(step_shape(Path(path)), tolerance)
 
 
 def _string(text: str) -> TCollection_HAsciiString:
