@@ -47,9 +47,14 @@ def parser() -> argparse.ArgumentParser:
     trace.add_argument("--rays", type=int, default=513, metavar="N", help="N x N rays (default: 513)")
     trace.add_argument("--precision", choices=("double", "single"), default="double", help="of the sequential trace (default: double)")
     trace.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/trace)")
+    etendue = commands.add_parser("etendue", help="what light the source can make at all: etendue, flux, a certified bound of rel_l2")
+    etendue.add_argument("problem", metavar="PROBLEM.toml")
+    etendue.add_argument("--efficiency", type=float, metavar="SHARE", help="of the light on the target (default: the most that can arrive)")
+    etendue.add_argument("--measure", metavar="RESULT", help="also measure the images of the source that a designed lens throws")
+    etendue.add_argument("--out", metavar="FILE.png", help="picture of target, best light and the source's image")
     bench = commands.add_parser("bench", help="run a benchmark of a checkout and print its figures beside their limits")
     bench.add_argument("name", metavar="NAME", help="a module of benchmarks/, such as overview")
-    for command in (design, new, check, verify, export, trace, bench):
+    for command in (design, new, check, verify, export, trace, etendue, bench):
         command.add_argument("--json", action="store_true", help="print the result as JSON")
     return main
 

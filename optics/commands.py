@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from optics.design_run import design
 from optics.errors import UserError
+from optics.etendue_run import etendue, etendue_note
 from optics.limits import limit_checks
 from optics.model import freeforms, target_irradiance, target_screen
 from optics.plan import stages
@@ -26,7 +27,7 @@ from optics.trace_run import trace
 if TYPE_CHECKING:
     from thbcad.flange import Flange
 
-__all__ = ["bench", "check", "design", "export", "new", "trace", "verify"]
+__all__ = ["bench", "check", "design", "etendue", "export", "new", "trace", "verify"]
 
 
 def new(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
@@ -63,7 +64,7 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     if least.lower <= sum(f.z_freedom for f in freeforms(problem)):
         lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
     lines += skip_lines(found)
-    lines += [f"note: {sentence}" for sentence in advice(problem, lens)]
+    lines += [f"note: {sentence}" for sentence in [*advice(problem, lens), *etendue_note(problem, light)]]
     return data, lines, True
 
 

@@ -26,9 +26,11 @@ if TYPE_CHECKING:
 
     from optics.backend import Backend
     from optics.metrics import Measurement
+    from optics.nonsequential import RayPath
     from optics.problem import Problem
     from optics.state import State
     from thbcad.lens import Lens
+    from thbcad.manufacture import Manufacturability
 
 
 class _Clock:
@@ -99,38 +101,22 @@ def _finish(
 ) -> tuple[dict[str, Any], list[str], bool]:
     """Export, measure, verify and report a designed lens."""
     from optics.backend import load_backend
-    from optics.budget import fans, follows_edges, nonsequential_figures
-    from optics.checks import verification
+    from optics.etendue_run import limit_sentence
     from optics.figures import draw_all
-    from optics.fresnel import efficiency_bound
     from optics.manufacture_text import as_data, manufacture_rows
-    from optics.metrics import measure
     from optics.report import Report, report_html
-    from optics.step_file import StepFile
-    from optics.verify import verify
-    from thbcad.cad.step import write_step
     from thbcad.files import write_bytes, write_text
     from thbcad.manufacture import manufacturability
 
-    # only now: until then a folder keeps the problem and the lens of an earlier run, which belong together
-    folder.write_problem(problem)
-    folder.write_lens(lens)
-    folder.write_history(state.history)
-    write_step(lens, folder.step, lens_product(problem), problem.export.schema)
+    _store(problem, lens, state, folder)
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
-    measurement = measure(exact, problem, lens, light)
-    figures, paths = measurement.figures | {"efficiency_bound": efficiency_bound(lens.index)}, {}
-    if not figures["efficiency"]:
-        note("no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam")
-    if follows_edges(problem):
-        figures["nonsequential_w"] = nonsequential_figures(exact, problem, lens, measurement.target)
-        paths = fans(exact, problem, lens)
+    measurement, figures, paths = _measured(problem, lens, light, exact)
+    limit = limit_sentence(problem, lens, light, figures)
     clock.lap("measure")
     found = manufacturability(lens, problem.lens.density or None)
     folder.write_json("manufacture.json", as_data(found))
-    checked = verification(verify(problem, lens, StepFile(folder.step), exact) + limit_checks(problem, found))
-    folder.write_json("verify.json", checked)
+    checked = _verified(problem, lens, folder, found, exact)
     clock.lap("verify")
     pictures = draw_all(problem, lens, measurement, state.history, paths) | _solids(problem, lens, measurement, exact)
     for name, (_, png) in pictures.items():
@@ -144,10 +130,50 @@ def _finish(
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
     folder.write_json("metrics.json", metrics)
-    page = Report(problem, metrics, checked, manufacture_rows(found, problem.source.wavelength), pictures)
+    page = Report(problem, metrics, checked, manufacture_rows(found, problem.source.wavelength), pictures, limit)
     write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
     folder.drop_checkpoint()
-    return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, _design_lines(folder, metrics, checked), checked["ok"]
+    lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
+    return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, lines, checked["ok"]
+
+
+def _store(problem: Problem, lens: Lens, state: State, folder: ResultFolder) -> None:
+    """Write problem, lens, history and STEP file; only now: until then a folder keeps what belongs to an earlier run."""
+    from thbcad.cad.step import write_step
+
+    folder.write_problem(problem)
+    folder.write_lens(lens)
+    folder.write_history(state.history)
+    write_step(lens, folder.step, lens_product(problem), problem.export.schema)
+
+
+def _measured(
+    problem: Problem, lens: Lens, light: NDArray[np.float64], backend: Backend
+) -> tuple[Measurement, dict[str, Any], dict[str, list[RayPath]]]:
+    """Return the Measurement of a lens, its figures, and fans of rays where light may go other ways than front and rear."""
+    from optics.budget import fans, follows_edges, nonsequential_figures
+    from optics.fresnel import efficiency_bound
+    from optics.metrics import measure
+
+    measurement = measure(backend, problem, lens, light)
+    figures = measurement.figures | {"efficiency_bound": efficiency_bound(lens.index)}
+    if not figures["efficiency"]:
+        note("no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam")
+    if not follows_edges(problem):
+        return measurement, figures, {}
+    figures["nonsequential_w"] = nonsequential_figures(backend, problem, lens, measurement.target)
+    return measurement, figures, fans(backend, problem, lens)
+
+
+def _verified(problem: Problem, lens: Lens, folder: ResultFolder, found: Manufacturability, backend: Backend) -> dict[str, Any]:
+    """Verify the STEP file and the limits of manufacture, store and return the checks."""
+    from optics.checks import verification
+    from optics.step_file import StepFile
+    from optics.verify import verify
+
+    checked = verification(verify(problem, lens, StepFile(folder.step), backend) + limit_checks(problem, found))
+    folder.write_json("verify.json", checked)
+    return checked
 
 
 def _solids(problem: Problem, lens: Lens, measurement: Measurement, exact: Backend) -> dict[str, tuple[str, bytes]]:

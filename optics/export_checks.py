@@ -60,9 +60,9 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
 
 def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
     """Return the Checks of a STEP file whose front and rear are patches."""
-    from thbcad.cad.patched import patched_deviation
     from thbcad.cad.reading import step_shape
     from thbcad.cad.solid_file import SolidState
+    from thbcad.patch_deviation import patched_deviation
 
     checks = _state_checks(SolidState(step_shape(path)), "STEP read back by OCCT", faces, lens.volume())
     return [*checks, Check("front and rear, text of the file", patched_deviation(path, lens), SURFACE, "mm")]

@@ -20,13 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.beam import Beam
 from optics.checks import Check
-from optics.model import problem_rays, target_screen
-from optics.rays import beam_rays
-from optics.reference import ReferenceRays, deposit
+from optics.landing_checks import compared
+from optics.reference import ReferenceRays
 from optics.strangers import RAYS
-from optics.tracing import Tracer
 
 if TYPE_CHECKING:
     from optiland.geometries import NurbsGeometry
@@ -34,6 +31,7 @@ if TYPE_CHECKING:
 
     from optics.backend import Backend
     from optics.problem import Problem
+    from optics.rays import Rays
     from optics.step_file import StepFile
     from thbcad.lens import Lens
     from thbcad.surface import BSplineSurface
@@ -62,25 +60,17 @@ def optiland_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backe
     ------
     ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
-    rays = problem_rays(problem, RAYS)
-    _, landing = Tracer(backend, lens, rays, problem.target_z).trace([sag.coefficients for sag in lens.sags])
-    own, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
     step = file.solid
-    other = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, problem.target_z)
-    other_flux = other.flux * rays.ray_flux
-    arrives, found, screen = flux > 0, other_flux > 0, target_screen(problem)
-    # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by far
-    both = arrives & found & (np.abs(own) <= screen.half_width).all(axis=1)
-    error = np.abs(own[both] - other.points[both]).max() if both.any() else np.inf
-    e, f = deposit(own, flux, screen), deposit(other.points, other_flux, screen)
-    norm = np.linalg.norm(e)
-    difference = np.linalg.norm(e - f) / norm if norm else np.inf
-    unit = "degrees" if screen.angular else "mm"
+
+    def by_optiland(rays: Rays) -> ReferenceRays:
+        found = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, problem.target_z)
+        return ReferenceRays(found.points, found.flux * rays.ray_flux)
+
+    found = compared(problem, lens, backend, RAYS, by_optiland)
     return [
-        Check("rays with another fate by optiland's trace of the file", int((arrives != found).sum()), 0, ""),
-        Check("landing points by optiland's trace of the file", float(error), problem.verify.landing, unit),
-        Check("irradiance by optiland's trace of the file, relative", float(difference), problem.verify.irradiance, ""),
+        Check("rays with another fate by optiland's trace of the file", found.mismatched, 0, ""),
+        Check("landing points by optiland's trace of the file", found.landing, problem.verify.landing, found.unit),
+        Check("irradiance by optiland's trace of the file, relative", found.irradiance, problem.verify.irradiance, ""),
     ]
 
 

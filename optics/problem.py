@@ -36,7 +36,7 @@ class Source:
     image: str = option("", note="picture file of the profile image, linear light, relative to the problem file", picture=True)
     half_angle: float = option(90.0, above=0, high=90, note="degrees, of the cone that a lambertian or a point source lights")
     exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
-    wavelength: float = option(550.0, above=0, note="nm; only the report compares the lens's features with it")
+    wavelength: float = option(550.0, above=0, note="nm; the report and limits.feature compare the lens's features with it")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +124,7 @@ class Limits:
     slope: float = option(90.0, above=0, high=90, note="degrees, greatest slope of a surface against the plane; 90 is none")
     sag_range: float = option(math.inf, above=0, infinite=True, note="mm, greatest difference in height on a surface; inf is none")
     feature: float = option(0.0, low=0, note="wavelengths, least size of what a single coefficient shapes; 0 is none")
-    mass: float = option(math.inf, above=0, infinite=True, note="g, greatest mass; inf is none")
+    mass: float = option(math.inf, above=0, infinite=True, note="g, greatest mass; needs lens.density; inf is none")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ class Report:
     """What a report shows.
 
     metrics : figures by name.  verification : as `optics.checks.verification`.  manufacture : rows (name, value, unit, place).
-    pictures : (caption, PNG bytes) by name.
+    pictures : (caption, PNG bytes) by name.  limit : a sentence on what etendue allows.
     """
 
     problem: Problem
@@ -35,6 +35,7 @@ class Report:
     verification: dict[str, Any]
     manufacture: Sequence[tuple[str, float, str, str]]
     pictures: Mapping[str, tuple[str, bytes]]
+    limit: str | None = None
 
 
 def report_html(report: Report, problem_text: str) -> str:
@@ -48,7 +49,7 @@ def report_html(report: Report, problem_text: str) -> str:
     verdict = '<span class="good">every check passed</span>' if verification["ok"] else '<span class="bad">a check failed</span>'
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
-        f"<h1>{title}</h1><p>{_summary(metrics)}</p>"
+        f"<h1>{title}</h1><p>{_summary(metrics)}{_told(report.limit)}</p>"
         f'<div class="grid">{figures}</div>'
         f"<h2>Figures</h2>{_metric_table(metrics)}"
         f"<h2>Manufacture</h2>{_manufacture_table(report.manufacture)}"
@@ -64,6 +65,10 @@ def _summary(metrics: dict[str, Any]) -> str:
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, {metrics['wall_s']['total']:.1f} s."
         f"{_other_ways(metrics.get('nonsequential_w'))}"
     )
+
+
+def _told(limit: str | None) -> str:
+    return f" {escape(limit)}." if limit else ""
 
 
 def _other_ways(flux: dict[str, float] | None) -> str:

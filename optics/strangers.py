@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.beam import Beam
 from optics.checks import Check
-from optics.model import problem_rays
-from optics.rays import beam_rays
-from optics.tracing import Tracer
+from optics.landing_checks import compared
+from optics.reference import ReferenceRays
 from optics.verify import differing_numbers
 from thbcad.brep_measure import areas
 from thbcad.brep_measure import volume as brep_volume
@@ -27,9 +25,10 @@ from thbcad.surface import BSplineSurface
 if TYPE_CHECKING:
     from optics.backend import Backend
     from optics.problem import Problem
+    from optics.rays import Rays
     from optics.step_file import StepFile
     from thbcad.cad.rays import TopoDS_Shape
-    from thbcad.cad.solid_file import SolidFile, SolidState
+    from thbcad.cad.solid_file import SolidState
     from thbcad.lens import Lens
 
     Rows = NDArray[np.float64]
@@ -54,16 +53,21 @@ def stranger_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backe
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     solid = file.text
-    landing, mismatched = _occt_light(problem, lens, file.solid, backend, _optical(solid))
-    unit = "degrees" if isinf(problem.target_z) else "mm"
+    shape, optical = file.solid.shape, _optical(solid)
+
+    def by_occt(rays: Rays) -> ReferenceRays:
+        points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, problem.target_z, optical)
+        return ReferenceRays(points, np.where(np.isfinite(points).all(axis=1), rays.ray_flux, 0.0))
+
+    found = compared(problem, lens, backend, RAYS, by_occt)
     return [
         *_whole(solid),
         Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
         *_same(solid, lens),
         *_own_volume(solid, lens),
         *_measures(solid, file.solid),
-        Check("rays with another fate by OCCT's intersections with the file", mismatched, 0, ""),
-        Check("landing points by OCCT's intersections with the file", landing, problem.verify.landing, unit),
+        Check("rays with another fate by OCCT's intersections with the file", found.mismatched, 0, ""),
+        Check("landing points by OCCT's intersections with the file", found.landing, problem.verify.landing, found.unit),
     ]
 
 
@@ -205,20 +209,6 @@ def _leads(edge: BrepEdge) -> bool:
 def _bits(array: Rows) -> bytes:
     """Return a row's bytes; 0.0 and -0.0 are the same place."""
     return np.ascontiguousarray(array + 0.0).tobytes()
-
-
-def _occt_light(problem: Problem, lens: Lens, step: SolidFile, backend: Backend, optical: tuple[int, int]) -> tuple[float, int]:
-    """Return (error of landing points on the target, rays of different fate) of about 500 rays of the problem's source."""
-    rays = problem_rays(problem, RAYS)
-    _, landing = Tracer(backend, lens, rays, problem.target_z).trace([sag.coefficients for sag in lens.sags])
-    own, arrives = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy() > 0
-    rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
-    points = trace_faces(step.shape, (rays.origin.T, rays.direction.T), lens.index, problem.target_z, optical)
-    found = np.isfinite(points).all(axis=1) & (np.broadcast_to(rays.ray_flux, len(points)) > 0)
-    # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by far
-    both = arrives & found & (np.abs(own) <= problem.target.half_width).all(axis=1)
-    error = np.abs(own[both] - points[both]).max() if both.any() else np.inf
-    return float(error), int((arrives != found).sum())
 
 
 def trace_faces(solid: TopoDS_Shape, rays: tuple[Rows, Rows], index: float, target_z: float, optical: tuple[int, int] = (0, 1)) -> Rows:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.beam import Beam
 from optics.checks import Check
-from optics.model import lens_product, problem_rays, target_screen
-from optics.rays import beam_rays
-from optics.reference import deposit, trace_step
-from optics.tracing import Tracer
+from optics.landing_checks import compared
+from optics.model import lens_product
+from optics.reference import trace_step
 from thbcad.cad.solid import lens_surfaces
 from thbcad.cad.solid_file import solid_volume
 from thbcad.cad.step import step_bytes
@@ -22,9 +19,10 @@ from thbcad.surface import BSplineSurface
 if TYPE_CHECKING:
     from optics.backend import Backend
     from optics.problem import Problem
+    from optics.rays import Rays
+    from optics.reference import ReferenceRays
     from optics.step_file import StepFile
     from thbcad.bspline import KnotVector
-    from thbcad.cad.solid_file import SolidFile
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.rational import NURBSSurface
 
@@ -58,11 +56,15 @@ def verify(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> li
         checks.append(Check(f"{name} poles and knots that differ from the lens in memory", differing_numbers(read, own), 0, ""))
     for name, read, surface, vertex in (("front", step.front, lens.front, 0.0), ("rear", step.rear, lens.rear, lens.thickness)):
         checks.append(Check(f"{name} face against the lens in memory", surface_deviation(read, surface, vertex), limits.surface, "mm"))
-    landing, irradiance, mismatched = _light(problem, lens, step, backend)
+
+    def by_scipy(rays: Rays) -> ReferenceRays:
+        return trace_step(step, rays.origin.T, rays.direction.T, rays.ray_flux, lens.index, problem.target_z)
+
+    found = compared(problem, lens, backend, [problem.verify.rays] * 2, by_scipy)
     checks += [
-        Check("rays with another fate in the independent trace", mismatched, 0, ""),
-        Check("landing points, independent trace of the file", landing, limits.landing, "degrees" if isinf(problem.target_z) else "mm"),
-        Check("irradiance, independent trace of the file, relative", irradiance, limits.irradiance, ""),
+        Check("rays with another fate in the independent trace", found.mismatched, 0, ""),
+        Check("landing points, independent trace of the file", found.landing, limits.landing, found.unit),
+        Check("irradiance, independent trace of the file, relative", found.irradiance, limits.irradiance, ""),
     ]
     return checks
 
@@ -97,22 +99,3 @@ def differing_numbers(read: BSplineSurface | NURBSSurface | None, own: BSplineSu
         return everything
     knots = sum(int((a.knots != b.knots).sum()) for a, b in ((read.kv_u, own.kv_u), (read.kv_v, own.kv_v)))
     return int((read.coefficients != own.coefficients).sum()) + knots
-
-
-def _light(problem: Problem, lens: Lens, step: SolidFile, backend: Backend) -> tuple[float, float, int]:
-    """Return (error of landing points on the target, relative irradiance difference, rays of different fate)."""
-    rays = problem_rays(problem, (problem.verify.rays, problem.verify.rays))
-    tracer = Tracer(backend, lens, rays, problem.target_z)
-    _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-    flux = landing.flux.numpy()
-    points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
-    rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
-    other = trace_step(step, rays.origin.T, rays.direction.T, rays.ray_flux, lens.index, problem.target_z)
-    screen = target_screen(problem)
-    # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by far
-    both = (flux > 0) & (other.flux > 0) & (np.abs(points) <= screen.half_width).all(axis=1)
-    error = np.abs(points[both] - other.points[both]).max() if both.any() else np.inf
-    e, f = deposit(points, flux, screen), deposit(other.points, other.flux, screen)
-    norm = np.linalg.norm(e)
-    difference = np.linalg.norm(e - f) / norm if norm else np.inf
-    return float(error), float(difference), int(((flux > 0) != (other.flux > 0)).sum())

@@ -20,13 +20,14 @@ from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_Ind
 
 from tests.thbcad.strategies import surfaces
 from thbcad.bspline import KnotVector
-from thbcad.cad.patched import lens_patches, patched_deviation, patched_part
+from thbcad.cad.patched import lens_patches, patched_part
 from thbcad.cad.reading import explore, step_shape
 from thbcad.cad.solid import lens_part, lens_surfaces
 from thbcad.cad.step import part_step
 from thbcad.conic import Conic
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.part21_surfaces import read_brep
+from thbcad.patch_deviation import patched_deviation
 from thbcad.product import Product
 from thbcad.space import THBSpace
 from thbcad.thb import THBSurface

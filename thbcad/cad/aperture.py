@@ -33,7 +33,7 @@ def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
 
     semi_axes : (a, b) float, mm
 
-    Rims lie within 1e-9 mm of front and rear; their traces on front and rear are the same splines, since
+    Rims lie within 1e-9 mm of front and rear, at eight places of every span; their traces on front and rear are the same splines, since
     x and y are linear in the parameters.
 
     Raises

@@ -9,7 +9,6 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
-from thbcad.approximation import lobatto_nodes
 from thbcad.bspline import KnotVector
 from thbcad.cad.geom import TOLERANCE, geom_curve
 from thbcad.cad.part import Part
@@ -40,14 +38,12 @@ from thbcad.cad.solid import (
 from thbcad.checks import require_type
 from thbcad.graph import conic_graph
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.part21_surfaces import MILLIMETRE, read_brep
 from thbcad.surface import BSplineSurface
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 NEAR = 1e-12  # of the half-width: knots that differ by rounding only
-UNCOVERED = 1e-9  # of the area of front and rear
 
 
 def patched_part(lens: Lens) -> Part:
@@ -174,42 +170,3 @@ def _line(surface: BSplineSurface, side: int) -> float:
     """Return the parameter that is constant along a side."""
     kv = surface.kv_v if side in (0, 2) else surface.kv_u
     return kv.start if side in (0, 3) else kv.stop
-
-
-def patched_deviation(path: str | Path, lens: Lens) -> float:
-    """Return the greatest distance in z between front and rear of a STEP file and those of the lens, mm.
-
-    Every spline face of degree 2 or more both ways is compared with the nearer surface, in every knot span at the
-    extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
-
-    Raises
-    ------
-    OSError : the file cannot be read.
-    ValueError : not a STEP file with one solid in mm, or its faces do not cover front and rear.
-    """
-    solid = read_brep(path)
-    if solid.unit != MILLIMETRE:
-        raise ValueError(f"{path} must be in {MILLIMETRE}, got {solid.unit}")
-    splines = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
-    points: tuple[list[NDArray[np.float64]], ...] = ([], [])
-    for spline in splines:
-        if min(spline.kv_u.degree, spline.kv_v.degree) > 1:
-            net = spline.grid(*(lobatto_nodes(kv.breaks, kv.degree) for kv in (spline.kv_u, spline.kv_v)))
-            points[_nearer(lens, net[len(net) // 2, net.shape[1] // 2])].append(net)
-    greatest = 0.0
-    for name, surface, vertex, nets in zip(NAMES, (lens.front, lens.rear), (0.0, lens.thickness), points):
-        covered = sum(float(np.prod(net[-1, -1, :2] - net[0, 0, :2])) for net in nets) / (4 * np.prod(surface.half_width))
-        if abs(covered - 1) > UNCOVERED:
-            raise ValueError(f"the faces of {path} must cover the {name} once, got {covered:.9g} of its area")
-        x, y, z = np.concatenate([net.reshape(-1, 3) for net in nets]).T
-        greatest = max(greatest, float(abs(vertex + surface(x, y) - z).max()))
-    return greatest
-
-
-def _nearer(lens: Lens, point: NDArray[np.float64]) -> int:
-    """Return 0 where a point, (3,), is nearer to the front in z, 1 where it is nearer to the rear."""
-    distances = [
-        abs(vertex + surface(*point[:2])[0] - point[2]) if (abs(point[:2]) <= surface.half_width).all() else np.inf
-        for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness))
-    ]
-    return int(np.argmin(distances))

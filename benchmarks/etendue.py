@@ -1,0 +1,122 @@
+"""The limits of extended sources: run time, certified gap and errors beside their limits, on one core.
+
+Run on one core: OPENBLAS_NUM_THREADS=1 thbcad bench etendue
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from time import process_time
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.rows import Row
+from optics.etendue import Approximation, Kernel, approximate
+from optics.etendue.analytic import RectangleResponse
+from optics.etendue.comparison import CASES, compare
+from optics.etendue.landscape import disk, landscape, square
+
+T = TypeVar("T")
+
+LIMIT_MIB = 500.0
+MEMORY = """
+from pathlib import Path
+from benchmarks.etendue import picture
+from optics.etendue import Kernel, approximate
+approximate(Kernel.disk(20), picture(512))
+print(next(int(line.split()[1]) for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM")) / 1024)
+"""
+
+
+def rows() -> list[Row]:
+    """Return the figures."""
+    return [*_landscapes(), *_general(), *_large(), *_analytic(), *_comparison()]
+
+
+def picture(pixels: int) -> NDArray[np.float64]:
+    """Return a target with edges, gradients and fine stripes, which no source of some pixels can make."""
+    x = (np.arange(pixels) + 0.5) / pixels * 2 - 1
+    u, v = np.meshgrid(x, x)
+    stripes = 0.5 + 0.5 * np.cos(np.pi * (40 * u**2 + 15 * v))
+    hill = np.exp(-3 * ((u - 0.3) ** 2 + (v + 0.2) ** 2))
+    return np.where(np.hypot(u, v) < 0.8, 0.6 * hill + 0.4 * stripes, 0.05) * (np.abs(u + v) > 0.15)
+
+
+def _timed(function: Callable[[], T]) -> tuple[T, float]:
+    """Return the result of a second call and its processor time, s."""
+    function()
+    start = process_time()
+    return function(), process_time() - start
+
+
+def _landscapes() -> list[Row]:
+    found = []
+    for name, target in (("square", square()), ("disk", disk())):
+        start = process_time()
+        result = landscape(target)
+        found += [
+            Row(f"landscape of the {name}, 441 positions at 256^2", process_time() - start, "s", "6.1 s, an earlier prototype", 10),
+            Row("   greatest relative KKT residual", float(result.kkt.max()), "", "", 1e-8),
+            Row("   greatest residual less its lower bound", float((result.residual - result.lower_bound).max()), "", "", 1e-8),
+        ]
+    return found
+
+
+def _general() -> list[Row]:
+    kernels = {
+        "disk of 6 px": Kernel.disk(6),
+        "rectangle of 15 x 9 px": Kernel.rectangle(7.5, 4.5),
+        "Gaussian, sigma 3 px": Kernel.image(np.exp(-(np.hypot(*np.mgrid[-9:10, -9:10]) ** 2) / 18)),
+        "five points": Kernel.points([(0, 0), (5, 1), (-2, 7), (4, -6), (-6, -3)], [1, 1, 1, 1, 1]),
+    }
+    cases = [(f"{name}, picture", kernel, picture(256)) for name, kernel in kernels.items()]
+    cases += [("disk of 6 px, square", kernels["disk of 6 px"], square()), ("disk of 6 px, disk", kernels["disk of 6 px"], disk())]
+    return [row for name, kernel, target in cases for row in _solve(f"256^2, {name}", kernel, target, 1.0)]
+
+
+def _solve(name: str, kernel: Kernel, target: NDArray[np.float64], limit: float) -> list[Row]:
+    result, seconds = _timed(lambda: approximate(kernel, target))
+    return [
+        Row(name, seconds, "s", f"{result.iterations} iterations", limit),
+        Row("   relative KKT residual", result.kkt, "", "", 1e-5),
+        Row("   residual |E * F - G| / |G|", result.residual, "", "least possible"),
+        Row("   gap to the lower bound, of the residual", _gap(result), "", "", 0.01),
+    ]
+
+
+def _gap(result: Approximation) -> float:
+    return 1 - result.lower_bound / result.residual if result.residual > 0 else 0.0
+
+
+def _large() -> list[Row]:
+    output = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, check=True).stdout
+    rows = _solve("512^2, disk of 20 px", Kernel.disk(20), picture(512), 10.0)
+    return [*rows, Row("   greatest memory of the process", float(output), "MiB", "Python and scipy included", LIMIT_MIB)]
+
+
+def _analytic() -> list[Row]:
+    found = []
+    for sources, splits, pixels in ((2, 0, 8), (2, 1, 4), (2, 3, 3), (3, 2, 3), (5, 1, 4)):
+        kernel, light = RectangleResponse(1.0, sources, splits).on_pixels(pixels)
+        margin = kernel.weights.shape[1]
+        target = np.pad(np.ones((1, pixels * sources * 2**splits)), ((0, 0), (margin, margin)))
+        result = approximate(kernel, target, 1e-12)
+        first = np.flatnonzero(result.solution[0] > 0.5)[0]
+        error = float(np.abs(result.solution[0, first : first + light.shape[1]] - light[0]).max())
+        found.append(Row(f"analytic response, {sources} sources, {splits} splits: error of the solver's", error, "", "", 1e-8))
+    return found
+
+
+def _comparison() -> list[Row]:
+    found = []
+    for case in CASES:
+        best, responses = compare(case)
+        for name, response in responses.items():
+            text = f"least light {response.least:.2g} of the greatest"
+            found.append(Row(f"Figure {case.figure}, {name}: residual", response.residual, "", text))
+        found.append(Row("   certified lower bound for light of no negative part", best.lower_bound))
+    return found

@@ -1,0 +1,1 @@
+"""What light a source can make: kernels, certified approximations, analytic cases and baselines."""
