@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from optics.state import Row
     from thbcad.lens import FreeformSurface, Lens
 
-DPI = 110
+DPI, SIZE = 110, (5.2, 4.4)
+ROOM = {"left": 0.17, "right": 0.95, "bottom": 0.12, "top": 0.94}  # of the figure
 
 
 def draw_all(
@@ -76,8 +77,15 @@ def png_bytes(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
+def new_figure() -> tuple[Figure, Axes]:
+    """Return a figure with room for labels; a constrained layout would cost as much as the drawing."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    figure.subplots_adjust(**ROOM)
+    return figure, axes
+
+
 def _axes(unit: str = "mm") -> tuple[Figure, Axes]:
-    figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
+    figure, axes = new_figure()
     axes.set_xlabel(f"x / {unit}")
     axes.set_ylabel(f"y / {unit}")
     return figure, axes
@@ -132,7 +140,7 @@ def _mesh(surface: FreeformSurface) -> bytes:
 
 def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
     """Return a section of the lens with the strongest branch of every ray."""
-    figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
+    figure, axes = new_figure()
     outline = []
     for surface, vertex, way in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
         y = np.linspace(-1, 1, 201)[::way] * surface.half_width[1]
@@ -152,7 +160,7 @@ def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
 
 
 def _loss(history: Sequence[Row]) -> bytes:
-    figure, axes = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
+    figure, axes = new_figure()
     numbers = np.array([(r.evaluation, r.fit, r.level) for r in history])
     if len(numbers):
         axes.semilogy(numbers[:, 0], numbers[:, 1], lw=1.2)

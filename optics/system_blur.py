@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import minimize_scalar
 
 from optics.fresnel import efficiency_bound
 from optics.model import problem_rays, source_profile, target_irradiance, target_screen
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 RAYS = (512, 256)  # that tell which share of the light meets the front
 NODES = 8  # of Gauss's rule over the rear aperture, each way
 AREA_CELLS = 512  # of the rear, each way
-LEAST_ERROR = 1e-3  # rel_l2, where the search for a multiplier starts at least
+STRENGTHS = (1e-7, 1e7)  # times the standard deviation: between which the multiplier of `least_mean` is searched for
+MOST_STEPS, EVEN = 100, 1e-14  # of Newton's method for even light
 
 Array = NDArray[np.float64]
 
@@ -182,21 +183,33 @@ def least_mean(values: Array, picture: Array, rel_l2: float) -> float:
 
         c + mean (E_t (h - c)) + (mean (E_t - G)^2 - delta^2) / (2 t),     E_t = max(0, G - t (h - c));
 
-    the best found and the least of the values h count.  Source: S. Boyd and L. Vandenberghe, Convex Optimization, 5.1.
+    for every t the c with mean E_t = 1 is the best, the best t is searched for; the least of the values h counts too.
+    Source: S. Boyd and L. Vandenberghe, Convex Optimization, 5.1.
     """
     least, scale = float(values.min()), float(values.std())
     if not scale or isinf(rel_l2):
         return least
     allowed = rel_l2**2 * float((picture**2).mean())
 
-    def negative(parameters: Array) -> float:
-        c, t = parameters[0] * scale, np.exp(parameters[1]) / scale
-        light = np.maximum(picture - t * (values - c), 0)
+    def negative(logarithm: float) -> float:
+        t = np.exp(logarithm) / scale
+        c, light = _even_light(values, picture, t)
         return -float(c + (light * (values - c)).mean() + (((light - picture) ** 2).mean() - allowed) / (2 * t))
 
-    mean = float((values * picture).mean())
-    found = minimize(negative, [mean / scale, np.log(max(rel_l2, LEAST_ERROR))], method="Nelder-Mead")
+    found = minimize_scalar(negative, bounds=np.log(STRENGTHS), method="bounded", options={"xatol": 1e-6})
     return max(least, -float(found.fun))
+
+
+def _even_light(values: Array, picture: Array, t: float) -> tuple[float, Array]:
+    """Return c and E = max(0, G - t (h - c)) with mean E = 1, by Newton's method on a convex function, from above."""
+    c = float(values.mean())
+    for _ in range(MOST_STEPS):
+        light = np.maximum(picture - t * (values - c), 0)
+        over = float(light.mean()) - 1
+        if over <= EVEN:
+            break
+        c -= over / (t * float((light > 0).mean()))
+    return c, light
 
 
 def spread(problem: Problem) -> Array:

@@ -182,29 +182,35 @@ def test_light_aside_comes_in_larger_images(problem_file):
     assert 2 * sure**2 == pytest.approx(spread(problem)[20, 47] * 0.5 * pi / 2 / 400, rel=1e-2)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 1.0))
 def test_the_least_mean_is_that_of_convex_optimisation(seed, error):
     rng = np.random.default_rng(seed)
     values, picture = rng.uniform(1, 9, 8), rng.exponential(size=8) * (rng.uniform(size=8) > 0.3) + 1e-3
     picture /= picture.mean()
     allowed = error**2 * (picture**2).mean()
-    found = minimize(
-        lambda e: (e * values).mean(),
-        picture,
-        jac=lambda e: values / 8,
-        bounds=[(0, None)] * 8,
-        method="SLSQP",
-        constraints=[
-            {"type": "eq", "fun": lambda e: e.mean() - 1, "jac": lambda e: np.full(8, 1 / 8)},
-            {"type": "ineq", "fun": lambda e: allowed - ((e - picture) ** 2).mean(), "jac": lambda e: (picture - e) / 4},
-        ],
-        options={"ftol": 1e-10},
-    )
+    # SLSQP may stop early and says so only sometimes: the best of some starts
+    starts = [picture, np.ones(8), *(8 * rng.dirichlet(np.ones(8), 4))]
+    found = [
+        minimize(
+            lambda e: (e * values).mean(),
+            start,
+            jac=lambda e: values / 8,
+            bounds=[(0, None)] * 8,
+            method="SLSQP",
+            constraints=[
+                {"type": "eq", "fun": lambda e: e.mean() - 1, "jac": lambda e: np.full(8, 1 / 8)},
+                {"type": "ineq", "fun": lambda e: allowed - ((e - picture) ** 2).mean(), "jac": lambda e: (picture - e) / 4},
+            ],
+            options={"ftol": 1e-10},
+        )
+        for start in starts
+    ]
+    least = min(f.fun for f in found if f.success and f.fun and allowed - ((f.x - picture) ** 2).mean() > -1e-7)
     bound = least_mean(values, picture, error)
     # SLSQP keeps its constraints to about 1e-8
-    assert bound <= found.fun + 1e-6
-    assert bound >= found.fun - 1e-3 * (values.max() - values.min())
+    assert bound <= least + 1e-6
+    assert bound >= least - 1e-3 * (values.max() - values.min())
     assert least_mean(values, picture, float("inf")) == values.min()
 
 
