@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import resource
 from argparse import Namespace
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +72,7 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
 
     backend = load_backend(problem.run.precision, problem.run.threads)
     clock.lap("setup")
+    Thread(target=_load_ahead, daemon=True).start()
     try:
         lens, state = _optimise(problem, light, backend, folder, state)
         clock.lap("optimise")
@@ -79,6 +83,13 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         if folder.has_checkpoint():
             note(f"the same command with --resume goes on from {folder.path}")
         raise KeyboardInterrupt from None
+
+
+def _load_ahead() -> None:
+    """Load what the end of a run needs while the optimiser works: OCCT alone takes a second."""
+    with suppress(ImportError):  # the run meets it again, and says so
+        for module in ("thbcad.cad.step", "optics.verify", "optics.figures"):
+            import_module(module)
 
 
 def _optimise(
