@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.backend import Backend
-from optics.design import transmitted_flux
+from optics.design import nearest_lens, transmitted_flux
 from optics.model import base_lens, problem_rays, target_irradiance, target_screen
 from optics.objective import Objective
 from optics.plan import MARGIN
@@ -41,7 +41,7 @@ def adam_batches(problem: Problem, light: NDArray[np.float64], backend: Backend)
     for batch in range(BATCHES):
         tracer = Tracer(backend, lens, rays, problem.target_z)
         objective = Objective(backend, tracer, screen, GaussianWindow(1.0), target, 0.0)
-        lens = lens.with_sags([_batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch)])
+        lens, _ = nearest_lens(lens, [_batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch)])
         yield lens
         sag, knots = lens.rear.sag, vertex_knots(lens.rear.half_width, VERTICES)
         (gradient,) = objective.vertex_gradients([sag.coefficients], [knots])

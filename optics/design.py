@@ -110,9 +110,9 @@ def design(
         recorder = _Recorder(objective, variables, stage, state, clock, partial(progress, plan) if progress else None)
         again = not stage.final and stage.level == plan[-1].level  # a coarse pass, which is better off without the scale
         try:
-            lens, wrong = _nearest(lens, _minimize(recorder, problem, stage, not again))
+            lens, wrong = nearest_lens(lens, _minimize(recorder, problem, stage, not again))
         except Interrupted as stop:
-            stop.state.sags = _nearest(lens, stop.state.sags)[0].sags
+            stop.state.sags = nearest_lens(lens, stop.state.sags)[0].sags
             raise
         if note and wrong:
             note(f"level {stage.level}: {wrong}; lower z_freedom of the free surfaces for a better result")
@@ -205,7 +205,7 @@ def _minimize(recorder: _Recorder, problem: Problem, stage: Stage, scaled: bool)
     return recorder.best_sags
 
 
-def _nearest(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
+def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
     """Return the lens with other sags and "", or, where it cannot exist, one on the way there and a sentence that says why.
 
     The way from the lens's own sags, c + t (c' - c), is halved until a lens can exist.
