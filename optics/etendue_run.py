@@ -14,7 +14,7 @@ from optics.fresnel import efficiency_bound
 from optics.image_bound import ImageBound, image_bound
 from optics.model import base_lens, source_profile, target_irradiance, target_screen
 from optics.problem import load_problem
-from optics.results import ResultFolder
+from optics.results import ResultFolder, require_writable
 from optics.soundness import sound
 from optics.system_blur import image_half_width, rear_area, throughput
 
@@ -59,6 +59,8 @@ def etendue(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Tell what can arrive at the target, and how near light that is made of images of the source comes to it."""
     if options.efficiency is not None and not 0 < options.efficiency <= 1:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
+    if options.out:
+        require_writable(Path(options.out))
     problem = load_problem(options.problem)
     light, lens = sound(problem)
     found = throughput(problem, lens, light)

@@ -26,7 +26,7 @@ from optics.export_checks import (
     solid_checks,
 )
 from optics.model import lens_product
-from optics.results import ResultFolder
+from optics.results import ResultFolder, require_writable
 from thbcad.files import write_bytes
 from thbcad.mesh_files import obj_bytes, ply_bytes, stl_bytes, threemf_bytes
 from thbcad.native import read_lens
@@ -112,7 +112,7 @@ def export(
     if body != PLAIN and name not in (("step",) if body.patches else SOLIDS):
         wanted = "--patches needs step" if body.patches else f"--aperture, --flange and --separate need {', '.join(SOLIDS)}"
         raise UserError(f"{wanted}, got {name}")
-    _require_writable(path)
+    require_writable(path)
     _require_report(Path(f"{out}.json"))
     require_readers(name)
     try:
@@ -143,23 +143,10 @@ def _require_report(path: Path) -> None:
         raise UserError(f"cannot write the report {path}: something else has this name; choose another --out")
 
 
-def _require_writable(path: Path) -> None:
-    """Raise UserError unless a file can be written there, before any work is done."""
-    reason = f"there is no folder {path.parent}" if not path.parent.is_dir() else "it is a folder" if path.is_dir() else ""
-    try:
-        if not reason:
-            with tempfile.TemporaryFile(dir=path.parent) as probe:
-                probe.write(b"0")
-    except OSError as error:
-        reason = str(error.strerror)
-    if reason:
-        raise UserError(f"cannot write {path}: {reason}; choose another --out")
-
-
 def _written(files: dict[Path, bytes]) -> list[Path]:
     """Write files, all or none of them."""
     for path in files:
-        _require_writable(path)
+        require_writable(path)
     done: list[Path] = []
     try:
         for path, data in files.items():

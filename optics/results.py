@@ -45,6 +45,19 @@ def writable_folder(path: Path) -> None:
         raise UserError(f"cannot write to the result folder {path}: {error.strerror}; choose another with --out") from None
 
 
+def require_writable(path: Path) -> None:
+    """Raise UserError unless a file can be written there, before any work is done."""
+    reason = f"there is no folder {path.parent}" if not path.parent.is_dir() else "it is a folder" if path.is_dir() else ""
+    try:
+        if not reason:
+            with tempfile.TemporaryFile(dir=path.parent) as probe:
+                probe.write(b"0")
+    except OSError as error:
+        reason = str(error.strerror)
+    if reason:
+        raise UserError(f"cannot write {path}: {reason}; choose another --out")
+
+
 class ResultFolder:
     """Paths and files of one run.  Files appear whole or not at all.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optics.cli import main
-from optics.design import Interrupted, _nearest, design
+from optics.design import Interrupted, design, nearest_lens
 from optics.errors import UserError
 from optics.model import base_lens
 from optics.problem import load_problem
@@ -96,7 +96,7 @@ def constant(lens, height):
 def test_a_lens_that_can_exist_is_kept_bit_for_bit():
     lens = small_lens()
     wanted = constant(lens, -5.9)
-    found, wrong = _nearest(lens, wanted)
+    found, wrong = nearest_lens(lens, wanted)
     assert wrong == ""
     assert found.sags[0] is wanted[0]
 
@@ -105,7 +105,7 @@ def test_a_lens_that_can_exist_is_kept_bit_for_bit():
 def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(height, share):
     """The lens is 6 mm thick at its vertex and nowhere thinner: a constant sag c leaves 6 + t c > 0."""
     lens = small_lens()
-    found, wrong = _nearest(lens, constant(lens, height))
+    found, wrong = nearest_lens(lens, constant(lens, height))
     np.testing.assert_array_equal(found.sags[0].coefficients, share * height)
     assert "cross" in wrong or "touch" in wrong
     assert f"of the level's changes {share:.2g} are kept" in wrong
@@ -113,7 +113,7 @@ def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(
 
 def test_a_change_far_beyond_reason_is_dropped():
     lens = small_lens()
-    found, wrong = _nearest(lens, constant(lens, -1e9))
+    found, wrong = nearest_lens(lens, constant(lens, -1e9))
     assert found is lens
     assert wrong.endswith("none of the level's changes are kept")
 
