@@ -14,7 +14,7 @@ from OCP.IGESSolid import IGESSolid, IGESSolid_Face, IGESSolid_ManifoldSolid
 from OCP.TCollection import TCollection_HAsciiString
 from OCP.TopTools import TopTools_FormatVersion
 
-from thbcad.cad.writing import REALS, silence
+from thbcad.cad.writing import printed, silence
 from thbcad.product import Product
 
 if TYPE_CHECKING:
@@ -54,13 +54,7 @@ def iges_text(shape: TopoDS_Shape, mode: int, product: Product, face_names: Sequ
     for setter in (head.SetDate, head.SetLastChangeDate):
         setter(TCollection_HAsciiString(STAMP))
     model.SetGlobalSection(head)
-    text = IGESData_IGESWriter(model)
-    text.FloatWriter().SetFormat(REALS)
-    text.SendModel(IGESSolid.Protocol_s())
-    buffer = io.BytesIO()
-    if not text.Print(buffer):
-        raise RuntimeError("OCCT could not print the IGES file")
-    return buffer.getvalue()
+    return printed(IGESData_IGESWriter(model), IGESSolid.Protocol_s())
 
 
 def brep_text(shape: TopoDS_Shape) -> bytes:

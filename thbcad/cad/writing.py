@@ -24,6 +24,8 @@ from OCP.TCollection import TCollection_HAsciiString
 from thbcad.product import Product
 
 if TYPE_CHECKING:
+    from OCP.IGESData import IGESData_IGESWriter
+    from OCP.Interface import Interface_Protocol
     from OCP.TopoDS import TopoDS_Shape
 
 STAMP = "2000-01-01T00:00:00"
@@ -91,13 +93,22 @@ def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
     header.SetAuthorValue(1, TCollection_HAsciiString(product.author))
     header.SetOrganizationValue(1, TCollection_HAsciiString(product.organization))
     header.SetOriginatingSystem(TCollection_HAsciiString("thbcad"))
-    text = StepData_StepWriter(model)
-    text.FloatWriter().SetFormat(REALS)
-    text.SendModel(StepAP214.Protocol_s())
+    return compact(printed(StepData_StepWriter(model), StepAP214.Protocol_s()).decode("utf-8")).encode("ascii")
+
+
+def printed(writer: StepData_StepWriter | IGESData_IGESWriter, protocol: Interface_Protocol) -> bytes:
+    """Return what OCCT prints of a model, with every digit.
+
+    Raises
+    ------
+    RuntimeError : OCCT cannot print it.
+    """
+    writer.FloatWriter().SetFormat(REALS)
+    writer.SendModel(protocol)
     buffer = io.BytesIO()
-    if not text.Print(buffer):
-        raise RuntimeError("OCCT could not print the STEP file")
-    return compact(buffer.getvalue().decode("utf-8")).encode("ascii")
+    if not writer.Print(buffer):
+        raise RuntimeError("OCCT could not print the file")
+    return buffer.getvalue()
 
 
 def compact(text: str) -> str:
