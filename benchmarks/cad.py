@@ -15,28 +15,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.rows import Row
-from optics.backend import Backend, load_backend
-from optics.checks import Check
+from benchmarks.checkout import EXAMPLES
 from optics.export import export
-from optics.model import lens_product
-from optics.optiland_trace import optiland_available, optiland_checks
 from optics.problem import Problem, load_problem
-from optics.step_file import StepFile
-from optics.strangers import stranger_checks
-from optics.verify import verify
+from optics.runtime import Backend, Check, Row, load_backend
+from optics.system import lens_product
+from optics.verification import StepFile, optiland_available, optiland_checks, stranger_checks, verify
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
-from thbcad.cad.formats import brep_bytes, iges_bytes, read_brep, read_iges
-from thbcad.cad.solid import lens_part, lens_surfaces
-from thbcad.cad.solid_file import SolidFile
-from thbcad.cad.step import part_step, step_bytes
-from thbcad.product import Product
+from thbcad.cad.exchange import SolidFile, brep_bytes, iges_bytes, part_step, read_brep, read_iges, step_bytes
+from thbcad.cad.shapes import lens_part, lens_surfaces
+from thbcad.lens import Product
 
 MEGABYTES = {227: 5.0, 451: 20.0}  # by the poles per direction
 SECONDS = {227: 3.0, 451: 10.0}  # from the splines to the verified file, imports not counted
 RELIEF = 0.05  # mm
 CHORD = 0.01  # mm
-PROBLEM = Path(__file__).resolve().parent.parent / "examples" / "pearl.toml"
+PROBLEM = EXAMPLES / "pearl.toml"
 OPTILAND = "trace by optiland"
 FACE = {"step": 1e-12, "iges": 1e-8, "brep": 1e-12}  # mm
 VOLUME = 1e-6  # relative

@@ -14,11 +14,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.rows import Row
+from optics.deconvolution import CASES, RectangleResponse, compare, disk, landscape, square
 from optics.etendue import Approximation, Kernel, approximate
-from optics.etendue.analytic import RectangleResponse
-from optics.etendue.comparison import CASES, compare
-from optics.etendue.landscape import disk, landscape, square
+from optics.runtime import Row
 
 T = TypeVar("T")
 

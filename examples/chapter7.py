@@ -12,9 +12,7 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.etendue.comparison import CASES, Case, compare
-from optics.etendue.deconvolution import figure_7_4
-from optics.etendue.landscape import MARKS, STEPS, disk, landscape, square, two_sources
+from optics.deconvolution import CASES, MARKS, STEPS, Case, compare, disk, figure_7_4, landscape, square, two_sources
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from optics.mitsuba_integrator import exact_integrator
-from optics.mitsuba_loading import load_mitsuba
-from optics.model import base_lens, target_irradiance, target_light, target_screen
+from optics.mitsuba import exact_integrator, load_mitsuba
 from optics.problem import load_problem
+from optics.system import base_lens, target_irradiance, target_light, target_screen
 
 PIXELS, RAYS_PER_PIXEL, STEPS = 64, 9, 10
 RATE = 0.1  # mm per step

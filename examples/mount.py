@@ -15,8 +15,8 @@ import build123d as bd
 import numpy as np
 
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, read_lens
-from thbcad.cad.objects import build123d_solid
-from thbcad.cad.solid import NAMES
+from thbcad.cad.exchange import to_build123d
+from thbcad.cad.shapes import NAMES
 
 CLEARANCE = 0.1  # mm, all round and under the rim
 LEDGE = 2.0  # mm of the front's rim lie on the seat
@@ -77,7 +77,7 @@ def report(lens: bd.Shape, mount: bd.Shape) -> None:
 
 def main(lens: Lens, folder: Path) -> bd.Compound:
     """Write lens and mount as an assembly, read it back, print what the file holds and return it."""
-    solid, mount = build123d_solid(lens), mount_for(lens)
+    solid, mount = to_build123d(lens), mount_for(lens)
     mount.label, mount.color = "mount", bd.Color(*ANODISED)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "mount.step"

@@ -8,13 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.error import observed_order, seconds_at
-from benchmarks.error_cases import ROOT, grid_points, jittered_points, random_points, sampled_rays, slope_of_fit, sobol_points
-from benchmarks.error_limits import worst_difference
-from benchmarks.error_methods import Point
-from benchmarks.scaling import exponent
-from optics.model import base_lens
+from benchmarks.tracing.error import observed_order, seconds_at
+from benchmarks.tracing.error_cases import grid_points, jittered_points, random_points, sampled_rays, slope_of_fit, sobol_points
+from benchmarks.tracing.error_limits import worst_difference
+from benchmarks.tracing.error_methods import Point
+from benchmarks.tracing.scaling import exponent
 from optics.problem import load_problem
+from optics.system import base_lens
+from tests.cases import ROOT
 
 ALL = [random_points, jittered_points, grid_points, sobol_points]
 

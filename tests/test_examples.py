@@ -1,13 +1,12 @@
 """The examples that make something of a lens run, and what they make is sound."""
 
 import importlib.util
-from pathlib import Path
 
 import pytest
 
+from tests.cases import ROOT
 from thbcad import Conic, FreeformSurface, Lens
 
-ROOT = Path(__file__).parents[1]
 OTHER = Lens(FreeformSurface((9.0, 7.0), Conic(30.0, -1.0)), FreeformSurface((12.0, 8.0), Conic(-40.0, 0.0)), 8.0, 1.5)
 
 

@@ -3,66 +3,138 @@
 Names are loaded when first used: ``import thbcad`` itself loads nothing heavy.
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "KnotVector": "thbcad.bspline",
-    "PeriodicKnotVector": "thbcad.periodic",
-    "remove_knots": "thbcad.removal",
-    "remove_surface_knots": "thbcad.removal",
-    "THBSpace": "thbcad.space",
-    "BSplineSurface": "thbcad.surface",
-    "THBSurface": "thbcad.thb",
-    "NURBSCurve": "thbcad.rational",
-    "NURBSSurface": "thbcad.rational",
-    "circular_arc": "thbcad.construction",
-    "conic_arc": "thbcad.construction",
-    "line": "thbcad.construction",
-    "meridian": "thbcad.construction",
-    "revolved": "thbcad.construction",
-    "ruled": "thbcad.construction",
-    "Conic": "thbcad.conic",
-    "PolynomialSag": "thbcad.polynomials",
-    "Approximation": "thbcad.approximation",
-    "approximated": "thbcad.approximation",
-    "error_bounds": "thbcad.approximation",
-    "Enclosure": "thbcad.bounds",
-    "value_range": "thbcad.bounds",
-    "greatest_slope": "thbcad.curvature",
-    "least_radii": "thbcad.curvature",
-    "Samples": "thbcad.fitting",
-    "Underdetermined": "thbcad.fitting",
-    "interpolate": "thbcad.interpolation",
-    "least_squares": "thbcad.fitting",
-    "quasi_interpolate": "thbcad.quasi",
-    "Fit": "thbcad.adaptive",
-    "fit": "thbcad.adaptive",
-    "FreeformSurface": "thbcad.lens",
-    "Lens": "thbcad.lens",
-    "read_lens": "thbcad.native",
-    "write_lens": "thbcad.native",
-    "read_surface": "thbcad.native_surface",
-    "write_surface": "thbcad.native_surface",
-    "Manufacturability": "thbcad.manufacture",
-    "manufacturability": "thbcad.manufacture",
-    "Product": "thbcad.product",
-    "read_step": "thbcad.cad.step",
-    "write_step": "thbcad.cad.step",
-    "read_faces": "thbcad.cad.exchange",
-    "write_faces": "thbcad.cad.exchange",
+if TYPE_CHECKING:
+    from thbcad.cad import (
+        read_faces as read_faces,
+        read_step as read_step,
+        to_build123d as to_build123d,
+        to_cadquery as to_cadquery,
+        write_faces as write_faces,
+        write_step as write_step,
+    )
+    from thbcad.certified import (
+        Enclosure as Enclosure,
+        greatest_slope as greatest_slope,
+        least_radii as least_radii,
+        value_range as value_range,
+    )
+    from thbcad.fitting import (
+        Fit as Fit,
+        Samples as Samples,
+        Underdetermined as Underdetermined,
+        fit as fit,
+        least_squares as least_squares,
+        quasi_interpolate as quasi_interpolate,
+    )
+    from thbcad.hierarchy import (
+        THBSpace as THBSpace,
+    )
+    from thbcad.io import (
+        read_lens as read_lens,
+        read_surface as read_surface,
+        write_lens as write_lens,
+        write_surface as write_surface,
+    )
+    from thbcad.lens import (
+        FreeformSurface as FreeformSurface,
+        Lens as Lens,
+        Manufacturability as Manufacturability,
+        Product as Product,
+        manufacturability as manufacturability,
+    )
+    from thbcad.sags import (
+        Approximation as Approximation,
+        Conic as Conic,
+        PolynomialSag as PolynomialSag,
+        approximated as approximated,
+        error_bounds as error_bounds,
+        meridian as meridian,
+    )
+    from thbcad.splines import (
+        BSplineSurface as BSplineSurface,
+        KnotVector as KnotVector,
+        NURBSCurve as NURBSCurve,
+        NURBSSurface as NURBSSurface,
+        PeriodicKnotVector as PeriodicKnotVector,
+        circular_arc as circular_arc,
+        conic_arc as conic_arc,
+        interpolate as interpolate,
+        line as line,
+        remove_knots as remove_knots,
+        remove_surface_knots as remove_surface_knots,
+        revolved as revolved,
+        ruled as ruled,
+    )
+    from thbcad.surfaces import (
+        THBSurface as THBSurface,
+    )
+
+_FILES = {
+    "cad": (
+        "read_faces",
+        "read_step",
+        "to_build123d",
+        "to_cadquery",
+        "write_faces",
+        "write_step",
+    ),
+    "certified": (
+        "Enclosure",
+        "greatest_slope",
+        "least_radii",
+        "value_range",
+    ),
+    "fitting": (
+        "Fit",
+        "Samples",
+        "Underdetermined",
+        "fit",
+        "least_squares",
+        "quasi_interpolate",
+    ),
+    "hierarchy": ("THBSpace",),
+    "io": (
+        "read_lens",
+        "read_surface",
+        "write_lens",
+        "write_surface",
+    ),
+    "lens": (
+        "FreeformSurface",
+        "Lens",
+        "Manufacturability",
+        "Product",
+        "manufacturability",
+    ),
+    "sags": (
+        "Approximation",
+        "Conic",
+        "PolynomialSag",
+        "approximated",
+        "error_bounds",
+        "meridian",
+    ),
+    "splines": (
+        "BSplineSurface",
+        "KnotVector",
+        "NURBSCurve",
+        "NURBSSurface",
+        "PeriodicKnotVector",
+        "circular_arc",
+        "conic_arc",
+        "interpolate",
+        "line",
+        "remove_knots",
+        "remove_surface_knots",
+        "revolved",
+        "ruled",
+    ),
+    "surfaces": ("THBSurface",),
 }
-
-__all__ = ["__version__", *_HOMES]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'thbcad' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

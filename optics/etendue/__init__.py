@@ -1,7 +1,75 @@
-"""What light a source can make at all: shift-invariant systems of finite etendue (thesis, chapter 7)."""
+"""What light a source can make at all, with certified bounds (thesis, chapter 7)."""
 
-from optics.etendue.approximation import Approximation, approximate
-from optics.etendue.chains import approximate_two_deltas
-from optics.etendue.kernel import Kernel
+from typing import TYPE_CHECKING
 
-__all__ = ["Approximation", "Kernel", "approximate", "approximate_two_deltas"]
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.etendue.approximation import (
+        Approximation as Approximation,
+        approximate as approximate,
+        certified as certified,
+        require_target as require_target,
+    )
+    from optics.etendue.certificate import (
+        kkt_residual as kkt_residual,
+        norm as norm,
+        scaled_bound as scaled_bound,
+    )
+    from optics.etendue.kernel import (
+        Kernel as Kernel,
+    )
+    from optics.etendue.kernel_stack import (
+        Real as Real,
+    )
+    from optics.etendue.measured_images import (
+        patch_images as patch_images,
+    )
+    from optics.etendue.nonnegative_solvers import (
+        descend as descend,
+    )
+    from optics.etendue.source_image_bound import (
+        ImageBound as ImageBound,
+        image_bound as image_bound,
+    )
+    from optics.etendue.throughput_bound import (
+        Array as Array,
+        Throughput as Throughput,
+        image_half_width as image_half_width,
+        rear_area as rear_area,
+        throughput as throughput,
+    )
+    from optics.etendue.two_deltas import (
+        approximate_two_deltas as approximate_two_deltas,
+    )
+
+_FILES = {
+    "approximation": (
+        "Approximation",
+        "approximate",
+        "certified",
+        "require_target",
+    ),
+    "certificate": (
+        "kkt_residual",
+        "norm",
+        "scaled_bound",
+    ),
+    "kernel": ("Kernel",),
+    "kernel_stack": ("Real",),
+    "measured_images": ("patch_images",),
+    "nonnegative_solvers": ("descend",),
+    "source_image_bound": (
+        "ImageBound",
+        "image_bound",
+    ),
+    "throughput_bound": (
+        "Array",
+        "Throughput",
+        "image_half_width",
+        "rear_area",
+        "throughput",
+    ),
+    "two_deltas": ("approximate_two_deltas",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from optics.etendue.certificate import gradient, kkt_residual, lower_bound, norm
 from optics.etendue.kernel import Array, Kernel, require_light
-from optics.etendue.splitting import descend, split
+from optics.etendue.nonnegative_solvers import descend, split
 from thbcad.checks import read_only, require_integer, require_number
 
 SINGLE = 1e-5  # up to this KKT residual single precision is enough: its rounding errors are a hundredth of it

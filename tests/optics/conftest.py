@@ -6,8 +6,8 @@ from functools import partial
 
 import pytest
 
-from optics.backend import load_backend
-from tests.optics.small import write_problem
+from optics.runtime import load_backend
+from tests.optics.cases import write_problem
 
 
 @pytest.fixture(scope="session")

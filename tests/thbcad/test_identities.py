@@ -4,11 +4,10 @@ from math import comb
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
-from tests.thbcad.oracle import gamma
-from tests.thbcad.strategies import coefficients, hierarchies, insertions, knot_vectors, parameters, points, seeds, spaces
+from oracles.spline_definitions import gamma
+from tests.thbcad.cases import coefficients, hierarchies, insertions, knot_vectors, parameters, points, seeds, spaces
 from thbcad import BSplineSurface, KnotVector, THBSpace, THBSurface, quasi_interpolate
 
 TIGHT = 1e-13  # polar forms: a few roundings per degree on numbers up to 1

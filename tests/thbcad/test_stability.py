@@ -4,14 +4,13 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from benchmarks.stability import coarsened, deepest, measure, projection_defect, window
-from benchmarks.stresses import STRESSES, clamped, corner, random_breaks
-from tests.thbcad.exact import ExactAxis, ExactTHB, roundings
-from tests.thbcad.oracle import DefinitionTHB, boehm, gamma
-from tests.thbcad.strategies import coefficients, hierarchies, knot_vectors, points, seeds
+from benchmarks.kernel.stability import coarsened, deepest, measure, projection_defect, window
+from oracles.exact_splines import ExactAxis, ExactTHB, roundings
+from oracles.spline_definitions import DefinitionTHB, boehm, gamma
+from oracles.stresses import STRESSES, clamped, corner, random_breaks
+from tests.thbcad.cases import coefficients, hierarchies, knot_vectors, points, seeds
 from thbcad import KnotVector, THBSpace, THBSurface
 
 # ---- the exact twin ----

@@ -9,17 +9,15 @@ import sys
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from tests.thbcad.oracle import cox_de_boor, gamma
+from oracles.spline_definitions import cox_de_boor, gamma
+from tests.cases import ROOT
 from thbcad import BSplineSurface, KnotVector, THBSpace
 
-ROOT = Path(__file__).parents[2]
 KNOTS = KnotVector.uniform(2, 4)
 SQUARE = THBSpace(KNOTS, KNOTS)
 CELLS = [(0, 0), (1, 2)]  # [0, 0.25] x [0, 0.25] and [0.25, 0.5] x [0.5, 0.75]

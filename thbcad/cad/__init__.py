@@ -1,1 +1,29 @@
-"""CAD exchange.  Only this subpackage imports OCP."""
+"""CAD exchange; only this package imports OpenCASCADE."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.cad.exchange import (
+        named_faces as named_faces,
+        read_faces as read_faces,
+        read_step as read_step,
+        to_build123d as to_build123d,
+        to_cadquery as to_cadquery,
+        write_faces as write_faces,
+        write_step as write_step,
+    )
+
+_FILES = {
+    "exchange": (
+        "named_faces",
+        "read_faces",
+        "read_step",
+        "to_build123d",
+        "to_cadquery",
+        "write_faces",
+        "write_step",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

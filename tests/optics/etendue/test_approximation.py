@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.testing import assert_allclose
 
-from optics.etendue import Kernel, approximate
+from optics.etendue.approximation import approximate
 from optics.etendue.certificate import gradient, kkt_residual, lower_bound, scaled_bound
-from optics.etendue.splitting import split
-from tests.optics.etendue.small import kernels, matrix, optimum, targets
+from optics.etendue.kernel import Kernel
+from optics.etendue.nonnegative_solvers import split
+from tests.optics.etendue.cases import kernels, matrix, optimum, targets
 
 ROUNDING = 1e-12  # of bounds, relative: some hundred operations on numbers up to 1
 

@@ -1,14 +1,12 @@
 """The pictures of chapter 7: the program draws what the package computes."""
 
 import importlib.util
-from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from optics.etendue.comparison import CASES
-
-ROOT = Path(__file__).parents[3]
+from optics.deconvolution import CASES
+from tests.cases import ROOT
 
 
 @pytest.fixture(scope="module")

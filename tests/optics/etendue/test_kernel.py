@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.testing import assert_allclose
 from scipy.signal import convolve
 
-from optics.etendue import Kernel
 from optics.etendue import kernel as module
-from tests.optics.etendue.small import kernels, matrix, targets
+from optics.etendue.kernel import Kernel
+from tests.optics.etendue.cases import kernels, matrix, targets
 
 EPS = np.finfo(np.float64).eps
 ROUNDING = 100 * EPS  # sums of up to 49 taps of sum 1, and transforms of some hundred samples, of numbers up to 1

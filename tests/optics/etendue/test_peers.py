@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from optics.etendue import Kernel, approximate
-from optics.etendue.regularisation import conjugate_gradients
-from tests.optics.etendue.small import matrix
+from optics.deconvolution import conjugate_gradients
+from optics.etendue.approximation import approximate
+from optics.etendue.kernel import Kernel
+from tests.optics.etendue.cases import matrix
 
 X = np.linspace(-1, 1, 40)
 TARGET = (np.hypot(X[:, None], X) < 0.6).astype(float)

@@ -1,0 +1,112 @@
+"""Degrees of freedom of THB meshes against uniform ones at equal error.
+
+Every design has the same start, the same pixels and rays, and the same number of evaluations.
+Run: thbcad bench refinement
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from benchmarks.checkout import EXAMPLES
+from optics.analysis import measure
+from optics.optimisation import design
+from optics.problem import Freeform, Problem, Refinement, load_problem
+from optics.runtime import Backend, Row, load_backend
+from optics.system import target_light
+
+UNIFORM = (4, 5)  # levels
+# indicator and alpha, level 5
+DECREASE, VERTEX = (0.05, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 2.0)
+MESHES = [("decrease", a) for a in DECREASE] + [("vertex", a) for a in VERTEX]
+WANTED = 0.2  # of the uniform degrees of freedom; not reached where the detail is everywhere, as in the pearl
+EQUAL = 1.05  # errors within five percent count as equal: runs that differ in rounding only are that far apart
+LAST = 5  # evaluations, of which the best counts; those before may belong to the coarse pass
+LOCAL = ("disk from a square beam", "crescent", "emblem")  # whose detail is local
+
+
+def rows() -> list[Row]:
+    """Return loss, error, degrees of freedom and time of every mesh, and the least share of uniform degrees of freedom at equal error."""
+    backend = load_backend("double")
+    out = []
+    for name, problem, light in cases():
+        uniform = [_Run(f"{name}: uniform level {n}", _with_mesh(problem, n, Refinement(alpha=(0.0,))), light, backend) for n in UNIFORM]
+        meshes = [
+            _Run(f"{name}: {kind}, alpha {alpha:g}", _with_mesh(problem, 5, Refinement(indicator=kind, alpha=(alpha,))), light, backend)
+            for kind, alpha in MESHES
+        ]
+        for run in (*uniform, *meshes):
+            out += run.rows
+        for level, one in zip(UNIFORM, uniform):
+            full = np.prod([(n << level) + problem.lens.rear.freeform.degree for n in problem.lens.rear.freeform.spans])
+            enough = [m.dof for m in meshes if m.error <= EQUAL * one.error]
+            share = min(enough) / full if enough else np.inf
+            limit = WANTED if name in LOCAL and level == UNIFORM[-1] else None
+            text = "thesis 0.23" if name == "pearl" else ""
+            out.append(
+                Row(f"{name}: share of the {full} degrees of freedom of uniform level {level} at equal error", share, "", text, limit)
+            )
+    return out
+
+
+def cases() -> Iterator[tuple[str, Problem, NDArray[np.float64]]]:
+    """Yield names, problems and the light asked for."""
+    pearl = load_problem(EXAMPLES / "pearl.toml")
+    yield "pearl", pearl, target_light(pearl)
+    circle = load_problem(EXAMPLES / "tophat_circle.toml")
+    square_beam = replace(circle, source=replace(circle.source, profile="uniform"), optimizer=replace(circle.optimizer, iterations=(60,)))
+    for name, shape in (("disk from a square beam", "ellipse"), ("crescent", "crescent")):
+        problem = _with_freedom(replace(square_beam, target=replace(circle.target, shape=shape)))
+        yield name, problem, target_light(problem)
+    yield "emblem", _with_freedom(pearl), emblem()
+
+
+def emblem() -> NDArray[np.float64]:
+    """Return a picture whose detail is local: a star in a ring on a smooth ground."""
+    n, (cx, cy), r = 1024, (635, 410), 112
+    y, x = np.mgrid[0:n, 0:n] / n
+    image = Image.new("L", (n, n))
+    draw = ImageDraw.Draw(image)
+    draw.ellipse([cx - r, cy - r, cx + r, cy + r], fill=255)
+    draw.ellipse([cx - r + 12, cy - r + 12, cx + r - 12, cy + r - 12], fill=0)
+    turns = np.pi * np.arange(16) / 8
+    reach = (r - 22) * np.where(np.arange(16) % 2, 0.5, 1.0)
+    draw.polygon([(cx + q * np.sin(t), cy - q * np.cos(t)) for q, t in zip(reach, turns)], fill=255)
+    bright, inside = np.asarray(image) > 127, (n * x - cx) ** 2 + (n * y - cy) ** 2 < r * r
+    return np.where(bright, 0.95, np.where(inside, 0.3, 0.45 + 0.25 * x + 0.15 * np.sin(3 * y + 1.5 * x)))
+
+
+class _Run:
+    """One design: its degrees of freedom, its error, and its rows."""
+
+    def __init__(self, name: str, problem: Problem, light: NDArray[np.float64], backend: Backend) -> None:
+        start = perf_counter()
+        lens, state = design(problem, light, backend)
+        seconds = perf_counter() - start
+        self.dof = lens.rear.sag.space.dim
+        loss = min(row.loss for row in state.history[-LAST:])
+        self.error = measure(backend, problem, lens, light).figures["rel_l2"]
+        self.rows = [
+            Row(f"{name}: degrees of freedom", self.dof),
+            Row(f"{name}: loss", loss),
+            Row(f"{name}: rel_l2", self.error),
+            Row(f"{name}: optimisation", seconds, "s"),
+        ]
+
+
+def _with_mesh(problem: Problem, level: int, refinement: Refinement) -> Problem:
+    return replace(_with_freeform(problem, replace(problem.lens.rear.freeform, max_level=level)), refinement=refinement)
+
+
+def _with_freedom(problem: Problem) -> Problem:
+    return _with_freeform(problem, replace(problem.lens.rear.freeform, z_freedom=12.0))
+
+
+def _with_freeform(problem: Problem, freeform: Freeform) -> Problem:
+    return replace(problem, lens=replace(problem.lens, rear=replace(problem.lens.rear, freeform=freeform)))

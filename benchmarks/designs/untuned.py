@@ -1,0 +1,68 @@
+"""Designs for pictures that nothing was tuned on: photographs, line art, text, a disk on black, smooth waves.
+
+Run: thbcad bench untuned
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from benchmarks.checkout import EXAMPLES
+from optics.problem import load_problem, problem_to_toml
+from optics.runtime import Row
+
+PEARL = EXAMPLES / "pearl.toml"
+Z_FREEDOM = 19.0  # mm: busy pictures ask for more sag than the pearl
+SIZE = 512
+
+
+def rows() -> list[Row]:
+    """Return relative error, PSNR and seconds for every picture."""
+    out = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, picture in pictures():
+            metrics = _design(Path(folder), name, picture)
+            out.append(Row(f"{name}: rel_l2", metrics["rel_l2"]))
+            out.append(Row(f"{name}: psnr", metrics["psnr_db"], "dB"))
+            out.append(Row(f"{name}: efficiency", metrics["efficiency"]))
+            out.append(Row(f"{name}: wall time without imports", metrics["wall_s"]["total"], "s"))
+    return out
+
+
+def pictures() -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """Yield names and pictures; the photographs are those that scikit-image carries."""
+    from skimage import data
+
+    yield "photographer", data.camera()
+    yield "astronaut", data.astronaut()
+    yield "coins", data.coins()
+    yield "line art, not square", np.where(data.horse(), 255, 0).astype(np.uint8)
+    yield "galaxies, mostly black", data.hubble_deep_field()
+    x, y = np.meshgrid(*[(np.arange(SIZE) + 0.5) / SIZE] * 2)
+    yield "smooth waves", np.round(127 + 100 * np.sin(9 * x + 2 * y) * np.cos(7 * y)).astype(np.uint8)
+    yield "disk on black", (255 * ((x - 0.5) ** 2 + (y - 0.5) ** 2 < 0.3**2)).astype(np.uint8)
+    page = Image.new("L", (SIZE // 8, SIZE // 8))
+    for row, word in enumerate(("light", "shapes", "glass")):
+        ImageDraw.Draw(page).text((8, 8 + 16 * row), word, fill=255)
+    yield "white text on black", np.asarray(page.resize((SIZE, SIZE)))
+
+
+def _design(folder: Path, name: str, picture: NDArray[np.uint8]) -> dict[str, float | dict[str, float]]:
+    Image.fromarray(picture).save(folder / "picture.png")
+    problem = load_problem(PEARL)
+    rear = replace(problem.lens.rear, freeform=replace(problem.lens.rear.freeform, z_freedom=Z_FREEDOM))
+    lens, target = replace(problem.lens, rear=rear), replace(problem.target, image="picture.png")
+    (folder / "problem.toml").write_text(problem_to_toml(replace(problem, title=name, lens=lens, target=target)), "utf-8")
+    command = [sys.executable, "-m", "optics.commands.cli", "design", str(folder / "problem.toml"), "--out", str(folder / name), "--json"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)["metrics"]

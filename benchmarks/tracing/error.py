@@ -1,0 +1,126 @@
+"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's ways and ours, on three lenses.
+
+Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows the curves.
+The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.
+
+Run: thbcad bench error
+"""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+
+from benchmarks.tracing.error_cases import STORE, Case, Reference, cases, reference
+from benchmarks.tracing.error_figure import draw
+from benchmarks.tracing.error_limits import limit_rows
+from benchmarks.tracing.error_methods import BOX, Point, camera_noise, camera_points, exact_points, mesh_points
+from optics.runtime import Row, load_backend
+
+WANTED = 1e-3  # relative L2 error of the irradiance at which run times are compared
+CLEAR = 3.0  # times the reference's own error: points below it say nothing of the order
+FIGURE = STORE / "error.png"
+
+
+def rows() -> list[Row]:
+    """Return the figures."""
+    mitsuba = find_spec("mitsuba") is not None
+    if mitsuba:
+        from optics.mitsuba import load_mitsuba
+
+        load_mitsuba(threads=1)
+    backend = load_backend("double", 1)
+    out, points, truths = [], [], {}
+    for case in cases(backend):
+        truth = truths[case.name] = reference(backend, case)
+        own = [*exact_points(case, truth), *(mesh_points(case, truth) + camera_points(case, truth) if mitsuba else [])]
+        points += own
+        out += [*_reference_rows(case, truth), *_point_rows(own), *_method_rows(own, truth)]
+        out += _ratio_rows(case, own) if mitsuba else []
+    draw(points, truths, FIGURE)
+    return [*out, *limit_rows(backend, mitsuba)]
+
+
+def methods(points: list[Point]) -> dict[str, list[Point]]:
+    """Return the points by method, fewest rays first."""
+    names = dict.fromkeys(p.method for p in points)
+    return {name: sorted((p for p in points if p.method == name), key=lambda p: p.rays) for name in names}
+
+
+def observed_order(rays: list[int], errors: list[float], least: float) -> float:
+    """Return k of error ~ rays^-k by a straight line through the logarithms of the errors above `least`; NaN for fewer than two."""
+    pairs = [(n, e) for n, e in zip(rays, errors) if np.isfinite(e) and e > least]
+    if len(pairs) < 2:
+        return np.nan
+    return -float(np.polyfit(*np.log(pairs).T, 1)[0])
+
+
+def seconds_at(points: list[Point], error: float) -> float:
+    """Return the run time at which a method reaches an error of the irradiance, between its points on log-log scales.
+
+    Where already its quickest point is better, that one's time; inf where none is.
+    """
+    before = None
+    for p in points:
+        if p.error <= error:
+            if before is None:
+                return p.seconds
+            share = np.log(before.error / error) / np.log(before.error / p.error)
+            return float(before.seconds * (p.seconds / before.seconds) ** share)
+        before = p
+    return np.inf
+
+
+def _reference_rows(case: Case, truth: Reference) -> list[Row]:
+    c, r = case.screen.pixels
+    return [
+        Row(f"{case.name}: reference's own error, irradiance", truth.image_error, "", f"{c} x {r} pixels, Gaussian window of 1 px"),
+        Row(f"{case.name}: reference's own error, gradient", truth.gradient_error, "", f"{len(truth.gradient)} coefficients"),
+    ]
+
+
+def _point_rows(points: list[Point]) -> list[Row]:
+    out = []
+    for p in points:
+        note = f"{p.seconds:.3g} s"
+        if np.isfinite(p.gradient_error):
+            note += f"; gradient: error {p.gradient_error:.2e} in {p.gradient_seconds:.3g} s"
+        out.append(Row(f"{p.case}: {p.method}, {p.rays} rays: error", p.error, "", note))
+    return out
+
+
+def _method_rows(points: list[Point], truth: Reference) -> list[Row]:
+    """Return cost per ray, orders and memory of every method, of its run with most rays."""
+    out = []
+    for name, own in methods(points).items():
+        rays, last = [p.rays for p in own], own[-1]
+        title, most = f"{last.case}: {name}", [p for p in own if np.isfinite(p.gradient_seconds)][-1]
+        order = observed_order(rays, [p.error for p in own], CLEAR * truth.image_error)
+        slope = observed_order(rays, [p.gradient_error for p in own], CLEAR * truth.gradient_error)
+        out += [
+            Row(f"{title}: cost per ray, irradiance", 1e9 * last.seconds / last.rays, "ns"),
+            Row(f"{title}: cost per ray, loss + gradient", 1e9 * most.gradient_seconds / most.rays, "ns"),
+            Row(f"{title}: order of the irradiance in rays", order),
+            *([Row(f"{title}: order of the gradient in rays", slope)] if np.isfinite(slope) else []),
+            Row(f"{title}: memory of loss + gradient", most.megabytes, "MB", f"{most.rays} rays"),
+        ]
+    return out
+
+
+def _ratio_rows(case: Case, points: list[Point]) -> list[Row]:
+    """Return how many times quicker ours reaches an error than the particle tracer, by its law noise^2 ~ 1 / time.
+
+    The error is the wanted one, or the least of ours where that is greater.
+    """
+    ours = {name: own for name, own in methods(points).items() if name.startswith("ours")}
+    wanted = max(WANTED, min(p.error for own in ours.values() for p in own))
+    reached = {name: seconds_at(own, wanted) for name, own in ours.items()}
+    best = min(reached, key=reached.get)
+    out = []
+    for measure, noise, seconds in camera_noise(case):
+        time = seconds * (noise / wanted) ** 2
+        note = f"{time:.3g} s by noise {noise:.2g} at {seconds:.3g} s; {best} {reached[best]:.3g} s"
+        limit = 1e5 if (case.name, measure) == ("pearl", BOX) else None
+        out.append(Row(f"{case.name}: ptracer, {measure}, to ours, at error {wanted:.2g}", time / reached[best], "", note, limit, ">="))
+    return out

@@ -1,0 +1,182 @@
+"""Loss and gradient of the exact tracer in figures: time, truth of the gradient, set-up, and Mitsuba's meshes beside it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.checkout import ROOT
+from benchmarks.tracing.error_cases import WINDOW, designed, relative
+from optics.optimisation import SOFT_RIM, Objective, stage_objective, stages
+from optics.problem import Problem, load_problem
+from optics.runtime import Backend, Row, load_backend, median_seconds
+from optics.system import base_lens, problem_rays, target_irradiance, target_light, target_screen
+from optics.target import BSplineWindow, GaussianWindow, PixelWindow, Splat
+from optics.tracing import Tracer
+from thbcad import Lens
+
+RAYS = (449, 449)
+EXTENDED_RAYS = (1024, 1024)
+REPEATS = 9
+DIRECTIONS = 20
+STEP = 1e-6  # mm, of the differences
+SMOOTH = BSplineWindow(5)  # C^4: differences of fourth order lose their order on windows with fewer derivatives
+STARTS = 5
+START = """
+from time import perf_counter
+begin = perf_counter()
+from benchmarks.error_limits import first_gradient
+imported = perf_counter()
+first_gradient()
+print(imported - begin, perf_counter() - imported)
+"""
+
+Floats = NDArray[np.float64]
+Window = PixelWindow | BSplineWindow | GaussianWindow
+
+
+def limit_rows(backend: Backend, mitsuba: bool) -> list[Row]:
+    """Return the figures.  mitsuba : it is installed."""
+    return [
+        *_collimated(backend, mitsuba),
+        *_extended(backend),
+        *_differences(backend),
+        *_set_up(),
+        *([_mesh_accuracy(backend)] if mitsuba else []),
+    ]
+
+
+def uniform(lens: Lens) -> Lens:
+    """Return the same lens with its rear refined to the finest level everywhere."""
+    sag = lens.rear.sag
+    for level in range(sag.space.levels - 1):
+        cells = sag.space.cells
+        sag = sag.refine({level: cells[cells[:, 0] == level, 1:]})
+    return lens.with_sags([*lens.sags[:-1], sag])
+
+
+def fit(backend: Backend, problem: Problem, lens: Lens, window: Window, rays: Sequence[int], soft_rim: float = 0.0) -> Objective:
+    """Return the fit alone as an Objective, on the problem's pixels; the target has the whole source flux."""
+    screen = target_screen(problem)
+    target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
+    tracer = Tracer(backend, lens, problem_rays(problem, rays), problem.target_z, soft_rim, sure=False)
+    return Objective(backend, tracer, screen, window, target, 0.0)
+
+
+def seconds(objective: Objective, lens: Lens, repeats: int = REPEATS) -> float:
+    """Return the median time of loss and gradient."""
+    at = [sag.coefficients for sag in lens.sags]
+    return median_seconds(lambda: objective(at), repeats)
+
+
+def _collimated(backend: Backend, mitsuba: bool) -> list[Row]:
+    problem, lens = designed(backend, "pearl")
+    lens, out = uniform(lens), []
+    net = "x".join(map(str, lens.rear.sag.to_bspline().coefficients.shape))
+    for name, window, limit in (("64 taps", WINDOW, 0.07), ("pixel window, 4 taps", PixelWindow(), 0.03)):
+        own = seconds(fit(backend, problem, lens, window, RAYS), lens)
+        out.append(Row(f"loss + gradient, 449^2 rays, net {net}, {name}", own, "s", "", limit))
+        if mitsuba:
+            from optics.mitsuba import mesh_pipeline
+
+            other = seconds(mesh_pipeline(problem, lens, RAYS, window, RAYS), lens, 5)
+            least = 20 if window.taps == 2 else None
+            out.append(Row(f"   Mitsuba mesh pipeline of 449^2 vertices to ours, {name}", other / own, "", f"{other:.3g} s", least, ">="))
+    return out
+
+
+def _extended(backend: Backend) -> list[Row]:
+    """Return the times of 2^20 rays of an extended source, searched for as designs do, and the part of it that the searches take."""
+    problem, lens = designed(backend, "extended_two")
+    title, at, out = "loss + gradient, 2^20 extended rays, 2 free surfaces", [sag.coefficients for sag in lens.sags], []
+    windows = {"pixel window, 4 taps": PixelWindow(), "quintic window, 36 taps": SMOOTH, "64 taps": WINDOW}
+    for name, window in windows.items():
+        limit = 0.30 if window.taps == 2 else None
+        out.append(Row(f"{title}, {name}", seconds(fit(backend, problem, lens, window, EXTENDED_RAYS), lens, 5), "s", "f64", limit))
+    rays = problem_rays(problem, EXTENDED_RAYS)
+    for name, sure in (("both searches and no derivatives", False), ("the same, sure of the first of several meetings", True)):
+        tracer = Tracer(backend, lens, rays, problem.target_z, sure=sure)
+
+        def search(tracer: Tracer = tracer) -> None:
+            with backend.dr.suspend_grad():
+                backend.dr.eval(tracer.trace(at)[1].flux)
+                backend.dr.sync_thread()
+
+        out.append(Row(f"   {name}", median_seconds(search, 5), "s", "f64"))
+    single = load_backend("single", 1)
+    time = seconds(fit(single, problem, lens, PixelWindow(), EXTENDED_RAYS), lens, 5)
+    return [*out, Row(f"{title}, {next(iter(windows))}, single precision", time, "s", "f32")]
+
+
+def _differences(backend: Backend) -> list[Row]:
+    """Return the gradient's error for every free surface of two designed lenses."""
+    out = []
+    for name, rays, soft in (("pearl", RAYS, 0.0), ("extended_two", (256, 256), SOFT_RIM)):
+        problem, lens = designed(backend, name)
+        objective = fit(backend, problem, lens, SMOOTH, rays, soft)
+        at = [sag.coefficients for sag in lens.sags]
+        _, gradients = objective(at)
+        for k, surface in enumerate(("front", "rear")[-len(at) :]):
+
+            def loss(c: Floats, place: int = k, other: list[Floats] = at, of: Objective = objective) -> float:
+                return of([*other[:place], c, *other[place + 1 :]])[0]
+
+            error = worst_difference(loss, at[k], gradients[k], STEP)
+            out.append(Row(f"{name}: gradient by the {surface}, worst of 20 differences, quintic window", error, "", "", 1e-8))
+    return out
+
+
+def worst_difference(loss: Callable[[Floats], float], at: Floats, gradient: Floats, step: float) -> float:
+    """Return the greatest |slope - g . d| / |g| over random directions d of unit root mean square g . d / |g|.
+
+    slope : the fourth-order central difference (8 (L(h) - L(-h)) - (L(2 h) - L(-2 h))) / (12 h), h in mm.
+    """
+    rng, errors = np.random.default_rng(1), []
+    for _ in range(DIRECTIONS):
+        d = rng.standard_normal(len(at))
+        near, far = (loss(at + k * step * d) - loss(at - k * step * d) for k in (1, 2))
+        errors.append(abs((8 * near - far) / (12 * step) - gradient @ d))
+    return max(errors) / float(np.linalg.norm(gradient))
+
+
+def first_gradient() -> float:
+    """Return the loss of a pearl design's last stage at its first lens: all that comes before the first step."""
+    problem, backend = load_problem(ROOT / "examples" / "pearl.toml"), load_backend("double", 1)
+    lens, stage = base_lens(problem), stages(problem, True)[-1]
+    target = target_irradiance(target_light(problem), stage.screen, problem.target.placing, 0.92 * problem.source.flux)
+    return stage_objective(backend, problem, lens, stage, target)([sag.coefficients for sag in lens.sags])[0]
+
+
+def _set_up() -> list[Row]:
+    inside, imports, whole = [], [], []
+    for _ in range(STARTS + 1):
+        start = perf_counter()
+        done = subprocess.run([sys.executable, "-c", START], check=True, capture_output=True, text=True, cwd=ROOT)
+        whole.append(perf_counter() - start)
+        loading, working = map(float, done.stdout.split())
+        imports.append(loading)
+        inside.append(working)
+    note = "pearl, one thread, fresh process, kernels cached"
+    return [
+        Row("set-up, from problem to first gradient", median(inside[1:]), "s", note, 1),
+        Row("   imports before that", median(imports[1:]), "s"),
+        Row("   whole process", median(whole[1:]), "s"),
+    ]
+
+
+def _mesh_accuracy(backend: Backend) -> Row:
+    """Return the relative L2 error of the irradiance through meshes with analytic normals, f32, on the base lens."""
+    from optics.mitsuba import mesh_irradiance
+
+    problem = load_problem(ROOT / "examples" / "pearl.toml")
+    lens, screen = base_lens(problem), target_screen(problem)
+    _, landing = Tracer(backend, lens, problem_rays(problem, RAYS), problem.target_z).trace([sag.coefficients for sag in lens.sags])
+    exact = Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux).numpy().reshape(screen.shape, order="F")
+    error = relative(mesh_irradiance(problem, lens, RAYS, WINDOW, RAYS), exact)
+    return Row("Mitsuba mesh of 449^2 vertices, analytic normals, base lens", error, "", "irradiance against exact, same rays", 5e-5)

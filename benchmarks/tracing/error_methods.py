@@ -1,0 +1,243 @@
+"""Run time and error of the ways to compute irradiance and gradient: one `Point` per way and number of rays.
+
+Times are of one thread and of tracing and measuring alone: rays, meshes and scenes are ready.  The error of the
+gradient is that of the derivative of ||E - T||^2 / ||T||^2 by all THB coefficients.
+
+`ptracer`'s camera has a film with the same Gaussian filter, so that all ways measure the same; `camera_noise` is that of box pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.tracing.error_cases import (
+    WINDOW,
+    Case,
+    Reference,
+    grid_rays,
+    jittered_points,
+    random_points,
+    relative,
+    sampled_rays,
+    slope_of_fit,
+    sobol_points,
+)
+from optics.optimisation import Objective
+from optics.runtime import Backend, load_backend, median_seconds
+from optics.target import Splat, filter_image
+from optics.tracing import Tracer
+
+if TYPE_CHECKING:
+    from optics.mitsuba import LensMesh, MeshTracer
+
+Floats = NDArray[np.float64]
+COUNTS = tuple(1 << k for k in (14, 16, 18, 20))
+MOST, LONG = 1 << 21, 1 << 22  # rays of a gradient; of a longer run in single precision, irradiance only
+MESH_COUNTS = COUNTS[:3]
+VERTICES = (449, 449)
+SPP, GRADIENT_SPP = (1, 4, 8), 4
+REPEATS = 5
+CAMERA, BOX = "Mitsuba ptracer + camera", "its box pixels"
+SAMPLINGS = {"random": random_points, "jittered": jittered_points, "Sobol": sobol_points}
+CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run.  rays : number.  seconds, gradient_seconds : of the irradiance, of loss and gradient.
+
+    error, gradient_error : relative L2; NaN where the way has none.  megabytes : that the gradient's run adds to the process.
+    """
+
+    case: str
+    method: str
+    rays: int
+    seconds: float
+    error: float
+    gradient_seconds: float
+    gradient_error: float
+    megabytes: float
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way to compute a case.  irradiance : returns (rows, columns), W/mm^2.  gradient : one array per sag."""
+
+    method: str
+    rays: int
+    irradiance: Callable[[], Floats]
+    gradient: Callable[[], list[Floats]]
+
+
+def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -> list[Point]:
+    """Return the points of the exact tracer: four samplings in double, two in single precision."""
+    out = []
+    for precision in ("double", "single"):
+        backend, short = load_backend(precision, 1), {"double": "f64", "single": "f32"}[precision]
+        for name in ("grid", "Sobol") if precision == "single" else ("grid", *SAMPLINGS):
+            few = counts[:-1] if name in ("random", "jittered") else counts
+            for count in (*counts, LONG) if precision == "single" else few:
+                rays = grid_rays(case, count) if name == "grid" else sampled_rays(case, SAMPLINGS[name], count)
+                tracer = Tracer(backend, case.lens, rays, case.problem.target_z)
+                out.append(_point(backend, case, truth, tracer, f"ours, {name}, {short}", _number(rays)))
+    return out
+
+
+def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNTS) -> list[Point]:
+    """Return the points of Mitsuba's meshes with analytic normals and direct splats, on the exact tracer's grids or Sobol points."""
+    from optics.mitsuba import LensMesh, MeshTracer
+
+    out, mesh = [], LensMesh.even(case.lens, VERTICES)
+    collimated = case.problem.source.kind == "collimated"
+    for count in counts:
+        rays = grid_rays(case, count) if collimated else sampled_rays(case, sobol_points, count)
+        tracer = MeshTracer(mesh, rays, case.problem.target_z)
+        out.append(_point(tracer.backend, case, truth, tracer, "Mitsuba mesh + splat", _number(rays)))
+    return out
+
+
+def camera_points(case: Case, truth: Reference) -> list[Point]:
+    """Return the points of Mitsuba's particle tracer and camera; the gradient for few rays only, it takes long."""
+    from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
+
+    mi, mesh, out = current_mitsuba(), LensMesh.even(case.lens, VERTICES), []
+    scene = mitsuba_scene(case.problem, mesh)
+    camera = gaussian_camera(mi, scene, case)
+    for spp in SPP:
+        seconds = median_seconds(lambda n=spp: np.array(mi.render(scene, sensor=camera, spp=n, seed=1)), REPEATS)
+        image = _seen(mi.render(scene, sensor=camera, spp=spp, seed=7))
+        slow = error = megabytes = np.nan
+        if spp == GRADIENT_SPP:
+            gradient, slow, megabytes = _timed_gradient(mi, case, mesh, scene, camera)
+            error = relative(gradient, truth.gradient)
+        out.append(Point(case.name, CAMERA, spp * image.size, seconds, relative(image, truth.image), slow, error, megabytes))
+    return out
+
+
+def _timed_gradient(mi: ModuleType, case: Case, mesh: LensMesh, scene: Any, camera: Any) -> tuple[Floats, float, float]:
+    """Return (gradient, seconds, MB) of one run after a warm one."""
+    parameters = mi.traverse(scene)
+    _camera_gradient(mi, case, mesh, parameters, scene, camera)
+    before, start = _reset_peak(), perf_counter()
+    gradient = _camera_gradient(mi, case, mesh, parameters, scene, camera)
+    return gradient, perf_counter() - start, _peak() - before
+
+
+def _seen(picture: Any) -> Floats:
+    """Return the irradiance of a white screen, (rows, columns), from a picture of the dark one; the camera sees +x on its left."""
+    from optics.mitsuba import REFLECTANCE
+
+    return np.pi / REFLECTANCE * np.array(picture, dtype=np.float64)[..., 0][:, ::-1]
+
+
+def camera_noise(case: Case) -> list[tuple[str, float, float]]:
+    """Return (measure, relative L2 noise, seconds) of the camera's box pixels and of the window, at the most light paths.
+
+    Two pictures are sqrt(2) noises apart.  Light that takes other ways than front, rear, screen is seen alike in both, unlike in `Point`.
+    """
+    from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
+
+    mi = current_mitsuba()
+    scene = mitsuba_scene(case.problem, LensMesh.even(case.lens, VERTICES))
+    cameras = {BOX: scene.sensors()[0], "the same window": gaussian_camera(mi, scene, case)}
+    out = []
+    for measure, camera in cameras.items():
+        one, other = (_seen(mi.render(scene, sensor=camera, spp=SPP[-1], seed=seed)) for seed in (7, 8))
+        apart = np.square(one - other).sum() / 2
+        noise = float(np.sqrt(apart / (np.square((one + other) / 2).sum() - apart / 2)))
+        seconds = median_seconds(lambda c=camera: np.array(mi.render(scene, sensor=c, spp=SPP[-1], seed=9)), REPEATS)
+        out.append((measure, noise, seconds))
+    return out
+
+
+def gaussian_camera(mi: ModuleType, scene: Any, case: Case) -> Any:
+    """Return the scene's camera with a film of the case's pixels that filters with WINDOW, which the box of the other does not."""
+    seen = mi.traverse(scene.sensors()[0])
+    columns, rows = case.screen.pixels
+    return mi.load_dict(
+        {
+            "type": "perspective",
+            "fov": float(seen["x_fov"][0]),
+            "fov_axis": "x",
+            "to_world": mi.ScalarTransform4f(np.array(seen["to_world"].matrix).reshape(4, 4)),
+            "near_clip": float(seen["near_clip"]),
+            "far_clip": float(seen["far_clip"]),
+            "film": {
+                "type": "hdrfilm",
+                "width": columns,
+                "height": rows,
+                "pixel_format": "luminance",
+                "rfilter": {"type": "gaussian", "stddev": WINDOW.sigma},
+            },
+        }
+    )
+
+
+def _camera_gradient(mi: ModuleType, case: Case, mesh: LensMesh, parameters: Any, scene: Any, camera: Any) -> Floats:
+    """Return the gradient by the coefficients through camera and meshes; the same rays serve image and derivative."""
+    from optics.mitsuba import REFLECTANCE, mitsuba_backend
+
+    double = mitsuba_backend(mi)
+    dr, leaves = double.dr, [double.array(c) for c in case.coefficients]
+    dr.enable_grad(*leaves)
+    mesh.update(mi, parameters, leaves)
+    picture = mi.render(scene, parameters, sensor=camera, spp=GRADIENT_SPP, seed=7)
+    seed = np.pi / REFLECTANCE * slope_of_fit(_seen(picture), filter_image(case.target, WINDOW))[:, ::-1]
+    dr.backward(dr.sum(picture * mi.TensorXf(seed.astype(np.float32)[..., None].copy())))
+    return np.concatenate([leaf.grad.numpy() for leaf in leaves])
+
+
+def _point(backend: Backend, case: Case, truth: Reference, tracer: Tracer | MeshTracer, method: str, rays: int) -> Point:
+    """Return the point of a tracer whose rays are ready, with Splat and Objective."""
+    screen = case.screen
+    splat = Splat(backend, screen, WINDOW)
+    objective = Objective(backend, tracer, screen, WINDOW, case.target, 0.0)
+
+    def irradiance() -> Floats:
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace(case.coefficients)
+            return splat(landing.x, landing.y, landing.flux).numpy().reshape(screen.shape, order="F")
+
+    return _measured(case, truth, Way(method, rays, irradiance, lambda: objective(case.coefficients)[1]))
+
+
+def _measured(case: Case, truth: Reference, way: Way) -> Point:
+    """Return the point of a way, without the gradient where rays are many."""
+    seconds = median_seconds(way.irradiance, REPEATS)
+    error = relative(way.irradiance().astype(np.float64), truth.image)
+    if way.rays > MOST:
+        return Point(case.name, way.method, way.rays, seconds, error, np.nan, np.nan, np.nan)
+    slow = median_seconds(way.gradient, REPEATS)
+    load_backend("double", 1).dr.flush_malloc_cache()
+    before = _reset_peak()
+    gradient = np.concatenate(way.gradient())
+    megabytes = _peak() - before
+    return Point(case.name, way.method, way.rays, seconds, error, slow, relative(gradient, truth.gradient), megabytes)
+
+
+def _number(rays: Any) -> int:
+    return len(rays.x) * len(rays.y) if hasattr(rays, "x") else rays.origin.shape[1]
+
+
+def _reset_peak() -> float:
+    """Return the megabytes in use, from which `_peak` counts on."""
+    CLEAR.write_text("5")
+    return _status("VmRSS")
+
+
+def _peak() -> float:
+    return _status("VmHWM")
+
+
+def _status(name: str) -> float:
+    """Return a line of the kernel's account of this process, MB."""
+    line = next(line for line in STATUS.read_text().splitlines() if line.startswith(name))
+    return int(line.split()[1]) / 1024

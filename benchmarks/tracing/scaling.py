@@ -1,0 +1,102 @@
+"""How the time of loss and gradient grows: with rays, pixels, degrees of freedom, levels of refinement and cores.
+
+The pearl problem with the pixel window; each row carries the time and, last of its kind, the observed exponent.
+
+Run: thbcad bench scaling
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.checkout import ROOT
+from optics.optimisation import Objective
+from optics.problem import Problem, load_problem
+from optics.runtime import Backend, Row, load_backend, median_seconds
+from optics.system import base_lens, problem_rays, target_irradiance, target_light, target_screen
+from optics.target import PixelWindow
+from optics.tracing import Tracer
+from thbcad import KnotVector, Lens, THBSpace, THBSurface
+
+RAYS = tuple(1 << k for k in range(14, 23))
+PIXELS = (64, 128, 256, 512, 1024)
+SPANS = (16, 28, 56, 112, 224, 448)  # nets of 19^2 to 451^2
+LEVELS = 6
+MIDDLE = 449  # rays in each direction, where they do not change
+CORNER = 4  # cells in each direction that a level refines
+REPEATS = 5
+
+
+def rows() -> list[Row]:
+    """Return the figures."""
+    problem = load_problem(ROOT / "examples" / "pearl.toml")
+    one, net = load_backend("double", 1), _tensor(problem, SPANS[-2])
+    out = []
+    out += _series("rays", RAYS, [_seconds(one, problem, net, round(n**0.5)) for n in RAYS])
+    by_pixels = [replace(problem, target=replace(problem.target, pixels=(n, n))) for n in PIXELS]
+    out += _series("pixels", [n * n for n in PIXELS], [_seconds(one, p, net, MIDDLE) for p in by_pixels])
+    lenses = [_tensor(problem, n) for n in SPANS]
+    out += _series("coefficients", [_dof(lens) for lens in lenses], [_seconds(one, problem, lens, MIDDLE) for lens in lenses])
+    deep = [_corner(problem, n) for n in range(1, LEVELS + 1)]
+    times = [_seconds(one, problem, lens, MIDDLE) for lens in deep]
+    out += _series("levels", range(1, LEVELS + 1), times, [f"{_dof(lens)} coefficients" for lens in deep])
+    cores = sorted({1, len(os.sched_getaffinity(0))})
+    out += _series("cores", cores, [_seconds(load_backend("double", n), problem, net, 1025) for n in cores])
+    load_backend("double", 1)
+    return out
+
+
+def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
+    """Return k of seconds ~ sizes^k by a straight line through the logarithms."""
+    return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
+
+
+def _series(name: str, sizes: Sequence[int], seconds: Sequence[float], notes: Sequence[str] | None = None) -> list[Row]:
+    """Return the rows of one series, the exponent over all of it and that between its last two."""
+    out = [Row(f"{name}: {n}", s, "s", note) for n, s, note in zip(sizes, seconds, notes or [""] * len(seconds))]
+    if len(sizes) > 1:
+        out.append(
+            Row(f"{name}: observed exponent", exponent(sizes, seconds), "", f"of the last two {exponent(sizes[-2:], seconds[-2:]):.2f}")
+        )
+    return out
+
+
+def _seconds(backend: Backend, problem: Problem, lens: Lens, side: int) -> float:
+    """Return the median time of loss and gradient with side x side rays."""
+    screen = target_screen(problem)
+    target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
+    tracer = Tracer(backend, lens, problem_rays(problem, (side, side)), problem.target_z)
+    objective = Objective(backend, tracer, screen, PixelWindow(), target, 0.0)
+    at = [sag.coefficients for sag in lens.sags]
+    return median_seconds(lambda: objective(at), REPEATS)
+
+
+def _dof(lens: Lens) -> int:
+    return sum(sag.space.dim for sag in lens.sags)
+
+
+def _with_space(problem: Problem, space: THBSpace) -> Lens:
+    """Return the base lens with a sag of zeros in a space."""
+    return base_lens(problem).with_sags([THBSurface(space, np.zeros(space.dim))])
+
+
+def _tensor(problem: Problem, spans: int) -> Lens:
+    """Return the base lens with an even net of spans x spans cubic cells."""
+    return _with_space(problem, THBSpace(*_knots(problem, spans)))
+
+
+def _corner(problem: Problem, levels: int) -> Lens:
+    """Return the base lens whose corner is refined to a number of levels: the finest knots are as many as if all were."""
+    space = THBSpace(*_knots(problem, 7))
+    for level in range(levels - 1):
+        cells = np.argwhere(np.ones((CORNER, CORNER)))
+        space = space.refine({level: cells})
+    return _with_space(problem, space)
+
+
+def _knots(problem: Problem, spans: int) -> list[KnotVector]:
+    return [KnotVector.uniform(3, spans, -h, h) for h in problem.lens.rear.half_width]

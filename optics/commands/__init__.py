@@ -1,0 +1,15 @@
+"""What the command line does."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.commands.cli import (
+        main as main,
+    )
+
+_FILES = {
+    "cli": ("main",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

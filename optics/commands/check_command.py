@@ -1,0 +1,49 @@
+"""`thbcad check`: what a problem asks for, and what would be done, without tracing."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from optics.commands.etendue_command import etendue_note
+from optics.optimisation import stages
+from optics.problem import load_problem
+from optics.system import advice, freeforms, skip_lines, skips, sound, target_irradiance, target_screen
+
+
+def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Read a problem without tracing."""
+    problem = load_problem(options.problem)
+    light, lens = sound(problem)
+    screen = target_screen(problem)
+    target = target_irradiance(light, screen, problem.target.placing, problem.source.flux)
+    least = lens.least_thickness()
+    plan, found = stages(problem, problem.optimizer.start == "transport"), skips(problem)
+    data = {
+        "title": problem.title,
+        "picture_pixels": list(light.shape[::-1]),
+        "target_pixels": list(screen.pixels),
+        "dark_share": float((target <= 0.01 * target.max()).mean()),
+        "least_thickness_mm": least.value,
+        "least_thickness_at_mm": [least.u, least.v],
+        "volume_mm3": lens.volume(),
+        "skips": [asdict(skip) for skip in found],
+        "levels": [{"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan],
+    }
+    lines = [
+        f"{problem.title}: the problem is sound",
+        f"picture {_by(light.shape[::-1])}, target {_by(screen.pixels)} pixels, {data['dark_share']:.0%} of them dark",
+        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
+    ]
+    lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
+    if least.lower <= sum(f.z_freedom for f in freeforms(problem)):
+        lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
+    lines += skip_lines(found)
+    lines += [f"note: {sentence}" for sentence in [*advice(problem, lens), *etendue_note(problem, light)]]
+    return data, lines, True
+
+
+def _by(size: Sequence[int]) -> str:
+    return f"{size[0]} x {size[1]}"

@@ -1,0 +1,205 @@
+"""`thbcad design`: from a problem file to the result folder."""
+
+from __future__ import annotations
+
+import resource
+from argparse import Namespace
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from threading import Thread
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from optics.commands.progress import DesignProgress
+from optics.optimisation import Interrupted, ResultFolder, earlier_state
+from optics.problem import limit_checks, load_problem, problem_to_toml
+from optics.runtime import UserError, check_lines, note
+from optics.system import advice, base_lens, lens_product, sound
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from optics.analysis import Measurement
+    from optics.optimisation import State
+    from optics.problem import Problem
+    from optics.runtime import Backend
+    from optics.tracing import RayPath
+    from thbcad.lens import Lens, Manufacturability
+
+
+class _Clock:
+    """Wall time by phase."""
+
+    def __init__(self) -> None:
+        self._start = self._mark = perf_counter()
+        self.phases: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        now = perf_counter()
+        self.phases[name] = now - self._mark
+        self._mark = now
+
+    def total(self) -> dict[str, float]:
+        return {**self.phases, "total": perf_counter() - self._start}
+
+
+def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Shape the lens of a problem file and write the result folder."""
+    clock = _Clock()
+    problem = load_problem(options.problem)
+    if options.resume and options.earlier:
+        raise UserError("--resume and --from exclude each other: a resumed run has its surface")
+    light, lens = sound(problem)
+    folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
+    folder.prepare()
+    state = folder.read_checkpoint(problem) if options.resume else None
+    if options.earlier:
+        state = earlier_state(problem, lens, ResultFolder(options.earlier).read_lens())
+    if not options.resume:
+        folder.drop_checkpoint()
+    for sentence in advice(problem, lens):
+        note(sentence)
+    from optics.runtime import load_backend
+
+    backend = load_backend(problem.run.precision, problem.run.threads)
+    clock.lap("setup")
+    Thread(target=_load_ahead, daemon=True).start()
+    try:
+        lens, state = _optimise(problem, light, backend, folder, state)
+        clock.lap("optimise")
+        return _finish(problem, light, lens, state, folder, clock)
+    except (KeyboardInterrupt, ImportError) as error:
+        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
+            raise
+        if folder.has_checkpoint():
+            note(f"the same command with --resume goes on from {folder.path}")
+        raise KeyboardInterrupt from None
+
+
+def _load_ahead() -> None:
+    """Load what the end of a run needs while the optimiser works: OCCT alone takes a second."""
+    with suppress(ImportError):  # the run meets it again, and says so
+        for module in ("thbcad.cad.exchange.step", "optics.verification.step_checks", "optics.report.figures"):
+            import_module(module)
+
+
+def _optimise(
+    problem: Problem, light: NDArray[np.float64], backend: Backend, folder: ResultFolder, state: State | None
+) -> tuple[Lens, State]:
+    from optics.optimisation import design as run
+
+    progress = DesignProgress()
+    try:
+        return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note)
+    except Interrupted as stop:
+        folder.write_checkpoint(problem, stop.state)
+        raise KeyboardInterrupt from None
+    finally:
+        progress.close()
+
+
+def _finish(
+    problem: Problem, light: NDArray[np.float64], lens: Lens, state: State, folder: ResultFolder, clock: _Clock
+) -> tuple[dict[str, Any], list[str], bool]:
+    """Export, measure, verify and report a designed lens."""
+    from optics.commands.etendue_command import limit_sentence
+    from optics.problem import as_data, manufacture_rows
+    from optics.report import Report, draw_all, report_html
+    from optics.runtime import load_backend
+    from thbcad.io import write_bytes, write_text
+    from thbcad.lens import manufacturability
+
+    _store(problem, lens, state, folder)
+    clock.lap("export")
+    exact = load_backend("double", problem.run.threads)
+    measurement, figures, paths = _measured(problem, lens, light, exact)
+    limit = limit_sentence(problem, lens, light, figures)
+    clock.lap("measure")
+    found = manufacturability(lens, problem.lens.density or None)
+    folder.write_json("manufacture.json", as_data(found))
+    checked = _verified(problem, lens, folder, found, exact)
+    clock.lap("verify")
+    pictures = draw_all(problem, lens, measurement, state.history, paths) | _solids(problem, lens, measurement, exact)
+    for name, (_, png) in pictures.items():
+        write_bytes(folder.figures / f"{name}.png", png)
+    clock.lap("figures")
+    metrics = figures | {
+        "dof": sum(sag.space.dim for sag in lens.sags),
+        "levels": max(sag.space.levels for sag in lens.sags),
+        "evaluations": state.evaluations,
+        "wall_s": clock.total(),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+    folder.write_json("metrics.json", metrics)
+    page = Report(problem, metrics, checked, manufacture_rows(found, problem.source.wavelength), pictures, limit)
+    write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
+    folder.drop_checkpoint()
+    lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
+    return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, lines, checked["ok"]
+
+
+def _store(problem: Problem, lens: Lens, state: State, folder: ResultFolder) -> None:
+    """Write problem, lens, history and STEP file; only now: until then a folder keeps what belongs to an earlier run."""
+    from thbcad.cad.exchange import write_step
+
+    folder.write_problem(problem)
+    folder.write_lens(lens)
+    folder.write_history(state.history)
+    write_step(lens, folder.step, lens_product(problem), problem.export.schema)
+
+
+def _measured(
+    problem: Problem, lens: Lens, light: NDArray[np.float64], backend: Backend
+) -> tuple[Measurement, dict[str, Any], dict[str, list[RayPath]]]:
+    """Return the Measurement of a lens, its figures, and fans of rays where light may go other ways than front and rear."""
+    from optics.analysis import fans, follows_edges, measure, nonsequential_figures
+    from optics.tracing import efficiency_bound
+
+    measurement = measure(backend, problem, lens, light)
+    figures = measurement.figures | {"efficiency_bound": efficiency_bound(lens.index)}
+    if not figures["efficiency"]:
+        note("no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam")
+    if not follows_edges(problem):
+        return measurement, figures, {}
+    figures["nonsequential_w"] = nonsequential_figures(backend, problem, lens, measurement.target)
+    return measurement, figures, fans(backend, problem, lens)
+
+
+def _verified(problem: Problem, lens: Lens, folder: ResultFolder, found: Manufacturability, backend: Backend) -> dict[str, Any]:
+    """Verify the STEP file and the limits of manufacture, store and return the checks."""
+    from optics.runtime import verification
+    from optics.verification import StepFile, verify
+
+    checked = verification(verify(problem, lens, StepFile(folder.step), backend) + limit_checks(problem, found))
+    folder.write_json("verify.json", checked)
+    return checked
+
+
+def _solids(problem: Problem, lens: Lens, measurement: Measurement, exact: Backend) -> dict[str, tuple[str, bytes]]:
+    """Return (caption, PNG) of the scene, and of the lens before and after, by name."""
+    from optics.report import scene_paths, scene_view, solid_views
+
+    scene = scene_view(problem, lens, measurement.irradiance, scene_paths(exact, problem, lens))
+    return {
+        "scene": ("Source, lens and target, seen from behind; rays that miss the target are red.", scene),
+        "solid_before": ("The solid before optimisation.", solid_views(base_lens(problem))),
+        "solid": ("The solid from four sides; the text below says how much steeper its relief is shaded.", solid_views(lens)),
+    }
+
+
+def _shown(value: float | None, form: str) -> str:
+    """Return a figure as text, "-" where it is not defined."""
+    return "-" if value is None else format(value, form)
+
+
+def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any]) -> list[str]:
+    return [
+        *check_lines(checked),
+        f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   "
+        f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
+        f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
+        f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        f"solid {folder.step}   report {folder.path / 'report.html'}",
+    ]

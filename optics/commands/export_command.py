@@ -1,0 +1,42 @@
+"""`thbcad export`: the lens in files for other programs."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from optics.runtime import UserError, check_lines
+
+if TYPE_CHECKING:
+    from thbcad.lens import Flange
+
+
+def export(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Write the lens for other programs, check the file and store what was found beside it."""
+    from optics.export import Body, export as run, format_of, labelled_lens
+    from optics.runtime import verification
+    from thbcad.io import json_text, write_text
+
+    name = format_of(options.out, options.format)
+    body = Body(options.aperture and tuple(options.aperture), _flange(options.flange), options.patches, options.separate)
+    lens, labels = labelled_lens(options.result)
+    files, checks = run(lens, name, options.out, options.chord, body, labels)
+    data = {"format": name, "files": [str(file) for file in files], "chord_mm": options.chord, **verification(checks)}
+    write_text(f"{options.out}.json", json_text(data))
+    return data, [*check_lines(data), *(f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files)], data["ok"]
+
+
+def _flange(numbers: Sequence[float] | None) -> Flange | None:
+    """Return the flange that --flange asks for.
+
+    Raises
+    ------
+    UserError : numbers that make none.
+    """
+    from thbcad.lens import Flange
+
+    try:
+        return None if numbers is None else Flange(*numbers)
+    except ValueError as error:
+        raise UserError(f"--flange: {error}") from None

@@ -1,0 +1,90 @@
+"""`thbcad trace`: a designed lens traced again, in sequence and without, and its light in phase space."""
+
+from __future__ import annotations
+
+import io
+from argparse import Namespace
+from dataclasses import asdict
+from math import isinf
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from optics.analysis import conservation, nonsequential, sections, sequential
+from optics.optimisation import ResultFolder, writable_folder
+from optics.runtime import UserError
+from optics.system import target_screen
+from optics.tracing import efficiency_bound
+
+if TYPE_CHECKING:
+    pass
+
+MOST_RAYS = 1 << 15  # per direction
+WORDS = {
+    "beside_lens": "pass beside the lens",
+    "missed_rear": "meet an edge instead of the rear",
+    "unresolved": "undecided",
+    "total_internal": "reflected totally at the rear",
+    "front_reflected": "reflected at the front",
+    "rear_reflected": "reflected at the rear",
+    "on_target": "on the target",
+    "off_target": "beside the target",
+}
+
+
+def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Trace the lens of a result folder and tell where its light goes."""
+    from optics.report import fresnel_figure, irradiance_figure, phase_space_figure
+    from optics.runtime import load_backend
+    from thbcad.io import json_text, write_bytes, write_text
+
+    if not 8 <= options.rays <= MOST_RAYS:
+        raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
+    result = ResultFolder(options.result)
+    problem, lens = result.read_problem(), result.read_lens()
+    folder = Path(options.out or Path(options.result) / "trace")
+    writable_folder(folder)
+    backend = load_backend(options.precision, problem.run.threads)
+    exact = backend if options.precision == "double" else load_backend("double", problem.run.threads)
+    start = perf_counter()
+    image, budget, counts = sequential(backend, problem, lens, options.rays)
+    seconds = perf_counter() - start
+    screen = target_screen(problem)
+    data: dict[str, Any] = {
+        "rays": sum(counts.values()),
+        "seconds": seconds,
+        "counts": counts,
+        "flux_w": asdict(budget),
+        "efficiency": budget.on_target / problem.source.flux,
+        "efficiency_bound": efficiency_bound(lens.index),
+        "etendue": conservation(exact, problem, lens),
+    }
+    if not isinf(problem.target_z):
+        data["nonsequential"] = nonsequential(exact, problem, lens)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, irradiance=image, half_width=np.array(screen.half_width))
+    write_bytes(folder / "irradiance.npz", buffer.getvalue())
+    write_bytes(folder / "irradiance.png", irradiance_figure(image, screen))
+    write_bytes(folder / "phase_space.png", phase_space_figure(sections(exact, problem, lens)))
+    write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
+    write_text(folder / "trace.json", json_text(data))
+    return data, [*_lines(data), f"wrote {folder}"], True
+
+
+def _lines(data: dict[str, Any]) -> list[str]:
+    rays = data["rays"]
+    lines = [f"{rays} rays in sequence, {data['seconds']:.3g} s"]
+    for name, flux in data["flux_w"].items():
+        count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
+        lines.append(f"{abs(flux):10.6f} W {count}  {WORDS[name]}")
+    lines.append(f"efficiency {data['efficiency']:.4f}, at most {data['efficiency_bound']:.4f} through two uncoated faces")
+    etendue = data["etendue"]
+    lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")
+    if "nonsequential" in data:
+        found = data["nonsequential"]
+        lines += [f"{flux:10.6f} W  {name.replace('_', ' ')}, with all reflections" for name, flux in found["fates_w"].items() if flux]
+        verdict = "suffices" if found["sequential_suffices"] else "does not suffice"
+        lines.append(f"{found['by_other_ways']:.2%} of the light on the target comes by other ways: the sequential tracer {verdict}")
+    return lines

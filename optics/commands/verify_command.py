@@ -1,0 +1,44 @@
+"""`thbcad verify`: the STEP file of a result folder against its lens, or a STEP file by itself."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+from optics.optimisation import ResultFolder
+from optics.problem import limit_checks
+from optics.runtime import UserError, check_lines, note
+
+
+def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+    """Check the STEP file of a result folder against its lens, by this program and by others; or a STEP file by itself."""
+    from optics.runtime import verification
+    from optics.verification import StepFile, bare_checks, optiland_available, optiland_checks, stranger_checks, verify as run
+    from thbcad.lens import manufacturability
+
+    path = Path(options.result)
+    try:
+        if path.suffix.lower() in (".step", ".stp"):
+            checks = bare_checks(StepFile(path))
+        else:
+            from optics.runtime import load_backend
+
+            folder = ResultFolder(path)
+            problem, lens = folder.read_problem(), folder.read_lens()
+            backend = load_backend("double", problem.run.threads)
+            file = StepFile(folder.step)
+            # first the reader that damaged files cannot crash
+            checks = stranger_checks(problem, lens, file, backend)
+            checks += run(problem, lens, file, backend)
+            checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))
+            if options.optiland and optiland_available():
+                checks += optiland_checks(problem, lens, file, backend)
+            elif options.optiland:
+                note("optiland is not installed and does not trace the file: pip install thbcad[verify]")
+    except OSError as error:
+        raise UserError(f"cannot read {error.filename or path}: {error.strerror}") from None
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    checked = verification(checks)
+    return checked, check_lines(checked), checked["ok"]

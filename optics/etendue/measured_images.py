@@ -1,0 +1,92 @@
+"""The images of the source that a designed lens throws, patch by patch of its rear, measured by tracing (thesis 7.5, outlook)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.system import problem_rays
+from optics.tracing import Tracer
+
+if TYPE_CHECKING:
+    from optics.problem import Problem
+    from optics.runtime import Backend
+    from thbcad.lens import Lens
+
+PATCHES = 16  # each way, over the rear
+RAYS = (2048, 512)  # their product counts
+LEAST_RAYS = 100  # per patch, for its image to be measured
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PatchImages:
+    """Images of the source through patches of the rear: flux (n, n) in W, width (2, n, n) in mm (degrees in the far field).
+
+    The first index goes with x.  width : sqrt(12) times the rms deviation in x and in y, the side of a uniform rectangle;
+    NaN where too few rays pass.
+    """
+
+    flux: Array
+    width: Array
+
+    def narrowest(self, share: float) -> tuple[float, float]:
+        """Return the widths in x and y below which the images of a share of the light lie."""
+        known = np.isfinite(self.width[0])
+        found = []
+        for width in self.width[:, known]:
+            order = np.argsort(width)
+            light = np.cumsum(self.flux[known][order])
+            found.append(float(width[order][np.searchsorted(light, share * light[-1])]))
+        return found[0], found[1]
+
+
+def patch_images(backend: Backend, problem: Problem, lens: Lens) -> PatchImages:
+    """Trace rays from the whole source and return the PatchImages of a lens.  backend : of double precision.
+
+    Where in a patch a ray leaves the rear moves its image: a quadratic in that place is fitted to the landing points
+    of every patch, weighted by flux, and taken off; what is left is the image.
+    """
+    tracer = Tracer(backend, lens, problem_rays(problem, RAYS), problem.target_z)
+    coefficients = [sag.coefficients for sag in lens.sags]
+    with backend.dr.suspend_grad():
+        hits, _, _ = tracer.at_rear(coefficients)
+        _, landing = tracer.trace(coefficients)
+        values = [hits.x, hits.y, landing.x, landing.y, landing.flux]
+        backend.dr.eval(values)
+    x, y, *arrival, flux = (a.numpy() for a in values)
+    lit = flux > 0
+    places = [(a[lit] / h + 1) / 2 * PATCHES for a, h in zip((x, y), lens.rear.half_width)]
+    cells = [np.clip(np.floor(a).astype(int), 0, PATCHES - 1) for a in places]
+    within = [2 * (a - c) - 1 for a, c in zip(places, cells)]
+    squares = _residual_squares(cells[0] * PATCHES + cells[1], within, [a[lit] for a in arrival], flux[lit])
+    width = np.sqrt(12 * np.maximum(squares, 0)).reshape(2, PATCHES, PATCHES)
+    total = np.bincount(cells[0] * PATCHES + cells[1], flux[lit], PATCHES**2).reshape(PATCHES, PATCHES)
+    return PatchImages(total, width)
+
+
+def _residual_squares(patch: NDArray[np.int64], within: list[Array], arrival: list[Array], flux: Array) -> Array:
+    """Return the mean squares that a quadratic fit in every patch leaves, (2, patches)."""
+    count = PATCHES**2
+
+    def summed(values: Array) -> Array:
+        return np.bincount(patch, values, count)
+
+    a, b = within
+    basis = [np.ones_like(a), a, b, a * a, a * b, b * b]
+    known = np.bincount(patch, minlength=count) >= LEAST_RAYS
+    normal = np.stack([[summed(flux * s * t) for t in basis] for s in basis])[..., known].transpose(2, 0, 1)
+    squares = np.full((2, count), np.nan)
+    total = summed(flux)
+    for k, landed in enumerate(arrival):
+        off = landed - (summed(flux * landed) / np.where(total > 0, total, 1.0))[patch]
+        right = np.stack([summed(flux * s * off) for s in basis])[:, known].T
+        fit = np.zeros((count, len(basis)))
+        fit[known] = np.linalg.solve(normal, right[..., None])[..., 0]
+        left = off - sum(fit[patch, i] * s for i, s in enumerate(basis))
+        squares[k, known] = summed(flux * left**2)[known] / total[known]
+    return squares

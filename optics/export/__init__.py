@@ -1,0 +1,25 @@
+"""Files for other programs, read back and compared."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.export.body import (
+        Body as Body,
+    )
+    from optics.export.formats import (
+        export as export,
+        format_of as format_of,
+        labelled_lens as labelled_lens,
+    )
+
+_FILES = {
+    "body": ("Body",),
+    "formats": (
+        "export",
+        "format_of",
+        "labelled_lens",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,73 @@
+"""How far points lie from the ruled edges of a lens."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from thbcad.sags import graph_poles
+
+if TYPE_CHECKING:
+    from thbcad.lens import Lens
+
+RIMS = ((0, 0), (1, -1), (0, -1), (1, 0))  # axis along the rim and end of the other one: low y, high x, high y, low x
+STEPS = 6
+
+Array = NDArray[np.float64]
+
+
+def edge_distance(lens: Lens, side: int, points: Array) -> float:
+    """Return the greatest distance of points from the edge E(u, w) = F(u) + w (B(u) - F(u)) between the rims F and B, mm.
+
+    The distance to any E(u, w) is an upper bound; Gauss-Newton steps from a (u, w) of about equal
+    height find the nearest, but for points whose nearest lies on the rim of a slanted edge.
+
+    side : 0 low y, 1 high x, 2 high y, 3 low x.  points : (n, 3), mm.
+    """
+    front, rear = _rims(lens, side)
+    slopes = front.derivative(), rear.derivative()
+    u, w = _of_equal_height(lens, side, points)
+    stop = front.t[-1]
+    for _ in range(STEPS):
+        f, across = front(u), rear(u) - front(u)
+        along = (1 - w)[:, None] * slopes[0](u) + w[:, None] * slopes[1](u)
+        rest = points - f - w[:, None] * across
+        aa, ab, bb, ar, br = ((p * q).sum(1) for p, q in _pairs(along, across, rest))
+        determinant = aa * bb - ab * ab
+        u = np.clip(u + (bb * ar - ab * br) / determinant, -stop, stop)
+        w = np.clip(w + (aa * br - ab * ar) / determinant, 0, 1)
+    f = front(u)
+    return float(np.linalg.norm(points - f - w[:, None] * (rear(u) - f), axis=1).max())
+
+
+def _pairs(along: Array, across: Array, rest: Array) -> tuple[tuple[Array, Array], ...]:
+    """Return the pairs whose products make the normal equations."""
+    return (along, along), (along, across), (across, across), (along, rest), (across, rest)
+
+
+def _rims(lens: Lens, side: int) -> list[BSpline]:
+    """Return the rims of front and rear as curves over the parameters of the rear."""
+    axis, end = RIMS[side]
+    front, rear = lens.graphs()
+    rims = []
+    for graph, vertex in ((front, 0.0), (rear, lens.thickness)):
+        surface = graph_poles(graph, vertex, rear)
+        kv = (surface.kv_u, surface.kv_v)[axis]
+        rims.append(BSpline(kv.knots, np.moveaxis(surface.coefficients, axis, 0)[:, end], kv.degree))
+    return rims
+
+
+def _of_equal_height(lens: Lens, side: int, points: Array) -> tuple[Array, Array]:
+    """Return about the (u, w) at which E has the height of the points and their place along the rim."""
+    axis, _ = RIMS[side]
+    front, rear = _rims(lens, side)
+    stop, w = rear.t[-1], np.full(len(points), 0.5)
+    ratio = lens.front.half_width[axis] / lens.rear.half_width[axis]
+    for _ in range(STEPS):
+        u = np.clip(points[:, axis] / ((1 - w) * ratio + w), -stop, stop)
+        low, high = front(u)[:, 2], rear(u)[:, 2]
+        w = np.clip((points[:, 2] - low) / (high - low), 0, 1)
+    return u, w

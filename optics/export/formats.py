@@ -1,0 +1,219 @@
+"""Files of a whole lens for other programs: written, read back by what did not write them, compared with the exact surfaces."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.export.body import Body
+from optics.export.read_back import (
+    array_checks,
+    cloud_checks,
+    face_checks,
+    mesh_checks,
+    patch_checks,
+    require_readers,
+    sag_checks,
+    solid_checks,
+)
+from optics.optimisation import ResultFolder, require_writable
+from optics.runtime import UserError
+from optics.system import lens_product
+from thbcad.io import cloud_text, obj_bytes, ply_bytes, read_lens, sag_text, stl_bytes, table_size, threemf_bytes, write_bytes
+from thbcad.lens import Product, Tessellation, tessellated
+
+if TYPE_CHECKING:
+    from optics.runtime import Check
+    from thbcad.lens import Lens
+
+CHORD = 1e-3  # mm
+PLAIN = Body()
+MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and whether the format holds float32
+    "stl": (stl_bytes, True),
+    "3mf": (threemf_bytes, True),
+    "obj": (obj_bytes, False),
+    "ply": (ply_bytes, False),
+}
+SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep", "dat": "dat", "xyz": "xyz", "npz": "npz"}
+SUFFIXES |= {name: name for name in MESHES}
+SOLIDS = ("step", "iges", "brep")
+FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
+
+
+@dataclass(frozen=True)
+class Labels:
+    """What CAD files say about a lens, and the schema of STEP files."""
+
+    product: Product = Product()
+    schema: str = "AP242"
+
+
+def labelled_lens(result: str) -> tuple[Lens, Labels]:
+    """Return the lens of a result folder or of a native lens file, and its labels.
+
+    Raises
+    ------
+    UserError : there is none, or it is damaged.
+    """
+    path = Path(result)
+    if path.is_dir():
+        folder = ResultFolder(path)
+        problem = folder.read_problem()
+        return folder.read_lens(), Labels(lens_product(problem), problem.export.schema)
+    try:
+        return read_lens(path), Labels()
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}; give a result folder or a lens.json") from None
+    except ValueError as error:
+        raise UserError(f"{path}: {error}") from None
+
+
+def format_of(out: str, wanted: str | None) -> str:
+    """Return the format asked for, or else that of the suffix.
+
+    Raises
+    ------
+    UserError : it is unknown.
+    """
+    name = Path(out).suffix[1:].lower() if wanted is None else wanted.lower()
+    if name not in SUFFIXES:
+        asked = f"the suffix of {out}" if wanted is None else f"the format {wanted!r}"
+        raise UserError(f"{asked} is unknown; choose --format from {', '.join(FORMATS)}")
+    return SUFFIXES[name]
+
+
+def export(
+    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = PLAIN, labels: Labels | None = None
+) -> tuple[list[Path], list[Check]]:
+    """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
+
+    chord : mm, the error that meshes may have, and grid sags between their points.
+    body : of the solid formats step, iges and brep.  labels : for STEP and IGES; None is those of a nameless lens.
+    A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
+
+    Raises
+    ------
+    UserError : the path cannot be written, what reads the format back is not installed, a chord error that cannot be kept,
+        a body that the format or the lens does not allow.
+    """
+    path = Path(out)
+    if body != PLAIN and name not in (("step",) if body.patches else SOLIDS):
+        wanted = "--patches needs step" if body.patches else f"--aperture, --flange and --separate need {', '.join(SOLIDS)}"
+        raise UserError(f"{wanted}, got {name}")
+    require_writable(path)
+    _require_report(Path(f"{out}.json"))
+    require_readers(name)
+    try:
+        if name in MESHES:
+            write, single = MESHES[name]
+            mesh = tessellated(lens, chord, single)
+            return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord)
+        if name in ("dat", "xyz"):
+            return _tables(lens, name, path, chord)
+        if name == "npz":
+            return _written({path: _arrays(lens)}), array_checks(lens, path)
+        if body.separate:
+            return _faces(lens, name, path)
+        return _solid(lens, name, path, body, labels or Labels())
+    except OSError as error:  # a full disk
+        raise UserError(f"cannot write {path}: {error.strerror}; choose another --out") from None
+    except (ValueError, RuntimeError) as error:
+        raise UserError(f"cannot export {path}: {error}") from None
+
+
+def _require_report(path: Path) -> None:
+    """Raise UserError where something else than the report of an earlier export has the name of this one's."""
+    try:
+        earlier = not path.exists() or "chord_mm" in json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, TypeError):
+        earlier = False
+    if not earlier:
+        raise UserError(f"cannot write the report {path}: something else has this name; choose another --out")
+
+
+def _written(files: dict[Path, bytes]) -> list[Path]:
+    """Write files, all or none of them."""
+    for path in files:
+        require_writable(path)
+    done: list[Path] = []
+    try:
+        for path, data in files.items():
+            write_bytes(path, data)
+            done.append(path)
+    except BaseException:
+        for path in done:
+            path.unlink()
+        raise
+    return done
+
+
+def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
+    """Write a sag table or a point cloud of the front and of the rear."""
+    files: dict[Path, bytes] = {}
+    checks = []
+    for word, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
+        own = path.with_name(f"{path.stem}_{word}{path.suffix}")
+        size = table_size(surface)
+        if name == "dat":
+            files[own] = sag_text(surface, size)
+            checks.append(partial(sag_checks, word, surface, own, chord))
+        else:
+            files[own] = cloud_text(surface, vertex, word == "rear", size)
+            checks.append(partial(cloud_checks, word, surface, vertex, own))
+    return _written(files), [found for check in checks for found in check()]
+
+
+def _arrays(lens: Lens) -> bytes:
+    """Return an NPZ file: front and rear as splines z(x, y), conic included, in mm; nothing in it is executed."""
+    arrays = {"thickness": np.float64(lens.thickness), "index": np.float64(lens.index)}
+    for word, surface, graph in zip(("front", "rear"), (lens.front, lens.rear), lens.graphs()):
+        arrays |= {
+            f"{word}_knots_x": graph.kv_u.knots,
+            f"{word}_knots_y": graph.kv_v.knots,
+            f"{word}_degrees": np.array([graph.kv_u.degree, graph.kv_v.degree]),
+            f"{word}_coefficients": graph.coefficients,
+            f"{word}_half_width": np.array(surface.half_width),
+            f"{word}_radius": np.float64(surface.conic.radius),
+            f"{word}_conic": np.float64(surface.conic.constant),
+        }
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tuple[list[Path], list[Check]]:
+    """Write the lens as a solid in a CAD format."""
+    from thbcad.cad.exchange import brep_text, part_iges, part_step, read_brep, read_iges, read_step
+
+    part = body.part(lens)
+    if name == "step":
+        files = _written({path: part_step(part, labels.product, labels.schema)})
+    else:
+        files = _written({path: part_iges(part, labels.product) if name == "iges" else brep_text(part.solid)})
+    if body.patches:
+        return files, patch_checks(lens, path, len(part.faces))
+    read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
+    return files, solid_checks(lens, read, name, len(part.faces), body.volume(lens))
+
+
+def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
+    """Write front and rear as loose faces, each into a file of its own."""
+    from thbcad.cad.exchange import read_faces, write_faces
+    from thbcad.cad.shapes import lens_surfaces
+
+    surfaces, files = dict(zip(("front", "rear"), lens_surfaces(lens))), {}
+    with tempfile.TemporaryDirectory() as folder:
+        for word, surface in surfaces.items():
+            own = path.with_name(f"{path.stem}_{word}.{name}")
+            write_faces([surface], Path(folder) / own.name)
+            files[own] = (Path(folder) / own.name).read_bytes()
+    checks = [face_checks(word, surfaces[word], read_faces(own), name) for word, own in zip(surfaces, _written(files))]
+    return list(files), [check for found in checks for check in found]

@@ -1,0 +1,53 @@
+"""The adapter to Mitsuba 3: meshes, scenes, and the exact tracer as an integrator."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.mitsuba.integrator import (
+        exact_integrator as exact_integrator,
+        register as register,
+    )
+    from optics.mitsuba.loading import (
+        current_mitsuba as current_mitsuba,
+        load_mitsuba as load_mitsuba,
+        mitsuba_backend as mitsuba_backend,
+    )
+    from optics.mitsuba.mesh import (
+        LensMesh as LensMesh,
+    )
+    from optics.mitsuba.mesh_tracer import (
+        MeshTracer as MeshTracer,
+        mesh_irradiance as mesh_irradiance,
+        mesh_pipeline as mesh_pipeline,
+    )
+    from optics.mitsuba.scene import (
+        REFLECTANCE as REFLECTANCE,
+        camera_irradiance as camera_irradiance,
+        mitsuba_scene as mitsuba_scene,
+    )
+
+_FILES = {
+    "integrator": (
+        "exact_integrator",
+        "register",
+    ),
+    "loading": (
+        "current_mitsuba",
+        "load_mitsuba",
+        "mitsuba_backend",
+    ),
+    "mesh": ("LensMesh",),
+    "mesh_tracer": (
+        "MeshTracer",
+        "mesh_irradiance",
+        "mesh_pipeline",
+    ),
+    "scene": (
+        "REFLECTANCE",
+        "camera_irradiance",
+        "mitsuba_scene",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,60 @@
+"""The one place that loads Mitsuba: its version, its LLVM library and its variant."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
+
+from optics.runtime import PRECISIONS, Backend, UserError, llvm_library
+
+VERSION = "3.9."  # 3.10 changes the Mesh class
+VARIANTS = ("llvm_ad_mono", "llvm_ad_rgb", "llvm_ad_spectral", "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized")
+
+
+def load_mitsuba(variant: str = "llvm_ad_mono", threads: int = 0) -> ModuleType:
+    """Load Mitsuba, set its variant and return the module.
+
+    variant : one that runs on LLVM; in mono variants fluxes are exact, rgb and spectral ones scale them by a spectrum.
+    threads : of all Dr.Jit kernels, 0 for all cores.
+
+    Raises
+    ------
+    UserError : no Mitsuba 3.9, no usable LLVM library, a variant that does not run on LLVM.
+    """
+    if variant not in VARIANTS:
+        raise UserError(f"variant must be one of {', '.join(VARIANTS)}, got {variant!r}")
+    if find_spec("mitsuba") is None:
+        raise UserError("Mitsuba is not installed; pip install thbcad[mitsuba]")
+    os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
+    mitsuba = import_module("mitsuba")
+    if not mitsuba.__version__.startswith(VERSION):
+        raise UserError(f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; pip install thbcad[mitsuba]")
+    mitsuba.set_variant(variant)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    import_module("drjit").set_thread_count(threads or cores)
+    return mitsuba
+
+
+def current_mitsuba() -> ModuleType:
+    """Return Mitsuba with the variant that is set, or with llvm_ad_mono where none is.
+
+    Raises
+    ------
+    UserError : as `load_mitsuba`, of the variant that is set.
+    """
+    mitsuba = sys.modules.get("mitsuba")
+    variant = mitsuba.variant() if mitsuba else None
+    if variant is None:
+        return load_mitsuba()
+    if variant not in VARIANTS:
+        raise UserError(f"Mitsuba's variant must be one of {', '.join(VARIANTS)}, got {variant!r}; call load_mitsuba first")
+    return mitsuba
+
+
+def mitsuba_backend(mitsuba: ModuleType, precision: str = "double") -> Backend:
+    """Return the Backend whose arrays go together with Mitsuba's; the number of threads stays as it is."""
+    name, dtype, resolution = PRECISIONS[precision]
+    return Backend(import_module("drjit"), getattr(mitsuba, name), mitsuba.UInt32, dtype, resolution)

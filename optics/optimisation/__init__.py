@@ -1,0 +1,77 @@
+"""The design loop: start, optimise, refine, checkpoint."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.optimisation.indicators import (
+        mark as mark,
+        summed_over_cells as summed_over_cells,
+        vertex_knots as vertex_knots,
+    )
+    from optics.optimisation.level_objective import (
+        SOFT_RIM as SOFT_RIM,
+        stage_objective as stage_objective,
+        stage_window as stage_window,
+    )
+    from optics.optimisation.loop import (
+        Interrupted as Interrupted,
+        design as design,
+        nearest_lens as nearest_lens,
+        transmitted_flux as transmitted_flux,
+    )
+    from optics.optimisation.objective import (
+        Objective as Objective,
+    )
+    from optics.optimisation.result_folder import (
+        ResultFolder as ResultFolder,
+        require_writable as require_writable,
+        writable_folder as writable_folder,
+    )
+    from optics.optimisation.stage_plan import (
+        MARGIN as MARGIN,
+        Stage as Stage,
+        stages as stages,
+    )
+    from optics.optimisation.state import (
+        Row as Row,
+        State as State,
+        earlier_state as earlier_state,
+    )
+
+_FILES = {
+    "indicators": (
+        "mark",
+        "summed_over_cells",
+        "vertex_knots",
+    ),
+    "level_objective": (
+        "SOFT_RIM",
+        "stage_objective",
+        "stage_window",
+    ),
+    "loop": (
+        "Interrupted",
+        "design",
+        "nearest_lens",
+        "transmitted_flux",
+    ),
+    "objective": ("Objective",),
+    "result_folder": (
+        "ResultFolder",
+        "require_writable",
+        "writable_folder",
+    ),
+    "stage_plan": (
+        "MARGIN",
+        "Stage",
+        "stages",
+    ),
+    "state": (
+        "Row",
+        "State",
+        "earlier_state",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

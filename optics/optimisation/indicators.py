@@ -1,0 +1,73 @@
+"""Which cells to refine: indicators per leaf cell, and marking by them.
+
+- vertex: the gradients of the loss by the heights of a grid of vertices (thesis 6.1-6.3);
+- slope: how far the slopes of the sag are from those that the transport start asks for;
+- decrease: the fall of the loss that the functions of the next level promise, g^2 / (2 h) each, with the
+  gradient g and the diagonal h of the Gauss-Newton Hessian: about the decrease per degree of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.splines import KnotVector
+
+if TYPE_CHECKING:
+    from thbcad.hierarchy import THBSpace
+
+ASIDE = tuple((a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25))  # of a span of the function's level
+LEAST = 1e-3  # of the mean: smaller entries of the Hessian's diagonal count as that
+
+
+def vertex_knots(half_width: Sequence[float], counts: Sequence[int]) -> tuple[KnotVector, ...]:
+    """Return degree-1 knot vectors whose knots are a grid of vertices over the surface (6.1)."""
+    return tuple(KnotVector.uniform(1, n - 1, -h, h) for n, h in zip(counts, half_width))
+
+
+def summed_over_cells(space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sum of values on a grid x x y, (nx, ny), over every leaf cell, (n_cells,); of |dL/dz| that is Z of (6.2)."""
+    cell = space.locate(np.repeat(x, len(y)), np.tile(y, len(x)))
+    return np.bincount(cell, values.ravel(), len(space.cells))
+
+
+def refined_once(space: THBSpace, max_level: int) -> THBSpace:
+    """Return the space with every leaf cell below a level refined."""
+    cells = space.cells[space.cells[:, 0] < max_level]
+    return space.refine({int(level): cells[cells[:, 0] == level, 1:] for level in np.unique(cells[:, 0])})
+
+
+def promised_decrease(
+    space: THBSpace, finer: THBSpace, gradient: NDArray[np.float64], probes: Sequence[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the sum of g^2 / (2 h) over the new functions of a finer space whose middle lies in a leaf cell, (n_cells,).
+
+    gradient : (finer.dim,).  probes : vectors whose mean square is h / 2.
+    """
+    half = np.mean(np.square(probes), axis=0)
+    least = LEAST * half.mean() or 1.0  # without light there is no curvature, and no gradient
+    decrease = np.square(gradient) / (4 * np.maximum(half, least))
+    old = {tuple(row) for row in space.functions.tolist()}
+    new = np.array([tuple(row) not in old for row in finer.functions.tolist()])
+    level, *index = finer.functions[new].T
+    out = np.zeros(len(space.cells))
+    for aside in ASIDE:  # middles lie on knot lines or between them: beside them the cell is certain
+        middle = []
+        for i, kv, a in zip(index, (finer.kv_u, finer.kv_v), aside):
+            share = np.clip((i + (1 - kv.degree) / 2 + a) / ((kv.dim - kv.degree) << level), 0, 1)
+            middle.append(kv.start + share * (kv.stop - kv.start))
+        out += np.bincount(space.locate(*middle), decrease[new] / len(ASIDE), len(out))
+    return out
+
+
+def mark(space: THBSpace, indicator: NDArray[np.float64], alpha: float, max_level: int) -> dict[int, NDArray[np.int64]]:
+    """Return {level: cells} of the leaf cells with Z > alpha * mean(Z), below `max_level`.
+
+    The mean is taken over the active cells (thesis 6.3 divides by the number of cells of a full level instead).
+    """
+    cells = space.cells
+    chosen = cells[(indicator > alpha * indicator.mean()) & (cells[:, 0] < max_level)]
+    return {int(level): chosen[chosen[:, 0] == level, 1:] for level in np.unique(chosen[:, 0])}

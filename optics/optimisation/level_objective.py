@@ -1,0 +1,120 @@
+"""The objective of a stage, and the cells that a stage's lens asks to refine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import gcd
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.optimisation.indicators import mark, promised_decrease, refined_once, summed_over_cells, vertex_knots
+from optics.optimisation.objective import Objective
+from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
+from optics.optimisation.stage_plan import last_level
+from optics.optimisation.symmetry import Mirrors
+from optics.problem import per_level
+from optics.system import base_lens, freeforms, problem_rays
+from optics.target import BSplineWindow, GaussianWindow, PixelWindow
+from optics.tracing import Tracer
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.optimisation.stage_plan import Stage
+    from optics.optimisation.transport_start import TransportStart
+    from optics.problem import Problem
+    from optics.runtime import Backend
+    from thbcad.lens import Lens
+
+PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
+LIMITS_WEIGHT = 100.0  # charge for the mean square of relative violations
+THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
+SOFT_RIM = 0.02  # of the half-width: where rays count less and less
+
+
+def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
+    """Return the smooth measurement window of a stage.
+
+    A pixel window sees what moves across its border only: before the final stage a B-spline takes its place.
+    """
+    o = problem.optimizer
+    if o.window == "gaussian":
+        return GaussianWindow(o.sigma)
+    return PixelWindow(o.blur) if o.window == "pixel" and final else BSplineWindow(o.window_degree)
+
+
+def stage_objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]) -> Objective:
+    """Return the Objective of a stage: its rays, screen, window and target, and the charges of the problem."""
+    tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM, sure=False)
+    options, limits = problem.optimizer, problem.limits
+    thickness = limits.thickness
+    if not thickness and base_lens(problem).least_thickness().lower <= sum(f.z_freedom for f in freeforms(problem)):
+        thickness = THINNEST * lens.thickness  # the surfaces could cross
+    weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, thickness)
+    shape = ShapePenalty(lens, weights) if weights.any else None
+    window = stage_window(problem, stage.final)
+    return Objective(backend, tracer, stage.screen, window, target, options.lost_flux_weight, options.dark_flux_weight, shape)
+
+
+def marked_cells(
+    problem: Problem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: Indicators
+) -> list[dict[int, NDArray[np.int64]]]:
+    """Return the cells of every free surface to refine after a level ({} after the last)."""
+    settings = freeforms(problem)
+    if stage.level == last_level(problem):
+        return [{}] * len(settings)
+    alpha, out = per_level(problem.refinement.alpha, stage.level), []
+    for sag, freeform, indicator in zip(lens.sags, settings, indicators(lens, stage)):
+        indicator = Mirrors(sag.space, axes).of_cells(indicator)
+        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.max_level)))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Indicators:
+    """The refinement indicators of a design, called with (Lens, Stage): numbers per leaf cell of every free surface.
+
+    Only the rear has slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
+    """
+
+    problem: Problem
+    backend: Backend
+    target: NDArray[np.float64]
+    start: TransportStart | None
+
+    def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        if self.problem.refinement.indicator == "decrease":
+            return self._decrease(lens, stage)
+        found = self._vertex(lens, stage)
+        if self.problem.refinement.indicator == "slope" and self.start:
+            found[-1] = self.start.misfit(lens.rear.sag)
+        return found
+
+    def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
+        spans = [f.spans for f in freeforms(self.problem)]
+        knots = [vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)]) for h, row in zip(rectangles, spans)]
+        objective = stage_objective(self.backend, self.problem, lens, stage, self.target)
+        gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
+        return [
+            summed_over_cells(sag.space, *(k.greville() for k in kv), gradient) for sag, kv, gradient in zip(lens.sags, knots, gradients)
+        ]
+
+    def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        spaces = [refined_once(sag.space, f.max_level) for sag, f in zip(lens.sags, freeforms(self.problem))]
+        finer = [THBSurface(space, sag.space.prolongation(space) @ sag.coefficients) for sag, space in zip(lens.sags, spaces)]
+        objective = stage_objective(self.backend, self.problem, lens.with_sags(finer), stage, self.target)
+        coefficients = [sag.coefficients for sag in finer]
+        _, gradients = objective(coefficients)
+        probes = zip(*objective.curvature(coefficients, PROBES, self.problem.run.seed))
+        return [promised_decrease(sag.space, space, g, p) for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)]
+
+
+def _vertices(rays: int, spans: int) -> int:
+    """Return a vertex count near `rays` whose vertices lie on no knot line (mirror symmetry stays)."""
+    steps = rays
+    while gcd(steps, 2 * spans) > 1:
+        steps += 1
+    return steps + 1

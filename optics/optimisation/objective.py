@@ -1,0 +1,115 @@
+"""The objective of one level and its gradient by the THB coefficients of every free surface.
+
+    L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
+
+E is the irradiance measured with a smooth window, T the target measured with the same one, on
+the target's pixels and a dark margin around them (thesis 5.4, squared and normalised); Phi is the
+flux asked for.  The second term charges light beside the target: d_k is the distance of landing
+point k from the target rectangle, r the target's larger half-width.  The third charges light that
+does not reach the pixels where T > 0, wherever it is lost.  The last is `ShapePenalty`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.target import Splat, filter_image
+
+if TYPE_CHECKING:
+    from optics.optimisation.shape_penalty import ShapePenalty
+    from optics.runtime import Backend, DrArray
+    from optics.target import BSplineWindow, GaussianWindow, PixelWindow, Screen
+    from optics.tracing import Hits, Tracer
+    from thbcad.splines import KnotVector
+
+
+class Objective:
+    """Loss and gradient for one mesh, screen and set of rays; call it with the THB coefficients of every sag, front first.
+
+    target : irradiance on the screen's pixels without margin, W/mm^2.
+    """
+
+    def __init__(
+        self,
+        backend: Backend,
+        tracer: Tracer,
+        screen: Screen,
+        window: PixelWindow | BSplineWindow | GaussianWindow,
+        target: NDArray[np.float64],
+        lost_flux_weight: float,
+        dark_flux_weight: float = 0.0,
+        shape: ShapePenalty | None = None,
+    ) -> None:
+        self._backend, self._tracer, self._shape = backend, tracer, shape
+        self._screen = screen
+        self._splat = Splat(backend, screen, window)
+        measured = filter_image(screen.pad(target), window)
+        self._target = backend.array(measured.T)
+        scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
+        self._norm = backend.dr.opaque(backend.Float, 1.0 / np.square(measured).sum())
+        self._charge = backend.dr.opaque(backend.Float, lost_flux_weight / scale)
+        self._dark = dark_flux_weight
+        self._reward = backend.array((measured.T > 0) * (dark_flux_weight / measured.sum())) if dark_flux_weight else None
+        self.evaluations = 0
+        self.fit = np.nan
+
+    def __call__(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[NDArray[np.float64]]]:
+        """Return (loss, its gradient by each sag's coefficients); `fit` keeps ||E - T|| / ||T|| of the call."""
+        loss, hits, _ = self._backward(coefficients)
+        gradients = self._tracer.pull_back(hits)
+        if self._shape is None:
+            return loss, gradients
+        more, slopes = self._shape(coefficients)
+        return loss + more, [g + s for g, s in zip(gradients, slopes)]
+
+    def image(self, coefficients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the measured irradiance on the target's pixels, W/mm^2."""
+        _, _, image = self._backward(coefficients)
+        return self._screen.crop(image.numpy().reshape(self._screen.padded, order="F"))
+
+    def vertex_gradients(
+        self, coefficients: Sequence[NDArray[np.float64]], knots: Sequence[Sequence[KnotVector]]
+    ) -> list[NDArray[np.float64]]:
+        """Return |dL/dZ| for the vertices of a bilinear grid over every free surface (thesis 6.2).
+
+        knots : for each, two knot vectors of degree 1, whose knots are the vertices.
+        """
+        _, hits, _ = self._backward(coefficients)
+        return [np.abs(g) for g in self._tracer.pull_back(hits, knots)]
+
+    def curvature(self, coefficients: Sequence[NDArray[np.float64]], count: int, seed: int) -> list[list[NDArray[np.float64]]]:
+        """Return vectors J^T s / ||T|| with random signs s, J the derivative of the measured light by the coefficients.
+
+        Their mean square is half the diagonal of the Gauss-Newton Hessian of the fit.
+        Source: C. Bekas, E. Kokiopoulou, Y. Saad, An estimator for the diagonal of a matrix, Appl. Numer. Math. 57 (2007).
+        """
+        dr, rng, out = self._backend.dr, np.random.default_rng(seed), []
+        for _ in range(count):
+            self.evaluations += 1
+            hits, landing = self._tracer.trace(coefficients)
+            image = self._splat(landing.x, landing.y, landing.flux)
+            signs = self._backend.array(rng.choice((-1.0, 1.0), dr.width(self._target)))
+            dr.backward(dr.sum(image * signs) * dr.sqrt(self._norm))
+            out.append(self._tracer.pull_back(hits))
+        return out
+
+    def _backward(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[Hits], DrArray]:
+        dr = self._backend.dr
+        self.evaluations += 1
+        hits, landing = self._tracer.trace(coefficients)
+        image = self._splat(landing.x, landing.y, landing.flux)
+        fit = dr.sum(dr.square(image - self._target)) * self._norm
+        hx, hy = self._screen.half_width
+        beside_x = dr.maximum(dr.abs(landing.x) - hx, 0)
+        beside_y = dr.maximum(dr.abs(landing.y) - hy, 0)
+        lost = dr.sum(landing.flux * (beside_x * beside_x + beside_y * beside_y)) * self._charge
+        total = fit + lost
+        if self._reward is not None:
+            total = total + self._dark - dr.sum(image * self._reward)
+        dr.backward(total)
+        self.fit = float(np.sqrt(fit.numpy()[0]))
+        return float(total.numpy()[0]), hits, image

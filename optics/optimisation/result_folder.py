@@ -1,0 +1,189 @@
+"""The result folder: what a run writes, and how it is read back."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.optimisation.stage_plan import last_level
+from optics.optimisation.state import Row, State
+from optics.problem import Problem, load_problem, problem_to_toml
+from optics.runtime import UserError
+from optics.system import freeforms
+from thbcad.io import json_text, read_lens, sag_from_dict, sag_to_dict, write_bytes, write_lens, write_text
+
+if TYPE_CHECKING:
+    from thbcad.lens import Lens
+
+CHECKPOINT = "checkpoint.json"
+CHECKED = ("metrics.json", "verify.json", "manufacture.json")
+FILES = ("problem.toml", "lens.json", "lens.step", *CHECKED, "history.csv", "report.html", CHECKPOINT)
+VERSION = 2
+
+
+def writable_folder(path: Path) -> None:
+    """Make a folder and see that it can be written, before any work is done.
+
+    Raises
+    ------
+    UserError : it cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path) as probe:
+            probe.write(b"0")
+    except OSError as error:
+        raise UserError(f"cannot write to the result folder {path}: {error.strerror}; choose another with --out") from None
+
+
+def require_writable(path: Path) -> None:
+    """Raise UserError unless a file can be written there, before any work is done."""
+    reason = f"there is no folder {path.parent}" if not path.parent.is_dir() else "it is a folder" if path.is_dir() else ""
+    try:
+        if not reason:
+            with tempfile.TemporaryFile(dir=path.parent) as probe:
+                probe.write(b"0")
+    except OSError as error:
+        reason = str(error.strerror)
+    if reason:
+        raise UserError(f"cannot write {path}: {reason}; choose another --out")
+
+
+class ResultFolder:
+    """Paths and files of one run.  Files appear whole or not at all.
+
+    Raises
+    ------
+    UserError : the folder cannot be made or written.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.step = self.path / "lens.step"
+        self.lens = self.path / "lens.json"
+        self.problem = self.path / "problem.toml"
+        self.figures = self.path / "figures"
+
+    def prepare(self) -> None:
+        """Make the folder and see that it can be written, before any work is done."""
+        writable_folder(self.path)
+        writable_folder(self.figures)
+        for name in FILES:
+            if (self.path / name).is_dir():
+                raise UserError(f"cannot write {self.path / name}: it is a folder; move it or choose another with --out")
+
+    def write_problem(self, problem: Problem) -> None:
+        """Store the resolved problem and its pictures, so that the folder can be run again."""
+        names = {}
+        for table in ("target", "source"):
+            part = getattr(problem, table)
+            if part.image:
+                picture = Path(part.image)
+                names[table] = replace(part, image=table + picture.suffix.lower())
+                copy = self.path / names[table].image
+                if picture.resolve() != copy.resolve():
+                    write_bytes(copy, picture.read_bytes())
+        problem = replace(problem, **names)
+        write_text(self.problem, problem_to_toml(problem))
+
+    def read_problem(self) -> Problem:
+        if not self.problem.exists():
+            raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
+        return load_problem(self.problem)
+
+    def write_lens(self, lens: Lens) -> None:
+        write_lens(lens, self.lens)
+
+    def read_lens(self) -> Lens:
+        try:
+            return read_lens(self.lens)
+        except OSError as error:
+            raise UserError(f"cannot read {self.lens}: {error.strerror}; was the design interrupted?") from None
+        except ValueError as error:
+            raise UserError(f"{self.lens}: {error}") from None
+
+    def write_json(self, name: str, data: dict[str, Any]) -> None:
+        write_text(self.path / name, json_text(data))
+
+    def write_history(self, history: Sequence[Row]) -> None:
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["level", "dof", "evaluation", "loss", "fit", "seconds"])
+        writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, f"{r.seconds:.4f}"] for r in history)
+        write_text(self.path / "history.csv", text.getvalue())
+
+    def write_checkpoint(self, problem: Problem, state: State) -> None:
+        """Store a run's state.  It names the problem, so that no other can go on from it."""
+        data = {
+            "schema": "thbcad-checkpoint",
+            "version": VERSION,
+            "problem": _fingerprint(problem),
+            "level": state.level,
+            "begun": state.begun,
+            "sags": [sag_to_dict(sag) for sag in state.sags],
+            "history": [list(asdict(row).values()) for row in state.history],
+        }
+        write_text(self.path / CHECKPOINT, json.dumps(data, separators=(",", ":"), allow_nan=False))
+        self.write_history(state.history)
+
+    def read_checkpoint(self, problem: Problem) -> State:
+        """Return the State to go on from.
+
+        Raises
+        ------
+        UserError : there is none, it is damaged, or it belongs to another problem.
+        """
+        path = self.path / CHECKPOINT
+        try:
+            data = json.loads(path.read_text("utf-8"))
+            if data["schema"] != "thbcad-checkpoint" or data["version"] != VERSION:
+                raise ValueError("unknown schema or version")
+            same = data["problem"] == _fingerprint(problem)
+            state = _state(data)
+        except OSError as error:
+            raise UserError(f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume") from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
+        last = last_level(problem) + 1
+        if same and not 0 <= state.level <= last:
+            raise UserError(f"cannot resume: {path} is damaged (level {state.level} of at most {last}); run without --resume")
+        count = len(freeforms(problem))
+        if same and len(state.sags) != count:
+            raise UserError(f"cannot resume: {path} is damaged ({len(state.sags)} sags instead of {count}); run without --resume")
+        if not same:
+            raise UserError(f"cannot resume: {path} belongs to another problem; run without --resume or change --out")
+        return state
+
+    def has_checkpoint(self) -> bool:
+        return (self.path / CHECKPOINT).exists()
+
+    def drop_checkpoint(self) -> None:
+        """Remove the checkpoint of a finished run."""
+        (self.path / CHECKPOINT).unlink(missing_ok=True)
+
+
+def _state(data: dict[str, Any]) -> State:
+    """Return the State of a checkpoint's data; ValueError where an entry is not what was written."""
+    level, begun, history = data["level"], data["begun"], [Row(*row) for row in data["history"]]
+    if type(level) is not int or type(begun) is not bool:
+        raise ValueError("level must be a whole number and begun true or false")
+    for row in history:
+        if not all(type(v) in (int, float) for v in asdict(row).values()):
+            raise ValueError("the history must hold numbers")
+    return State(level, tuple(sag_from_dict(sag) for sag in data["sags"]), begun, history)
+
+
+def _fingerprint(problem: Problem) -> str:
+    """Return the text that tells problems apart: their values and what is in the pictures, not where they lie."""
+    parts = {table: getattr(problem, table) for table in ("target", "source")}
+    hashed = {
+        table: replace(part, image=hashlib.sha256(Path(part.image).read_bytes()).hexdigest()) for table, part in parts.items() if part.image
+    }
+    return problem_to_toml(replace(problem, run=replace(problem.run, threads=0), **hashed))

@@ -1,0 +1,102 @@
+"""The plan of a design: levels with their pixels and rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING
+
+from optics.problem import per_level
+from optics.runtime import UserError
+from optics.system import freeforms, target_screen
+
+if TYPE_CHECKING:
+    from optics.problem import Problem
+    from optics.target import Screen
+
+MOST_RAYS = 40_000_000  # at once
+COARSER, COARSE_PIXELS, COARSE_ITERATIONS = 4, 16, 20  # of a first pass on the last level, which carries light to islands in the dark
+MARGIN = 8  # dark pixels around the target
+PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Pixels and rays of one level.
+
+    final : the last one, with the window of the problem; the others take wide windows, which move light from afar.
+    """
+
+    level: int
+    iterations: int
+    screen: Screen
+    rays: tuple[int, int]
+    final: bool
+
+    @property
+    def evaluations(self) -> int:
+        """Expected evaluations of loss and gradient."""
+        return self.iterations + 1
+
+    @property
+    def work(self) -> int:
+        """Expected cost, in rays traced."""
+        return self.evaluations * self.rays[0] * self.rays[1]
+
+
+def first_level(problem: Problem, moved: bool) -> int:
+    """Return the level at which optimisation starts.
+
+    A transport start makes the levels superfluous whose spans are wider than four pixels.
+    """
+    last = last_level(problem)
+    if not moved:
+        return 0
+    fine = [level for level in range(last + 1) if _coarsening(problem, level) == problem.optimizer.merge]
+    return fine[0] if fine else last
+
+
+def last_level(problem: Problem) -> int:
+    """Return the level at which the run ends."""
+    return max(f.max_level for f in freeforms(problem))
+
+
+def stages(problem: Problem, moved: bool) -> list[Stage]:
+    """Return the Stage of every level that is optimised; moved : the design starts from an optimal-transport map."""
+    out = []
+    last = last_level(problem)
+    for level in range(first_level(problem, moved), last + 1):
+        iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
+        if moved and level == last and iterations > 1 and min(problem.target.pixels) >= COARSER * COARSE_PIXELS * problem.optimizer.merge:
+            coarser = COARSER * problem.optimizer.merge
+            out.append(_stage(problem, level, min(COARSE_ITERATIONS, iterations), coarser, False))
+        out.append(_stage(problem, level, iterations, _coarsening(problem, level), level == last))
+    return out
+
+
+def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
+    screen = target_screen(problem, coarsening, MARGIN)
+    spans = _spans(problem, level)
+    rays = tuple(max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
+    if rays[0] * rays[1] > MOST_RAYS:
+        raise UserError(
+            f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most machines; "
+            "use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
+        )
+    return Stage(level, iterations, screen, rays, final)
+
+
+def _spans(problem: Problem, level: int) -> list[int]:
+    """Return the knot spans in x and y of the finest free surface on a level."""
+    return [
+        max(n << min(level, f.max_level) for n, f in zip(row, freeforms(problem))) for row in zip(*(f.spans for f in freeforms(problem)))
+    ]
+
+
+def _coarsening(problem: Problem, level: int) -> int:
+    """Return how many pixels a level merges in each direction: optimizer.merge times a power of 2."""
+    spans = _spans(problem, level)
+    coarsening = problem.optimizer.merge
+    while all(n // (2 * coarsening) >= PIXELS_PER_SPAN * s for n, s in zip(problem.target.pixels, spans)):
+        coarsening *= 2
+    return coarsening

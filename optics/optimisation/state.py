@@ -1,0 +1,91 @@
+"""What a run needs to go on, and where it starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.optimisation.stage_plan import first_level, last_level
+from optics.runtime import UserError
+from optics.system import freeforms
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.problem import Problem
+    from thbcad.lens import Lens
+
+
+@dataclass(frozen=True)
+class Row:
+    """One evaluation in the history; those that only estimate curvature are counted but have no row."""
+
+    level: int
+    dof: int
+    evaluation: int
+    loss: float
+    fit: float
+    seconds: float
+
+
+@dataclass
+class State:
+    """What a run needs to go on: the next level to optimise and the sags it starts from, front first.
+
+    begun : the level was interrupted, `sags` are its best so far.
+    """
+
+    level: int
+    sags: tuple[THBSurface, ...]
+    begun: bool = False
+    history: list[Row] = field(default_factory=list)
+
+    @property
+    def evaluations(self) -> int:
+        return self.history[-1].evaluation if self.history else 0
+
+    @property
+    def seconds(self) -> float:
+        return self.history[-1].seconds if self.history else 0.0
+
+
+def first_state(problem: Problem, lens: Lens, moved: bool) -> State:
+    """Return the State from which a new run starts: the first level's meshes, sags zero."""
+    sags = []
+    for sag, freeform in zip(lens.sags, freeforms(problem)):
+        for level in range(min(first_level(problem, moved), freeform.max_level)):
+            sag = sag.refine({level: sag.space.cells[:, 1:]})
+        sags.append(sag)
+    return State(first_level(problem, moved), tuple(sags))
+
+
+def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
+    """Return the State that optimises the sags of an earlier design on the last level, on their own meshes.
+
+    A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the optimiser
+    averages the sags with their mirror images.
+
+    Raises
+    ------
+    UserError : the rear has no sag, or a sag lies over another rectangle, conic or mesh.
+    """
+    if earlier.rear.sag is None:
+        raise UserError("the earlier design has no freeform rear surface to start from")
+    sags = []
+    for name in ("front", "rear"):
+        own, other = getattr(lens, name), getattr(earlier, name)
+        if own.sag is not None:
+            sags.append(own.sag if other.sag is None else other.sag)
+        same = own.half_width == other.half_width and own.conic == other.conic
+        if own.sag is not None and other.sag is not None:
+            same = same and all(
+                a.degree == b.degree and np.array_equal(a.knots, b.knots)
+                for a, b in zip((own.sag.space.kv_u, own.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v))
+            )
+        if not same or (own.sag is None and other.sag is not None):
+            raise UserError(
+                f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or spans; "
+                f"make lens.{name} equal to its problem.toml"
+            )
+    return State(last_level(problem), tuple(sags), begun=True)

@@ -1,0 +1,59 @@
+"""The problem file and its limits of manufacture."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.problem.manufacture_text import (
+        as_data as as_data,
+        manufacture_rows as manufacture_rows,
+    )
+    from optics.problem.manufacturing_limits import (
+        limit_advice as limit_advice,
+        limit_checks as limit_checks,
+        require_limits as require_limits,
+    )
+    from optics.problem.schema import (
+        Freeform as Freeform,
+        Front as Front,
+        Limits as Limits,
+        Problem as Problem,
+        Rear as Rear,
+        Refinement as Refinement,
+        Source as Source,
+        load_problem as load_problem,
+        per_level as per_level,
+    )
+    from optics.problem.toml_text import (
+        commented_problem as commented_problem,
+        problem_to_toml as problem_to_toml,
+    )
+
+_FILES = {
+    "manufacture_text": (
+        "as_data",
+        "manufacture_rows",
+    ),
+    "manufacturing_limits": (
+        "limit_advice",
+        "limit_checks",
+        "require_limits",
+    ),
+    "schema": (
+        "Freeform",
+        "Front",
+        "Limits",
+        "Problem",
+        "Rear",
+        "Refinement",
+        "Source",
+        "load_problem",
+        "per_level",
+    ),
+    "toml_text": (
+        "commented_problem",
+        "problem_to_toml",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

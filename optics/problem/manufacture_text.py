@@ -1,0 +1,98 @@
+"""The figures for the workshop as rows of text and as plain data."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from thbcad.certified import Enclosure
+    from thbcad.lens import HeightRange, Manufacturability, SurfaceFigures
+
+Row = tuple[str, float, str, str]
+
+
+def manufacture_rows(found: Manufacturability, wavelength: float) -> list[Row]:
+    """Return rows (name, value, unit, place); a radius that no place has is infinite.
+
+    wavelength : nm, to which the features are compared
+    """
+    rows = [
+        ("centre thickness", found.centre_thickness.value, "mm", place(found.centre_thickness)),
+        ("edge thickness", found.edge_thickness.value, "mm", place(found.edge_thickness)),
+        ("least thickness", found.thickness.value, "mm", place(found.thickness)),
+    ]
+    for name, surface in found.surfaces.items():
+        rows += _surface_rows(name, surface, wavelength)
+    rows.append(("volume", found.volume, "mm^3", ""))
+    if found.mass is not None:
+        rows.append(("mass", found.mass, "g", ""))
+    return rows
+
+
+def as_data(found: Manufacturability) -> dict[str, Any]:
+    """Return the figures as plain data for JSON; an infinite number is None."""
+    thicknesses = {name: _bound_data(getattr(found, name)) for name in ("thickness", "centre_thickness", "edge_thickness")}
+    return {
+        **{f"{name}_mm": data for name, data in thicknesses.items()},
+        **{name: _surface_data(surface) for name, surface in found.surfaces.items()},
+        "volume_mm3": found.volume,
+        "density_g_cm3": found.density,
+        "mass_g": found.mass,
+    }
+
+
+def place(found: Enclosure) -> str:
+    """Return where an extreme lies."""
+    return f"at x = {found.u:.4g}, y = {found.v:.4g} mm"
+
+
+def places(heights: HeightRange) -> str:
+    """Return where the least and the greatest height lie."""
+    low, high = heights.least, heights.greatest
+    return f"between x = {low.u:.4g}, y = {low.v:.4g} and x = {high.u:.4g}, y = {high.v:.4g} mm"
+
+
+def _surface_rows(name: str, surface: SurfaceFigures, wavelength: float) -> Iterator[Row]:
+    yield f"greatest slope of the {name}", surface.slope.value, "degrees", place(surface.slope)
+    for side, radius in (("concave", surface.concave), ("convex", surface.convex)):
+        yield f"least {side} radius of the {name}", radius.value, "mm", place(radius) if isfinite(radius.value) else f"nowhere {side}"
+    yield f"range of heights of the {name}", surface.heights.value, "mm", places(surface.heights)
+    if surface.departure is not None:
+        yield f"range of the sag of the {name}", surface.departure.value, "mm", places(surface.departure)
+    if surface.feature is not None:
+        level = f"on level {surface.feature.level}"
+        for axis, size in zip("xy", surface.feature.size):
+            yield f"smallest feature of the {name} in {axis}", size, "mm", level
+        yield f"smallest feature of the {name}", surface.feature.wavelengths(wavelength), "wavelengths", level
+    yield f"area of the {name}", surface.area, "mm^2", ""
+
+
+def _surface_data(surface: SurfaceFigures) -> dict[str, Any]:
+    feature = surface.feature
+    return {
+        "slope_degrees": _bound_data(surface.slope),
+        "concave_radius_mm": _bound_data(surface.concave),
+        "convex_radius_mm": _bound_data(surface.convex),
+        "heights_mm": _range_data(surface.heights),
+        "sag_mm": None if surface.departure is None else _range_data(surface.departure),
+        "feature": None if feature is None else {"level": feature.level, "span_mm": list(feature.span), "size_mm": list(feature.size)},
+        "area_mm2": surface.area,
+        "area_error_mm2": surface.area_error,
+    }
+
+
+def _bound_data(found: Enclosure) -> dict[str, float | None]:
+    numbers = {name: getattr(found, name) for name in ("value", "lower", "upper")}
+    somewhere = isfinite(found.value)
+    return {name: number if isfinite(number) else None for name, number in numbers.items()} | {
+        "x": found.u if somewhere else None,
+        "y": found.v if somewhere else None,
+    }
+
+
+def _range_data(heights: HeightRange) -> dict[str, Any]:
+    numbers = {name: getattr(heights, name) for name in ("value", "lower", "upper")}
+    return numbers | {"least": _bound_data(heights.least), "greatest": _bound_data(heights.greatest)}

@@ -1,0 +1,118 @@
+"""Records from TOML tables: every key and value checked.
+
+Unknown keys, wrong types and impossible numbers are UserErrors that name the key.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Mapping
+from dataclasses import MISSING, field, fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+
+from optics.runtime import UserError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Record = TypeVar("Record", bound="DataclassInstance")
+
+LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
+
+
+def option(
+    default: Any = MISSING,
+    choices: tuple[str, ...] | None = None,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    note: str = "",
+    infinite: bool = False,
+    picture: bool = False,
+) -> Any:
+    """Return a field with a default (or none: the key is required), its limits and a note; `picture` marks paths of pictures."""
+    limits = {"choices": choices, "low": low, "high": high, "above": above, "note": note, "infinite": infinite, "picture": picture}
+    return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
+
+
+def record(kind: type[Record], data: object, prefix: str, folder: Path) -> Record:
+    """Return a table as a record of a kind; every key and value is checked against the options of its fields.
+
+    prefix : of its keys in messages, "" or "table.".  folder : what relative paths of pictures start from.
+
+    Raises
+    ------
+    UserError : an unknown or missing key, a value of another type or beyond its limits.
+    """
+    if not isinstance(data, dict):
+        raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
+    known = {f.name: f for f in fields(kind)}
+    for key in data:
+        if key not in known:
+            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
+            raise UserError(f"unknown key {prefix}{key}; {where} takes {', '.join(known)}")
+    hints = get_type_hints(kind)
+    values = {}
+    for name, f in known.items():
+        key = prefix + name
+        if name not in data:
+            if f.default is MISSING:
+                raise UserError(f"the key {key} is missing")
+            continue
+        table = next((h for h in (hints[name], *get_args(hints[name])) if is_dataclass(h)), None)
+        if table:
+            values[name] = record(table, data[name], key + ".", folder)
+        else:
+            values[name] = _value(key, hints[name], data[name], f.metadata)
+        if f.metadata["picture"] and values[name]:
+            values[name] = str((folder / values[name]).resolve())
+    return kind(**values)
+
+
+def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
+    if get_origin(hint) is tuple:
+        return _row(key, hint, value, limits)
+    if hint is str:
+        if not isinstance(value, str):
+            raise UserError(f"{key} must be a string, got {_brief(value)}")
+        if limits["picture"] and "\0" in value:
+            raise UserError(f"{key} must not hold a zero character")
+        if limits["choices"] and value not in limits["choices"]:
+            raise UserError(f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}")
+        return value
+    wanted = "a whole number" if hint is int else "a number"
+    if isinstance(value, bool) or not isinstance(value, int if hint is int else (int, float)):
+        raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
+    if isinstance(value, int) and abs(value) > LARGEST:
+        raise UserError(f"{key} must not be larger than {LARGEST:g} in size")
+    finite = math.isfinite(value) or (limits["infinite"] and not math.isnan(value))
+    if not finite:
+        raise UserError(f"{key} must be a finite number, got {value!r}")
+    for name, word, broken in (
+        ("low", "at least", lambda v, b: v < b),
+        ("high", "at most", lambda v, b: v > b),
+        ("above", "greater than", lambda v, b: v <= b),
+    ):
+        if limits[name] is not None and broken(value, limits[name]):
+            raise UserError(f"{key} must be {word} {limits[name]}, got {value!r}")
+    if limits["infinite"] and value == 0:  # of a surface: a target has its own limit
+        raise UserError(f"{key} must not be 0; inf is a plane")
+    return hint(value)
+
+
+def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
+    kinds = get_args(hint)
+    open_ended = kinds[-1] is Ellipsis
+    if open_ended and not isinstance(value, list):
+        value = [value]
+    if not isinstance(value, list) or not value or (not open_ended and len(value) != len(kinds)):
+        wanted = "a list of numbers" if open_ended else f"a list of {len(kinds)} numbers"
+        raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
+    return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
+
+
+def _brief(value: object) -> str:
+    """Return a short text of any value, for messages."""
+    return reprlib.repr(value) if not isinstance(value, int) or abs(value) <= LARGEST else "a huge number"

@@ -1,0 +1,51 @@
+"""The report and its pictures."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.report.etendue_figures import (
+        bound_figure as bound_figure,
+    )
+    from optics.report.figures import (
+        draw_all as draw_all,
+    )
+    from optics.report.fresnel_curves import (
+        fresnel_figure as fresnel_figure,
+    )
+    from optics.report.html import (
+        Report as Report,
+        report_html as report_html,
+    )
+    from optics.report.scene_figure import (
+        scene_paths as scene_paths,
+        scene_view as scene_view,
+    )
+    from optics.report.solid_figure import (
+        solid_views as solid_views,
+    )
+    from optics.report.trace_figures import (
+        irradiance_figure as irradiance_figure,
+        phase_space_figure as phase_space_figure,
+    )
+
+_FILES = {
+    "etendue_figures": ("bound_figure",),
+    "figures": ("draw_all",),
+    "fresnel_curves": ("fresnel_figure",),
+    "html": (
+        "Report",
+        "report_html",
+    ),
+    "scene_figure": (
+        "scene_paths",
+        "scene_view",
+    ),
+    "solid_figure": ("solid_views",),
+    "trace_figures": (
+        "irradiance_figure",
+        "phase_space_figure",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,172 @@
+"""The pictures of a report (matplotlib)."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from math import isinf
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.collections import LineCollection
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from optics.analysis import Measurement
+    from optics.optimisation import Row
+    from optics.problem import Problem
+    from optics.tracing import RayPath
+    from thbcad.lens import FreeformSurface, Lens
+
+DPI, SIZE = 110, (5.2, 4.4)
+ROOM = {"left": 0.17, "right": 0.95, "bottom": 0.12, "top": 0.94}  # of the figure
+
+
+def draw_all(
+    problem: Problem, lens: Lens, measurement: Measurement, history: Sequence[Row], paths: Mapping[str, Sequence[RayPath]]
+) -> dict[str, tuple[str, bytes]]:
+    """Return {name: (caption, PNG bytes)} of every figure, in the order of the report.
+
+    paths : fans of rays in the plane x = 0 by name, or none.
+    """
+    target, light = (a / measurement.target.mean() for a in (measurement.target, measurement.irradiance))
+    top = float(target.max())
+    error = light - target
+    reach = float(np.quantile(np.abs(error), 0.999)) or 1.0
+    kind, unit = ("intensity", "degrees") if isinf(problem.target_z) else ("irradiance", "mm")
+    label = f"{kind} / mean"
+    made = f"({label})^0.2"
+
+    def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
+        return plane_figure(data, problem.target.half_width, unit, text, colours, (low, high))
+
+    return {
+        "target": ("The light asked for.", picture(target, label, "gray", 0, top)),
+        "irradiance": ("The light that the lens makes (fresh rays, box pixels).", picture(light, label, "gray", 0, top)),
+        "error": ("Made minus asked for.", picture(error, label, "RdBu_r", -reach, reach)),
+        "irradiance_02": (
+            f"{kind.capitalize()} to the power 0.2: stray light and faint detail.",
+            picture(np.maximum(light, 0) ** 0.2, made, "magma", 0, top**0.2),
+        ),
+        **_surfaces(lens),
+        **{
+            f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
+            for k, (name, fan) in enumerate(paths.items(), 1)
+        },
+        "loss": ("Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.", _loss(history)),
+    }
+
+
+def _extent(half_width: tuple[float, float]) -> tuple[float, float, float, float]:
+    hx, hy = half_width
+    return (-hx, hx, -hy, hy)
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """Return a figure as PNG, and close it."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    plt.close(figure)
+    return buffer.getvalue()
+
+
+def new_figure() -> tuple[Figure, Axes]:
+    """Return a figure with room for labels; a constrained layout would cost as much as the drawing."""
+    figure, axes = plt.subplots(figsize=SIZE)
+    figure.subplots_adjust(**ROOM)
+    return figure, axes
+
+
+def _axes(unit: str = "mm") -> tuple[Figure, Axes]:
+    figure, axes = new_figure()
+    axes.set_xlabel(f"x / {unit}")
+    axes.set_ylabel(f"y / {unit}")
+    return figure, axes
+
+
+def plane_figure(
+    data: NDArray[np.float64], half_width: tuple[float, float], unit: str, label: str, colours: str, limits: tuple[float, float]
+) -> bytes:
+    """Return an image over a rectangle as a picture with axes and a scale."""
+    figure, axes = _axes(unit)
+    shown = axes.imshow(data, cmap=colours, vmin=limits[0], vmax=limits[1], extent=_extent(half_width), interpolation="nearest")
+    figure.colorbar(shown, label=label)
+    return png_bytes(figure)
+
+
+def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
+    """Return sag and mesh of the free surfaces; those of the front are named for it."""
+    out = {}
+    for prefix, name, surface in (("", "rear", lens.rear), ("front_", "front", lens.front)):
+        if surface.sag is not None:
+            out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
+            out[f"{prefix}mesh"] = (f"Hierarchical mesh of the {name} surface: leaf cells by level.", _mesh(surface))
+    return out
+
+
+def _sag(surface: FreeformSurface) -> bytes:
+    x, y = (np.linspace(-h, h, 401) for h in surface.half_width)
+    sag = surface.grid(x, y) - surface.conic(x[:, None], y[None, :])
+    figure, axes = _axes()
+    shown = axes.imshow(sag.T[::-1], cmap="viridis", extent=_extent(surface.half_width))
+    figure.colorbar(shown, label="sag / mm")
+    return png_bytes(figure)
+
+
+def _mesh(surface: FreeformSurface) -> bytes:
+    space, (hx, hy) = surface.sag.space, surface.half_width
+    cells = space.cells
+    (x0, x1), (y0, y1) = (
+        h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
+        for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
+    )
+    loops = np.stack([np.stack([x0, y0], 1), np.stack([x1, y0], 1), np.stack([x1, y1], 1), np.stack([x0, y1], 1)], 1)
+    figure, axes = _axes()
+    colours = plt.get_cmap("viridis")(cells[:, 0] / max(1, space.levels - 1))
+    axes.add_collection(LineCollection(np.concatenate([loops, loops[:, :1]], 1), colors=colours, linewidths=0.3))
+    axes.set_xlim(-hx, hx)
+    axes.set_ylim(-hy, hy)
+    axes.set_aspect("equal")
+    axes.set_title(f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9)
+    return png_bytes(figure)
+
+
+def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
+    """Return a section of the lens with the strongest branch of every ray."""
+    figure, axes = new_figure()
+    outline = []
+    for surface, vertex, way in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
+        y = np.linspace(-1, 1, 201)[::way] * surface.half_width[1]
+        outline.append(np.stack([vertex + surface(np.zeros_like(y), y), y], axis=1))
+    section = np.concatenate(outline)
+    axes.fill(*section.T, facecolor="0.92", edgecolor="0.3", lw=1)
+    low, high = (f(np.concatenate([section] + [path.points[:1, [2, 1]] for path in fan]), axis=0) for f in (np.min, np.max))
+    margin = 0.4 * (high - low).max()
+    for path in fan:
+        axes.plot(path.points[:, 2], path.points[:, 1], lw=0.8, color="tab:green" if path.fate.endswith("on_target") else "tab:red")
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_aspect("equal")
+    axes.set_xlabel("z / mm")
+    axes.set_ylabel("y / mm")
+    return png_bytes(figure)
+
+
+def _loss(history: Sequence[Row]) -> bytes:
+    figure, axes = new_figure()
+    numbers = np.array([(r.evaluation, r.fit, r.level) for r in history])
+    if len(numbers):
+        axes.semilogy(numbers[:, 0], numbers[:, 1], lw=1.2)
+        for start in np.nonzero(np.diff(numbers[:, 2]))[0]:
+            axes.axvline(numbers[start, 0] + 0.5, color="0.8", lw=0.8, zorder=0)
+    axes.set_xlabel("evaluations of loss and gradient")
+    axes.set_ylabel("||E - T|| / ||T||")
+    axes.grid(alpha=0.3, which="both")
+    return png_bytes(figure)

@@ -1,0 +1,43 @@
+"""The pictures of `thbcad trace` (matplotlib)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.report.figures import plane_figure, plt, png_bytes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from optics.target import Screen
+    from optics.tracing import PhaseSpace
+
+
+def irradiance_figure(image: NDArray[np.float64], screen: Screen) -> bytes:
+    """Return the irradiance on the target's pixels as a picture."""
+    unit = "degrees" if screen.angular else "mm"
+    label = "W / degree^2" if screen.angular else "W / mm^2"
+    return plane_figure(image, screen.half_width, unit, label, "gray", (0.0, float(image.max())))
+
+
+def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> bytes:
+    """Return pictures of rays in phase space, (y, q), plane by plane; the colour is the place on the source.
+
+    Equal areas stay equal where rays with x = p = 0 keep x and p, as behind a lens that is symmetric in x.
+
+    sections : by the name of the plane, the source first, its rays and how far y is shown, mm.
+    """
+    figure, axes = plt.subplots(1, len(sections), figsize=(4.3 * len(sections), 4.0), layout="constrained")
+    colour = next(iter(sections.values()))[0].points[1]
+    for own, (name, (section, reach)) in zip(axes, sections.items()):
+        lit = section.flux > 0
+        shown = own.scatter(section.points[1][lit], section.points[3][lit], c=colour[lit], s=0.5, cmap="viridis", rasterized=True)
+        own.set_xlim(-reach, reach)
+        own.set_xlabel("y / mm")
+        own.set_ylabel("q = n sin(angle to the axis)")
+        own.set_title(name, fontsize=10)
+    figure.colorbar(shown, label="y on the source / mm")
+    return png_bytes(figure)

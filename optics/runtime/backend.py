@@ -1,0 +1,79 @@
+"""The one place that loads Dr.Jit."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optics.runtime.llvm import llvm_library
+
+DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
+
+PACKET = 64  # numbers, more than any processor handles at once
+PACKED = 4  # numbers of `Backend.Packet`
+PRECISIONS = {"double": ("Float64", np.float64, 1e-10), "single": ("Float32", np.float32, 2e-6)}  # and resolution
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Dr.Jit with the array types of one device and precision.
+
+    dr : the drjit module
+    Float, Index : differentiable float and unsigned integer array types
+    dtype : of numpy, like Float
+    resolution : within which a ray counts as meeting a surface, relative to the lengths of lens and ray
+    """
+
+    dr: ModuleType
+    Float: type[DrArray]
+    Index: type[DrArray]
+    dtype: type[np.floating]
+    resolution: float
+
+    @property
+    def Packet(self) -> type[DrArray]:
+        """Array type of four numbers that lie side by side in memory and are read, written or added to together."""
+        types = self.dr.llvm.ad
+        return types.Array4f64 if self.dtype is np.float64 else types.Array4f
+
+    def array(self, values: ArrayLike) -> DrArray:
+        """Return numbers as a flat Dr.Jit array.
+
+        Dr.Jit takes numpy's memory as it is.  Its kernels read whole packets, past the end of it, and are
+        compiled anew for every alignment; so the numbers are laid into a longer buffer, from the start of a packet.
+        """
+        flat = np.ravel(values)
+        buffer = np.zeros(len(flat) + 2 * PACKET, dtype=self.dtype)
+        start = -(buffer.ctypes.data // buffer.itemsize) % PACKET
+        row = buffer[start : start + len(flat)]
+        row[:] = flat
+        return self.Float(row)
+
+
+def load_backend(precision: str = "double", threads: int = 0) -> Backend:
+    """Load Dr.Jit's LLVM backend.
+
+    threads : number of threads, 0 for all cores.
+
+    Raises
+    ------
+    UserError : no usable LLVM library.
+    """
+    os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
+    import drjit
+
+    types = import_module("drjit.llvm.ad")
+    drjit.set_thread_count(threads or _cores())
+    name, dtype, resolution = PRECISIONS[precision]
+    return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,132 @@
+"""What tracing leaves out, decided from the problem alone, before anything is traced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import erf, exp, isinf, pi, sqrt
+from typing import TYPE_CHECKING
+
+from optics.target import GaussianWindow
+
+if TYPE_CHECKING:
+    from optics.problem import Problem
+
+ROUNDING = 1e-10  # relative, of loss and gradient: the resolution of meeting points in double precision
+
+
+@dataclass(frozen=True)
+class Skip:
+    """One part of the work that a problem may not need.
+
+    what : the part.  applies : it is left out.  why : what in the problem allows it, or forbids it.
+    tolerance : relative change of loss and gradient by leaving it out; None where it is not known before tracing.
+    """
+
+    name: str
+    what: str
+    applies: bool
+    why: str
+    tolerance: float | None = ROUNDING
+
+    @property
+    def line(self) -> str:
+        """One line for people."""
+        if not self.applies:
+            return f"does not skip {self.what}: {self.why}"
+        return f"skips {self.what}: {self.why}" + ("" if self.tolerance is None else f" (changes less than {self.tolerance:.1g})")
+
+
+def skips(problem: Problem) -> list[Skip]:
+    """Return every Skip of a problem, those that do not apply too."""
+    return [*_of_rays(problem), *_of_surfaces(problem), *_of_measurement(problem)]
+
+
+def skip_lines(found: Sequence[Skip]) -> list[str]:
+    """Return the lines that `thbcad check` prints."""
+    return [skip.line for skip in found]
+
+
+def _of_rays(problem: Problem) -> list[Skip]:
+    source, front = problem.source, problem.lens.front
+    collimated = source.kind == "collimated"
+    parallel = collimated and front.freeform is None and isinf(front.radius)
+    wider = collimated and any(s > f for s, f in zip(source.half_width, front.half_width))
+    aperture = (
+        "the beam is wider than the lens" if wider else "all of the beam meets the lens" if collimated else "the source lights all around"
+    )
+    return [
+        Skip(
+            "meeting points",
+            "the search for meeting points with the rear",
+            parallel,
+            "rays stay parallel behind a plane front: evaluation is one constant matrix"
+            if parallel
+            else "rays are not parallel in the lens",
+        ),
+        Skip("aperture", "rays of the source that pass beside the lens", wider, aperture),
+        Skip(
+            "converged rays",
+            "Newton's steps of rays that have met the surface",
+            not parallel,
+            "no steps are taken at all" if parallel else "every ray stops by itself, within the resolution and one more step",
+        ),
+        Skip(
+            "first meetings",
+            "the sampled search for the first of several meetings, while optimising",
+            not parallel,
+            "there is no search"
+            if parallel
+            else "metrics, verify and trace search; a ray that meets a surface twice may take another meeting",
+            None,
+        ),
+        _edges(problem, parallel),
+    ]
+
+
+def _edges(problem: Problem, parallel: bool) -> Skip:
+    source, lens = problem.source, problem.lens
+    beam = [min(s, f) for s, f in zip(source.half_width, lens.front.half_width)]
+    within = parallel and all(b <= r for b, r in zip(beam, lens.rear.half_width))
+    why = "no parallel ray meets an edge before the rear" if within else "rays may meet an edge: `thbcad trace` tells what these carry"
+    return Skip("edges", "the edges and reflected light", True, f"{why}; light by way of front and rear is unchanged")
+
+
+def _of_surfaces(problem: Problem) -> list[Skip]:
+    front, rear = problem.lens.front.freeform, problem.lens.rear.freeform
+    frozen = front is None
+    deep = max(f.max_level for f in (front, rear) if f is not None) > 0
+    state = "the front has no freeform" if frozen else "the front is free"
+    return [
+        Skip("front", "the front in all evaluations but the first", frozen, state),
+        Skip("gradients", "gradients by the front's shape", frozen, state),
+        Skip(
+            "levels",
+            "knots and levels that no refined cell needs",
+            deep,
+            "the spline's net holds the knots of refined cells only" if deep else "there is one level",
+        ),
+    ]
+
+
+def _of_measurement(problem: Problem) -> list[Skip]:
+    window, sigma = problem.optimizer.window, problem.optimizer.sigma
+    taps = {"pixel": 2, "bspline": problem.optimizer.window_degree + 1, "gaussian": GaussianWindow(sigma).taps}[window]
+    support = "beyond its support the window is zero"
+    if window == "gaussian":
+        support = f"the Gaussian is cut off at {GaussianWindow.cut:g} sigma, and the target is measured with the same window"
+    return [
+        Skip("camera", "screen and camera", True, "the irradiance is summed from the landing points; a camera would add noise", None),
+        Skip("fresnel", "Fresnel's losses", False, "they are always traced; there is no option to leave them out"),
+        Skip("taps", f"all but {taps} x {taps} pixels around a ray", True, support, gaussian_tail() if window == "gaussian" else ROUNDING),
+        Skip("compilation", "compiling the kernels anew", True, "lens, screen and weights come to them as data, not as constants"),
+    ]
+
+
+def gaussian_tail(cut: float = GaussianWindow.cut) -> float:
+    """Return a bound of the relative L2 change of an image where the Gaussian window is not cut off.
+
+    The window g lowered to zero at c sigma and rescaled differs from g by 2 m in the L1 norm, m = 1 - erf(c / sqrt 2)
+    + 2 c exp(-c^2 / 2) / sqrt(2 pi) the mass taken away; two directions make 4 m (Young's inequality).
+    """
+    return 4 * (1 - erf(cut / sqrt(2)) + 2 * cut * exp(-(cut**2) / 2) / sqrt(2 * pi))

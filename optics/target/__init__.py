@@ -1,0 +1,49 @@
+"""The light asked for, and light measured on its pixels."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.target.formula import (
+        formula_light as formula_light,
+    )
+    from optics.target.picture import (
+        fit_picture as fit_picture,
+        read_picture as read_picture,
+    )
+    from optics.target.regions import (
+        uniform_region as uniform_region,
+    )
+    from optics.target.screen import (
+        Screen as Screen,
+    )
+    from optics.target.splat import (
+        Splat as Splat,
+    )
+    from optics.target.windows import (
+        BoxWindow as BoxWindow,
+        BSplineWindow as BSplineWindow,
+        GaussianWindow as GaussianWindow,
+        PixelWindow as PixelWindow,
+        filter_image as filter_image,
+    )
+
+_FILES = {
+    "formula": ("formula_light",),
+    "picture": (
+        "fit_picture",
+        "read_picture",
+    ),
+    "regions": ("uniform_region",),
+    "screen": ("Screen",),
+    "splat": ("Splat",),
+    "windows": (
+        "BSplineWindow",
+        "BoxWindow",
+        "GaussianWindow",
+        "PixelWindow",
+        "filter_image",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,74 @@
+"""Accumulating rays into pixels with a measurement window, differentiably (Dr.Jit)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from optics.runtime import PACKED
+from optics.target.screen import Screen
+from optics.target.windows import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend, DrArray
+
+
+@dataclass(frozen=True)
+class Splat:
+    """Irradiance of a screen, W/mm^2, from landing points and fluxes.
+
+    screen : Screen; window : a measurement window
+    """
+
+    backend: Backend
+    screen: Screen
+    window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow
+
+    def __call__(self, x: DrArray, y: DrArray, flux: DrArray) -> DrArray:
+        """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.
+
+        Rays of a beam run along y first; so do the pixels, for the sake of the cache.  Pixels of a column that lie side by
+        side are added to in packets, several times as fast as one by one.
+
+        x, y : landing points, mm.  flux : W, zero for rays that do not arrive.
+        """
+        dr, Float, Index = self.backend.dr, self.backend.Float, self.backend.Index
+        screen, taps = self.screen, self.window.taps
+        rows, columns = screen.padded
+        guard = taps - 1  # pixels around the image for windows that reach over its border
+        packets = -(-(guard + PACKED) // PACKED)  # of a column's pixels, which hold all taps wherever they begin
+        # sizes are opaque, so that every screen runs the same compiled kernel
+        stride = -(-(rows + 2 * guard + PACKED) // PACKED)  # packets of a column
+        height, width, along = dr.opaque(Float, rows), dr.opaque(Float, columns), dr.opaque(Index, stride)
+        (sx, ox), (sy, oy) = ((dr.opaque(Float, a), dr.opaque(Float, b)) for a, b in screen.pixel_map())
+        shift = 0.5 if taps % 2 == 0 else 0.0
+        column, wx = self._taps(x * sx + ox, shift)
+        row, wy = self._taps(y * sy + oy, shift)
+        touches = (row >= -guard) & (column >= -guard) & (row < height) & (column < width)
+        start = Index(dr.select(touches, row + guard, 0))
+        first = Index(dr.select(touches, column + guard, 0)) * along + start // PACKED
+        wy = self._shifted(wy, start % PACKED, packets * PACKED)
+        image = dr.zeros(Float, stride * PACKED * (columns + 2 * guard))
+        flux = flux * dr.opaque(Float, 1.0 / screen.pixel_area)
+        for a in range(taps):
+            line, weighted = first + Index(a) * along, flux * wx[a]
+            for k in range(packets):
+                packet = self.backend.Packet(*(weighted * w for w in wy[k * PACKED : (k + 1) * PACKED]))
+                dr.scatter_reduce(dr.ReduceOp.Add, image, packet, line + k, touches)
+        pixel, tall = dr.arange(Index, rows * columns), dr.opaque(Index, rows)
+        return dr.gather(Float, image, (pixel // tall + guard) * (along * PACKED) + pixel % tall + guard)
+
+    def _taps(self, position: DrArray, shift: float) -> tuple[DrArray, list[DrArray]]:
+        """Return (first pixel, weights) in one direction."""
+        dr = self.backend.dr
+        taps = self.window.taps
+        cell = dr.floor(dr.detach(position) - shift)
+        return cell - (taps - 1) // 2, self.window.weights(position - shift - cell, dr.exp)
+
+    def _shifted(self, weights: list[DrArray], by: DrArray, count: int) -> list[DrArray]:
+        """Return `count` weights, the given ones after `by` zeros, by < PACKED."""
+        row = [*weights, *[0.0] * (count - len(weights))]
+        for bit in (1, 2):
+            moved = (by & bit) != 0
+            row = [self.backend.dr.select(moved, row[j - bit] if j >= bit else 0.0, row[j]) for j in range(count)]
+        return row

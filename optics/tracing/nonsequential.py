@@ -1,0 +1,175 @@
+"""Non-sequential tracing: every ray through the closed lens, with every split at its faces.
+
+At each face a branch splits into a refracted and a reflected one (Fresnel, unpolarised light).
+Branches go on, generation by generation, until they leave the lens for good, fall below a
+threshold or have met too many faces.  Every part of the source flux ends in one named fate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optics.tracing.branches import FRONT, LEFT, NEVER, OUTSIDE, Branches, ClosedLens, SourceRays, split
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend
+    from thbcad.lens import Lens
+
+
+@dataclass(frozen=True)
+class Fates:
+    """Flux by fate, W; the fates sum to the source flux.
+
+    beside_lens : never met the lens.  reflected_outside : reflected, never entered.
+    on_target, off_target : left by the rear last, met the target rectangle or its plane beside it.
+    edges_on_target, edges_off_target : left by an edge last.  front_on_target, front_off_target : by the front.
+    back : left, but never reaches the target plane.
+    trapped : below the threshold, or too many faces met.  failed : in glass, but no face was found.
+    """
+
+    beside_lens: float
+    reflected_outside: float
+    on_target: float
+    off_target: float
+    edges_on_target: float
+    edges_off_target: float
+    front_on_target: float
+    front_off_target: float
+    back: float
+    trapped: float
+    failed: float
+
+
+FATES = tuple(field.name for field in fields(Fates))
+
+
+@dataclass(frozen=True)
+class TargetPlane:
+    """The rectangle |x| <= half_width[0], |y| <= half_width[1] in the plane z, mm, behind the lens."""
+
+    z: float
+    half_width: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Landings:
+    """Branches that cross the target plane, on the rectangle or beside it, each (m,).
+
+    x, y : mm.  flux : W.  ray : index of the source ray.  fate : index into FATES.
+    direct : True for the path front, rear, target, with two refractions and nothing else.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    flux: NDArray[np.float64]
+    ray: NDArray[np.int64]
+    fate: NDArray[np.int64]
+    direct: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class NonsequentialResult:
+    """Where the light went.
+
+    by_ray : (len(FATES), n), W, of every source ray by fate.  landings : Landings.
+    """
+
+    by_ray: NDArray[np.float64]
+    landings: Landings
+
+    @property
+    def fates(self) -> Fates:
+        return Fates(*(float(f) for f in self.by_ray.sum(axis=1)))
+
+
+def trace_nonsequential(
+    backend: Backend, lens: Lens, rays: SourceRays, target: TargetPlane, bounces: int = 64, threshold: float = 1e-4
+) -> NonsequentialResult:
+    """Trace rays through the closed lens with all reflections.
+
+    bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
+    Both drop branches into the fate `trapped`.
+    """
+    solid = ClosedLens(backend, lens)
+    n = len(rays.flux)
+    by_ray, landings = np.zeros((len(FATES), n)), []
+
+    def account(branches: Branches, fate: ArrayLike) -> None:
+        np.add.at(by_ray, (fate, branches.ray), branches.flux)
+
+    branches = Branches.start(rays)
+    for generation in range(bounces + 1):
+        meetings = solid.meet(branches)
+        leaving = meetings.face == NEVER
+        gone = branches[leaving]
+        fate, x, y, reaches = _fates(gone, target)
+        account(gone, fate)
+        gone = gone[reaches]
+        landings.append((x[reaches], y[reaches], gone.flux, gone.ray, fate[reaches], gone.stage == LEFT))
+        if generation == bounces:
+            account(branches[~leaving], FATES.index("trapped"))
+            break
+        refracted, reflected = split(branches, meetings)
+        branches = refracted[~leaving & (meetings.transmittance > 0)] + reflected[~leaving]
+        weak = branches.flux <= threshold * rays.flux[branches.ray]
+        account(branches[weak], FATES.index("trapped"))
+        branches = branches[~weak]
+        if not len(branches.ray):
+            break
+    return NonsequentialResult(by_ray, Landings(*(np.concatenate(column) for column in zip(*landings))))
+
+
+@dataclass(frozen=True, eq=False)
+class RayPath:
+    """The strongest branch of a ray: points (k, 3), mm, from the source to the fate, a name out of FATES."""
+
+    points: NDArray[np.float64]
+    fate: str
+
+
+def trace_paths(backend: Backend, lens: Lens, rays: SourceRays, target: TargetPlane, bounces: int = 64) -> list[RayPath]:
+    """Return the path of the stronger part at every face, for drawing.
+
+    A path ends in the target plane; one that never reaches it ends a lens's thickness after its
+    last face, or on that face after `bounces` of them.
+    """
+    solid, branches = ClosedLens(backend, lens), Branches.start(rays)
+    points = [[point] for point in rays.origin.T]
+    fates = ["trapped"] * len(points)
+    for generation in range(bounces + 1):
+        meetings = solid.meet(branches)
+        leaving = meetings.face == NEVER
+        gone = branches[leaving]
+        fate, x, y, reaches = _fates(gone, target)
+        stub = (gone.origin + lens.thickness * gone.direction).T
+        ends = np.where(reaches[:, None], np.column_stack([x, y, np.full_like(x, target.z)]), stub)
+        for ray, end, which in zip(gone.ray, ends, fate):
+            points[ray].append(end)
+            fates[ray] = FATES[which]
+        for ray, point in zip(branches.ray[~leaving], meetings.point.T[~leaving]):
+            points[ray].append(point)
+        refracted, reflected = split(branches, meetings)
+        passes = meetings.transmittance >= 0.5
+        branches = refracted[~leaving & passes] + reflected[~leaving & ~passes]
+        if generation == bounces or not len(branches.ray):
+            break
+    return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
+
+
+def _fates(gone: Branches, target: TargetPlane) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return fates of branches that meet no face, their x and y in the target plane, and the mask of those that cross it."""
+    dz = gone.direction[2]
+    reaches = (dz > 0) & (gone.origin[2] <= target.z) & ~gone.inside
+    t = (target.z - gone.origin[2]) / np.where(reaches, dz, 1.0)
+    x, y = gone.origin[:2] + t * gone.direction[:2]
+    onto = (abs(x) <= target.half_width[0]) & (abs(y) <= target.half_width[1])
+    on, off = (np.array([FATES.index(name + side) for name in ("front_", "", "edges_")]) for side in ("on_target", "off_target"))
+    exit_face = np.maximum(gone.left, FRONT) - FRONT
+    fate = np.where(reaches, np.where(onto, on[exit_face], off[exit_face]), FATES.index("back"))
+    fate = np.where(gone.left == NEVER, FATES.index("beside_lens"), fate)
+    fate = np.where(gone.left == OUTSIDE, FATES.index("reflected_outside"), fate)
+    return np.where(gone.inside, FATES.index("failed"), fate), x, y, reaches

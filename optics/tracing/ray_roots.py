@@ -1,0 +1,83 @@
+"""Roots of a function along rays: the first change of sign from below, then Newton's method in a bracket."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend, DrArray
+
+SPLITS = 4  # of one interval, to see whether a hump within it reaches zero
+STEPS = 80  # of Newton's method or bisection: 53 bisections exhaust a float64
+
+
+def first_crossing(
+    backend: Backend, f: Callable[[DrArray], tuple[DrArray, ...]], interval: tuple[DrArray, DrArray], count: DrArray, own: DrArray
+) -> tuple[DrArray, DrArray, DrArray]:
+    """Return (low, high, found): a bracket of the first place where f goes from negative to not negative.
+
+    f is sampled at count + 1 places of the interval.  Where it is negative at both ends of a
+    step, rising at the first and falling at the second, the top of the cubic with these values
+    and slopes is sampled too, and again within the part that holds the hump: a ray that grazes
+    a face is seen as long as f has one hump per step.
+
+    f : t -> f, f', anything.  own : the mask of rays for which f counts as negative at the start.
+    An interval with stop < start is empty.
+    """
+    dr = backend.dr
+    start, stop = interval
+    step = (stop - start) / count
+
+    def body(active, own, low, base, rise, high, k, split, splits, found):
+        value, rate, _ = f(high)
+        negative = value < 0
+        crossing = own & ~negative
+        hump = own & negative & (rise > 0) & (rate < 0) & (splits < SPLITS)
+        width = high - low
+        bend = 3 * (value - base) / width - rise - rate
+        root = dr.sqrt(dr.maximum(bend * bend - rise * rate, 0))
+        top = high - width * (root - rate - bend) / (rise - rate + 2 * root)
+        advance = ~crossing & ~hump
+        on_grid = advance & ~split
+        k = dr.select(on_grid, k + 1, k)
+        splits = dr.select(on_grid, 0, dr.select(hump, splits + 1, splits))
+        following = dr.select(k >= count, stop, start + k * step)
+        low, base, rise = (dr.select(advance, new, old) for new, old in ((high, low), (value, base), (rate, rise)))
+        own = dr.select(advance, negative, own)
+        high = dr.select(hump, top, dr.select(crossing, high, following))
+        return ~crossing & (k <= count), own, low, base, rise, high, k, hump, splits, crossing
+
+    base, rise, _ = f(start)
+    one = dr.ones(backend.Float, dr.width(start))
+    never = one < 0
+    state = (start <= stop, own, start, base, rise, start + step, one, never, 0 * one, never)
+    _, _, low, _, _, high, _, _, _, found = dr.while_loop(state, lambda active, *_: active, body)
+    return low, high, found
+
+
+def last_root(
+    backend: Backend,
+    f: Callable[[DrArray], tuple[DrArray, ...]],
+    bracket: tuple[DrArray, DrArray],
+    found: DrArray,
+    resolution: DrArray,
+) -> DrArray:
+    """Return the root of f in a bracket where f goes from negative to not negative, seen from its upper end.
+
+    Newton's method from the upper end; steps that leave the bracket are replaced by bisection.
+    It ends with a step below resolution + |t| 2^-51.
+    """
+    dr = backend.dr
+
+    def body(active, low, high, t, k):
+        value, rate, _ = f(t)
+        low, high = dr.select(value < 0, t, low), dr.select(value < 0, high, t)
+        after = t - value / rate
+        after = dr.select((after >= low) & (after <= high), after, 0.5 * (low + high))
+        moves = dr.abs(after - t) > resolution + dr.abs(t) * 2.0**-51
+        return moves & (k < STEPS), low, high, after, k + 1
+
+    low, high = bracket
+    state = (found, low, high, high + 0, 0 * high)
+    return dr.while_loop(state, lambda active, *_: active, body)[3]

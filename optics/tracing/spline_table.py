@@ -1,0 +1,129 @@
+"""Tensor-product splines on Dr.Jit arrays, as one polynomial per cell.
+
+The map from spline coefficients to the power coefficients of every cell is a constant sparse
+matrix in each direction; a point then needs its cell and (p + 1)(q + 1) numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import factorial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from optics.runtime import PACKED
+from optics.tracing.span_search import Cells
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend, DrArray
+    from thbcad.splines import KnotVector
+
+
+class PolynomialTable:
+    """The spline sum_ij N_i(x) N_j(y) C_ij, evaluated anywhere inside its knots."""
+
+    def __init__(self, backend: Backend, knots: Sequence[KnotVector]) -> None:
+        self._backend = backend
+        self._maps = [_power_map(kv) for kv in knots]
+        self._orders = [kv.degree + 1 for kv in knots]
+        self._cells = [kv.spans for kv in knots]
+        self._find = [Cells(backend, kv.breaks) for kv in knots]
+        self._middles = [backend.array((kv.breaks[1:] + kv.breaks[:-1]) / 2) for kv in knots]
+        self._rates = [backend.array(2 / np.diff(kv.breaks)) for kv in knots]
+        self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
+        self._data: DrArray = None
+
+    def load(self, net: NDArray[np.float64]) -> None:
+        """Set the coefficients, (n_x, n_y)."""
+        ax, ay = self._maps
+        power = ax @ (ay @ net.T).T
+        (nx, ny), (p, q) = self._cells, self._orders
+        table = np.zeros((nx, ny, p, self._packets * PACKED))
+        table[..., :q] = power.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
+        self._data = self._backend.array(table)
+
+    def __call__(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
+        """Return z, zx, zy, zxx, zxy, zyy."""
+        dr = self._backend.dr
+        first, s, t, rx, ry = self._locate(x, y)
+        p, q = self._orders
+        z = [0.0] * 6
+        for a in reversed(range(p)):
+            # value and two derivatives in y of the row's polynomial, by Horner's scheme
+            row = [0.0] * 3
+            packets = [dr.gather(self._backend.Packet, self._data, first + (a * self._packets + k)) for k in range(self._packets)]
+            for b in reversed(range(q)):
+                c = packets[b // PACKED][b % PACKED]
+                row = [row[0] * t + c, row[1] * t + row[0], row[2] * t + row[1]]
+            r0, r1, r2 = row[0], row[1], 2 * row[2]
+            z = [
+                z[0] * s + r0,
+                z[1] * s + z[0],
+                z[2] * s + r1,
+                z[3] * s + z[1],
+                z[4] * s + z[2],
+                z[5] * s + r2,
+            ]
+        return z[0], z[1] * rx, z[2] * ry, 2 * z[3] * (rx * rx), z[4] * (rx * ry), z[5] * (ry * ry)
+
+    def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points."""
+        dr, Float = self._backend.dr, self._backend.Float
+        gz, gx, gy = (self._backend.array(g) for g in gradients)
+        first, s, t, rx, ry = self._locate(x, y)
+        (p, q), (nx, ny) = self._orders, self._cells
+        width = self._packets * PACKED
+        power = dr.zeros(Float, nx * ny * p * width)
+        xs, ys = _powers(s, p), _powers(t, q)
+        slopes = [0.0, *(b * ry * ys[b - 1] for b in range(1, q))]
+        for a in range(p):
+            across = gz * xs[a] + (gx * (a * xs[a - 1] * rx) if a else 0.0)
+            along = gy * xs[a]
+            row = [across * ys[b] + along * slopes[b] for b in range(q)] + [Float(0)] * (width - q)
+            for k in range(self._packets):
+                packet = self._backend.Packet(*row[k * PACKED : (k + 1) * PACKED])
+                dr.scatter_reduce(dr.ReduceOp.Add, power, packet, first + (a * self._packets + k))
+        ax, ay = self._maps
+        table = power.numpy().reshape(nx, ny, p, width)[..., :q].transpose(0, 2, 1, 3).reshape(nx * p, ny * q)
+        return ax.T @ (ay.T @ table.T).T
+
+    def _locate(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray]:
+        """Return (index of the cell's first packet, local coordinates in [-1, 1], their derivatives by x and y)."""
+        dr, Float = self._backend.dr, self._backend.Float
+        cells, local, rates = [], [], []
+        for find, middles, per, position in zip(self._find, self._middles, self._rates, (x, y)):
+            cell = find(position)
+            rate = dr.gather(Float, per, cell)
+            cells.append(cell)
+            local.append((position - dr.gather(Float, middles, cell)) * rate)
+            rates.append(rate)
+        packets = self._orders[0] * self._packets
+        return (cells[0] * self._cells[1] + cells[1]) * packets, *local, *rates
+
+
+def _powers(s: DrArray, count: int) -> list[DrArray]:
+    row = [1.0]
+    for _ in range(count - 1):
+        row.append(row[-1] * s)
+    return row
+
+
+def _power_map(kv: KnotVector) -> csr_array:
+    """Return the matrix from spline coefficients to coefficients of s^k, s in [-1, 1] on each span.
+
+    Row span * (p + 1) + k holds the k-th derivative at the span's middle, times (h / 2)^k / k!.  About the middle the moduli
+    of the coefficients sum to at most (1 + sqrt 2)^p times the greatest value, about an end to (1 + sqrt 2)^(2 p) times.
+    """
+    p, half = kv.degree, np.diff(kv.breaks) / 2
+    middle = (kv.breaks[1:] + kv.breaks[:-1]) / 2
+    rows, columns, values = [], [], []
+    for k in range(p + 1):
+        first, basis = kv.basis(middle, k)
+        rows.append(np.repeat(np.arange(len(middle)) * (p + 1) + k, p + 1))
+        columns.append((first[:, None] + np.arange(p + 1)).ravel())
+        values.append((basis * (half**k / factorial(k))[:, None]).ravel())
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return csr_array(entries, shape=(len(middle) * (p + 1), kv.dim))

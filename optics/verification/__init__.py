@@ -1,0 +1,47 @@
+"""A STEP file checked by programs that share no code with its writer."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.verification.independent_checks import (
+        bare_checks as bare_checks,
+        stranger_checks as stranger_checks,
+    )
+    from optics.verification.optiland_trace import (
+        optiland_available as optiland_available,
+        optiland_checks as optiland_checks,
+        optiland_trace as optiland_trace,
+    )
+    from optics.verification.reference_tracer import (
+        trace_step as trace_step,
+    )
+    from optics.verification.step_checks import (
+        differing_numbers as differing_numbers,
+        surface_deviation as surface_deviation,
+        verify as verify,
+    )
+    from optics.verification.step_file import (
+        StepFile as StepFile,
+    )
+
+_FILES = {
+    "independent_checks": (
+        "bare_checks",
+        "stranger_checks",
+    ),
+    "optiland_trace": (
+        "optiland_available",
+        "optiland_checks",
+        "optiland_trace",
+    ),
+    "reference_tracer": ("trace_step",),
+    "step_checks": (
+        "differing_numbers",
+        "surface_deviation",
+        "verify",
+    ),
+    "step_file": ("StepFile",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,236 @@
+"""Checks of a STEP file by programs that are not ours, or share no code with the rest: its text, and OCCT's own rays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, isinf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.runtime import Check
+from optics.verification.reference_tracer import ReferenceRays
+from optics.verification.step_checks import differing_numbers
+from optics.verification.trace_comparison import compared
+from thbcad.cad.exchange import face_hits, spline_faces
+from thbcad.cad.shapes import lens_surfaces
+from thbcad.io import MILLIMETRE, Brep, BrepEdge, BrepFace, areas, volume as brep_volume
+from thbcad.splines import BSplineSurface, KnotVector
+
+if TYPE_CHECKING:
+    from optics.problem import Problem
+    from optics.runtime import Backend
+    from optics.sources import Rays
+    from optics.verification.step_file import StepFile
+    from thbcad.cad.exchange import SolidState, TopoDS_Shape
+    from thbcad.lens import Lens
+
+    Rows = NDArray[np.float64]
+    Pair = tuple[BSplineSurface, BSplineSurface]
+
+VOLUME = 1e-10  # relative, by our own quadrature
+MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
+TOLERANCE = 1e-6  # mm
+RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
+ROUNDING = 1e-12  # of the direction of a line
+UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
+
+
+def stranger_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+    """Return the Checks of a STEP file by its text and by OCCT's intersections of rays and faces.
+
+    The text is read first, so that a file that is cut off or damaged never reaches OCCT.
+    backend : of double precision.
+
+    Raises
+    ------
+    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+    """
+    solid = file.text
+    shape, optical = file.solid.shape, _optical(solid)
+
+    def by_occt(rays: Rays) -> ReferenceRays:
+        points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, problem.target_z, optical)
+        return ReferenceRays(points, np.where(np.isfinite(points).all(axis=1), rays.ray_flux, 0.0))
+
+    found = compared(problem, lens, backend, RAYS, by_occt)
+    return [
+        *_whole(solid),
+        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
+        *_same(solid, lens),
+        *_own_volume(solid, lens),
+        *_measures(solid, file.solid),
+        Check("rays with another fate by OCCT's intersections with the file", found.mismatched, 0, ""),
+        Check("landing points by OCCT's intersections with the file", found.landing, problem.verify.landing, found.unit),
+    ]
+
+
+def bare_checks(file: StepFile) -> list[Check]:
+    """Return the Checks of a STEP file of which no lens is at hand: by its text, and by what OCCT reads in it.
+
+    Raises
+    ------
+    OSError, ValueError : as `stranger_checks`.
+    """
+    solid, state = file.text, file.state
+    surfaces = spline_faces(state.shape)
+    own = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
+    unequal = sum(differing_numbers(read, surface) for read, surface in zip(surfaces, own)) + abs(len(surfaces) - len(own))
+    return [
+        *_whole(solid),
+        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
+        Check("free edges, by OCCT", state.free_edges, 0, ""),
+        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
+        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
+        Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
+        Check("text of the file: numbers of spline faces that differ from those that OCCT reads", unequal, 0, ""),
+        *_measures(solid, state),
+    ]
+
+
+def _measures(solid: Brep, state: SolidState) -> list[Check]:
+    """Return the checks of volume and area by OCCT against quadrature over the faces of the text, where they are planes and splines."""
+    try:
+        area = sum(areas(solid))
+    except ValueError:  # round faces, or a solid that does not close
+        return []
+    try:
+        volume = brep_volume(solid)
+    except ValueError:  # faces that point inward: OCCT turns them round when it reads
+        volume = inf
+    return [
+        Check("volume by OCCT against quadrature over the text of the file, relative", abs(state.volume / volume - 1), MEASURE, ""),
+        Check("area by OCCT against quadrature over the text of the file, relative", abs(state.area / area - 1), MEASURE, ""),
+    ]
+
+
+def _whole(solid: Brep) -> list[Check]:
+    """Return the checks that need no lens: unit, edges."""
+    return [
+        Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
+        Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
+        Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
+    ]
+
+
+def _own_volume(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the check of the volume by quadrature over the faces of the text against the closed form of the lens in memory."""
+    try:
+        off = abs(brep_volume(solid) / lens.volume() - 1)
+    except ValueError:  # faces that do not close
+        off = inf
+    return [Check("volume by quadrature over the text of the file against the closed form, relative", off, VOLUME, "")]
+
+
+def _same(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the checks of faces and edges, number by number, against the lens in memory."""
+    own, optical = lens_surfaces(lens), _optical(solid)
+    rest = [face for k, face in enumerate(solid.faces) if k not in optical]
+    figures = {
+        "front numbers": differing_numbers(solid.faces[optical[0]].surface, own[0]),
+        "rear numbers": differing_numbers(solid.faces[optical[1]].surface, own[1]),
+        "edge face numbers": _other_planes(rest, own) if lens.front.half_width == lens.rear.half_width else _other_ruled(rest, own),
+        "rims and corners": _loose(solid, own),
+    }
+    return [Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "") for name, value in figures.items()]
+
+
+def _optical(solid: Brep) -> tuple[int, int]:
+    """Return the places of front and rear among the faces: the two splines that are curved both ways, the lower first."""
+    heights = {}
+    for k, face in enumerate(solid.faces):
+        surface = face.surface
+        if isinstance(surface, BSplineSurface) and min(surface.kv_u.degree, surface.kv_v.degree) > 1:
+            heights[k] = surface(*([(kv.start + kv.stop) / 2] for kv in (surface.kv_u, surface.kv_v)))[0, 2]
+    if len(heights) != 2:
+        raise ValueError(f"the file holds {len(heights)} curved spline faces where a lens has 2, front and rear")
+    front, rear = sorted(heights, key=heights.get)
+    return front, rear
+
+
+def _other_ruled(faces: Sequence[BrepFace], own: Pair) -> int:
+    """Return how many numbers of the edge faces differ from the four ruled faces between the rims of front and rear."""
+    off = abs(len(faces) - 4)
+    for face, rims in zip(faces, zip(*(_rims(s) for s in own))):
+        kv = rims[0][0].merged(rims[1][0])
+        poles = np.stack([k.prolongation(kv) @ poles for k, poles in rims], axis=1)
+        off += differing_numbers(face.surface, BSplineSurface(kv, UNIT, poles))
+    return off
+
+
+def _other_planes(faces: Sequence[BrepFace], own: Pair) -> int:
+    """Return how many of the edge faces are not one of the four planes through the sides of the lens."""
+    c = own[0].coefficients
+    wanted = {(axis, c[end, end, axis]) for axis in (0, 1) for end in (0, -1)}
+    for face in faces:
+        if face.plane is not None and np.count_nonzero(face.plane[1]) == 1:
+            axis = int(np.argmax(face.plane[1] != 0))
+            wanted.discard((axis, face.plane[0, axis]))
+    return len(wanted) + abs(len(faces) - 4)
+
+
+def _rims(surface: BSplineSurface) -> list[tuple[KnotVector, Rows]]:
+    """Return knots and poles of the sides at low y, high x, high y, low x."""
+    c = surface.coefficients
+    return [(surface.kv_u, c[:, 0]), (surface.kv_v, c[-1]), (surface.kv_u, c[:, -1]), (surface.kv_v, c[0])]
+
+
+def _loose(solid: Brep, own: Pair) -> int:
+    """Return how many spline edges are no rim and no line between corners, and how many ends of edges are no corner."""
+    corners = {_bits(s.coefficients[a, b]) for s in own for a in (0, -1) for b in (0, -1)}
+    rims = {_bits(kv.knots) + _bits(poles) for s in own for kv, poles in _rims(s)}
+    loose = 0
+    for edge in solid.edges:
+        loose += sum(_bits(end) not in corners for end in edge.ends)
+        if edge.kv is None:
+            loose += not _leads(edge)
+        else:
+            straight = edge.kv.degree == 1 and len(edge.poles) == 2 and (edge.kv.knots == UNIT.knots).all()
+            loose += not straight and _bits(edge.kv.knots) + _bits(edge.poles) not in rims
+            loose += int((edge.poles[[0, -1]] != edge.ends).any())
+    return loose
+
+
+def _leads(edge: BrepEdge) -> bool:
+    """Return whether an edge is a line that starts at the edge's first end and leads to its second."""
+    if edge.poles is None or (edge.poles[0] != edge.ends[0]).any():
+        return False
+    way, line = edge.ends[1] - edge.ends[0], edge.poles[1] - edge.poles[0]
+    beside = np.linalg.norm(np.cross(way, line))
+    return bool(way @ line > 0 and beside <= ROUNDING * np.linalg.norm(way) * np.linalg.norm(line))
+
+
+def _bits(array: Rows) -> bytes:
+    """Return a row's bytes; 0.0 and -0.0 are the same place."""
+    return np.ascontiguousarray(array + 0.0).tobytes()
+
+
+def trace_faces(solid: TopoDS_Shape, rays: tuple[Rows, Rows], index: float, target_z: float, optical: tuple[int, int] = (0, 1)) -> Rows:
+    """Return where rays through the front and the rear of a solid land, (n, 2), by OCCT's intersections; NaN where they do not.
+
+    rays : origins and directions, (n, 3) float each, mm and unit vectors.  target_z : mm, inf is the far field (degrees).
+    optical : places of front and rear among the faces.
+    """
+    points, directions = (np.array(a, dtype=np.float64) for a in rays)
+    lit = np.arange(len(points))
+    for face, eta in zip(optical, (1 / index, index)):
+        hits = face_hits(solid, points, directions)
+        directions, passes = _refracted(directions, hits.normals, eta)
+        passes &= hits.faces == face
+        points, directions, lit = hits.points[passes], directions[passes], lit[passes]
+    forward = directions[:, 2] > 0
+    points, directions, lit = points[forward], directions[forward], lit[forward]
+    across = directions[:, :2] / directions[:, 2:]
+    landing = np.full((len(rays[0]), 2), np.nan)
+    landing[lit] = np.degrees(np.arctan(across)) if isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
+    return landing
+
+
+def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, NDArray[np.bool_]]:
+    """Return (directions, passes) by the vector form of Snell's law; normals point to either side."""
+    cosine = np.einsum("ij,ij->i", directions, normals)
+    normals, cosine = normals * np.sign(cosine)[:, None], np.abs(cosine)
+    square = 1 - eta**2 * (1 - cosine**2)
+    passes = square > 0
+    return eta * directions + (np.sqrt(np.where(passes, square, 1.0)) - eta * cosine)[:, None] * normals, passes

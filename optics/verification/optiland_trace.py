@@ -1,0 +1,218 @@
+"""Rays through the faces of a STEP file by optiland, a design program that shares no code with this one or with OCCT.
+
+Its NURBS geometry takes the poles and knots of the file.  It starts Newton's method where a ray crosses the plane z = 0
+of the face's own frame.  A ray that is far to the side when it meets the face starts elsewhere, and the iteration may be
+held at the rim.  So every ray gets a frame near the height at which it first falls through the face, found by sampling
+the face at a few heights along the ray, by optiland too.
+
+Source: optiland 0.6.3, whose intersection follows W. Martin, E. Cohen, R. Fish, P. Shirley, Practical ray tracing of
+trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from math import isinf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.runtime import Check
+from optics.verification.independent_checks import RAYS
+from optics.verification.reference_tracer import ReferenceRays
+from optics.verification.trace_comparison import compared
+
+if TYPE_CHECKING:
+    from optiland.geometries import NurbsGeometry
+    from optiland.rays import RealRays
+
+    from optics.problem import Problem
+    from optics.runtime import Backend
+    from optics.sources import Rays
+    from optics.verification.step_file import StepFile
+    from thbcad.lens import Lens
+    from thbcad.splines import BSplineSurface
+
+    Rows = NDArray[np.float64]
+
+AT_ONCE = 1000  # rays
+HEIGHTS = 17  # from the lowest to the highest pole of a face
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12  # mm; about ten times the rounding at 1 m from the face
+MET = 1e-9  # mm, of a meeting from the face
+WAVELENGTH = 0.55  # micrometres; the index does not depend on it
+
+
+def optiland_available() -> bool:
+    """Return whether optiland is installed; it is not loaded."""
+    return find_spec("optiland") is not None
+
+
+def optiland_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+    """Return the Checks of a STEP file by optiland's trace of about 500 rays of the problem's source.
+
+    The faces are traced with the poles and knots that OCCT reads in the file.
+    backend : of double precision.
+
+    Raises
+    ------
+    ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
+    """
+    step = file.solid
+
+    def by_optiland(rays: Rays) -> ReferenceRays:
+        found = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, problem.target_z)
+        return ReferenceRays(found.points, found.flux * rays.ray_flux)
+
+    found = compared(problem, lens, backend, RAYS, by_optiland)
+    return [
+        Check("rays with another fate by optiland's trace of the file", found.mismatched, 0, ""),
+        Check("landing points by optiland's trace of the file", found.landing, problem.verify.landing, found.unit),
+        Check("irradiance by optiland's trace of the file, relative", found.irradiance, problem.verify.irradiance, ""),
+    ]
+
+
+def optiland_trace(
+    front: BSplineSurface, rear: BSplineSurface, origins: Rows, directions: Rows, index: float, target_z: float
+) -> ReferenceRays:
+    """Trace rays through two faces to the plane z = target_z by optiland, or to the far field where that is inf.
+
+    front, rear : poles (x, y, z), mm, x along u and y along v, as `lens_surfaces`.
+    origins, directions : (n, 3) float, mm and unit vectors.
+    Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.  The flux is that of rays of 1 W,
+    the mean of both polarisations at each face by optiland's Fresnel amplitudes.
+
+    Raises
+    ------
+    ImportError : optiland is not installed.
+    """
+    landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
+    with _numpy_backend():
+        for first in range(0, len(origins), AT_ONCE):
+            lit, weight = np.arange(first, min(first + AT_ONCE, len(origins))), 1.0
+            points, ways = origins[lit], directions[lit]
+            for surface, indices in ((front, (1.0, index)), (rear, (index, 1.0))):
+                points, ways, share = _through(surface, points, ways, indices)
+                passes, weight = share > 0, weight * share
+                points, ways, lit, weight = points[passes], ways[passes], lit[passes], weight[passes]
+            forward = ways[:, 2] > 0
+            points, ways, lit = points[forward], ways[forward], lit[forward]
+            across = ways[:, :2] / ways[:, 2:]
+            landing[lit] = np.degrees(np.arctan(across)) if isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
+            flux[lit] = weight[forward]
+    return ReferenceRays(landing, flux)
+
+
+@contextmanager
+def _numpy_backend() -> Iterator[None]:
+    """Set optiland to numpy arrays of double precision, and afterwards back to what it was set to.
+
+    In single precision the functions that its compiler numba has stored on disk can end the process.
+    """
+    from optiland import backend
+
+    before = backend.get_backend()
+    backend.set_backend("numpy")
+    bits = backend.get_precision()
+    backend.set_precision("float64")
+    try:
+        yield
+    finally:
+        backend.set_precision(f"float{bits}")
+        backend.set_backend(before)
+
+
+def _geometry(surface: BSplineSurface, height: float) -> NurbsGeometry:
+    """Return optiland's geometry of a face in a frame at z = height; optiland wants knots from 0 to 1."""
+    from optiland.coordinate_system import CoordinateSystem
+    from optiland.geometries import NurbsGeometry
+
+    poles = np.moveaxis(surface.coefficients, 2, 0) - np.array([0.0, 0.0, height])[:, None, None]
+    u, v = ((kv.knots - kv.start) / (kv.stop - kv.start) for kv in (surface.kv_u, surface.kv_v))
+    return NurbsGeometry(
+        CoordinateSystem(z=height),
+        control_points=poles,
+        u_degree=surface.kv_u.degree,
+        v_degree=surface.kv_v.degree,
+        u_knots=u,
+        v_knots=v,
+        tol=NEWTON_TOLERANCE,
+        max_iter=NEWTON_STEPS,
+    )
+
+
+def _through(surface: BSplineSurface, points: Rows, directions: Rows, indices: tuple[float, float]) -> tuple[Rows, Rows, Rows]:
+    """Return (points, directions, transmittance) of rays behind a face; 0 and NaN for those that do not pass."""
+    z = surface.coefficients[..., 2]
+    heights = np.unique(np.linspace(z.min(), z.max(), HEIGHTS))
+    met, onward, share = np.full_like(points, np.nan), np.full_like(points, np.nan), np.zeros(len(points))
+    nearest = _nearest(surface, heights, points, directions)
+    for k in np.unique(nearest[nearest >= 0]):
+        rays, geometry = np.flatnonzero(nearest == k), _geometry(surface, heights[k])
+        met[rays], meets = _meeting(geometry, points[rays], directions[rays])
+        rays = rays[meets]
+        if len(rays):
+            onward[rays], share[rays] = _refracted(geometry, met[rays], directions[rays], indices)
+    return met, onward, share
+
+
+def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: Rows) -> NDArray[np.int64]:
+    """Return the number of the first height at which a ray has fallen through a face, (n,) int, -1 for none."""
+    geometry = _geometry(surface, 0.0)
+    low, high = _corners(geometry)
+    fallen = np.zeros((len(heights), len(points)), dtype=bool)
+    rises = directions[:, 2] > 0
+    speed = np.where(rises, directions[:, 2], 1.0)
+    for k, height in enumerate(heights):
+        along = (height - points[:, 2]) / speed
+        here = points[:, :2] + along[:, None] * directions[:, :2]
+        u, v = np.clip((here - low) / (high - low), 0, 1).T
+        fallen[k] = rises & (along >= 0) & (geometry.get_value(u, v)[2] <= height)
+    return np.where(fallen.any(axis=0), fallen.argmax(axis=0), -1)
+
+
+def _corners(geometry: NurbsGeometry) -> tuple[Rows, Rows]:
+    """Return the least and the greatest (x, y) of a face."""
+    return geometry.P[:2, 0, 0], geometry.P[:2, -1, -1]
+
+
+def _meeting(geometry: NurbsGeometry, points: Rows, directions: Rows) -> tuple[Rows, NDArray[np.bool_]]:
+    """Return (points, met) where rays meet a face; rays that pass it by end anywhere."""
+    rays = _rays(points, directions)
+    geometry.localize(rays)
+    along = geometry.distance(rays)
+    met = points + along[:, None] * directions
+    low, high = _corners(geometry)
+    meets = (along >= 0) & (met[:, :2] >= low - MET).all(axis=1) & (met[:, :2] <= high + MET).all(axis=1)
+    if meets.any():
+        x, y, z = met[meets].T
+        meets[meets] = np.abs(geometry.cs.z + geometry.sag(x, y) - z) <= MET
+    return met, meets
+
+
+def _refracted(geometry: NurbsGeometry, points: Rows, directions: Rows, indices: tuple[float, float]) -> tuple[Rows, Rows]:
+    """Return (directions, transmittance) behind a face, 0 where totally reflected.
+
+    T = n_2 cos(t) / (n_1 cos(i)) (|t_s|^2 + |t_p|^2) / 2, with t_s and t_p from optiland.
+    """
+    from optiland.jones import JonesFresnel
+    from optiland.materials import IdealMaterial
+
+    rays = _rays(points, directions)
+    geometry.localize(rays)
+    normals = geometry.surface_normal(rays)
+    rays.refract(*normals, *indices)
+    onward = np.column_stack([rays.L, rays.M, rays.N])
+    before, after = (np.abs(np.einsum("ij,ji->i", a, np.stack(normals))) for a in (directions, onward))
+    jones = JonesFresnel(*map(IdealMaterial, indices)).calculate_matrix(rays, aoi=np.arccos(np.minimum(before, 1.0)))
+    power = (np.abs(jones[:, [0, 1], [0, 1]]) ** 2).mean(axis=1)
+    return onward, np.nan_to_num(indices[1] * after / (indices[0] * before) * power)
+
+
+def _rays(points: Rows, directions: Rows) -> RealRays:
+    """Return optiland's container of rays."""
+    from optiland.rays import RealRays
+
+    return RealRays(*points.T, *directions.T, np.ones(len(points)), np.full(len(points), WAVELENGTH))

@@ -1,0 +1,197 @@
+"""An independent tracer: numpy and scipy on the poles and knots of a STEP file.
+
+It shares no code with the optimiser's tracer: surfaces are general parametric splines evaluated
+by scipy's NdBSpline, rays are intersected by Newton's method in the surface parameters, and
+refraction uses the vector form of Snell's law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import NdBSpline
+
+from optics.runtime import NumericalError
+
+if TYPE_CHECKING:
+    from optics.target import Screen
+    from thbcad.cad.exchange import SolidFile
+    from thbcad.splines import BSplineSurface
+
+
+HALVINGS = 12  # of the interval in which a ray falls through the face, before Newton's method
+SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
+ROOM = 1e-3  # of the width, above and below the poles
+STILL = 1e-12  # of a direction: components that count as none
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
+MEETS = 1e-10  # of the face's width: so far beside a ray, or behind its origin, a point still lies on it
+AT_ONCE = 20_000  # rays
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceRays:
+    """Landing points (n, 2) in mm and flux (n,) in W; NaN and 0 for rays that do not arrive."""
+
+    points: NDArray[np.float64]
+    flux: NDArray[np.float64]
+
+
+class ParametricFace:
+    """S(u, v) with poles (n_u, n_v, 3), evaluated by scipy."""
+
+    def __init__(self, surface: BSplineSurface) -> None:
+        knots = surface.kv_u.knots, surface.kv_v.knots
+        degrees = surface.kv_u.degree, surface.kv_v.degree
+        self._spline = NdBSpline(knots, surface.coefficients, degrees)
+        self._height = NdBSpline(knots, surface.coefficients[..., 2], degrees)
+        self.low = np.array([knots[0][0], knots[1][0]])
+        self.high = np.array([knots[0][-1], knots[1][-1]])
+        poles = surface.coefficients.reshape(-1, 3)
+        self.width = float(np.ptp(poles[:, 0]))
+        room = [0.0, 0.0, ROOM * self.width]
+        self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
+
+    def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters where rays first fall through the face, to a sample's width; points, directions : (n, 3).
+
+        x and y are taken as linear in the parameters: a guess that Newton's method corrects.
+        Rays parallel to z need no search.
+        """
+        uv = self._below(points[:, :2])
+        slanted = (np.abs(directions[:, :2]) >= STILL).any(axis=1)
+        if slanted.any():
+            uv[slanted] = self._search(points[slanted], directions[slanted])
+        return uv
+
+    def _below(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the parameters at (x, y), (..., 2), of the rim where they lie beside the face."""
+        share = np.clip((points - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
+        return self.low + share * (self.high - self.low)
+
+    def _search(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the parameters where slanted rays first fall through the face, by samples and halvings."""
+        first, last = self._way(points, directions)
+
+        def at(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            here = points[:, None, :] + t[..., None] * directions[:, None, :]
+            uv = self._below(here[..., :2])
+            return uv, self._height(uv) - here[..., 2]
+
+        t = first[:, None] + (last - first)[:, None] * np.linspace(0, 1, SAMPLES)
+        _, above = at(t)
+        falls = (above[:, :-1] > 0) & (above[:, 1:] <= 0)
+        k = np.where(falls.any(axis=1), falls.argmax(axis=1), np.abs(above[:, :-1]).argmin(axis=1))[:, None]
+        low, high = (np.take_along_axis(t, i, axis=1) for i in (k, k + 1))
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            over = at(middle)[1] > 0
+            low, high = np.where(over, middle, low), np.where(over, high, middle)
+        return at((low + high) / 2)[0][:, 0]
+
+    def _way(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the ray parameters at which rays enter and leave the face's box."""
+        still = np.abs(directions) < STILL
+        speed = np.where(still, 1.0, directions)
+        ends = np.stack([np.where(still, side, (corner - points) / speed) for side, corner in zip((-np.inf, np.inf), self._box)])
+        return np.maximum(ends.min(axis=0).max(axis=1), 0.0), ends.max(axis=0).min(axis=1)
+
+    def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
+        return [self._spline(uv, nu=nu) for nu in ((0, 0), (1, 0), (0, 1))]
+
+
+def trace_step(
+    step: SolidFile, origins: NDArray[np.float64], directions: NDArray[np.float64], flux: ArrayLike, index: float, target_z: float
+) -> ReferenceRays:
+    """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field where that is inf.
+
+    origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
+    Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
+    """
+    points = origins
+    weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
+    for surface, eta in ((step.front, 1 / index), (step.rear, index)):
+        points, normals, met = _intersect(ParametricFace(surface), points, directions)
+        directions, share = _refract(directions, normals, eta)
+        weight *= np.where(met, share, 0.0)
+    arrives = (weight > 0) & (directions[:, 2] > 0)
+    across = directions[:, :2] / np.where(arrives, directions[:, 2], 1.0)[:, None]
+    landing = np.degrees(np.arctan(across)) if np.isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
+    return ReferenceRays(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
+
+
+def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:
+    """Return the irradiance by bilinear weights between pixel centres, (rows, columns), W/mm^2."""
+    good = np.isfinite(points).all(axis=1) & (flux > 0)
+    (sx, ox), (sy, oy) = screen.pixel_map()
+    column, row = points[good, 0] * sx + ox - 0.5, points[good, 1] * sy + oy - 0.5
+    rows, columns = screen.padded
+    image = np.zeros((rows, columns))
+    c, r = np.floor(column).astype(int), np.floor(row).astype(int)
+    for dr in (0, 1):
+        for dc in (0, 1):
+            weight = (1 - np.abs(row - r - dr)) * (1 - np.abs(column - c - dc)) * flux[good]
+            inside = (r + dr >= 0) & (r + dr < rows) & (c + dc >= 0) & (c + dc < columns)
+            np.add.at(image, (r[inside] + dr, c[inside] + dc), weight[inside])
+    return image / screen.pixel_area
+
+
+def _intersect(
+    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return (points, unit normals towards +z, met) of rays on a face, part by part."""
+    parts = [slice(k, k + AT_ONCE) for k in range(0, len(points), AT_ONCE)]
+    found = [_newton(face, points[k], directions[k], face.start(points[k], directions[k])) for k in parts]
+    return tuple(np.concatenate(column) for column in zip(*found))
+
+
+def _newton(
+    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64], uv: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return (points, unit normals towards +z, met) by Newton's method from the parameters uv.
+
+    It solves a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray; meetings behind the origin or on the
+    far side of the face do not count.
+    """
+    helper = np.where(np.abs(directions[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    a = np.cross(directions, helper)
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    b = np.cross(directions, a)
+    size = np.abs(face.high - face.low).max()
+    for _ in range(NEWTON_STEPS):
+        s, su, sv = face.jet(uv)
+        f, g = _dot(a, s - points), _dot(b, s - points)
+        fu, fv, gu, gv = _dot(a, su), _dot(a, sv), _dot(b, su), _dot(b, sv)
+        determinant = fu * gv - fv * gu
+        step = np.column_stack([gv * f - fv * g, fu * g - gu * f]) / determinant[:, None]
+        uv = np.clip(uv - step, face.low, face.high)
+        if np.abs(step).max(initial=0.0) < NEWTON_TOLERANCE * size:
+            break
+    s, su, sv = face.jet(uv)
+    distance = np.hypot(_dot(a, s - points), _dot(b, s - points))
+    normals = np.cross(su, sv)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals *= np.sign(normals[:, 2:])
+    if not np.isfinite(s).all():
+        raise NumericalError("the independent trace met a degenerate face")
+    near = MEETS * face.width
+    return s, normals, (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0)
+
+
+def _refract(directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (directions, transmittance) by the vector form of Snell's law; T = 0 where totally reflected."""
+    cos_i = _dot(directions, normals)
+    square = 1 - eta**2 * (1 - cos_i**2)
+    passes = (square > 0) & (cos_i > 0)
+    cos_t = np.sqrt(np.where(passes, square, 1.0))
+    refracted = eta * directions + (cos_t - eta * cos_i)[:, None] * normals
+    rs = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
+    rp = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
+    return refracted, np.where(passes, 1 - (rs**2 + rp**2) / 2, 0.0)
+
+
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.einsum("ij,ij->i", a, b)

@@ -1,0 +1,58 @@
+"""A STEP file under test, read by programs that share no code, each time only once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thbcad.cad.exchange import SolidFile, SolidState
+    from thbcad.io import Brep
+
+
+@dataclass(frozen=True)
+class StepFile:
+    """A STEP file, as a rule with a lens solid.
+
+    Ask for `text` before `solid` where the file may be cut off or damaged: OCCT can end the process over it.
+    """
+
+    path: Path
+
+    @cached_property
+    def text(self) -> Brep:
+        """What the text of the file holds.
+
+        Raises
+        ------
+        OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
+        """
+        from thbcad.io import read_brep
+
+        return read_brep(self.path)
+
+    @cached_property
+    def state(self) -> SolidState:
+        """What OCCT says of the shape in the file, a lens or another.
+
+        Raises
+        ------
+        OSError : the file cannot be read.  ValueError : it is no STEP file.
+        """
+        from thbcad.cad.exchange import SolidState, step_shape
+
+        return SolidState(step_shape(self.path))
+
+    @cached_property
+    def solid(self) -> SolidFile:
+        """What OCCT reads in the file.
+
+        Raises
+        ------
+        OSError : the file cannot be read.  ValueError : it does not hold two optical faces.
+        """
+        from thbcad.cad.exchange import read_step
+
+        return read_step(self.path)

@@ -1,0 +1,204 @@
+"""Closed lenses for the slow branch tracer: a convex polyhedron and a triangle mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from optics.tracing import FATES
+
+INDEX = 1.5
+
+
+def half_spaces(front, rear, thickness):
+    """Return (normals (6, 3), offsets (6,)) of a frustum, in the order front, rear, edges."""
+    normals, offsets = [(0, 0, -1), (0, 0, 1)], [0.0, thickness]
+    for axis in (0, 1):
+        for sign in (1, -1):
+            normal = np.zeros(3)
+            normal[axis], normal[2] = sign, -(rear[axis] - front[axis]) / thickness
+            normals.append(normal / np.linalg.norm(normal))
+            offsets.append(front[axis] / np.linalg.norm(normal))
+    return np.array(normals), np.array(offsets)
+
+
+class Frustum:
+    """The next face of a convex polyhedron."""
+
+    def __init__(self, *shape):
+        self.normals, self.offsets = half_spaces(*shape)
+
+    def __call__(self, origin, direction, inside, own):
+        """Return (point, outward normal, class of the face, the face) or None."""
+        rate, room = self.normals @ direction, self.offsets - self.normals @ origin
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = room / rate
+        leaves, enters = rate > 0, rate < 0
+        if inside:
+            t = np.where(leaves & (np.arange(6) != own), t, np.inf)
+            face = int(t.argmin())
+        else:
+            face = int(np.where(enters, t, -np.inf).argmax())
+            if own is not None or t[face] < 0 or (t[leaves] < t[face]).any() or (room[rate == 0] < 0).any():
+                return None
+        return origin + t[face] * direction, self.normals[face], min(face, 2), face
+
+
+def trace_one(solid, ray, target, threshold):
+    """Return the flux of one ray by fate, (len(FATES),), branch by branch.
+
+    solid : (origin, direction, inside, own face) -> (point, normal, 0 front, 1 rear or 2 edge, face) or None.
+    """
+    flux = dict.fromkeys(FATES, 0.0)
+    start, direction, power = ray
+    stack = [(start, direction, power, False, None, None, 0)]
+    while stack:
+        origin, d, share, inside, own, left, met = stack.pop()
+        meeting = solid(origin, d, inside, own)
+        if meeting is None:
+            flux["failed" if inside else escape(origin, d, left, target)] += share
+            continue
+        if met == 64:
+            flux["trapped"] += share
+            continue
+        point, normal, kind, face = meeting
+        normal = normal if inside else -normal
+        eta = INDEX if inside else 1 / INDEX
+        cosine = min(d @ normal, 1.0)
+        square = 1 - eta**2 * (1 - cosine**2)
+        passed = 0.0
+        if square > 0:
+            behind = np.sqrt(square)
+            ratios = (eta * cosine - behind) / (eta * cosine + behind), (cosine - eta * behind) / (cosine + eta * behind)
+            passed = 1 - 0.5 * (ratios[0] ** 2 + ratios[1] ** 2)
+            onward = eta * d + (behind - eta * cosine) * normal
+            exit_face = ("front_", "", "edges_")[kind] if inside else left
+            branch = point, onward / np.linalg.norm(onward), passed * share, not inside, face, exit_face, met + 1
+            drop(stack, branch, flux, threshold * power)
+        mirrored = d - 2 * cosine * normal
+        branch = point, mirrored / np.linalg.norm(mirrored), share - passed * share, inside, face, left or "outside", met + 1
+        if left == "":
+            branch = (*branch[:5], left, met + 1)
+        drop(stack, branch, flux, threshold * power)
+    return np.array([flux[name] for name in FATES])
+
+
+def drop(stack, branch, flux, least):
+    if branch[2] <= least:
+        flux["trapped"] += branch[2]
+    else:
+        stack.append(branch)
+
+
+def escape(origin, d, left, target):
+    """Return the fate of light that leaves: `left` is None (nothing met), "outside", or the prefix of the last exit."""
+    if left is None or left == "outside":
+        return "beside_lens" if left is None else "reflected_outside"
+    if d[2] <= 0 or origin[2] > target.z:
+        return "back"
+    x, y = (origin + d * (target.z - origin[2]) / d[2])[:2]
+    return left + ("on_target" if abs(x) <= target.half_width[0] and abs(y) <= target.half_width[1] else "off_target")
+
+
+def traced_one_by_one(solid, rays, target, threshold):
+    each = zip(rays.origin.T, rays.direction.T, rays.flux)
+    return np.array([trace_one(solid, ray, target, threshold) for ray in each]).T
+
+
+def edge_gap(lens):
+    """Return the least height of sampled points of the edges above the front and below the rear, mm."""
+    mesh = MeshSolid(lens, 4)
+    w = np.r_[1e-3, np.linspace(0, 1, 60)[1:-1], 1 - 1e-3]
+    s, w = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 121), w))
+    least = np.inf
+    for kind in range(2, 6):
+        points = mesh.point(np.full(s.size, kind), s, w)
+        for surface, vertex, side in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
+            over = (abs(points[:, :2]) <= surface.half_width).all(axis=1)
+            x, y, z = points[over].T
+            least = min(least, np.min(side * (z - vertex - surface(x, y)), initial=np.inf))
+    return least
+
+
+class MeshSolid:
+    """A closed lens as triangles: facets are met by Moeller and Trumbore's test, normals are those of the surfaces."""
+
+    def __init__(self, lens, count=40):
+        self.lens = lens
+        s = np.linspace(-1, 1, count + 1)
+        w = np.linspace(0, 1, count // 4 + 1)
+        pieces = [(kind, *np.meshgrid(s, s if kind < 2 else w, indexing="ij")) for kind in range(6)]
+        corners, parameters, kinds = [], [], []
+        for kind, a, b in pieces:
+            points = self.point(np.full(a.size, kind), a.ravel(), b.ravel()).reshape(*a.shape, 3)
+            both = np.stack([a, b], axis=-1)
+            for grid, out in ((points, corners), (both, parameters)):
+                p, q, r, t = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+                out += [np.stack(three, axis=2).reshape(-1, 3, grid.shape[2]) for three in ((p, q, r), (p, r, t))]
+            kinds.append(np.full(2 * (a.shape[0] - 1) * (a.shape[1] - 1), kind))
+        self.corners, self.parameters, self.kinds = (np.concatenate(part) for part in (corners, parameters, kinds))
+        first, second = (self.corners[:, k] - self.corners[:, 0] for k in (1, 2))
+        normal = np.cross(first, second)
+        middle = self.normal(self.kinds, *self.parameters.mean(axis=1).T)
+        self.sides = np.sign(np.sum(normal * middle, axis=1))
+
+    def rims(self, kind, s):
+        """Return the ends of the rulings s of the edges +x, -x, +y, -y (2 to 5), each (n, 3), and their derivatives by s."""
+        ends = []
+        for surface, vertex in ((self.lens.front, 0.0), (self.lens.rear, self.lens.thickness)):
+            hx, hy = surface.half_width
+            sign = np.where(kind % 2 == 0, 1.0, -1.0)
+            on_x = kind < 4
+            x, y = np.where(on_x, sign * hx, s * hx), np.where(on_x, s * hy, sign * hy)
+            zero = np.zeros_like(s)
+            slope = np.where(on_x, surface(x, y, (0, 1)) * hy, surface(x, y, (1, 0)) * hx)
+            ends.append(np.column_stack([x, y, vertex + surface(x, y)]))
+            ends.append(np.column_stack([np.where(on_x, zero, hx), np.where(on_x, hy, zero), slope]))
+        return ends
+
+    def point(self, kind, a, b):
+        if kind[0] >= 2:
+            front, _, rear, _ = self.rims(kind, a)
+            return (1 - b[:, None]) * front + b[:, None] * rear
+        surface, vertex = ((self.lens.front, 0.0), (self.lens.rear, self.lens.thickness))[kind[0]]
+        x, y = (c * h for c, h in zip((a, b), surface.half_width))
+        return np.column_stack([x, y, vertex + surface(x, y)])
+
+    def normal(self, kind, a, b):
+        """Return outward unit normals, (n, 3)."""
+        normals = np.zeros((len(a), 3))
+        for which, surface, sign in ((0, self.lens.front, -1), (1, self.lens.rear, 1)):
+            m = kind == which
+            x, y = (c[m] * h for c, h in zip((a, b), surface.half_width))
+            if m.any():
+                normals[m] = sign * np.column_stack([-surface(x, y, (1, 0)), -surface(x, y, (0, 1)), np.ones_like(x)])
+        m = kind >= 2
+        if m.any():
+            front, front_s, rear, rear_s = self.rims(kind[m], a[m])
+            w = b[m][:, None]
+            normals[m] = np.cross((1 - w) * front_s + w * rear_s, rear - front)
+            outward = np.where(kind[m] < 4, 0, 1), np.where(kind[m] % 2 == 0, 1.0, -1.0)
+            normals[m] *= (np.sign(normals[m][np.arange(m.sum()), outward[0]]) * outward[1])[:, None]
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+    def __call__(self, origin, direction, inside, own):
+        base = self.corners[:, 0]
+        first, second = self.corners[:, 1] - base, self.corners[:, 2] - base
+        across = np.cross(direction, second)
+        volume = np.sum(first * across, axis=1)  # negative where the ray passes along first x second
+        outward = -volume * self.sides > 0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            offset = origin - base
+            u = np.sum(offset * across, axis=1) / volume
+            turned = np.cross(offset, first)
+            v = turned @ direction / volume
+            t = np.sum(second * turned, axis=1) / volume
+        hit = (outward == inside) & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > 1e-9)
+        if own is not None:
+            hit[own] = False
+        if not hit.any():
+            return None
+        k = int(np.where(hit, t, np.inf).argmin())
+        weights = np.array([1 - u[k] - v[k], u[k], v[k]])
+        a, b = (np.clip(c, -1, 1) for c in weights @ self.parameters[k])
+        normal = self.normal(self.kinds[k : k + 1], np.array([a]), np.array([b]))[0]
+        return origin + t[k] * direction, normal, min(int(self.kinds[k]), 2), k

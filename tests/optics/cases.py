@@ -1,0 +1,118 @@
+"""Small problems for the tests: a picture, a problem file, and the objects behind it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from PIL import Image
+
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+SMALL = {
+    "title": "small",
+    "source.kind": "collimated",
+    "source.half_width": [9.5, 9.5],
+    "lens.index": 1.5,
+    "lens.thickness": 6.0,
+    "lens.front.half_width": [10.0, 10.0],
+    "lens.rear.half_width": [10.0, 10.0],
+    "lens.rear.radius": 40.0,
+    "lens.rear.conic": -1.0,
+    "lens.rear.freeform.spans": [4, 4],
+    "lens.rear.freeform.max_level": 2,
+    "lens.rear.freeform.z_freedom": 1.0,
+    "target.kind": "image",
+    "target.image": "picture.png",
+    "target.distance": 60.0,
+    "target.half_width": [20.0, 20.0],
+    "target.pixels": [48, 48],
+    "optimizer.iterations": [6],
+    "verify.rays": 33,
+    "run.threads": 2,
+}
+
+
+PLANE, PARABOLOID = Conic(), Conic(40.0, -1.0)
+
+
+def picture(rows=48, columns=48):
+    """Return a grey picture without symmetry, (rows, columns) uint8: a blob and a bright corner."""
+    y, x = np.linspace(0, 1, rows)[:, None], np.linspace(0, 1, columns)[None, :]
+    light = 0.3 + 0.5 * np.exp(-((x - 0.35) ** 2 + (y - 0.4) ** 2) / 0.05) + 0.2 * (x > 0.6) * (y > 0.5)
+    return np.round(255 * light / light.max()).astype(np.uint8)
+
+
+def toml_text(values):
+    """Return TOML for {"table.key": value}; written without the package's own writer."""
+    rows = {}
+    for key, value in values.items():
+        table, _, name = key.rpartition(".")
+        rows.setdefault(table, []).append(f"{name} = {toml_value(value)}")
+    return "".join((f"[{table}]\n" if table else "") + "\n".join(lines) + "\n" for table, lines in rows.items())
+
+
+def toml_value(value):
+    """Return a value as TOML; strings are escaped to ASCII."""
+    if isinstance(value, str):
+        return '"' + "".join(c if " " <= c <= "~" and c not in '"\\' else f"\\U{ord(c):08x}" for c in value) + '"'
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{toml_value(k)} = {toml_value(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return json.dumps(value).replace("Infinity", "inf").replace("NaN", "nan")
+
+
+def write_problem(folder, changes=None, image=None, drop=(), name="problem.toml"):
+    """Write the small problem with its picture into a folder and return the problem file's path.
+
+    changes : {"table.key": value}.  image : uint8 array, or None for `picture()`.  drop : keys left out.
+    """
+    Image.fromarray(picture() if image is None else image).save(folder / "picture.png")
+    values = {k: v for k, v in (SMALL | (changes or {})).items() if k not in drop}
+    path = folder / name
+    path.write_text(toml_text(values), "utf-8")
+    return path
+
+
+def small_space(half_width=(10.0, 10.0), degree=3, refined=True):
+    """Return a THB space of three levels (or one) on a rectangle, without symmetry."""
+    space = THBSpace(*(KnotVector.uniform(degree, 4, -h, h) for h in half_width))
+    if not refined:
+        return space
+    return space.refine({0: [(i, j) for i in range(4) for j in range(3)]}).refine({1: [(2, 3), (2, 2), (3, 3), (3, 2), (0, 0)]})
+
+
+def small_lens(front=PLANE, rear=PARABOLOID, sag=None, rear_half_width=(10.0, 10.0), thickness=6.0, space=None):
+    """Return a lens of index 1.5 and half-width 10 mm; sag : coefficients on `space`, or None for zeros."""
+    space = space or small_space(rear_half_width)
+    sag = THBSurface(space, np.zeros(space.dim) if sag is None else sag)
+    return Lens(FreeformSurface((10.0, 10.0), front), FreeformSurface(rear_half_width, rear, sag), thickness, 1.5)
+
+
+def hollow_lens(rear=None, front=None, spans=(2, 2)):
+    """Return the lens of thesis Table 6.3, in whose hollow front a source of 1 mm glows 2 mm before the vertex.
+
+    rear, front : functions of a space that give the sag's coefficients on it; None is a sag of zeros on the rear, none on the front.
+    """
+    rear_space, front_space = (THBSpace(*(KnotVector.uniform(3, n, -h, h) for n in spans)) for h in (8.0, 5.0))
+    sags = [
+        THBSurface(rear_space, np.zeros(rear_space.dim) if rear is None else rear(rear_space)),
+        None if front is None else THBSurface(front_space, front(front_space)),
+    ]
+    surfaces = (FreeformSurface((5.0, 5.0), Conic(-5.0, -1.0), sags[1]), FreeformSurface((8.0, 8.0), Conic(-10.0, -1.0), sags[0]))
+    return Lens(*surfaces, 5.0, 1.5)
+
+
+def coefficients(lens):
+    """Return the THB coefficients of the lens's free surfaces, front first, as the tracer takes them."""
+    return [sag.coefficients for sag in lens.sags]
+
+
+def rough(space, height=0.02, seed=5):
+    """Return random coefficients of at most `height` mm."""
+    return np.random.default_rng(seed).uniform(-height, height, space.dim)

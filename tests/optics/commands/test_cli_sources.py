@@ -1,0 +1,97 @@
+"""The command line with a glowing picture, two free surfaces and a far-field target."""
+
+from __future__ import annotations
+
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from optics.commands.cli import main
+from optics.problem import load_problem
+from tests.optics.cases import write_problem
+from tests.optics.commands.test_cli import FIGURES, refused, strict_json
+
+EXTENDED = {
+    "title": "extended",
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.half_angle": 50.0,
+    "source.profile": "image",
+    "source.image": "glow.png",
+    "lens.thickness": 10.0,
+    "lens.front.freeform.spans": [3, 3],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.5,
+    "lens.rear.freeform.spans": [3, 4],
+    "lens.rear.freeform.max_level": 1,
+    "target.distance": np.inf,
+    "target.half_width": [40.0, 40.0],
+    "target.pixels": [24, 24],
+    "optimizer.iterations": [3],
+    "optimizer.rays_per_pixel": 1.0,
+}
+
+
+def write_extended(folder, changes=None, drop=()):
+    """Write a problem with a glowing picture, two free surfaces and a far-field target; return its path."""
+    Image.fromarray(np.array([[50, 100], [150, 200]], dtype=np.uint8)).save(folder / "glow.png")
+    return write_problem(folder, EXTENDED | (changes or {}), drop=drop)
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory):
+    """A whole run of the extended problem: its result folder and exit code."""
+    folder = tmp_path_factory.mktemp("extended")
+    code = main(["design", str(write_extended(folder)), "--out", str(folder / "result")])
+    return SimpleNamespace(path=folder / "result", code=code, given=folder / "problem.toml")
+
+
+def test_an_extended_problem_ends_well_too(extended):
+    assert extended.code == 0
+    assert {p.stem for p in (extended.path / "figures").iterdir()} == FIGURES | {"front_sag", "front_mesh"}
+    metrics = strict_json((extended.path / "metrics.json").read_text())
+    lens = strict_json((extended.path / "lens.json").read_text())
+    assert metrics["dof"] == sum(len(lens[name]["sag"]["coefficients"]) for name in ("front", "rear"))
+    assert metrics["levels"] == 2
+    assert sum(metrics["flux_budget_w"].values()) == pytest.approx(1.0, abs=1e-9)
+    assert metrics["flux_budget_w"]["unresolved"] == 0
+    assert strict_json((extended.path / "verify.json").read_text())["ok"] is True
+    page = (extended.path / "report.html").read_text("utf-8")
+    assert page.count("data:image/png;base64,") == len(FIGURES) + 2
+
+
+def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tmp_path, capsys):
+    """The folder holds all that its problem file names."""
+    assert main(["verify", str(extended.path)]) == 0
+    moved = shutil.copytree(extended.path, tmp_path / "moved")
+    stored = load_problem(moved / "problem.toml")
+    for picture_file in (stored.target.image, stored.source.image):
+        assert picture_file.startswith(str(moved))
+    assert main(["verify", str(moved)]) == 0
+
+
+def test_an_extended_run_starts_from_an_earlier_design(extended, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["design", str(extended.given), "--out", str(out), "--from", str(extended.path), "--json"]) == 0
+    metrics = strict_json(capsys.readouterr().out)["metrics"]
+    before = strict_json((extended.path / "metrics.json").read_text())
+    assert metrics["dof"] == before["dof"]
+    assert metrics["rel_l2"] < 1.05 * before["rel_l2"]
+
+
+@pytest.mark.parametrize("command", ["design", "check"])
+def test_a_missing_picture_of_the_source_is_refused(command, tmp_path, capsys):
+    problem = write_extended(tmp_path)
+    (tmp_path / "glow.png").unlink()
+    assert "glow.png" in refused(capsys, command, problem)
+
+
+def test_check_adds_the_freedoms_of_both_surfaces(tmp_path, capsys):
+    """Least thickness 10 mm; only together do 5.5 and 5 mm exceed it."""
+    for on_front, noted in ((4.0, False), (5.5, True)):
+        changes = {"lens.front.freeform.z_freedom": on_front, "lens.rear.freeform.z_freedom": 5.0}
+        assert main(["check", str(write_extended(tmp_path, changes))]) == 0
+        assert ("z_freedom is larger than the least thickness" in capsys.readouterr().out) == noted

@@ -1,0 +1,238 @@
+"""Limits of manufacture: every key is checked from the certified side, with its place, and advice comes before a design."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import fields, replace
+from math import inf, isfinite
+
+import numpy as np
+import pytest
+
+from optics.problem import Limits, as_data, limit_advice, limit_checks, load_problem, manufacture_rows, require_limits
+from optics.runtime import UserError
+from optics.system import base_lens
+from tests.cases import ROOT
+from tests.optics.cases import rough, write_problem
+from thbcad.certified import Enclosure
+from thbcad.lens import manufacturability
+from thbcad.surfaces import THBSurface
+
+DENSITY = 1.19
+FREE_FRONT = {"lens.front.freeform.spans": [3, 4], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 0.5}
+
+
+def designed(folder, changes=None, height=0.05):
+    """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the lens's figures."""
+    problem = load_problem(write_problem(folder, {"lens.density": DENSITY} | (changes or {})))
+    base = base_lens(problem)
+    lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
+    return problem, lens, manufacturability(lens, DENSITY)
+
+
+def limited(problem, **limits):
+    return replace(problem, limits=Limits(**limits))
+
+
+def checks_of(problem, found, **limits):
+    return limit_checks(limited(problem, **limits), found)
+
+
+def bounds_of(found):
+    """Return key: (certified number, whether it must be at least the limit, unit) of the strictest surface, rear free."""
+    surfaces = found.surfaces.values()
+    return {
+        "thickness": (found.thickness.lower, True, "mm"),
+        "centre_thickness": (found.centre_thickness.lower, True, "mm"),
+        "edge_thickness": (found.edge_thickness.lower, True, "mm"),
+        "radius": (min(found.rear.concave.lower, found.rear.convex.lower), True, "mm"),
+        "concave_radius": (found.rear.concave.lower, True, "mm"),
+        "slope": (max(s.slope.upper for s in surfaces), False, "degrees"),
+        "sag_range": (max(s.heights.upper for s in surfaces), False, "mm"),
+        "feature": (found.rear.feature.wavelengths(550.0), True, "wavelengths"),
+        "mass": (found.mass, False, "g"),
+    }
+
+
+KEYS = [field.name for field in fields(Limits)]
+
+
+def test_every_key_of_the_table_is_checked(tmp_path):
+    problem, _, found = designed(tmp_path)
+    assert set(bounds_of(found)) == set(KEYS)
+    assert checks_of(problem, found) == []
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_limit_is_kept_up_to_the_certified_bound_and_no_further(tmp_path, key):
+    problem, _, found = designed(tmp_path)
+    bound, at_least, unit = bounds_of(found)[key]
+    assert all(c.ok for c in checks_of(problem, found, **{key: bound}))
+    missed = [c for c in checks_of(problem, found, **{key: bound * (1.25 if at_least else 0.8)}) if not c.ok]
+    worst = max(missed, key=lambda check: check.value)
+    assert worst.value == pytest.approx(bound * (0.25 if at_least else 0.2), rel=1e-12)
+    assert (worst.limit, worst.unit) == (0, unit)
+    assert f"{'short of' if at_least else 'beyond'} limits.{key}" in worst.name
+
+
+def test_names_say_where(tmp_path):
+    problem, _, found = designed(tmp_path)
+    every = {"thickness": 9.0, "radius": 900.0, "slope": 0.1, "sag_range": 0.1, "feature": 1e6, "mass": 0.1}
+    names = [c.name for c in checks_of(problem, found, **every)]
+    least, low, high = found.thickness, found.rear.heights.least, found.rear.heights.greatest
+    assert f"thickness short of limits.thickness, at x = {least.u:.4g}, y = {least.v:.4g} mm" in names
+    where = f"between x = {low.u:.4g}, y = {low.v:.4g} and x = {high.u:.4g}, y = {high.v:.4g} mm"
+    assert f"range of heights of the rear beyond limits.sag_range, {where}" in names
+    assert "smallest feature of the rear short of limits.feature, on level 0" in names
+    assert "mass beyond limits.mass" in names
+    assert len(set(names)) == len(names) == 8  # slope and heights of both surfaces
+
+
+def test_radii_and_features_are_those_of_free_surfaces(tmp_path):
+    """The front's paraboloid of 30 mm is as asked for; a slope is limited wherever it is."""
+    limits = {"radius": 35.0, "concave_radius": 35.0, "feature": 1.0, "slope": 10.0}
+    problem, _, found = designed(tmp_path, {"lens.front.radius": -30.0, "lens.front.conic": -1.0}, height=0.0)
+    missed = {c.name.split(" short")[0].split(" beyond")[0]: c.ok for c in checks_of(problem, found, **limits)}
+    assert missed == {
+        "slope of the front": False,
+        "radius of the rear": True,
+        "concave radius of the rear": True,
+        "smallest feature of the rear": True,
+        "slope of the rear": False,
+    }
+    problem, _, found = designed(tmp_path, {"lens.front.radius": -30.0, "lens.front.conic": -1.0} | FREE_FRONT, height=0.0)
+    names = [c.name for c in checks_of(problem, found, **limits) if not c.ok]
+    assert any(name.startswith("radius of the front") for name in names)
+    assert any(name.startswith("concave radius of the front") for name in names)
+
+
+def test_a_tool_meets_the_hollows_only(tmp_path):
+    """The rear bulges: its radius of 40 mm is convex from the air."""
+    problem, _, found = designed(tmp_path, {"lens.rear.radius": -40.0, "lens.thickness": 9.0}, height=0.0)
+    (hollow,) = checks_of(problem, found, concave_radius=1000.0)
+    assert hollow.ok
+    assert hollow.name == "concave radius of the rear short of limits.concave_radius"  # nowhere
+    (any_radius,) = checks_of(problem, found, radius=1000.0)
+    assert any_radius.value == pytest.approx(960.0, rel=1e-4)
+
+
+def test_a_limit_between_the_bounds_counts_as_missed(tmp_path):
+    """What is not certain is not passed."""
+    problem, _, found = designed(tmp_path)
+    found = replace(found, thickness=Enclosure(2.0, 3.0, 3.0, 0.0, 0.0))
+    (check,) = checks_of(problem, found, thickness=2.5)
+    assert check.value == 0.5
+    assert not check.ok
+
+
+# Keys that need each other
+
+
+def test_a_mass_needs_a_density(tmp_path):
+    path = write_problem(tmp_path, {"limits.mass": 5.0})
+    with pytest.raises(UserError, match=r"limits\.mass of 5 g needs lens\.density"):
+        require_limits(load_problem(path))
+    require_limits(load_problem(write_problem(tmp_path, {"limits.mass": 5.0, "lens.density": DENSITY})))
+    require_limits(load_problem(write_problem(tmp_path)))
+
+
+# Advice
+
+
+def advice(folder, changes):
+    problem, lens, _ = designed(folder, changes)
+    return limit_advice(problem, lens)
+
+
+def test_no_limits_need_no_advice(tmp_path):
+    assert advice(tmp_path, {}) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "kept", "broken", "sentence"),
+    [
+        ("radius", 40.0, 45.0, "before optimisation the radius of the rear is 5 mm short of limits.radius, at x = 0, y = 0 mm"),
+        ("concave_radius", 40.0, 50.0, "the concave radius of the rear is 10 mm short of limits.concave_radius"),
+        ("slope", 19.5, 10.0, "the slope of the rear is 9.471 degrees beyond limits.slope"),  # atan(sqrt(200) / 40) = 19.471
+        ("sag_range", 2.5, 2.0, "the range of heights of the rear is 0.5 mm beyond limits.sag_range"),  # 200 / 80
+        ("thickness", 6.0, 7.0, "the thickness is 1 mm short of limits.thickness, at x = 0, y = 0 mm"),
+        ("centre_thickness", 6.0, 6.5, "the centre thickness is 0.5 mm short of limits.centre_thickness"),
+        ("edge_thickness", 7.25, 8.25, "the edge thickness is 1 mm short of limits.edge_thickness"),  # 6 + 100 / 80
+        ("mass", 4.0, 3.0, "the mass is 0.2527 g beyond limits.mass"),  # 400 (6 + 5/6) mm^3 of 1.19 g/cm^3 make 3.2527 g
+    ],
+)
+def test_advice_where_the_conics_alone_miss_a_limit(tmp_path, key, kept, broken, sentence):
+    """A limit at the conic's own figure is not called broken for the width of the bounds."""
+    assert advice(tmp_path, {f"limits.{key}": kept}) == []
+    found = advice(tmp_path, {f"limits.{key}": broken})
+    assert len(found) == 1
+    assert sentence in found[0]
+
+
+def test_advice_on_levels_too_fine_for_the_features(tmp_path):
+    """Level 0 has spans of 5 mm: features of 15 mm are 27273 wavelengths, those of level 2 6818."""
+    assert advice(tmp_path, {"limits.feature": 6800.0}) == []
+    (sentence,) = advice(tmp_path, {"limits.feature": 6900.0})
+    assert sentence == "limits.feature holds up to level 1, but lens.rear.freeform.max_level is 2"
+    (sentence,) = advice(tmp_path, {"limits.feature": 30000.0})
+    assert sentence == "limits.feature is 30000 wavelengths, but level 0 of lens.rear.freeform has 2.727e+04: take fewer spans"
+    assert advice(tmp_path, {"limits.feature": 20000.0} | FREE_FRONT) == [
+        "limits.feature holds up to level 0, but lens.front.freeform.max_level is 1",
+        "limits.feature holds up to level 0, but lens.rear.freeform.max_level is 2",
+    ]
+
+
+def test_advice_does_not_load_the_cad_kernel(tmp_path):
+    write_problem(tmp_path, {"limits.radius": 50.0})
+    program = (
+        "import sys; from optics.limits import limit_advice; from optics.problem import load_problem; from optics.model import base_lens; "
+        "p = load_problem(sys.argv[1]); print(len(limit_advice(p, base_lens(p))), 'OCP' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "problem.toml")], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["1", "False"]
+
+
+# Text and data
+
+
+def test_rows_name_every_figure_once(tmp_path):
+    _, lens, found = designed(tmp_path, FREE_FRONT)
+    rows = manufacture_rows(found, 550.0)
+    names = [name for name, *_ in rows]
+    assert len(set(names)) == len(names)
+    by_name = {name: (value, unit, place) for name, value, unit, place in rows}
+    assert by_name["volume"] == (lens.volume(), "mm^3", "")
+    assert by_name["mass"] == (lens.volume() * DENSITY / 1000, "g", "")
+    assert by_name["centre thickness"] == (found.centre_thickness.value, "mm", "at x = 0, y = 0 mm")
+    assert by_name["smallest feature of the rear"] == (pytest.approx(15 / 550e-6), "wavelengths", "on level 0")
+    assert by_name["smallest feature of the front in y"] == (pytest.approx(15.0), "mm", "on level 0")
+    assert by_name["smallest feature of the front in x"] == (pytest.approx(20.0), "mm", "on level 0")
+    assert [name for name in names if name.endswith("of the front")] == [
+        name.replace("rear", "front") for name in names if name.endswith("of the rear")
+    ]
+    assert "mass" not in [name for name, *_ in manufacture_rows(manufacturability(lens), 550.0)]
+
+
+def test_a_plane_is_nowhere_concave(tmp_path):
+    _, _, found = designed(tmp_path)
+    rows = {name: (value, place) for name, value, _, place in manufacture_rows(found, 550.0)}
+    assert rows["least concave radius of the front"] == (inf, "nowhere concave")
+    assert "range of the sag of the front" not in rows
+
+
+def test_the_data_are_plain_json(tmp_path):
+    _, _, found = designed(tmp_path)
+    data = as_data(found)
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+    assert data["front"]["convex_radius_mm"] == {"value": None, "lower": None, "upper": None, "x": None, "y": None}
+    assert data["front"]["sag_mm"] is data["front"]["feature"] is None
+    assert data["rear"]["feature"] == {"level": 0, "span_mm": [5.0, 5.0], "size_mm": [15.0, 15.0]}
+    assert data["mass_g"] == found.mass
+    assert data["density_g_cm3"] == DENSITY
+    for bound in (data["thickness_mm"], data["rear"]["slope_degrees"], data["rear"]["heights_mm"], data["rear"]["concave_radius_mm"]):
+        assert bound["lower"] <= bound["value"] <= bound["upper"]
+        assert all(isfinite(number) for number in bound.values() if np.isscalar(number))

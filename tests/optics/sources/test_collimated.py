@@ -1,0 +1,79 @@
+"""Collimated beams: where the rays start and what they carry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from optics.sources.collimated import Profile, collimated_beam
+
+
+@pytest.mark.parametrize(("source", "aperture"), [((9.5, 9.5), (10.0, 10.0)), ((14.0, 9.0), (10.0, 10.0)), ((30.0, 20.0), (10.0, 5.0))])
+@pytest.mark.parametrize("rays", [(1, 1), (64, 17)])
+def test_rays_carry_the_share_that_meets_the_lens(source, aperture, rays):
+    beam = collimated_beam(source, 3.0, aperture, rays)
+    width, height = (min(s, a) for s, a in zip(source, aperture))
+    entering = 3.0 * width * height / (source[0] * source[1])
+    assert beam.ray_flux * rays[0] * rays[1] == pytest.approx(entering, rel=1e-15)
+    assert beam.missed == pytest.approx(3.0 - entering, abs=1e-15)
+
+
+def test_rays_stand_in_the_middle_of_equal_cells():
+    beam = collimated_beam((9.0, 4.0), 1.0, (10.0, 10.0), (3, 2))
+    np.testing.assert_allclose(beam.x, [-6, 0, 6], atol=1e-15)
+    np.testing.assert_allclose(beam.y, [-2, 2], atol=1e-15)
+
+
+@pytest.mark.parametrize("shift", [(0.5, -0.5), (-0.5, 0.5)])
+@pytest.mark.parametrize("rays", [7, 49, 1000])
+def test_a_full_shift_stays_inside_the_aperture(shift, rays):
+    beam = collimated_beam((47.5, 47.5), 1.0, (50.0, 50.0), (rays, rays), shift)
+    assert max(np.abs(beam.x).max(), np.abs(beam.y).max()) <= 47.5
+
+
+@pytest.mark.parametrize("most", [1, 20, 21, 100, 10**6])
+def test_slices_are_the_beam(most):
+    beam = collimated_beam((14.0, 9.0), 3.0, (10.0, 10.0), (13, 7))
+    parts = list(beam.slices(most))
+    np.testing.assert_array_equal(np.concatenate([p.x for p in parts]), beam.x)
+    assert all(len(p.x) * len(p.y) <= max(most, 7) for p in parts)
+    assert sum(p.missed for p in parts) == beam.missed
+    assert {p.ray_flux for p in parts} == {beam.ray_flux}
+
+
+# ---- profiles ----
+
+PROFILES = [Profile(), Profile("round"), Profile("gaussian"), Profile("gaussian", (0.2, 1.5))]
+
+
+@pytest.mark.parametrize("profile", PROFILES, ids=str)
+def test_densities_have_a_mean_of_one(profile):
+    """The midpoint rule on 400 x 300 cells; the rim of the ellipse cuts cells, which costs 1e-3."""
+    s, t = ((2 * np.arange(n) + 1) / n - 1 for n in (400, 300))
+    density = profile(s[:, None], t[None, :])
+    assert density.shape == (400, 300)
+    assert density.min() >= 0
+    assert density.mean() == pytest.approx(1.0, abs=1e-3 if profile.kind == "round" else 1e-5)
+
+
+@pytest.mark.parametrize("profile", PROFILES[1:], ids=str)
+def test_all_light_is_carried_or_missed(profile):
+    beam = collimated_beam((14.0, 9.0), 3.0, (10.0, 10.0), (50, 40), profile=profile)
+    assert beam.entering + beam.missed == pytest.approx(3.0, rel=1e-14)
+    assert beam.ray_flux.shape == (50, 40)
+    x, y = beam.x[17] / 14.0, beam.y[31] / 9.0
+    wanted = profile(x, y) * 3.0 * (20 / 28) / 2000
+    assert beam.ray_flux[17, 31] == pytest.approx(wanted, rel=1e-13)
+
+
+def test_gaussian_follows_its_formula():
+    profile = Profile("gaussian", (0.5, 0.25))
+    density = profile(np.array([[0.0], [0.5]]), np.array([[0.0, 0.25]]))
+    np.testing.assert_allclose(density / density[0, 0], [[1, np.exp(-0.5)], [np.exp(-0.5), np.exp(-1)]], rtol=1e-14)
+
+
+def test_slices_of_a_profile_are_the_beam():
+    beam = collimated_beam((9.0, 9.0), 3.0, (10.0, 10.0), (13, 7), profile=Profile("round"))
+    parts = list(beam.slices(21))
+    np.testing.assert_array_equal(np.concatenate([p.ray_flux for p in parts]), beam.ray_flux)
+    assert sum(p.entering for p in parts) == pytest.approx(beam.entering, rel=1e-14)

@@ -1,0 +1,331 @@
+"""Architecture: rooms and their floors, doors, and what a bare import loads.
+
+A room is a package of docs/architecture.md.  It imports only rooms on lower floors, through their doors (`__init__`).
+Every import counts: inside functions, under TYPE_CHECKING, by `import_module` of a literal, and in the tables of doors.
+"""
+
+import ast
+import importlib
+import subprocess
+import sys
+from functools import cache
+from itertools import chain
+
+import pytest
+
+import thbcad
+from tests.cases import ROOT
+
+FLOORS = [
+    ["thbcad.doors", "thbcad.checks"],
+    ["thbcad.splines"],
+    ["thbcad.hierarchy", "thbcad.sags"],
+    ["thbcad.surfaces"],
+    ["thbcad.fitting", "thbcad.certified"],
+    ["thbcad.lens"],
+    ["thbcad.io"],
+    ["thbcad.cad.shapes"],
+    ["thbcad.cad.exchange"],
+    ["thbcad.cad"],
+    ["thbcad"],
+    ["optics.runtime"],
+    ["optics.problem", "optics.sources", "optics.target"],
+    ["optics.tracing", "optics.system"],
+    ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
+    ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.report"],
+    ["optics.commands"],
+    ["optics"],
+    ["oracles"],
+    ["benchmarks", "tests", "examples"],
+]
+FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+SINGLE_FILES = {"thbcad.doors", "thbcad.checks"}  # rooms of one file, which is its own door
+MOST_FILES = 13  # of a room, besides its door; commands are counted by what the command line offers
+FOLDERS = ("thbcad", "optics", "oracles", "benchmarks", "tests", "examples")
+FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
+HEAVY = ["mitsuba", "drjit", "OCP", "build123d", "cadquery", "matplotlib", "scipy", "numpy", "skimage", "PIL"]
+
+# package: the modules (paths from the root) that alone may import it, and why
+ALLOWED = {
+    "OCP": (["thbcad/cad/"], "CAD formats live in one subpackage: OCP takes a second to load"),
+    "build123d": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
+    "cadquery": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
+    "mitsuba": (["optics/mitsuba/loading.py"], "the adapter checks libLLVM and the version before it loads Mitsuba"),
+    "drjit": (
+        ["optics/runtime/backend.py", "optics/mitsuba/loading.py"],
+        "they check libLLVM before they load Dr.Jit, which can abort the process",
+    ),
+    "optiland": (["optics/verification/optiland_trace.py"], "an optional tracer that takes seconds to load"),
+    "trimesh": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
+    "lib3mf": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
+    "matplotlib": (["optics/report/"], "modules that draw are few and in one room"),
+}
+THBCAD_NEEDS = {"numpy", "scipy", "thbcad", "OCP", "build123d", "cadquery", *sys.stdlib_module_names}
+
+
+def name(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def module_of(path):
+    return name(path).removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+
+
+MODULES = {module_of(path): path for path in FILES}
+PACKAGE_FILES = [p for p in FILES if name(p).startswith(("thbcad/", "optics/"))]
+
+
+@cache
+def tree(path):
+    return ast.parse(path.read_text("utf-8"))
+
+
+def calls(path, *functions):
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in functions:
+            yield node
+
+
+@cache
+def imported(path):
+    """Return what a file imports, as full dotted names: "a.b.c" of `from a.b import c` and of `import a.b.c`."""
+    found = set()
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name(path)}: relative import"
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    for node in calls(path, "import_module", "__import__"):
+        found |= {a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str)}
+    return found | {f"{module_of(path)}.{file}.{n}" for file, names in door_table(path).items() for n in names}
+
+
+@cache
+def door_table(path):
+    """Return {file: names} of a door, {} of any other file."""
+    if path.name != "__init__.py":
+        return {}
+    tables = {}
+    for node in tree(path).body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            tables[node.targets[0].id] = node.value
+    for node in calls(path, "lazy_door"):
+        return ast.literal_eval(tables[node.args[1].id])
+    return {}
+
+
+def module_in(dotted):
+    """Return the longest module of this repository that a dotted name begins with, or None."""
+    parts = dotted.split(".")
+    heads = [".".join(parts[:k]) for k in range(len(parts), 0, -1)]
+    return next((head for head in heads if head in MODULES), None)
+
+
+def room_of(module):
+    parts = module.split(".")
+    return next(room for k in range(len(parts), 0, -1) if (room := ".".join(parts[:k])) in FLOOR)
+
+
+def has_door(room):
+    return room.split(".")[0] in ("thbcad", "optics") and room not in SINGLE_FILES
+
+
+def packages(path):
+    return {module.split(".")[0] for module in imported(path)}
+
+
+def run(*arguments):
+    return subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
+
+
+def violations(path):
+    """Return the imports of a file that go up, across or past a door, each as a sentence."""
+    own = module_of(path)
+    room = room_of(own)
+    tested = own.removeprefix("tests.").rpartition(".")[0] if own.startswith("tests.") else None
+    for dotted in sorted(imported(path)):
+        other = module_in(dotted)
+        if other is None or other == own:
+            continue
+        target = room_of(other)
+        if target in (room, tested):
+            continue
+        if FLOOR[target] >= FLOOR[room]:
+            yield f"{name(path)} (floor {FLOOR[room]}) imports {dotted} (floor {FLOOR[target]})"
+        elif has_door(target) and other != target:
+            yield f"{name(path)} reaches past the door of {target}: {dotted}"
+
+
+def test_the_walk_finds_the_modules():
+    names = [name(path) for path in FILES]
+    assert {"thbcad/splines/knot_vector.py", "thbcad/cad/exchange/step.py", "optics/runtime/backend.py"} <= set(names)
+    assert "drjit" in packages(ROOT / "optics/runtime/backend.py")
+    assert "OCP" in packages(ROOT / "thbcad/cad/shapes/plain_solid.py")
+    assert "thbcad.splines.knot_vector.KnotVector" in imported(ROOT / "thbcad/splines/__init__.py")
+    assert "thbcad.splines.KnotVector" in imported(ROOT / "thbcad/__init__.py")
+
+
+def test_imports_go_down_and_through_doors():
+    assert list(chain.from_iterable(map(violations, FILES))) == []
+
+
+def test_every_package_is_a_room():
+    """A folder below a room would be a room without a floor."""
+    folders = {module_of(p) for p in PACKAGE_FILES if p.name == "__init__.py"}
+    assert folders == {room for room in FLOOR if room.split(".")[0] in ("thbcad", "optics")} - SINGLE_FILES
+
+
+@pytest.mark.parametrize("room", filter(has_door, FLOOR))
+def test_rooms_are_small(room):
+    files = [p for p in (ROOT / room.replace(".", "/")).glob("*.py") if p.name != "__init__.py"]
+    assert len(files) <= (2 if "." not in room else MOST_FILES)
+
+
+DOORS = [p for p in FILES if door_table(p)]
+
+
+@pytest.mark.parametrize("path", DOORS, ids=name)
+def test_doors_offer_what_their_tables_say(path):
+    door = importlib.import_module(module_of(path))
+    names = [n for names in door_table(path).values() for n in names]
+    assert len(names) == len(set(names))
+    assert set(names) <= set(dir(door))
+    for file, offered in door_table(path).items():
+        home = importlib.import_module(f"{module_of(path)}.{file}")
+        assert all(getattr(door, n) is getattr(home, n) for n in offered)
+
+
+@pytest.mark.parametrize("path", DOORS, ids=name)
+def test_type_checkers_see_the_table_of_a_door(path):
+    blocks = [n for n in tree(path).body if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"]
+    seen = {(node.module, alias.name, alias.asname) for node in blocks[0].body for alias in node.names}
+    table = {(f"{module_of(path)}.{file}", n, n) for file, names in door_table(path).items() for n in names}
+    assert seen == table
+
+
+@pytest.mark.parametrize("path", DOORS, ids=name)
+def test_a_door_says_in_one_sentence_what_its_room_is(path):
+    first = ast.get_docstring(tree(path)).split("\n\n")[0]
+    assert first.endswith(".")
+    assert first.count(". ") == 0
+
+
+def test_no_file_or_room_bears_the_name_of_what_a_door_above_it_offers():
+    """A submodule of that name would replace the function after its first import."""
+    clashes = []
+    for door in DOORS:
+        package = module_of(door)
+        offered = {n for names in door_table(door).values() for n in names}
+        clashes += [m for m in MODULES if m.startswith(package + ".") and m.rpartition(".")[2] in offered]
+    assert clashes == []
+
+
+def test_modules_import_each_other_in_no_cycle():
+    graph = {m: {module_in(dotted) for dotted in imported(p)} - {None, m} for m, p in MODULES.items()}
+    for module in graph:  # a door stands for its files only when something is taken through it
+        if door_table(MODULES[module]):
+            graph[module] = set()
+    done, path = set(), []
+
+    def visit(module):
+        assert module not in path, f"cycle: {[*path[path.index(module) :], module]}"
+        if module in done:
+            return
+        path.append(module)
+        for other in graph[module]:
+            visit(other)
+        done.add(path.pop())
+
+    for module in graph:
+        visit(module)
+    assert len(done) == len(graph)
+
+
+def test_no_test_file_imports_another():
+    tests = [p for p in FILES if name(p).startswith("tests/")]
+    taken = {(name(p), other) for p in tests for d in imported(p) if (other := module_in(d)) and other != module_of(p)}
+    assert [(p, other) for p, other in sorted(taken) if other.rpartition(".")[2].startswith("test_")] == []
+
+
+def test_tests_mirror_the_rooms():
+    rooms = {r.replace(".", "/") for r in FLOOR} - {r.replace(".", "/") for r in SINGLE_FILES}
+    folders = {name(p.parent).removeprefix("tests/") for p in FILES if name(p).startswith(("tests/thbcad/", "tests/optics/"))}
+    assert folders <= rooms
+
+
+@pytest.mark.parametrize("path", [p for p in PACKAGE_FILES if name(p).startswith("thbcad")], ids=name)
+def test_the_kernel_imports_neither_optics_nor_other_packages(path):
+    assert packages(path) <= THBCAD_NEEDS
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_only_named_modules_import(package):
+    places, reason = ALLOWED[package]
+    importers = [name(path) for path in PACKAGE_FILES if package in packages(path)]
+    assert all(any(i.startswith(place) for place in places) for i in importers), reason
+    assert bool(importers) == bool(places)
+
+
+@pytest.mark.parametrize("path", PACKAGE_FILES, ids=name)
+def test_files_are_data(path):
+    """Nothing that is read is executed: no pickle, no eval, no exec."""
+    assert not packages(path) & {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
+    called = {n.func.id for n in ast.walk(tree(path)) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+    assert not called & {"eval", "exec", "compile"}
+
+
+def test_import_thbcad_loads_nothing_heavy():
+    done = run("-c", f"import sys, thbcad; thbcad.__version__; dir(thbcad); print(*set({HEAVY!r}) & set(sys.modules))")
+    assert done.stdout.split() == []
+
+
+def test_the_kernel_loads_no_cad_and_no_rendering():
+    program = "import sys; from thbcad import Lens, read_lens, THBSurface; print(*{m.split('.')[0] for m in sys.modules})"
+    loaded = set(run("-c", program).stdout.split())
+    assert "numpy" in loaded
+    assert not loaded & (set(HEAVY) - {"numpy", "scipy"})
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "sags.proven_approximation",
+        "splines.nurbs_shapes",
+        "sags.graphs",
+        "io.step_brep",
+        "cad.shapes.plain_solid",
+        "cad.exchange.loose_faces",
+    ],
+)
+def test_tensor_product_modules_do_not_load_the_hierarchy(module):
+    loaded = run("-c", f"import sys, thbcad.{module}; print(*sys.modules)").stdout.split()
+    assert "thbcad.splines.knot_vector" in loaded
+    assert not {"thbcad.hierarchy.levels", "thbcad.hierarchy.thb_space", "thbcad.surfaces.thb_surface"} & set(loaded)
+
+
+def test_help_loads_neither_numpy_nor_scipy():
+    done = run("-X", "importtime", "-m", "optics.commands.cli", "--help")
+    assert "usage" in done.stdout
+    loaded = {line.split("|")[-1].strip().split(".")[0] for line in done.stderr.splitlines() if line.startswith("import time:")}
+    assert "argparse" in loaded
+    assert not loaded & set(HEAVY)
+
+
+@pytest.mark.parametrize("attribute", dir(thbcad))
+def test_public_names_are_importable(attribute):
+    found = getattr(thbcad, attribute)
+    assert found.__name__ == attribute
+    assert getattr(importlib.import_module(found.__module__), attribute) is found
+
+
+def test_the_contract_names_are_public():
+    wanted = {"KnotVector", "THBSpace", "THBSurface", "Lens", "FreeformSurface", "write_step", "read_step"}
+    assert wanted <= set(dir(thbcad))
+
+
+def test_unknown_names_are_attribute_errors():
+    with pytest.raises(AttributeError, match="module 'thbcad' has no attribute 'Mesh'"):
+        _ = thbcad.Mesh
+    with pytest.raises(ImportError, match="Mesh"):
+        exec("from thbcad import Mesh")

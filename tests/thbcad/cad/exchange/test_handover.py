@@ -1,0 +1,178 @@
+"""The lens as a solid of build123d and of cadquery: the same geometry, and fit for boolean operations and assemblies."""
+
+import subprocess
+import sys
+
+import build123d as bd
+import cadquery as cq
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from OCP.BRep import BRep_Tool
+from OCP.BRepGProp import BRepGProp
+from OCP.GProp import GProp_GProps
+
+from tests.cases import ROOT
+from tests.thbcad.cad.exchange.test_step import LENSES
+from tests.thbcad.cases import lenses
+from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
+from thbcad.cad.shapes import NAMES, lens_part, lens_surfaces, spline_surface
+
+FLAT = ("plano", "freeform", "paraboloids", "sphere")  # edges are planes
+OUTWARD = {"front": (0, 0, -1), "rear": (0, 0, 1), "edge -y": (0, -1, 0), "edge +x": (1, 0, 0), "edge +y": (0, 1, 0), "edge -x": (-1, 0, 0)}
+TEXT = 1e-13  # of the greatest number: what STEP files keep that OCCT writes (about 13 digits)
+
+
+def net(shape):
+    """Return the spline under a face."""
+    return spline_surface(BRep_Tool.Surface_s(shape.wrapped))
+
+
+def same_bits(spline, other):
+    pairs = ((spline.coefficients, other.coefficients), (spline.kv_u.knots, other.kv_u.knots), (spline.kv_v.knots, other.kv_v.knots))
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def volume(shape, tolerance=1e-6):
+    """Return OCCT's volume with an error control that the `volume` of both libraries lacks."""
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape.wrapped, properties, tolerance)
+    return properties.Mass()
+
+
+def block(lens, size):
+    """Return a cube with its centre on the edge +y, half-way between the rims."""
+    hy = lens.front.half_width[1]
+    rims = lens.front(0.0, hy)[0], lens.thickness + lens.rear(0.0, hy)[0]
+    return bd.Pos(0, hy, sum(rims) / 2) * bd.Box(size, size, size)
+
+
+@settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow])
+@given(lens=lenses())
+def test_faces_keep_every_bit(lens):
+    faces = named_faces(lens)
+    wrapped = [to_build123d(lens).faces()[k] for k in (0, 1)], [to_cadquery(lens).Faces()[k] for k in (0, 1)]
+    for front, rear in ((faces["front"], faces["rear"]), *wrapped):
+        assert same_bits(net(front), lens_surfaces(lens)[0])
+        assert same_bits(net(rear), lens_surfaces(lens)[1])
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_both_libraries_find_a_valid_solid_of_the_exact_volume(name):
+    lens = LENSES[name]
+    solid, other = to_build123d(lens), to_cadquery(lens)
+    assert type(solid) is bd.Solid
+    assert type(other) is cq.Solid
+    assert solid.is_valid
+    assert other.isValid()
+    for shape in (solid, other):
+        assert volume(shape) == pytest.approx(lens.volume(), rel=2e-6)  # twice what is asked of the integral
+
+
+def test_label_and_colour():
+    solid = to_build123d(LENSES["freeform"], "collimator")
+    assert solid.label == "collimator"
+    assert tuple(solid.color) == pytest.approx(GLASS, abs=1e-6)  # held in single precision
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_names_tell_the_faces(name):
+    """A face's name tells where its outward normal points at the middle, and how its colleagues in the solid are found."""
+    part = lens_part(LENSES[name])
+    faces, solid = named_faces(part), to_build123d(part)
+    assert tuple(faces) == NAMES
+    for (name, face), own in zip(faces.items(), solid.faces()):
+        assert face.label == name
+        assert face.is_same(own)
+        assert np.dot(tuple(face.normal_at()), OUTWARD[name]) > 0
+        assert np.dot(tuple(own.normal_at()), OUTWARD[name]) > 0
+
+
+def test_a_corner_between_named_faces_is_chamfered():
+    part = lens_part(LENSES["plano"])
+    faces, solid = named_faces(part), to_build123d(part)
+    corner = faces["edge -y"].edges() & faces["edge +x"].edges()
+    chamfered = solid.chamfer(0.5, None, corner)
+    assert chamfered.is_valid
+    assert len(chamfered.faces()) == 7
+    lengths = [5.0 + LENSES["plano"].rear(10.0 - s, -8.0 + t)[0] for s, t in ((0, 0), (0.5, 0), (0, 0.5))]
+    # a prism of area 0.5^2 / 2 between planes: exact but for the curvature of the rear, h^2 / R / 8
+    assert volume(solid) - volume(chamfered) == pytest.approx(0.125 * np.mean(lengths), abs=0.125 * 0.5**2 / 80)
+
+
+@pytest.mark.parametrize("name", FLAT)
+def test_a_pocket_is_cut_and_the_optical_faces_stay(name):
+    """Half of a cube of 1 mm on an edge plane lies in the lens; front and rear keep every bit."""
+    lens = LENSES[name]
+    solid, cube = to_build123d(lens), block(lens, 1.0)
+    cut = solid - cube
+    assert cut.is_valid
+    assert volume(solid) - volume(cut) == pytest.approx(0.5, abs=2e-6 * lens.volume())
+    assert same_bits(net(cut.faces()[0]), lens_surfaces(lens)[0])
+    other = cq.Workplane(obj=to_cadquery(lens)).cut(cq.Workplane(obj=cq.Solid(cube.solid().wrapped))).val()
+    assert other.isValid()
+    assert volume(other) == pytest.approx(volume(cut), rel=2e-6)
+
+
+@pytest.mark.parametrize("name", FLAT)
+def test_a_ring_is_fused_to_the_edges(name):
+    """A rectangular ring, 1 mm wide and 1 mm high, half in the lens: the union has the volume of its parts less the overlap."""
+    lens = LENSES[name]
+    (hx, hy), at = lens.front.half_width, block(lens, 1.0).center().Z
+    ring = bd.Pos(0, 0, at) * (bd.Box(2 * hx + 1, 2 * hy + 1, 1) - bd.Box(2 * hx - 1, 2 * hy - 1, 1))
+    solid = to_build123d(lens)
+    both = solid + ring
+    outside = (2 * hx + 1) * (2 * hy + 1) - 4 * hx * hy
+    assert both.is_valid
+    assert len(both.solids()) == 1
+    assert volume(both) - volume(solid) == pytest.approx(outside, abs=4e-6 * lens.volume())
+
+
+def read_back(path):
+    return {child.label: child for child in bd.import_step(path).children}
+
+
+@pytest.mark.parametrize("library", ["build123d", "cadquery"])
+def test_an_assembly_reads_back(library, tmp_path):
+    """Names, colour, place and net of a lens beside a block, through each library's own STEP writer."""
+    lens, path, away = LENSES["freeform"], str(tmp_path / "assembly.step"), 30.0
+    if library == "build123d":
+        solid, cube = bd.Pos(0, 0, away) * to_build123d(lens), bd.Solid.make_box(2, 3, 4)
+        cube.label = "block"
+        bd.export_step(bd.Compound(label="assembly", children=[solid, cube]), path)
+    else:
+        assembly = cq.Assembly(name="assembly")
+        assembly.add(to_cadquery(lens), name="lens", loc=cq.Location((0, 0, away)), color=cq.Color(*GLASS))
+        assembly.add(cq.Solid.makeBox(2, 3, 4), name="block")
+        assembly.export(path)
+    parts = read_back(path)
+    assert set(parts) == {"lens", "block"}
+    colour = tuple(parts["lens"].color)
+    assert colour[3] == pytest.approx(GLASS[3], abs=1e-6)
+    if library == "build123d":  # cadquery takes colours as sRGB and writes linear ones
+        assert colour == pytest.approx(GLASS, abs=1e-6)
+    assert volume(parts["lens"].solid()) == pytest.approx(lens.volume(), rel=2e-6)
+    assert volume(parts["block"].solid()) == pytest.approx(24, rel=2e-6)
+    front, rear = (net(face).coefficients for face in parts["lens"].faces()[:2])
+    for read, own in zip((front, rear), lens_surfaces(lens)):
+        moved = own.coefficients + np.array([0, 0, away])
+        np.testing.assert_allclose(read, moved, rtol=0, atol=TEXT * np.abs(moved).max())
+
+
+@pytest.mark.parametrize(("library", "make"), [("build123d", to_build123d), ("cadquery", to_cadquery), ("build123d", named_faces)])
+def test_a_missing_library_is_told_in_one_sentence(library, make, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ImportError, match=rf"^{library} cannot be imported \(.*\): pip install thbcad\[cad\]$"):
+        make(LENSES["plano"])
+
+
+@pytest.mark.parametrize("make", [to_build123d, to_cadquery, named_faces])
+def test_only_lenses_are_taken(make):
+    with pytest.raises(ValueError, match="lens must be a Lens or Part, got str"):
+        make("lens.json")
+
+
+def test_the_module_loads_neither_library():
+    program = "import sys, thbcad.cad.objects; print(*{'build123d', 'cadquery'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

@@ -1,0 +1,162 @@
+"""Hypothesis strategies: knot vectors, parameters, hierarchies, lenses."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import reject, strategies as st
+
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+SCALES = (1.0, 1 / 7, 0.1, 25.4)  # 1 keeps all knots and their bisections exact in float64
+AWKWARD = np.array([-0.0, 5e-324, 1 / 3, -0.1, 2.0**-52, -np.pi, 1e-17])
+
+
+@st.composite
+def knot_vectors(draw, min_degree=1, max_degree=10, max_spans=5, scales=SCALES):
+    """A clamped knot vector with spans of ratio up to 9 and interior multiplicities up to the degree."""
+    p = draw(st.integers(min_degree, max_degree))
+    gaps = draw(st.lists(st.integers(1, 9), min_size=1, max_size=max_spans))
+    counts = draw(st.lists(st.integers(1, p), min_size=len(gaps) - 1, max_size=len(gaps) - 1))
+    breaks = draw(st.integers(-9, 9)) + np.r_[0, np.cumsum(gaps)]
+    return KnotVector(p, np.repeat(draw(st.sampled_from(scales)) * breaks, [p + 1, *counts, p + 1]))
+
+
+@st.composite
+def parameters(draw, kv, size=6):
+    """Parameters in the domain: fractions of it, the breaks, and the float64 neighbours of breaks."""
+    shares = draw(st.lists(st.integers(0, 2**20), min_size=1, max_size=size))
+    inside = kv.start + (kv.stop - kv.start) * np.array(shares) / 2**20
+    marks = draw(st.lists(st.sampled_from(kv.breaks.tolist()), max_size=size))
+    # the neighbour of 0 is subnormal: no relative accuracy there
+    beside = [np.nextafter(b, side) for b in marks if b != 0 for side in (-np.inf, np.inf)]
+    return np.clip(np.r_[inside, marks, beside], kv.start, kv.stop)
+
+
+@st.composite
+def insertions(draw, kv, size=6):
+    """New knots, on old knots too, such that no interior knot occurs more than degree times."""
+    shares = draw(st.lists(st.integers(1, 63), max_size=size))
+    wanted = list(kv.start + (kv.stop - kv.start) * np.array(shares) / 64)
+    if kv.spans > 1:
+        wanted += draw(st.lists(st.sampled_from(kv.breaks[1:-1].tolist()), max_size=size))
+    held = list(kv.knots)
+    new = []
+    for x in wanted:
+        if held.count(x) < kv.degree:
+            held.append(x)
+            new.append(float(x))
+    return new
+
+
+def seeds():
+    """Seeds of numpy's generator: hypothesis picks and shrinks one number, the generator makes a rich example of it."""
+    return st.integers(0, 2**32 - 1).map(np.random.default_rng)
+
+
+def random_knot_vector(rng, degree, max_spans, scale=1.0):
+    """A knot vector with 1 to max_spans spans of ratio up to 4, one interior knot in four multiple."""
+    spans = rng.integers(1, max_spans + 1)
+    counts = np.where(rng.random(spans - 1) < 0.25, rng.integers(1, degree + 1, spans - 1), 1)
+    breaks = rng.integers(-4, 5) + np.r_[0, np.cumsum(rng.integers(1, 5, spans))]
+    return KnotVector(degree, np.repeat(scale * breaks, [degree + 1, *counts, degree + 1]))
+
+
+@st.composite
+def refined_spaces(draw, start, min_steps=1, max_steps=5, deepest=3):
+    """(space, refined): `start` = (space, refined) after random steps; refined holds one set of cells per level.
+
+    Each step refines what is left of a rectangle of cells of one level, in one case of three less a few cells.
+    """
+    space, refined = start[0], [set(cells) for cells in start[1]]
+    rng, steps = draw(seeds()), draw(st.integers(min_steps, max_steps))
+    for _ in range(steps):
+        leaves = space.cells[space.cells[:, 0] < deepest]
+        if not len(leaves):
+            break
+        level, i, j = leaves[rng.integers(len(leaves))]
+        box = rng.integers(1, [space.kv_u.degree + 4, space.kv_v.degree + 4])
+        low = (i, j) - rng.integers(0, box)
+        cells = leaves[leaves[:, 0] == level, 1:]
+        cells = cells[((cells >= low) & (cells < low + box)).all(axis=1)]
+        cells = cells[rng.random(len(cells)) < rng.choice([1.0, 1.0, 0.8])].tolist()
+        if not cells:
+            continue
+        space = space.refine({int(level): cells})
+        if level == len(refined):
+            refined.append(set())
+        refined[level] |= set(map(tuple, cells))
+    return space, refined
+
+
+@st.composite
+def tensor_spaces(draw, max_degree=3, max_spans=5, scales=(1.0,)):
+    """Tensor-product spaces over random knot vectors."""
+    degrees = [draw(st.integers(1, max_degree)) for _ in range(2)]
+    scale, rng = draw(st.sampled_from(scales)), draw(seeds())
+    return THBSpace(*(random_knot_vector(rng, p, max_spans, scale) for p in degrees))
+
+
+@st.composite
+def hierarchies(draw, max_degree=3, max_spans=5, max_steps=5, deepest=3, scales=(1.0,)):
+    """(space, refined) over random knot vectors with one set of refined cells per level."""
+    start = draw(tensor_spaces(max_degree, max_spans, scales)), []
+    return draw(refined_spaces(start, 0, max_steps, deepest))
+
+
+def spaces(**options):
+    """Random THB spaces."""
+    return hierarchies(**options).map(lambda pair: pair[0])
+
+
+@st.composite
+def coefficients(draw, *shape, scale=1.0):
+    """Random numbers in [-scale, scale]."""
+    return scale * draw(seeds()).uniform(-1, 1, shape)
+
+
+@st.composite
+def points(draw, space, size=6):
+    """(u, v): scattered points, breaks included."""
+    u, v = draw(parameters(space.kv_u, size)), draw(parameters(space.kv_v, size))
+    n = min(len(u), len(v))
+    return u[:n], v[:n]
+
+
+@st.composite
+def surfaces(draw, half_width=None, conics=True):
+    """Freeform surfaces with or without a refined sag of degree 3 or 4: planes, paraboloids and, unless refused, other conics.
+
+    The others are gentle and small, because their splines to 1e-11 mm have many control points.
+    """
+    half = half_width or tuple(draw(st.floats(0.5, 4)) for _ in range(2))
+    reach = np.hypot(*half)
+    general = [(-2.7, (6.1, -8.7)), (0.0, (-9.3,))] if conics else []
+    constant, ratios = draw(st.sampled_from([(-1.0, (3.1, -4.7, 40.0)), (draw(st.floats(-4, 4)), (np.inf,)), *general]))
+    radius = float(draw(st.sampled_from(ratios)) * reach)
+    net = None
+    if draw(st.booleans()):
+        rng = draw(seeds())
+        kvs = (random_knot_vector(rng, rng.integers(3, 5), 4, draw(st.sampled_from(SCALES))) for _ in range(2))
+        space, _ = draw(refined_spaces((THBSpace(*kvs), []), 0, 3, deepest=2))
+        values = 0.02 * reach * rng.uniform(-1, 1, space.dim)
+        values[: len(AWKWARD)] = AWKWARD[: space.dim]
+        net = THBSurface(space, values)
+    return FreeformSurface(half, Conic(radius, constant), net)
+
+
+@st.composite
+def lenses(draw, conics=True):
+    """Valid lenses: no surface is deeper than 0.4 of its reach; sizes of front and rear may differ."""
+    front, rear = draw(surfaces(conics=conics)), draw(surfaces(conics=conics))
+    depth = float(sum(0.4 * np.hypot(*s.half_width) for s in (front, rear)))
+    thickness, index = depth * draw(st.floats(1.01, 2.0)) + 7.0, draw(st.floats(1.01, 2.5))
+    try:
+        return Lens(front, rear, thickness, index)
+    except ValueError as error:  # some ruled edges between unequal rims cross a surface
+        if "ruled edge" in str(error) or "front and rear" in str(error):
+            reject()
+        raise

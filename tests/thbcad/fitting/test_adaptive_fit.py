@@ -1,0 +1,196 @@
+"""Adaptive fitting to a tolerance, and the example that fits a height map."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from tests.cases import EXAMPLES
+from tests.thbcad.cases import knot_vectors, seeds
+from tests.thbcad.fitting.test_least_squares_fit import everywhere, refined, smooth, tensor
+from thbcad.fitting import adaptive_fit as adaptive
+from thbcad.fitting.adaptive_fit import fit, held_out, surroundings
+from thbcad.fitting.least_squares_fit import Samples, Underdetermined
+from thbcad.fitting.quasi_interpolant import quasi_interpolate
+from thbcad.hierarchy import THBSpace
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+EXAMPLE = EXAMPLES / "height_map.py"
+
+
+def bump(u, v):
+    return np.exp(-((u - 0.37) ** 2 + (v - 0.61) ** 2) / 0.05**2)
+
+
+# ---- adaptive fitting ----
+
+
+def uniform_dim(degree, spans, function, error):
+    """Return the number of functions of the first uniform refinement with at most this error."""
+    u, v = everywhere(np.random.default_rng(0), 20000)
+    while True:
+        space = tensor(degree, spans)
+        if abs(quasi_interpolate(space, function)(u, v) - function(u, v)).max() <= error:
+            return space.dim
+        spans *= 2
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_an_adaptive_fit_of_a_bump_needs_far_fewer_functions(degree):
+    found = fit(tensor(degree, 8), bump, 1e-4)
+    assert found.outcome == "reached"
+    assert found.error <= 1e-4
+    assert found.error == found.history[-1].error
+    assert found.history[-1].dim == found.surface.space.dim
+    u, v = everywhere(np.random.default_rng(1), 20000)
+    assert abs(found.surface(u, v) - bump(u, v)).max() <= 1.2e-4  # the error is measured at other points
+    assert 8 * found.surface.space.dim < uniform_dim(degree, 8, bump, 1e-4)
+
+
+def test_a_spline_of_the_space_is_reached_at_once():
+    space = refined(3)
+    target = THBSurface(space, np.random.default_rng(0).normal(size=(space.dim, 3)))
+    found = fit(space, target, 1e-12)
+    assert (found.outcome, len(found.history)) == ("reached", 1)
+
+
+def test_the_greatest_level_stops_the_fit():
+    found = fit(tensor(3, 4), bump, 1e-6, max_level=2)
+    assert found.outcome == "max level"
+    assert found.surface.space.cells[:, 0].max() == 2
+    assert found.error > 1e-6
+
+
+def test_a_jump_makes_no_progress():
+    found = fit(tensor(3, 4), lambda u, v: np.where(u > 0.4, 1.0, 0.0), 1e-3, max_level=20)
+    assert found.outcome == "no progress"
+    assert found.error == min(step.error for step in found.history)
+
+
+def test_a_height_map_is_fitted_to_most_samples():
+    g = np.linspace(0, 1, 121)
+    samples = Samples.grid(g, g, bump(g[:, None], g))
+    found = fit(tensor(3, 7), samples, 2e-3)
+    assert found.outcome == "reached"
+    assert found.error == pytest.approx(abs(found.surface(samples.u, samples.v) - samples.values).max(), rel=1e-12)
+    # what is held out does not enter the fit
+    values = samples.values.copy()
+    values[held_out(len(values))] += 1
+    moved = fit(tensor(3, 7), Samples(samples.u, samples.v, values), 2e-3, max_level=0)
+    still = fit(tensor(3, 7), samples, 2e-3, max_level=0)
+    assert np.array_equal(moved.surface.coefficients, still.surface.coefficients)
+    assert moved.error > 0.9
+
+
+def test_the_samples_held_out_are_no_lines_of_a_grid():
+    """A ridge along one grid line must be seen, whatever the number of lines."""
+    g, values = np.linspace(0, 1, 60), np.zeros((60, 60))
+    values[:, 30] = 1
+    found = fit(tensor(3, 4), Samples.grid(g, g, values), 0.2)
+    truth = abs(found.surface.grid(g, g) - values).max()
+    assert found.error == pytest.approx(truth, rel=1e-12)
+    assert (found.outcome == "reached") == (truth <= 0.2)
+    assert held_out(3600).sum() == 1200
+    assert held_out(3600).reshape(60, 60).sum(axis=0).min() > 0
+    assert held_out(3600).reshape(60, 60).sum(axis=0).max() < 60
+
+
+def test_outliers_among_the_fitted_samples_count_and_those_of_zero_weight_do_not():
+    g = np.linspace(0, 1, 41)
+    clean = Samples.grid(g, g, smooth(g[:, None], g))
+    k = np.flatnonzero(~held_out(len(clean)))[700]
+    values, weights = clean.values.copy(), clean.weights.copy()
+    values[k] += 5
+    assert fit(tensor(3, 4), Samples(clean.u, clean.v, values), 1e-2, max_level=0).error > 3
+    weights[k] = 0
+    assert fit(tensor(3, 4), Samples(clean.u, clean.v, values, weights), 1e-2).outcome == "reached"
+
+
+def test_refinement_that_float64_refuses_ends_the_fit():
+    kv = KnotVector.uniform(1, 1, 1.0, 1.0 + 2.0**-50)
+    space = THBSpace(kv, KnotVector.uniform(1, 1))
+    found = fit(space, lambda u, v: np.where(v > 0.3, 1.0, 0.0), 1e-3, max_level=24)
+    assert found.outcome == "max level"
+    assert (found.surface.space.levels, found.history[-1].dim) == (2, 25)
+
+
+def test_a_fit_that_grows_too_large_ends(monkeypatch):
+    monkeypatch.setattr(adaptive, "MOST_FUNCTIONS", 400)
+    found = fit(tensor(3, 8), bump, 1e-6)
+    assert found.outcome == "too large"
+    assert max(step.dim for step in found.history) <= 400
+    assert found.error == min(step.error for step in found.history)
+
+
+def test_noise_makes_no_progress():
+    """Fitting noise lowers the residual of the fit, not the error of what is held out."""
+    g = np.linspace(0, 1, 61)
+    noisy = smooth(g[:, None], g) + 0.01 * np.random.default_rng(0).normal(size=(61, 61))
+    found = fit(tensor(3, 4), Samples.grid(g, g, noisy), 1e-3, smoothing=1e-9)
+    assert found.outcome == "no progress"
+    assert abs(found.surface.grid(g, g) - smooth(g[:, None], g)).max() <= 0.01
+
+
+def test_too_few_samples_end_the_fit():
+    u, v = np.random.default_rng(0).random((2, 500))
+    found = fit(tensor(3, 6), Samples(u, v, bump(u, v)), 1e-3)
+    assert found.outcome == "too few samples"
+    assert found.surface.space.dim == found.history[-1].dim == 81
+    with pytest.raises(Underdetermined):
+        fit(tensor(3, 6), Samples(u[:60], v[:60], u[:60]), 1e-3)
+
+
+@given(knot_vectors(max_degree=6, scales=(1.0,)), knot_vectors(max_degree=6, scales=(1.0,)), seeds())
+def test_surroundings_make_room_for_functions_of_the_next_level(kv_u, kv_v, rng):
+    space = THBSpace(kv_u, kv_v)
+    k = [rng.integers(len(space.cells))]
+    finer = space.refine(surroundings(space, space.cells[k]))
+    u0, u1, v0, v1 = space.boxes[k].T
+    u, v = (u0 + u1) / 2, (v0 + v1) / 2
+    new = finer.functions[:, 0] == 1
+    assert (finer.collocation(u, v).toarray()[0, new] > 0).any()
+
+
+def test_surroundings_across_levels_take_the_coarser_cells_and_not_the_finer():
+    space = refined(3, 8, 4)
+    near = surroundings(space, np.array([[1, 7, 7]]))
+    assert {level: cells.tolist() for level, cells in near.items()} == {
+        0: [[3, 4], [4, 3], [4, 4]],
+        1: [[6, 6], [6, 7], [7, 6], [7, 7]],
+    }
+    outside = surroundings(space, np.array([[0, 4, 4]]))
+    assert outside[0].tolist() == [[3, 4], [3, 5], [4, 3], [4, 4], [4, 5], [5, 3], [5, 4], [5, 5]]
+    assert list(outside) == [0]
+
+
+def test_bad_input_is_refused():
+    g = np.linspace(0, 1, 9)
+    samples = Samples.grid(g, g, np.zeros((9, 9)))
+    for tolerance in (0.0, -1.0, np.nan, None, "a"):
+        with pytest.raises(ValueError, match="tolerance must be a positive number, got"):
+            fit(tensor(2, 3), samples, tolerance)
+    for level in (-1, 25, 2.0, None):
+        with pytest.raises(ValueError, match="max_level must be an integer from 0 to 24, got"):
+            fit(tensor(2, 3), samples, 1e-3, max_level=level)
+    few = Samples(samples.u, samples.v, samples.values, np.arange(81) < 2)
+    for two in (samples[:2], few):
+        with pytest.raises(ValueError, match="at least 3 samples of positive weight, got 2"):
+            fit(tensor(2, 3), two, 1e-3)
+
+
+# ---- the example ----
+
+
+def test_the_height_map_example(tmp_path):
+    spec = importlib.util.spec_from_file_location("height_map", EXAMPLE)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    table = example.main(tmp_path / "picture.png")
+    dims, errors, uniform, _ = zip(*table)
+    assert uniform == (100, 289, 961, 3481, 13225)
+    # level 4 of the THB fit has the error of uniform level 3 divided by five, with fewer control points
+    assert dims[-1] == 2224
+    assert errors[-1] < table[3][3] / 5
+    assert (tmp_path / "picture.png").stat().st_size > 20_000

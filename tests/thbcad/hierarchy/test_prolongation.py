@@ -1,0 +1,113 @@
+"""Coarsening and restriction."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from scipy.interpolate import BSpline
+
+from tests.thbcad.cases import knot_vectors
+from thbcad.hierarchy.thb_space import THBSpace
+from thbcad.splines import KnotVector
+
+
+def refined_at_random(space, rng, levels):
+    """Return the spaces of a random chain of refinements and the cells of every step."""
+    chain, steps = [space], []
+    for _ in range(levels):
+        cells = chain[-1].cells
+        chosen = cells[rng.random(len(cells)) < rng.uniform(0.2, 0.8)]
+        marked = {int(level): chosen[chosen[:, 0] == level, 1:] for level in np.unique(chosen[:, 0])}
+        steps.append(marked)
+        chain.append(chain[-1].refine(marked))
+    return chain, steps
+
+
+@given(knot_vectors(max_degree=5, max_spans=4), knot_vectors(max_degree=5, max_spans=4), st.integers(0, 2**32 - 1))
+def test_restriction_is_a_left_inverse_of_prolongation(kv_u, kv_v, seed):
+    """Q P = I for any two spaces of a chain, levels apart."""
+    chain, _ = refined_at_random(THBSpace(kv_u, kv_v), np.random.default_rng(seed), 3)
+    for coarse in range(3):
+        for fine in range(coarse, 4):
+            q = chain[fine].restriction(chain[coarse])
+            p = chain[coarse].prolongation(chain[fine])
+            assert q.shape == p.shape[::-1]
+            assert abs((q @ p).toarray() - np.eye(chain[coarse].dim)).max() <= 1e-12
+
+
+@pytest.mark.parametrize("degree", range(1, 6))
+def test_restriction_after_one_uniform_refinement_keeps_13_digits(degree):
+    kv = KnotVector.uniform(degree, 6)
+    coarse = THBSpace(kv, kv)
+    fine = coarse.refine({0: coarse.cells[:, 1:]})
+    identity = (fine.restriction(coarse) @ coarse.prolongation(fine)).toarray()
+    assert abs(identity - np.eye(coarse.dim)).max() <= 1e-13
+
+
+def test_functions_of_both_spaces_keep_their_coefficients():
+    kv = KnotVector.uniform(2, 8)
+    coarse = THBSpace(kv, kv).refine({0: [(i, j) for i in range(4) for j in range(4)]})
+    fine = coarse.refine({0: [(i, j) for i in range(5, 8) for j in range(5, 8)]})
+    q = fine.restriction(coarse)
+    names = {tuple(f): k for k, f in enumerate(fine.functions.tolist())}
+    shared = [(row, names[tuple(f)]) for row, f in enumerate(coarse.functions.tolist()) if tuple(f) in names]
+    assert len(shared) > 100
+    for row, column in shared:
+        entry = q[[row]].tocoo()
+        assert entry.col.tolist() == [column]
+        assert entry.data.tolist() == [1.0]
+
+
+@given(st.integers(1, 4), st.integers(0, 2**32 - 1))
+def test_coarsen_undoes_refine(degree, seed):
+    kv = KnotVector.uniform(degree, 4)
+    chain, steps = refined_at_random(THBSpace(kv, kv), np.random.default_rng(seed), 3)
+    for before, after, marked in zip(chain[-2::-1], chain[:0:-1], steps[::-1]):
+        back = after.coarsen(marked)
+        assert np.array_equal(back.cells, before.cells)
+        assert np.array_equal(back.functions, before.functions)
+        assert back.levels == before.levels
+
+
+def test_what_cannot_be_coarsened_is_named():
+    kv = KnotVector.uniform(2, 4)
+    space = THBSpace(kv, kv).refine({0: [(0, 0), (1, 1)]}).refine({1: [(0, 1)]})
+    with pytest.raises(ValueError, match=r"cell \(2, 2\) of level 0 is not refined"):
+        space.coarsen({0: [(2, 2)]})
+    with pytest.raises(ValueError, match=r"cell \(0, 0\) of level 0 has children that are refined"):
+        space.coarsen({0: [(0, 0)]})
+    with pytest.raises(ValueError, match=r"cell \(1, 1\) of level 2 is not refined"):
+        space.coarsen({2: [(1, 1)]})
+    assert space.coarsen({0: [(0, 0)], 1: [(0, 1)]}).levels == 2
+
+
+def test_restriction_needs_nested_spaces():
+    kv = KnotVector.uniform(2, 4)
+    space = THBSpace(kv, kv)
+    with pytest.raises(ValueError, match="not a refinement"):
+        space.restriction(space.refine({0: [(0, 0)]}))
+    with pytest.raises(ValueError, match="must be a THBSpace"):
+        space.restriction(None)
+
+
+@given(knot_vectors(max_degree=4, max_spans=4, scales=(1.0,)), st.integers(0, 2**32 - 1))
+def test_extraction_gives_the_level_s_own_coefficients(kv, seed):
+    """On every leaf cell scipy's B-spline of that level, on the full bisected knots, is the surface."""
+    rng = np.random.default_rng(seed)
+    chain, _ = refined_at_random(THBSpace(kv, kv), rng, 2)
+    space = chain[-1]
+    c = rng.normal(size=space.dim)
+    p = kv.degree
+    local = (space.extraction() @ c).reshape(len(space.cells), p + 1, p + 1)
+    full = [kv, kv.bisect(), kv.bisect().bisect()]
+    for (level, i, j), net in list(zip(space.cells.tolist(), local))[::7]:
+        knots = full[level].knots
+        breaks = full[level].breaks
+        at = [breaks[k] + (breaks[k + 1] - breaks[k]) * np.array([0.1, 0.5, 0.9]) for k in (i, j)]
+        last = [int(np.searchsorted(knots, breaks[k], "right")) - 1 for k in (i, j)]
+        values = [
+            np.stack([BSpline.basis_element(knots[m - p + a : m + a + 2], extrapolate=False)(x) for a in range(p + 1)])
+            for m, x in zip(last, at)
+        ]
+        there = np.nan_to_num(values[0]).T @ net @ np.nan_to_num(values[1])
+        u, v = np.meshgrid(*at, indexing="ij")
+        assert np.allclose(there, (space.collocation(u.ravel(), v.ravel()) @ c).reshape(3, 3), atol=1e-11)

@@ -1,0 +1,133 @@
+"""Volume and areas from the text of a STEP file, against closed forms, OCCT's integrals and scipy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeTorus
+from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
+from OCP.GProp import GProp_GProps
+from scipy.integrate import dblquad
+
+from tests.thbcad.cad.exchange.test_step import LENSES
+from tests.thbcad.cases import lenses
+from tests.thbcad.io.test_step_text import written
+from thbcad.cad.exchange import step_bytes, write_step
+from thbcad.cad.shapes import lens_part
+from thbcad.io.brep_measure import ACCURACY, areas, volume
+from thbcad.io.step_brep import brep, read_brep
+from thbcad.io.step_text import entities_of_text
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+from thbcad.splines import BSplineSurface
+
+
+def of(lens):
+    return brep(entities_of_text(step_bytes(lens).decode()))
+
+
+# ---- volume ----
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_file_has_the_volume_of_the_lens(name):
+    """Two integrals that share no code: over faces of the text, and over the lens between its graphs."""
+    assert volume(of(LENSES[name])) == pytest.approx(LENSES[name].volume(), rel=1e-10)
+
+
+@settings(max_examples=15)
+@given(lenses(conics=False))
+def test_random_lenses(lens):
+    assert volume(of(lens)) == pytest.approx(lens.volume(), rel=1e-10)
+
+
+def test_a_block_anywhere(tmp_path):
+    """2 x 3 x 5 mm, turned and far from the origin, less a hole of 1 x 1 x 5 mm."""
+    block = BRepPrimAPI_MakeBox(2.0, 3.0, 5.0).Solid()
+    holed = BRepAlgoAPI_Cut(block, BRepPrimAPI_MakeBox(gp_Pnt(0.5, 1, -1), 1.0, 1.0, 9.0).Solid()).Shape()
+    turn, shift = gp_Trsf(), gp_Trsf()
+    turn.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 1)), 0.7)
+    shift.SetTranslation(gp_Vec(100, -50, 30))
+    for shape, size, faces in ((block, 30, [6, 6, 10, 10, 15, 15]), (holed, 25, [5, 5, 5, 5, 5, 5, 10, 10, 15, 15])):
+        moved = BRepBuilderAPI_Transform(shape, shift * turn, True).Shape()
+        solid = read_brep(written(moved, tmp_path / "block.step"))
+        # OCCT's own writer keeps about 13 digits: coordinates near 100 mm lie within some 1e-11 mm
+        assert volume(solid) == pytest.approx(size, rel=1e-10)
+        assert sorted(areas(solid)) == pytest.approx(sorted(faces), rel=1e-10)
+
+
+@pytest.mark.parametrize(("front", "rear"), [((5, 5), (8, 8)), ((5, 3), (2, 7)), ((4, 4), (4, 9))])
+def test_a_frustum_with_ruled_edges(front, rear):
+    """Prismatoid: h / 6 (A + 4 M + B); a side is a trapezoid."""
+    solid = of(Lens(FreeformSurface(front), FreeformSurface(rear), 3.0, 1.5))
+    (a, b), (c, d) = front, rear
+    assert volume(solid) == pytest.approx(2 * (a * b + (a + c) * (b + d) + c * d), rel=1e-13)
+    sides = [(a + c) * np.hypot(3, d - b), (b + d) * np.hypot(3, c - a)] * 2
+    assert areas(solid) == pytest.approx([4 * a * b, 4 * c * d, *sides], rel=1e-13)
+
+
+# ---- areas ----
+
+
+def test_the_area_of_a_paraboloid_and_of_the_edges_under_it():
+    """z = r^2 / 20 on 6 x 8 mm, 2 mm thick at its vertex; an edge at x = 3 has 8 (2 + 9 / 20) + 2 64 / 60 mm^2."""
+    rear = FreeformSurface((3, 4), Conic(10.0, -1.0))
+    front, top, at_y, at_x, *_ = areas(of(Lens(FreeformSurface((3, 4)), rear, 2.0, 1.5)))
+    wanted, error = dblquad(lambda y, x: np.sqrt(1 + (x * x + y * y) / 100), -3, 3, -4, 4, epsrel=1e-13)
+    assert front == pytest.approx(48, rel=1e-15)
+    assert top == pytest.approx(wanted, rel=ACCURACY, abs=error)
+    assert at_x == pytest.approx(8 * (2 + 9 / 20) + 2 * 64 / 60, rel=1e-13)
+    assert at_y == pytest.approx(6 * (2 + 16 / 20) + 2 * 27 / 60, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_areas_against_occt(name):
+    """Its adaptive Gauss quadrature reports 1e-6 as its own relative error."""
+    wanted = []
+    for face in lens_part(LENSES[name]).faces:
+        properties = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(face, properties, 1e-7)
+        wanted.append(properties.Mass())
+    assert areas(of(LENSES[name])) == pytest.approx(wanted, rel=1e-6)
+
+
+# ---- refusals ----
+
+
+def test_other_faces_are_refused(tmp_path):
+    torus = BRepPrimAPI_MakeTorus(10.0, 3.0, 0.5, 1.25, 1.5).Shape()
+    for shape in (BRepPrimAPI_MakeCylinder(2.0, 3.0).Solid(), BRepBuilderAPI_NurbsConvert(torus, True).Shape()):
+        solid = read_brep(written(shape, tmp_path / "round.step"))
+        for measure in (volume, areas):
+            with pytest.raises(ValueError, match="must be a plane or a spline that is not rational"):
+                measure(solid)
+
+
+def test_a_spline_face_that_ends_elsewhere_is_refused():
+    solid = of(LENSES["table63"])
+    face = solid.faces[1]
+    wider = BSplineSurface(face.surface.kv_u, face.surface.kv_v, 1.1 * face.surface.coefficients)
+    for changed in (replace(face, surface=wider), replace(face, loops=face.loops * 2), replace(face, loops=(face.loops[0][:3],))):
+        with pytest.raises(ValueError, match="must end at the four sides"):
+            volume(replace(solid, faces=(solid.faces[0], changed, *solid.faces[2:])))
+
+
+def test_an_open_solid_is_refused():
+    with pytest.raises(ValueError, match="must be closed, got 4 edges"):
+        volume(replace(of(LENSES["plano"]), unpaired=4))
+
+
+def test_a_solid_inside_out_is_refused():
+    solid = of(LENSES["table63"])
+    turned = replace(solid, faces=tuple(replace(face, outward=not face.outward) for face in solid.faces))
+    with pytest.raises(ValueError, match="must point outward, got a volume of -"):
+        volume(turned)
+
+
+def test_written_and_read(tmp_path):
+    write_step(LENSES["plano"], tmp_path / "lens.step")
+    assert volume(read_brep(tmp_path / "lens.step")) == pytest.approx(LENSES["plano"].volume(), rel=1e-10)

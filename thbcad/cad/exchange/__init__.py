@@ -1,0 +1,91 @@
+"""STEP, IGES and BREP in and out; hand-over to build123d and cadquery."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.cad.exchange.handover import (
+        named_faces as named_faces,
+        to_build123d as to_build123d,
+        to_cadquery as to_cadquery,
+    )
+    from thbcad.cad.exchange.iges_brep_solids import (
+        brep_bytes as brep_bytes,
+        iges_bytes as iges_bytes,
+        part_iges as part_iges,
+        read_brep as read_brep,
+        read_iges as read_iges,
+    )
+    from thbcad.cad.exchange.iges_writing import (
+        brep_text as brep_text,
+    )
+    from thbcad.cad.exchange.loose_faces import (
+        read_faces as read_faces,
+        write_faces as write_faces,
+    )
+    from thbcad.cad.exchange.ray_faces import (
+        face_hits as face_hits,
+        step_solid as step_solid,
+    )
+    from thbcad.cad.exchange.reading import (
+        explore as explore,
+        step_shape as step_shape,
+    )
+    from thbcad.cad.exchange.solid_file import (
+        SolidFile as SolidFile,
+        SolidState as SolidState,
+        solid_volume as solid_volume,
+        spline_faces as spline_faces,
+    )
+    from thbcad.cad.exchange.step import (
+        part_step as part_step,
+        read_step as read_step,
+        step_bytes as step_bytes,
+        write_step as write_step,
+    )
+    from thbcad.cad.exchange.step_writing import (
+        compact as compact,
+    )
+
+_FILES = {
+    "handover": (
+        "named_faces",
+        "to_build123d",
+        "to_cadquery",
+    ),
+    "iges_brep_solids": (
+        "brep_bytes",
+        "iges_bytes",
+        "part_iges",
+        "read_brep",
+        "read_iges",
+    ),
+    "iges_writing": ("brep_text",),
+    "loose_faces": (
+        "read_faces",
+        "write_faces",
+    ),
+    "ray_faces": (
+        "face_hits",
+        "step_solid",
+    ),
+    "reading": (
+        "explore",
+        "step_shape",
+    ),
+    "solid_file": (
+        "SolidFile",
+        "SolidState",
+        "solid_volume",
+        "spline_faces",
+    ),
+    "step": (
+        "part_step",
+        "read_step",
+        "step_bytes",
+        "write_step",
+    ),
+    "step_writing": ("compact",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

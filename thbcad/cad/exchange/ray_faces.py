@@ -1,0 +1,92 @@
+"""Rays and the faces of an OCCT shape: the first meeting, found by OCCT's own intersection of lines and faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from OCP.BRep import BRep_Tool
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
+from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
+from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from thbcad.cad.exchange.reading import step_shape
+from thbcad.cad.exchange.step_writing import silence
+from thbcad.cad.shapes import TOLERANCE
+from thbcad.io import read_brep
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face
+
+FARTHEST = 1e9  # mm along a ray
+
+
+@dataclass(frozen=True, eq=False)
+class FaceHits:
+    """Where n rays first meet a face: points (n, 3) in mm and outward unit normals (n, 3), NaN for rays that meet none.
+
+    faces : (n,) int, the place of the face in the shape, -1 for none.
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+
+def step_solid(path: str | Path) -> TopoDS_Shape:
+    """Return the shape of a STEP file with one solid, in mm.
+
+    The text is read first by `read_brep`: OCCT can end the process over a damaged file.
+
+    Raises
+    ------
+    OSError : the file cannot be read.  ValueError : as `read_brep`, or OCCT cannot read it.
+    """
+    read_brep(path)
+    silence()
+    return step_shape(Path(path))
+
+
+def face_hits(solid: str | Path | TopoDS_Shape, origins: ArrayLike, directions: ArrayLike, after: float = 1e-6) -> FaceHits:
+    """Return where rays first meet a face of a shape, or of the solid in a STEP file.
+
+    origins, directions : (n, 3) float, mm and unit vectors.
+    after : mm along the ray, from where meetings count; the default lets a ray leave the face that it starts on.
+
+    Raises
+    ------
+    OSError, ValueError : as `step_solid`; origins and directions that are not (n, 3) or not finite.
+    """
+    origins, directions = (np.asarray(a, dtype=np.float64) for a in (origins, directions))
+    if origins.shape != directions.shape or origins.ndim != 2 or origins.shape[1] != 3:
+        raise ValueError(f"origins and directions must have the same shape (n, 3), got {origins.shape} and {directions.shape}")
+    if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
+        raise ValueError("origins and directions must be finite, directions not zero")
+    shape = solid if isinstance(solid, TopoDS_Shape) else step_solid(solid)
+    places = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, TopAbs_FACE, places)
+    intersector = IntCurvesFace_ShapeIntersector()
+    intersector.Load(shape, TOLERANCE)
+    points, normals = (np.full(origins.shape, np.nan) for _ in range(2))
+    faces = np.full(len(origins), -1)
+    for k, (origin, direction) in enumerate(zip(origins.tolist(), directions.tolist())):
+        intersector.PerformNearest(gp_Lin(gp_Pnt(*origin), gp_Dir(*direction)), after, FARTHEST)
+        if intersector.NbPnt():
+            face = intersector.Face(1)
+            faces[k] = places.FindIndex(face) - 1
+            points[k] = intersector.Pnt(1).Coord()
+            normals[k] = _normal(face, intersector.UParameter(1), intersector.VParameter(1))
+    return FaceHits(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), faces)
+
+
+def _normal(face: TopoDS_Face, u: float, v: float) -> NDArray[np.float64]:
+    """Return the outward normal of a face, of any length."""
+    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    BRep_Tool.Surface_s(TopoDS.Face_s(face)).D1(u, v, point, along_u, along_v)
+    return np.array(along_u.Crossed(along_v).Coord()) * (-1.0 if face.Orientation() == TopAbs_REVERSED else 1.0)

@@ -1,0 +1,141 @@
+"""What a CAD file with a lens solid holds: the optical faces as splines and the state of the solid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from OCP.BRep import BRep_Tool
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.Geom import Geom_BSplineSurface
+from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
+from OCP.GProp import GProp_GProps
+from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
+
+from thbcad.cad.exchange.reading import explore
+from thbcad.cad.shapes import spline_surface
+from thbcad.splines import BSplineSurface, NURBSSurface
+
+VOLUME_TOLERANCE = AREA_TOLERANCE = 1e-6  # relative
+
+
+@dataclass(frozen=True, eq=False)
+class SolidState:
+    """What OCCT says of a shape.
+
+    shape : TopoDS_Shape, mm
+    """
+
+    shape: TopoDS_Shape
+
+    @property
+    def solids(self) -> int:
+        """The number of solids."""
+        return len(explore(self.shape, TopAbs_SOLID))
+
+    @property
+    def faces(self) -> int:
+        """The number of faces."""
+        return len(explore(self.shape, TopAbs_FACE))
+
+    @property
+    def free_edges(self) -> int:
+        """The number of edges that do not border two faces."""
+        owners = TopTools_IndexedDataMapOfShapeListOfShape()
+        TopExp.MapShapesAndAncestors_s(self.shape, TopAbs_EDGE, TopAbs_FACE, owners)
+        return sum(owners.FindFromIndex(k).Extent() != 2 for k in range(1, owners.Extent() + 1))
+
+    @property
+    def tolerance(self) -> float:
+        """The greatest distance in mm that faces, edges and vertices need to meet."""
+        return ShapeAnalysis_ShapeTolerance().Tolerance(self.shape, 1)
+
+    @property
+    def closed(self) -> bool:
+        """Whether OCCT calls the shells closed."""
+        shells = [TopoDS.Shell_s(s) for s in explore(self.shape, TopAbs_SHELL)]
+        return bool(shells) and all(BRep_Tool.IsClosed_s(s) for s in shells)
+
+    @property
+    def valid(self) -> bool:
+        """Whether OCCT's check finds nothing wrong; it does not look for free edges."""
+        return BRepCheck_Analyzer(self.shape).IsValid()
+
+    @cached_property
+    def volume(self) -> float:
+        """The volume in mm^3 by OCCT."""
+        return solid_volume(self.shape, VOLUME_TOLERANCE)
+
+    @cached_property
+    def area(self) -> float:
+        """The area of all faces in mm^2 by OCCT."""
+        properties = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(self.shape, properties, AREA_TOLERANCE)
+        return properties.Mass()
+
+
+@dataclass(frozen=True, eq=False)
+class SolidFile(SolidState):
+    """What a STEP, IGES or BREP file with a lens solid holds, beside the state of its shape.
+
+    front, rear : BSplineSurface with poles (x, y, z) in mm, as in the file
+    face_names : of all faces in their order, "" where the file has none; only STEP has them
+    product, author, organization, material : str, "" where the file has none; only STEP has them
+    schema : AP203, AP214, AP242, or what else a STEP file says; "" for IGES and BREP
+    """
+
+    front: BSplineSurface
+    rear: BSplineSurface
+    face_names: Sequence[str]
+    product: str = ""
+    author: str = ""
+    organization: str = ""
+    schema: str = ""
+    material: str = ""
+
+
+def solid_file(shape: TopoDS_Shape, path: str | Path) -> SolidFile:
+    """Return the SolidFile of a shape that was read from `path`; its faces have no names yet.
+
+    Raises
+    ------
+    ValueError : the shape does not hold two optical faces (curved both ways, not rational).
+    """
+    # the ruled edges are straight one way, front and rear are not
+    curved = [s for s in spline_faces(shape) if min(s.kv_u.degree, s.kv_v.degree) > 1]
+    splines = [spline for spline in curved if isinstance(spline, BSplineSurface)]
+    if len(splines) != 2:
+        raise ValueError(f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear")
+    front, rear = sorted(splines, key=_centre_height)
+    return SolidFile(shape, front, rear, ("",) * len(explore(shape, TopAbs_FACE)))
+
+
+def spline_faces(shape: TopoDS_Shape) -> list[BSplineSurface | NURBSSurface]:
+    """Return the spline surfaces under the faces of a shape, in their order; other faces are left out."""
+    geoms = (BRep_Tool.Surface_s(TopoDS.Face_s(face)) for face in explore(shape, TopAbs_FACE))
+    return [spline_surface(geom) for geom in geoms if isinstance(geom, Geom_BSplineSurface)]
+
+
+def solid_volume(shape: TopoDS_Shape, tolerance: float) -> float:
+    """Return the volume of a closed shape, mm^3, by OCCT: V = sum over the faces of the integral of z n_z dA.
+
+    tolerance : relative, which OCCT's Gauss-Kronrod integral keeps face by face, span by span.
+    """
+    properties, only_closed, by_spans = GProp_GProps(), False, True
+    # from the plane z = 0: the flux of the whole place vector through rough faces needs far more points
+    plane = gp_Pln(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1))
+    BRepGProp.VolumePropertiesGK_s(shape, properties, plane, tolerance, only_closed, by_spans)
+    return properties.Mass()
+
+
+def _centre_height(spline: BSplineSurface) -> float:
+    """Return z at the middle of the parameters."""
+    u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
+    return float(spline([u], [v])[0, 2])

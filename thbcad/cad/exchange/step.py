@@ -1,0 +1,204 @@
+"""STEP files of lenses: written with every digit, read back as splines.
+
+Poles and knots read back bit for bit.  The time stamp is fixed: the same lens gives the same bytes.
+Faces have names and colours, the solid has a material.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
+from OCP.StepBasic import (
+    StepBasic_CalendarDate,
+    StepBasic_DerivedUnitElement,
+    StepBasic_LocalTime,
+    StepBasic_Organization,
+    StepBasic_Person,
+    StepBasic_SiUnitAndMassUnit,
+)
+from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
+from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
+from OCP.StepShape import StepShape_AdvancedFace
+from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_LabelSequence
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_FACE
+from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material
+
+from thbcad.cad.exchange.reading import explore, step_document
+from thbcad.cad.exchange.solid_file import SolidFile, solid_file
+from thbcad.cad.exchange.step_writing import SETTINGS, model_text, occt_settings, silence
+from thbcad.cad.shapes import Part, lens_part
+from thbcad.checks import require_type
+from thbcad.io import write_bytes
+from thbcad.lens import Lens, Product, require_line
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Shape
+
+SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
+SCHEMA_STARTS = {"AP242": "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING", "AP214": "AUTOMOTIVE_DESIGN", "AP203": "CONFIG_CONTROL_DESIGN"}
+COLOURS = {"front": (0.72, 0.85, 0.95), "rear": (0.60, 0.75, 0.90)}  # sRGB, by the first word of a face's name
+OTHER_COLOUR = (0.80, 0.80, 0.80)
+UNKNOWN = "unknown"  # AP203 wants persons and organizations to have names
+
+
+def write_step(lens: Lens, path: str | Path, product: Product | None = None, schema: str = "AP242") -> None:
+    """Write the lens as one closed solid of six faces with names and colours, in mm.
+
+    product : names and material for the file; None is Product().  A material without an index gets the index of the lens.
+    schema : AP242, AP214 or AP203.
+
+    Raises
+    ------
+    OSError : the file cannot be written.
+    ValueError : another schema.
+    RuntimeError : OCCT refuses the solid.
+    """
+    require_type("lens", lens, Lens)
+    write_bytes(path, step_bytes(lens, product, schema))
+
+
+def step_bytes(lens: Lens, product: Product | None = None, schema: str = "AP242") -> bytes:
+    """Return the STEP file of a lens, as `write_step`; the same lens gives the same bytes."""
+    product = Product() if product is None else product
+    require_type("product", product, Product)
+    if product.material and product.index is None:
+        product = replace(product, index=lens.index)
+    return part_step(lens_part(lens), product, schema)
+
+
+def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
+    """Return the STEP file of a Part in mm; the same part gives the same bytes.
+
+    Faces are named and coloured; a material stands with its density in g/cm^3 and, as its description, "refractive index 1.5".
+    An AP203 file also names FILE_SCHEMA 'SHAPE_APPEARANCE_LAYER_MIM', whose entities the colours are: its first edition has none.
+
+    Raises
+    ------
+    ValueError : another schema than AP242, AP214 and AP203; a name of a face that is not one line.
+    RuntimeError : OCCT refuses the solid.
+    """
+    if schema not in SCHEMAS:
+        raise ValueError(f"schema must be {', '.join(SCHEMAS)}, got {schema!r}")
+    for name in part.names:
+        require_line("the name of a face", name)
+    silence()
+    STEPCAFControl_Controller.Init_s()  # makes the settings
+    document = _document(part, product)
+    with occt_settings({**SETTINGS, "write.stepcaf.subshapes.name": "1", "write.step.schema": SCHEMAS[schema]}):
+        writer = STEPCAFControl_Writer()  # takes the schema when it is made
+        if not writer.Transfer(document, STEPControl_AsIs):
+            raise RuntimeError(f"OCCT could not translate {product.name} to STEP")
+    model = writer.ChangeWriter().Model()
+    for entity in [model.Value(number) for number in range(1, model.NbEntities() + 1)]:
+        if schema == "AP203":
+            _declare(entity, product)
+        if isinstance(entity, StepBasic_DerivedUnitElement):  # of the density, which OCCT gives in g^3 cm^2
+            entity.SetExponent(1.0 if isinstance(entity.Unit(), StepBasic_SiUnitAndMassUnit) else -3.0)
+    return model_text(model, product)
+
+
+def read_step(path: str | Path) -> SolidFile:
+    """Read a STEP file with a lens solid; lengths are converted to mm.
+
+    Raises
+    ------
+    OSError : the file cannot be read.
+    ValueError : it is no STEP file, or does not hold two optical faces (curved both ways, not rational).
+    """
+    path = Path(path)
+    with path.open("rb"):
+        pass
+    silence()
+    reader, document = step_document(path)
+    solid = solid_file(reader.OneShape(), path)
+    header = APIHeaderSection_MakeHeader(reader.WS().Model())
+    schema = header.SchemaIdentifiersValue(1).ToCString() if header.NbSchemaIdentifiers() else ""
+    return replace(
+        solid,
+        face_names=_face_names(reader, solid.shape),
+        product=_product_name(document),
+        author=header.AuthorValue(1).ToCString() if header.NbAuthor() else "",
+        organization=header.OrganizationValue(1).ToCString() if header.NbOrganization() else "",
+        schema=next((name for name, start in SCHEMA_STARTS.items() if schema.startswith(start)), schema),
+        material=_material_name(document),
+    )
+
+
+def _string(text: str) -> TCollection_HAsciiString:
+    return TCollection_HAsciiString(text)
+
+
+def _extended(text: str) -> TCollection_ExtendedString:
+    return TCollection_ExtendedString(text, True)  # of UTF-8
+
+
+def _document(part: Part, product: Product) -> TDocStd_Document:
+    """Return a document that holds the solid with its name and material and the faces with their names and colours."""
+    document = TDocStd_Document(_extended("XmlXCAF"))
+    main = document.Main()
+    shapes, colours = XCAFDoc_DocumentTool.ShapeTool_s(main), XCAFDoc_DocumentTool.ColorTool_s(main)
+    label = shapes.AddShape(part.solid, False)
+    TDataStd_Name.Set_s(label, _extended(product.name))
+    for name, face in zip(part.names, part.faces, strict=True):
+        place = shapes.AddSubShape(label, face)
+        TDataStd_Name.Set_s(place, _extended(name))
+        rgb = COLOURS.get(name.partition(" ")[0], OTHER_COLOUR)
+        colours.SetColor(place, Quantity_Color(*rgb, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
+    if product.material:
+        note = "" if product.index is None else f"refractive index {product.index}"
+        texts = [_string(text) for text in (product.material, note, "density", "POSITIVE_RATIO_MEASURE")]
+        XCAFDoc_DocumentTool.MaterialTool_s(main).SetMaterial(label, *texts[:2], product.density, *texts[2:])
+    return document
+
+
+def _declare(entity: object, product: Product) -> None:
+    """Give an AP203 entity the product's author, organization and a fixed time instead of those of the machine."""
+    if isinstance(entity, StepBasic_Person):
+        entity.SetId(_string(product.author or UNKNOWN))
+        entity.SetLastName(_string(product.author or UNKNOWN))
+        entity.UnSetFirstName()
+    elif isinstance(entity, StepBasic_Organization):
+        entity.SetId(_string(product.organization or UNKNOWN))
+        entity.SetName(_string(product.organization or UNKNOWN))
+    elif isinstance(entity, StepBasic_CalendarDate):
+        entity.SetYearComponent(2000)
+        entity.SetMonthComponent(1)
+        entity.SetDayComponent(1)
+    elif isinstance(entity, StepBasic_LocalTime):
+        entity.SetHourComponent(0)
+        entity.SetMinuteComponent(0)
+        entity.Zone().SetHourOffset(0)
+
+
+def _face_names(reader: STEPControl_Reader, shape: TopoDS_Shape) -> tuple[str, ...]:
+    """Return the names of the entities from which the faces of a shape come."""
+    origin = reader.WS().TransferReader()
+    entities = [origin.EntityFromShapeResult(face, 1) for face in explore(shape, TopAbs_FACE)]
+    return tuple(e.Name().ToCString() if isinstance(e, StepShape_AdvancedFace) else "" for e in entities)
+
+
+def _product_name(document: TDocStd_Document) -> str:
+    """Return the name of the first free shape."""
+    labels, name = TDF_LabelSequence(), TDataStd_Name()
+    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(labels)
+    return name.Get().ToExtString() if _found(labels, name) else ""
+
+
+def _material_name(document: TDocStd_Document) -> str:
+    """Return the name of the first material."""
+    labels, material = TDF_LabelSequence(), XCAFDoc_Material()
+    XCAFDoc_DocumentTool.MaterialTool_s(document.Main()).GetMaterialLabels(labels)
+    return material.GetName().ToCString() if _found(labels, material) else ""
+
+
+def _found(labels: TDF_LabelSequence, attribute: TDataStd_Name | XCAFDoc_Material) -> bool:
+    """Set the attribute to that of the first label; return whether there is one."""
+    # to look for an attribute that is not there ends the process
+    return labels.Length() > 0 and labels.Value(1).IsAttribute(attribute.ID()) and labels.Value(1).FindAttribute(attribute.ID(), attribute)

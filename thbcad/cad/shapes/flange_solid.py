@@ -1,0 +1,69 @@
+"""The lens with a planar mounting flange, as an OCCT solid with explicit shared topology.
+
+The flange is a frame round the lens: its two planes cut the edges of the lens, never the front or the rear.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from OCP.BRep import BRep_Builder
+from OCP.TopoDS import TopoDS
+
+from thbcad.cad.shapes.aperture_solid import EDGES, elliptic_faces
+from thbcad.cad.shapes.occt_splines import TOLERANCE
+from thbcad.cad.shapes.plain_solid import NAMES, boundary, closed_part, lens_surfaces, side_line, spline_face
+from thbcad.cad.shapes.rings import plane_face, wall_faces
+from thbcad.cad.shapes.walls import EllipticWall, PlaneWall, RuledWall, side_ring
+from thbcad.lens import Flange, require_aperture, require_clear, ruled_edges
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face
+
+    from thbcad.cad.shapes.part import Part
+    from thbcad.cad.shapes.rings import Ring, Wall
+    from thbcad.lens import Lens
+
+
+def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> Part:
+    """Return the lens with a flange as a closed Part: front, rear, edges on both sides of the flange, the flange's faces.
+
+    semi_axes : (a, b) float of an elliptic aperture, mm, as in `trimmed_part`; None is the rectangular lens
+
+    Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight places of every span.
+
+    Raises
+    ------
+    ValueError : as `trimmed_part`; a rim less than 1e-6 mm away from the flange.
+    """
+    require_clear(lens, flange, semi_axes)
+    builder = BRep_Builder()
+    if semi_axes is None:
+        wall, (front, bottom), (rear, top) = _rectangular(builder, lens)
+        outline, edges = PlaneWall(flange.rectangle(lens)), NAMES[2:]
+    else:
+        ellipse = require_aperture(lens, semi_axes)
+        wall, ((front, bottom), (rear, top)) = EllipticWall(ellipse), elliptic_faces(builder, lens, ellipse)
+        outline, edges = EllipticWall(flange.ellipse(ellipse)), EDGES
+    inner, outer = ([w.level(builder, z) for z in (flange.low, flange.high)] for w in (wall, outline))
+    faces = [front, rear, *wall_faces(builder, wall, bottom, inner[0]), *wall_faces(builder, wall, inner[1], top)]
+    faces += [plane_face(builder, z, inner[k], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))]
+    faces += wall_faces(builder, outline, *outer)
+    names = [f"{edge} {side}" for side in ("front", "rear") for edge in edges]
+    sides = [edge.replace("edge", "flange side") for edge in edges]
+    return closed_part(("front", "rear", *names, "flange front", "flange rear", *sides), faces)
+
+
+def _rectangular(builder: BRep_Builder, lens: Lens) -> tuple[Wall, tuple[TopoDS_Face, Ring], tuple[TopoDS_Face, Ring]]:
+    """Return the wall of the edges and (face, ring of its rim) of front and rear."""
+    planar = lens.front.half_width == lens.rear.half_width
+    wall = PlaneWall(lens.rear.half_width) if planar else RuledWall(ruled_edges(lens))
+    found = []
+    for k, surface in enumerate(lens_surfaces(lens)):
+        rims = [boundary(surface, side) for side in range(4)]
+        ring = side_ring(builder, rims) if planar else wall.rim(builder, rims, float(k))
+        face = spline_face(builder, surface, ring.edges)
+        for side, edge in enumerate(ring.edges):
+            builder.UpdateEdge(TopoDS.Edge_s(edge), side_line(surface, side), face, TOLERANCE)
+        found.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
+    return wall, *found

@@ -1,0 +1,167 @@
+"""The walls of lenses and flanges: plane, elliptic and ruled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.Geom import Geom_Circle, Geom_CylindricalSurface, Geom_Ellipse, Geom_Line, Geom_Plane, Geom_SurfaceOfLinearExtrusion
+from OCP.Geom2d import Geom2d_Line
+from OCP.GeomAPI import GeomAPI
+from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
+
+from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface
+from thbcad.cad.shapes.plain_solid import CORNERS, UNIT, new_edge, new_vertex, turned
+from thbcad.cad.shapes.rings import Ring
+from thbcad.lens import Ellipse, fitted_curve, kinks
+from thbcad.splines import BSplineSurface, KnotVector
+
+if TYPE_CHECKING:
+    from OCP.BRep import BRep_Builder
+    from OCP.Geom import Geom_Curve, Geom_Surface
+    from OCP.Geom2d import Geom2d_BSplineCurve
+
+UP = gp_Dir(0, 0, 1)
+OUTWARD = ((0, -1, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneWall:
+    """The `Wall` of four planes |x| = half_width[0], |y| = half_width[1], mm; v is z."""
+
+    half_width: tuple[float, float]
+
+    ends = ((0.0, 1.0),) * 4  # the planes face outward
+
+    def corner(self, k: int) -> tuple[float, float]:
+        """Return (x, y) of a corner, mm."""
+        return tuple(h * (2 * side - 1) for h, side in zip(self.half_width, CORNERS[k % 4]))
+
+    def surface(self, panel: int) -> Geom_Surface:
+        return Geom_Plane(gp_Pln(gp_Pnt(*self.corner(panel), 0.0), gp_Dir(*OUTWARD[panel])))
+
+    def strut(self, corner: int) -> Geom_Curve:
+        return Geom_Line(gp_Pnt(*self.corner(corner), 0.0), UP)
+
+    def level(self, builder: BRep_Builder, z: float) -> Ring:
+        places = [np.array([*self.corner(k), z]) for k in range(4)]
+        vertices = [new_vertex(builder, place) for place in places]
+        edges = []
+        for k in range(4):
+            step = places[(k + 1) % 4] - places[k]
+            length = float(np.linalg.norm(step))
+            line = Geom_Line(gp_Pnt(*places[k].tolist()), gp_Dir(*step.tolist()))
+            edges.append(new_edge(builder, line, 0.0, length, vertices[k], vertices[(k + 1) % 4]))
+        return Ring(vertices, edges, (), (z,) * 4)
+
+
+@dataclass(frozen=True, eq=False)
+class EllipticWall:
+    """The `Wall` over an ellipse, a straight cylinder in two halves; s is the angle of the ellipse, v is z."""
+
+    ellipse: Ellipse
+
+    ends = ((0.0, np.pi), (np.pi, 2 * np.pi))
+
+    @property
+    def _round(self) -> bool:
+        return self.ellipse.semi_axes[0] == self.ellipse.semi_axes[1]
+
+    def _axes(self, z: float) -> gp_Ax2:
+        return gp_Ax2(gp_Pnt(0, 0, z), UP, gp_Dir(0, 1, 0) if self.ellipse.upright else gp_Dir(1, 0, 0))
+
+    def _curve(self, z: float) -> Geom_Curve:
+        a, b = self.ellipse.semi_axes
+        return Geom_Circle(self._axes(z), a) if self._round else Geom_Ellipse(self._axes(z), max(a, b), min(a, b))
+
+    def _places(self, z: Sequence[float]) -> NDArray[np.float64]:
+        return np.column_stack([*self.ellipse([0.0, np.pi]), z])
+
+    def surface(self, panel: int) -> Geom_Surface:
+        if self._round:
+            return Geom_CylindricalSurface(gp_Ax3(self._axes(0.0)), self.ellipse.semi_axes[0])
+        return Geom_SurfaceOfLinearExtrusion(self._curve(0.0), UP)
+
+    def strut(self, corner: int) -> Geom_Curve:
+        return Geom_Line(gp_Pnt(*self._places((0.0, 0.0))[corner].tolist()), UP)
+
+    def level(self, builder: BRep_Builder, z: float) -> Ring:
+        vertices = [new_vertex(builder, place) for place in self._places((z, z))]
+        edges = [new_edge(builder, self._curve(z), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)]
+        return Ring(vertices, edges, (Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0)),) * 2, (z, z))
+
+    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
+        """Return the ring along two splines (x, y, z) over the angle, one for each half."""
+        heights = tuple(float(poles[0, 2]) for _, poles in curves)
+        vertices = [new_vertex(builder, place) for place in self._places(heights)]
+        edges = [new_edge(builder, geom_curve(*curves[k]), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)]
+        return Ring(vertices, edges, [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves], heights)
+
+
+@dataclass(frozen=True, eq=False)
+class RuledWall:
+    """The `Wall` of the four ruled edges of a lens; s is x or y in the rear's rectangle, v runs from 0 (front) to 1 (rear).
+
+    panels : as `ruled_edges` returns them
+    """
+
+    panels: Sequence[BSplineSurface]
+
+    @property
+    def ends(self) -> Sequence[tuple[float, float]]:
+        spans = [(panel.kv_u.start, panel.kv_u.stop) for panel in self.panels]
+        return (*spans[:2], *(span[::-1] for span in spans[2:]))
+
+    def surface(self, panel: int) -> Geom_Surface:
+        return geom_surface(self.panels[panel])
+
+    def strut(self, corner: int) -> Geom_Curve:
+        return geom_curve(UNIT, self.panels[corner].coefficients[_first(corner)])
+
+    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]], v: float) -> Ring:
+        """Return the ring of the front's (v = 0) or the rear's rim (v = 1)."""
+        return replace(side_ring(builder, curves), traces=(Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0)),) * 4, heights=(v,) * 4)
+
+    def level(self, builder: BRep_Builder, z: float) -> Ring:
+        """Return the ring at a height, (1 - v) front + v rear with v = (z - front) / (rear - front) on each ruling."""
+        curves = [self._level(panel, z) for panel in self.panels]
+        flat = [(kv, np.column_stack([poles[:, :2], np.full(len(poles), z)])) for kv, poles in curves]
+        traces = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves]
+        heights = [float(poles[_first(side), 2]) for side, (_, poles) in enumerate(curves)]
+        return replace(side_ring(builder, flat), traces=traces, heights=heights)
+
+    def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, NDArray[np.float64]]:
+        """Return knots and poles (x, y, v) of the level line of a panel."""
+
+        def line(s: NDArray[np.float64]) -> NDArray[np.float64]:
+            front, rear = np.moveaxis(panel.grid(s, [0.0, 1.0]), 1, 0)
+            v = (z - front[:, 2]) / (rear[:, 2] - front[:, 2])
+            return np.column_stack([front[:, :2] + v[:, None] * (rear - front)[:, :2], v])
+
+        breaks, counts = kinks(panel.kv_u)
+        return fitted_curve(line, np.r_[panel.kv_u.start, breaks, panel.kv_u.stop], np.r_[1, counts, 1])
+
+
+def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
+    """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have their z as height."""
+    starts = [poles[_first(side)] for side, (_, poles) in enumerate(curves)]
+    vertices = [new_vertex(builder, place) for place in starts]
+    edges = []
+    for side, (kv, poles) in enumerate(curves):
+        pair = vertices[side], vertices[(side + 1) % 4]
+        start, stop = pair if side < 2 else pair[::-1]
+        edges.append(turned(new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, start, stop), side >= 2))
+    return Ring(vertices, edges, (), [float(place[2]) for place in starts])
+
+
+def _first(side: int) -> int:
+    """Return the index of the first pole counter-clockwise: x or y falls along the sides 2 and 3."""
+    return 0 if side < 2 else -1
+
+
+def trace(kv: KnotVector, poles: NDArray[np.float64]) -> Geom2d_BSplineCurve:
+    """Return a spline with poles (n, 2) as a curve in the parameters of a face."""
+    return GeomAPI.To2d_s(geom_curve(kv, np.column_stack([poles, np.zeros(len(poles))])), gp_Pln())

@@ -1,0 +1,51 @@
+"""Bounds that hold everywhere, rounding included."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.certified.bernstein_cells import (
+        Orders as Orders,
+        bernstein as bernstein,
+        rounding as rounding,
+    )
+    from thbcad.certified.extreme_values import (
+        Enclosure as Enclosure,
+        minimum as minimum,
+        value_range as value_range,
+    )
+    from thbcad.certified.intervals import (
+        MOST_BOXES as MOST_BOXES,
+        Interval as Interval,
+        positive as positive,
+        range_over as range_over,
+    )
+    from thbcad.certified.slope_and_curvature import (
+        greatest_slope as greatest_slope,
+        least_radii as least_radii,
+    )
+
+_FILES = {
+    "bernstein_cells": (
+        "Orders",
+        "bernstein",
+        "rounding",
+    ),
+    "extreme_values": (
+        "Enclosure",
+        "minimum",
+        "value_range",
+    ),
+    "intervals": (
+        "Interval",
+        "MOST_BOXES",
+        "positive",
+        "range_over",
+    ),
+    "slope_and_curvature": (
+        "greatest_slope",
+        "least_radii",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,183 @@
+"""Derivatives of a graph z(x, y) as Bernstein coefficients on its cells, with bounds of their rounding errors.
+
+Derivatives are differences of the spline coefficients as they are given; all that follows takes means
+with non-negative weights.  The error of n roundings is then at most n 2^-53 times the greatest
+coefficient; the allowance takes 2^-52, which also covers the rounding of the allowance itself.
+
+Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14; N. Higham, Accuracy and
+Stability of Numerical Algorithms, chapter 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from thbcad.checks import EPS, require_orders, require_type
+from thbcad.splines import BSplineSurface, KnotVector, band_matrix, bezier_rows, tensor_apply
+from thbcad.surfaces import THBSurface
+
+STRIP = 4096  # cells that are assessed at once, so that their arrays fit in the cache
+GREATEST = 1e40  # products of seven such numbers are finite
+TINY = float(np.finfo(np.float64).tiny)  # above every error of a subnormal result
+
+Array = NDArray[np.float64]
+Graph = BSplineSurface | THBSurface | Sequence[BSplineSurface]
+Orders = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Vectors of d polynomials on n cells, by their Bernstein coefficients of degree (p, q).
+
+    coefficients : (d, p + 1, q + 1, n) float
+    box : (2, 2, n) float, box[0] = (u, v) of the lower left corners, box[1] of the upper right ones
+    magnitude : (d,) float, no coefficient is greater
+    error : (d,) float, bounds of the rounding errors of the coefficients
+    """
+
+    coefficients: Array
+    box: Array
+    magnitude: Array
+    error: Array
+
+    def negated(self) -> Cells:
+        """Return the negative polynomials."""
+        return replace(self, coefficients=-self.coefficients)
+
+    def take(self, chosen: NDArray[np.bool_]) -> Cells:
+        """Return the chosen cells; chosen : (n,) bool."""
+        return replace(self, coefficients=self.coefficients[..., chosen], box=self.box[..., chosen])
+
+    def quartered(self) -> Cells:
+        """Return the four quarters of every cell, by de Casteljau's algorithm written as a matrix."""
+        cells = self
+        for axis in (0, 1):
+            degree = cells.coefficients.shape[axis + 1] - 1
+            half = np.array([[comb(i, j) / 2**i for j in range(degree + 1)] for i in range(degree + 1)])
+            halves = [_along(axis + 1, matrix, cells.coefficients) for matrix in (half, half[::-1, ::-1])]
+            low, high = cells.box.copy(), cells.box.copy()
+            low[1, axis] = high[0, axis] = cells.box[0, axis] + (cells.box[1, axis] - cells.box[0, axis]) / 2
+            error = cells.error + rounding(degree + 1, cells.magnitude)
+            cells = replace(cells, coefficients=np.concatenate(halves, -1), box=np.concatenate([low, high], -1), error=error)
+        return cells
+
+
+def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
+    """Yield the partial derivatives of a scalar graph on all its cells, elevated to one degree, strip by strip.
+
+    Raises
+    ------
+    ValueError : no patch, patches of different degrees, a graph that is not scalar, a negative
+        order, derivatives above 1e40.
+    """
+    patches, error = _patches(graph)
+    derivatives = tuple(require_orders(orders) for orders in derivatives)
+    rows = [[_differentiated(patch, orders, error) for orders in derivatives] for patch in patches]
+    magnitude = np.max([[np.abs(net).max() for net, _ in row] for row in rows], axis=0)
+    if not (magnitude < GREATEST).all():
+        most = np.nan_to_num(magnitude, nan=np.inf).max()
+        raise ValueError(f"bounds need derivatives {derivatives} with coefficients below {GREATEST:g}, got {most:.3g}")
+    by_axis = tuple(zip(*derivatives))
+    p, q = (max(kv.degree - min(orders), 0) for kv, orders in zip((patches[0].kv_u, patches[0].kv_v), by_axis))
+    error = np.max([[e for _, e in row] for row in rows], axis=0) + rounding(_roundings(p, q), magnitude)
+    extraction = cache(_extraction)
+    for patch, row in zip(patches, rows):
+        nets = [net for net, _ in row]
+        a = [extraction(patch.kv_u, order, p) for order in by_axis[0]]
+        b = [extraction(patch.kv_v, order, q) for order in by_axis[1]]
+        step = max(1, STRIP // patch.kv_v.spans)
+        for first in range(0, patch.kv_u.spans, step):
+            tables = [tensor_apply(x[first * (p + 1) : (first + step) * (p + 1)], y, net) for x, y, net in zip(a, b, nets)]
+            coefficients = np.stack(tables).reshape(len(nets), -1, p + 1, patch.kv_v.spans, q + 1).transpose(0, 2, 4, 1, 3)
+            yield Cells(coefficients.reshape(len(nets), p + 1, q + 1, -1), _boxes(patch, first, step), magnitude, error)
+
+
+def rounding(count: int, size: Array | float) -> Array | float:
+    """Return the allowance for a count of roundings of numbers of this size."""
+    return count * (EPS * size + TINY * (size > 0))
+
+
+def whole_graph(graph: Graph) -> BSplineSurface | THBSurface | tuple[BSplineSurface, ...]:
+    """Return a surface itself and patches as a tuple, which can be gone through twice; raise ValueError for anything else."""
+    if isinstance(graph, BSplineSurface | THBSurface):
+        return graph
+    patches = tuple(graph) if isinstance(graph, Iterable) else (graph,)
+    for patch in patches:
+        require_type("graph", patch, BSplineSurface)
+    return patches
+
+
+def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
+    """Return the graph as B-spline patches and the rounding error of their coefficients."""
+    if isinstance(graph, THBSurface):
+        # two products with polar forms for every level of the hierarchy
+        count = graph.space.levels * _roundings(graph.space.kv_u.degree, graph.space.kv_v.degree)
+        patches, error = [graph.to_bspline()], float(rounding(count, np.abs(graph.coefficients).max()))
+    else:
+        patches, error = [graph] if isinstance(graph, BSplineSurface) else list(whole_graph(graph)), 0.0
+    for patch in patches:
+        if patch.coefficients.ndim != 2:
+            raise ValueError(f"bounds need scalar coefficients, got a net of shape {patch.coefficients.shape}")
+    degrees = {(patch.kv_u.degree, patch.kv_v.degree) for patch in patches}
+    if len(degrees) != 1:
+        raise ValueError(f"bounds need one or more patches of equal degrees, got degrees {sorted(degrees)}")
+    return patches, error
+
+
+def _boxes(patch: BSplineSurface, first: int, step: int) -> Array:
+    u, v = patch.kv_u.breaks[first : first + step + 1], patch.kv_v.breaks
+    ends = [np.meshgrid(*pair, indexing="ij") for pair in ((u[:-1], v[:-1]), (u[1:], v[1:]))]
+    return np.reshape(ends, (2, 2, -1))
+
+
+def _differentiated(patch: BSplineSurface, orders: Orders, error: float) -> tuple[Array, float]:
+    """Return the coefficients of a derivative, c_i' = p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1)) in u and v, and their error."""
+    net = patch.coefficients
+    for kv, order in zip((patch.kv_u, patch.kv_v), orders):
+        if order > kv.degree:
+            net, error = np.zeros_like(net), 0.0
+        for done in range(order if order <= kv.degree else 0):
+            p, knots = kv.degree - done, kv.knots[done + 1 : len(kv.knots) - done - 1]
+            width = (knots[p:] - knots[:-p])[:, None]
+            real = width > 0  # a function without support has no coefficient
+            with np.errstate(over="ignore", invalid="ignore"):  # refused later
+                change = np.diff(net, axis=0)
+                net = np.divide(p * change, width, out=np.zeros_like(change), where=real)
+                error = 2 * p * error / width[real].min() * (1 + 8 * EPS)
+            error += change.any() * rounding(4, max(np.abs(net).max(), TINY))
+        net = net.T
+    return net, float(error)
+
+
+def _extraction(kv: KnotVector, order: int, degree: int) -> csr_array:
+    """Return the operator from the coefficients of a derivative to Bernstein coefficients of a degree on every span."""
+    if order > kv.degree:
+        return csr_array((kv.spans * (degree + 1), kv.dim))
+    p, knots = kv.degree - order, kv.knots[order : len(kv.knots) - order]
+    span = np.flatnonzero(np.diff(knots) > 0)
+    rows = bezier_rows(knots[span + np.arange(1 - p, p + 1)[:, None]])
+    return band_matrix(np.repeat(span - p, degree + 1), (_elevation(p, degree) @ rows).reshape(-1, p + 1), len(knots) - p - 1)
+
+
+def _elevation(p: int, degree: int) -> Array:
+    """Return the degree elevation of Bernstein coefficients, (degree + 1, p + 1)."""
+    rest = degree - p
+    weights = [[comb(p, j) * comb(rest, i - j) if i >= j else 0 for j in range(p + 1)] for i in range(degree + 1)]
+    return np.array(weights) / [[comb(degree, i)] for i in range(degree + 1)]
+
+
+def _along(axis: int, matrix: Array, block: Array) -> Array:
+    """Return the product of a matrix with one axis of the coefficients."""
+    return np.moveaxis(np.tensordot(matrix, block, (1, axis)), 0, axis)
+
+
+def _roundings(p: int, q: int) -> int:
+    """Return the roundings of two products with polar forms of degrees p, q: 5 per factor, the elevation and the sums."""
+    return 8 * (p + q + 2)

@@ -1,0 +1,141 @@
+"""Certified bounds of a graph z(x, y) and its derivatives from Bernstein coefficients.
+
+On a cell a vector of polynomials is a convex combination of its Bernstein coefficients.  A convex
+function of the vector is therefore nowhere greater than its greatest value at the coefficients,
+and at the four corners it takes its value there.  Both bounds meet with the square of the cell
+size: branch and bound drops the cells that cannot hold the greatest value and quarters the others.
+
+The bounds hold in floating point: what rounding does to the coefficients comes with them, see `thbcad.bernstein`.
+
+Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thbcad.certified.bernstein_cells import Array, Cells, Graph, Orders, bernstein, whole_graph
+from thbcad.checks import require_number
+
+MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
+MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """lower <= true extreme value <= upper; `value` is the best value found, taken at (u, v).
+
+    Where a derivative jumps, `value` is that of one of the cells that meet at (u, v).
+    """
+
+    lower: float
+    upper: float
+    value: float
+    u: float
+    v: float
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What is known of a function on n cells.
+
+    corners : (4, n) float, values at the corners (0, 0), (0, 1), (1, 0), (1, 1)
+    error : float, the rounding error of these values is at most this
+    upper : (n,) float, the function is at most this on the cells, rounding included
+    scale : float, what a relative tolerance refers to
+    """
+
+    corners: Array
+    error: float
+    upper: Array
+    scale: float
+
+
+def minimum(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9) -> Enclosure:
+    """Return certified bounds of the least value of d^(a+b) z / dx^a dy^b.
+
+    graph : a scalar BSplineSurface or THBSurface, or patches of one surface
+    derivative : (a, b)
+
+    The search ends when the bounds differ by `tolerance` times the greatest coefficient.  Where
+    the least value is taken along a whole curve it can end earlier, with wider bounds that hold too.
+
+    Raises
+    ------
+    ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
+    """
+    return _negative(greatest((cells.negated() for cells in bernstein(graph, (derivative,))), _value, tolerance))
+
+
+def value_range(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9) -> tuple[Enclosure, Enclosure]:
+    """Return certified bounds of the least and of the greatest value of d^(a+b) z / dx^a dy^b.
+
+    The search ends as in `minimum`.  A derivative that jumps at a knot counts with both its values.
+
+    Raises
+    ------
+    ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
+    """
+    graph = whole_graph(graph)
+    return minimum(graph, derivative, tolerance), greatest(bernstein(graph, (derivative,)), _value, tolerance)
+
+
+def greatest(pieces: Iterable[Cells], assess: Callable[[Cells, float], Assessment], tolerance: float) -> Enclosure:
+    """Return bounds of the greatest value of a function of the vectors, by branch and bound.
+
+    assess : (cells, best value so far) -> Assessment
+
+    The bounds differ by at most tolerance * scale and some rounding, unless that needs more than
+    2^25 coefficients besides those given.
+    """
+    require_number("tolerance", tolerance, least=0)
+    best, closed, work = (-np.inf, -np.inf, 0.0, 0.0), -np.inf, 0
+    for _ in range(MOST_STEPS):
+        kept, least = [], -np.inf
+        for cells in pieces:
+            found = assess(cells, best[0])
+            best = max(best, _best_corner(cells, found))
+            least = max(least, best[0] + tolerance * found.scale + 2 * found.error)
+            chosen = found.upper > least
+            closed = max(closed, float(found.upper[~chosen].max(initial=-np.inf)))
+            kept.append((cells.take(chosen), found.upper[chosen]))
+        cells, upper = _joined([cells for cells, _ in kept]), np.concatenate([upper for _, upper in kept])
+        chosen = upper > least
+        closed = max(closed, float(upper[~chosen].max(initial=-np.inf)))
+        cells, upper = cells.take(chosen), upper[chosen]
+        work += 4 * cells.coefficients.size
+        if not len(upper) or work > MOST_COEFFICIENTS:
+            break
+        pieces = [cells.quartered()]
+    value, lower, u, v = best
+    return Enclosure(lower, max(closed, float(upper.max(initial=value))), value, u, v)
+
+
+def corners(values: Array) -> Array:
+    """Return the corners (0, 0), (0, 1), (1, 0), (1, 1) of coefficients (..., p + 1, q + 1, n), as (..., 4, n)."""
+    return values[..., [0, 0, -1, -1], [0, -1, 0, -1], :]
+
+
+def _value(cells: Cells, best: float) -> Assessment:
+    values, error = cells.coefficients[0], float(cells.error[0])
+    return Assessment(corners(values), error, values.max(axis=(0, 1)) + error, float(cells.magnitude[0]))
+
+
+def _best_corner(cells: Cells, found: Assessment) -> tuple[float, float, float, float]:
+    """Return (value, lower bound of the value, u, v)."""
+    corner, k = np.unravel_index(int(np.argmax(found.corners)), found.corners.shape)
+    value = float(found.corners[corner, k])
+    return value, value - found.error, float(cells.box[corner // 2, 0, k]), float(cells.box[corner % 2, 1, k])
+
+
+def _joined(pieces: list[Cells]) -> Cells:
+    coefficients, box = (np.concatenate([getattr(cells, name) for cells in pieces], axis=-1) for name in ("coefficients", "box"))
+    return replace(pieces[0], coefficients=coefficients, box=box)
+
+
+def _negative(found: Enclosure) -> Enclosure:
+    """Return the enclosure of the negative number; 0.0 - x is never -0.0."""
+    return Enclosure(0.0 - found.upper, 0.0 - found.lower, 0.0 - found.value, found.u, found.v)

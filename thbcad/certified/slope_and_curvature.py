@@ -1,0 +1,139 @@
+"""Certified bounds of the slope and of the radii of curvature of a graph z(x, y).
+
+With the gradient g = (z_x, z_y), W^2 = 1 + |g|^2 and the Hessian A of z, the principal curvatures
+are the eigenvalues of the pencil A d = k N d, N = W (I + g g^T).
+
+No curvature of a cell exceeds kappa >= 0 where A - kappa N has no positive eigenvalue.  Along a
+direction e, with c = g . e, the second derivative of N is
+
+    N'' = (W^2 - c^2) / W^3 (I + g g^T) + 2 c / W (e g^T + g e^T) + 2 W e e^T >= -|g|^2 / (2 W) I,
+
+because e g^T + g e^T has the eigenvalues c +- |g|.  Hence, around any gradient g_0,
+
+    N >= L - rho I,  L = N_0 + DN_0 (g - g_0),  rho = max |g|^2 / (4 W) |g - g_0|^2.
+
+A - kappa L is linear in the derivatives of z and its greatest eigenvalue is convex: its greatest
+value mu at the Bernstein coefficients bounds it on the cell.  As N >= W I, no curvature of the cell
+exceeds kappa + max(mu + kappa rho, 0) / min W; nor max(nu, 0) / min W, with nu for kappa = 0.
+
+Source: M. do Carmo, Differential Geometry of Curves and Surfaces, section 3-3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thbcad.certified.bernstein_cells import Array, Cells, Graph, bernstein, rounding, whole_graph
+from thbcad.certified.extreme_values import Assessment, Enclosure, corners, greatest
+from thbcad.checks import EPS
+
+ROUNDINGS = 40  # more than any entry or eigenvalue below takes
+DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+
+
+@dataclass(frozen=True)
+class LeastRadii:
+    """Bounds of the least radius of curvature, in the unit of x, y and z.
+
+    A side to which the graph bends nowhere has an infinite radius, at a place without meaning.
+
+    concave : where z bends towards +z (positive second derivative)
+    convex : where z bends towards -z
+    """
+
+    concave: Enclosure
+    convex: Enclosure
+
+
+def greatest_slope(graph: Graph, tolerance: float = 1e-9) -> Enclosure:
+    """Return certified bounds of the greatest slope |grad z| = sqrt(z_x^2 + z_y^2), to a relative tolerance.
+
+    Raises
+    ------
+    ValueError : a graph that is not scalar, derivatives above 1e40.
+    """
+    found = greatest(bernstein(graph, ((1, 0), (0, 1))), _slope, tolerance)
+    return replace(found, lower=max(found.lower, 0.0))
+
+
+def least_radii(graph: Graph, tolerance: float = 1e-6) -> LeastRadii:
+    """Return certified bounds of 1 / max k and -1 / min k over the principal curvatures k of z(x, y).
+
+    The search ends at a relative `tolerance`.  Where the curvature is all but constant it ends
+    earlier, with wider bounds that hold too.  Where the second derivatives jump both values count.
+    A crease, at a knot of multiplicity p, has no curvature and is not seen.
+
+    Raises
+    ------
+    ValueError : degree 1, a graph that is not scalar, derivatives above 1e40.
+    """
+    graph = whole_graph(graph)
+    concave = greatest(bernstein(graph, DERIVATIVES), _curvature, tolerance)
+    convex = greatest((cells.negated() for cells in bernstein(graph, DERIVATIVES)), _curvature, tolerance)
+    return LeastRadii(_radius(concave), _radius(convex))
+
+
+def _radius(curvature: Enclosure) -> Enclosure:
+    """Return the enclosure of 1 / k, infinite for k <= 0."""
+    lower, upper, value = (1 / k if k > 0 else np.inf for k in (curvature.upper, curvature.lower, curvature.value))
+    if curvature.upper > 0:
+        lower = float(np.nextafter(lower, 0))
+    return Enclosure(lower, float(np.nextafter(upper, np.inf)), value, curvature.u, curvature.v)
+
+
+def _slope(cells: Cells, best: float) -> Assessment:
+    values = np.hypot(*cells.coefficients)
+    error = float(cells.error.sum() + rounding(4, cells.magnitude.sum()))
+    at_corners = corners(values)
+    return Assessment(at_corners, error, values.max(axis=(0, 1)) + error, max(best, float(at_corners.max())))
+
+
+def _curvature(cells: Cells, best: float) -> Assessment:
+    """Assess max(k, 0) of the greater principal curvature k."""
+    degrees = tuple(n - 1 for n in cells.coefficients.shape[1:3])
+    if min(degrees) < 2:
+        raise ValueError(f"curvature needs degree 2 or more in x and y, got degrees {degrees}")
+    e_x, e_y, e_xx, e_xy, e_yy = cells.error
+    slope_error, size = e_x + e_y, cells.magnitude[2:].sum()
+    error = max(e_xx, e_yy) + e_xy + rounding(ROUNDINGS, size)
+    values = np.maximum(_greater_curvature(*corners(cells.coefficients)), 0)
+    kappa = max(best, float(values.max()))
+    upper = _upper(cells.coefficients, kappa, slope_error, error)
+    # k is a quotient of A, of norm `size` at most, and N, whose relative derivative is 5/2 at most
+    return Assessment(values, float(error + 3 * slope_error * size), upper, kappa)
+
+
+def _greater_curvature(z_x: Array, z_y: Array, z_xx: Array, z_xy: Array, z_yy: Array) -> Array:
+    """Return the greater eigenvalue of S A S / W with S = (I + g g^T)^(-1/2) = I - g g^T / (W (W + 1))."""
+    w = np.sqrt(1 + z_x**2 + z_y**2)
+    share = 1 / (w * (w + 1))
+    s_xx, s_xy, s_yy = 1 - share * z_x**2, -share * z_x * z_y, 1 - share * z_y**2
+    b_xx, b_xy, b_yx, b_yy = s_xx * z_xx + s_xy * z_xy, s_xx * z_xy + s_xy * z_yy, s_xy * z_xx + s_yy * z_xy, s_xy * z_xy + s_yy * z_yy
+    return _greater_eigenvalue(b_xx * s_xx + b_xy * s_xy, b_xx * s_xy + b_xy * s_yy, b_yx * s_xy + b_yy * s_yy) / w
+
+
+def _upper(derivatives: Array, kappa: float, slope_error: float, error: float) -> Array:
+    """Return the bound of max(k, 0) on every cell; `error` is that of the Hessian and of sums of its entries."""
+    z_x, z_y, z_xx, z_xy, z_yy = derivatives
+    x, y = z_x.mean(axis=(0, 1)), z_y.mean(axis=(0, 1))
+    w = np.sqrt(1 + x**2 + y**2)
+    dx, dy = z_x - x, z_y - y
+    stretched = w + (x * dx + y * dy) / w
+    c_xx = z_xx - kappa * (stretched * (1 + x**2) + 2 * w * x * dx)
+    c_xy = z_xy - kappa * (stretched * (x * y) + w * (x * dy + y * dx))
+    c_yy = z_yy - kappa * (stretched * (1 + y**2) + 2 * w * y * dy)
+    mu, nu = (_greater_eigenvalue(*entries).max(axis=(0, 1)) + error for entries in ((c_xx, c_xy, c_yy), (z_xx, z_xy, z_yy)))
+    away = np.hypot(dx, dy).max(axis=(0, 1)) * (1 + ROUNDINGS * EPS) + slope_error
+    steep = np.hypot(z_x, z_y).max(axis=(0, 1)) + slope_error
+    least_w = np.hypot(1, np.maximum(np.hypot(x, y) * (1 - ROUNDINGS * EPS) - away, 0))
+    rho = (steep * away) ** 2 / (4 * np.sqrt(1 + steep**2))
+    # |L| <= w^3 + 3 w^2 away, and its change with the slopes is at most 3 w^2
+    mu += kappa * (rho + 3 * w**2 * slope_error + ROUNDINGS * EPS * w**2 * (w + 3 * away))
+    return np.minimum(kappa + np.maximum(mu, 0) / least_w, np.maximum(nu, 0) / least_w)
+
+
+def _greater_eigenvalue(a: Array, b: Array, c: Array) -> Array:
+    """Return the greater eigenvalue of the symmetric matrix ((a, b), (b, c))."""
+    return (a + c) / 2 + np.hypot((a - c) / 2, b)

@@ -1,0 +1,149 @@
+"""Nested domains: which cells of every level are refined.
+
+Cells (i, j) of a level are packed into sorted 64-bit integers i n_v + j.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thbcad.checks import require_integer
+from thbcad.hierarchy.levels import DyadicAxis, Integers
+
+MAX_LEVEL = 24
+MOST_CELLS = 10_000_000  # on level 0
+NONE = np.zeros(0, dtype=np.int64)
+
+
+class Domains:
+    """Per level, the sorted keys of the refined cells.  Domains never change.
+
+    Raises
+    ------
+    ValueError : more than 10,000,000 cells on level 0.
+    """
+
+    def __init__(self, axes: tuple[DyadicAxis, DyadicAxis], refined: tuple[Integers, ...] = ()) -> None:
+        n_u, n_v = (axis.spans(0) for axis in axes)
+        if n_u * n_v > MOST_CELLS:
+            raise ValueError(f"a space must have at most {MOST_CELLS} cells on level 0, got {n_u} x {n_v}")
+        self.axes = axes
+        self._refined = refined
+
+    @property
+    def levels(self) -> int:
+        """Number of levels that hold cells."""
+        return len(self._refined) + 1
+
+    def refined(self, level: int) -> Integers:
+        """Return the keys of the refined cells of a level."""
+        return self._refined[level] if level < len(self._refined) else NONE
+
+    def pairs(self, level: int, keys: Integers) -> Integers:
+        """Return the cells (i, j) of keys, (n, 2) int."""
+        return np.stack(np.divmod(keys, self.axes[1].spans(level)), axis=1)
+
+    def keys(self, level: int, pairs: Integers) -> Integers:
+        """Return the keys of cells (i, j); refuse cells outside."""
+        n_u, n_v = self._counts(level)
+        bad = (pairs < 0).any(axis=1) | (pairs[:, 0] >= n_u) | (pairs[:, 1] >= n_v)
+        if bad.any():
+            i, j = pairs[bad][0]
+            raise ValueError(f"cell ({i}, {j}) lies outside level {level}, which has {n_u} x {n_v} cells")
+        return pairs[:, 0] * n_v + pairs[:, 1]
+
+    def cells(self, level: int) -> Integers:
+        """Return the keys of all cells of a level, refined or not."""
+        if level == 0:
+            return np.arange(self.axes[0].spans(0) * self.axes[1].spans(0))
+        i, j = self.pairs(level - 1, self.refined(level - 1)).T
+        keys = (2 * i[:, None] + [0, 0, 1, 1]) * self.axes[1].spans(level) + 2 * j[:, None] + [0, 1, 0, 1]
+        return np.sort(keys, axis=None)
+
+    def leaves(self, level: int) -> Integers:
+        """Return the keys of the cells of a level that are not refined."""
+        return np.setdiff1d(self.cells(level), self.refined(level), assume_unique=True)
+
+    def refine(self, cells: Mapping[int, ArrayLike]) -> Domains:
+        """Return the domains in which the given leaf cells are refined too."""
+        refined = list(self._refined)
+        for level, pairs in sorted(checked_cells(cells).items()):
+            keys = np.unique(self.keys(level, pairs))
+            self._require_leaves(level, keys)
+            self._counts(level + 1)
+            if not all(axis.has_room(level, row) for axis, row in zip(self.axes, self.pairs(level, keys).T)):
+                raise ValueError(f"level {level + 1} is too deep: neighbouring knots coincide in float64")
+            if level == len(refined):
+                refined.append(keys)
+            else:
+                refined[level] = np.union1d(refined[level], keys)
+        return Domains(self.axes, tuple(refined))
+
+    def coarsen(self, cells: Mapping[int, ArrayLike]) -> Domains:
+        """Return the domains in which the given refined cells are whole again."""
+        refined = list(self._refined)
+        for level, pairs in sorted(checked_cells(cells).items(), reverse=True):
+            keys = np.unique(self.keys(level, pairs))
+            self._require_parents_of_leaves(level, keys, refined)
+            refined[level] = np.setdiff1d(refined[level], keys)
+        while refined and len(refined[-1]) == 0:
+            refined.pop()
+        return Domains(self.axes, tuple(refined))
+
+    def within(self, finer: Domains) -> bool:
+        """Return whether all cells that are refined here are refined in `finer` too."""
+        return all(np.isin(keys, finer.refined(level), assume_unique=True).all() for level, keys in enumerate(self._refined))
+
+    def _counts(self, level: int) -> tuple[int, int]:
+        """Return the numbers of cells of a level in u and in v; refuse those whose keys overflow."""
+        n_u, n_v = (axis.spans(level) for axis in self.axes)
+        if n_u * n_v >= 1 << 63:
+            raise ValueError(f"level {level} is too deep: its {n_u} x {n_v} cells cannot be counted in 64 bits")
+        return n_u, n_v
+
+    def _parents(self, level: int, keys: Integers) -> Integers:
+        """Return the keys on level - 1 of the cells that hold cells of a level."""
+        i, j = self.pairs(level, keys).T
+        return (i >> 1) * self.axes[1].spans(level - 1) + (j >> 1)
+
+    def _require_leaves(self, level: int, keys: Integers) -> None:
+        orphan = ~np.isin(self._parents(level, keys), self.refined(level - 1)) if level else np.zeros(0, dtype=bool)
+        if orphan.any():
+            i, j = self.pairs(level, keys[orphan][:1])[0]
+            raise ValueError(f"cell ({i}, {j}) of level {level} does not exist: its parent is not refined")
+        twice = np.isin(keys, self.refined(level))
+        if twice.any():
+            i, j = self.pairs(level, keys[twice][:1])[0]
+            raise ValueError(f"cell ({i}, {j}) of level {level} is refined already")
+
+    def _require_parents_of_leaves(self, level: int, keys: Integers, refined: list[Integers]) -> None:
+        whole = ~np.isin(keys, refined[level] if level < len(refined) else NONE)
+        if whole.any():
+            i, j = self.pairs(level, keys[whole][:1])[0]
+            raise ValueError(f"cell ({i}, {j}) of level {level} is not refined")
+        if level + 1 < len(refined):
+            deep = np.isin(keys, self._parents(level + 1, refined[level + 1]))
+            if deep.any():
+                i, j = self.pairs(level, keys[deep][:1])[0]
+                raise ValueError(f"cell ({i}, {j}) of level {level} has children that are refined; coarsen them first")
+
+
+def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
+    """Return {level: (n, 2) int64} without empty entries."""
+    if not isinstance(cells, Mapping):
+        raise ValueError(f"cells must be a mapping {{level: [(i, j), ...]}}, got {type(cells).__name__}")
+    checked = {}
+    for level, pairs in cells.items():
+        require_integer("level", level, 0, MAX_LEVEL - 1)
+        array = np.asarray(pairs)
+        if array.size == 0:
+            continue
+        if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
+            raise ValueError(f"cells of level {level} must be pairs (i, j) of integers, got {array.dtype} of shape {array.shape}")
+        if array.max() > np.iinfo(np.int64).max:
+            raise ValueError(f"cells of level {level} must be pairs (i, j) below 2^63, got {array.max()}")
+        checked[int(level)] = array.astype(np.int64)
+    return checked

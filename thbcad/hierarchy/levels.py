@@ -1,0 +1,227 @@
+"""Integer bookkeeping of dyadic refinement.
+
+At level l every non-empty span of the first knot vector is cut into 2^l equal parts.  Breaks
+and spans are counted in integers; break b of level l stands for the rational position
+b / 2^l in the row of level-0 breaks, so that no rounding accumulates with the level.
+Old knots keep their multiplicity, new ones are simple.
+
+A level holds its own cells and the functions that act on them, as sorted integers: cost and
+storage are in proportion to the cells, wherever they lie.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from thbcad.checks import EPS, locked, read_only
+from thbcad.splines import KnotVector, blossom
+
+Integers = NDArray[np.int64]
+
+
+class DyadicAxis:
+    """Knots, spans and functions of all levels above one knot vector, found by arithmetic."""
+
+    def __init__(self, knot_vector: KnotVector) -> None:
+        self.knot_vector = knot_vector
+        self.degree = knot_vector.degree
+        self.spans0 = knot_vector.spans
+        _, multiplicity = np.unique(knot_vector.knots, return_counts=True)
+        self._multiplicity = multiplicity
+        self._surplus = np.r_[0, np.cumsum(multiplicity - 1)]
+        breaks = knot_vector.breaks
+        self.roughness = 1 + float(np.abs(breaks).max() / np.diff(breaks).min())  # the largest number in units of the shortest span
+
+    def spans(self, level: int) -> int:
+        """Return the number of non-empty spans of a level."""
+        return self.spans0 << level
+
+    def value(self, level: int, breaks: Integers) -> NDArray[np.float64]:
+        """Return the positions of breaks of a level, float."""
+        row = self.knot_vector.breaks
+        whole = np.minimum(breaks >> level, self.spans0 - 1)
+        share = (breaks - (whole << level)) / float(1 << level)
+        inside = row[whole] + (row[whole + 1] - row[whole]) * share
+        return np.where(breaks == self.spans(level), row[-1], inside)
+
+    def multiplicity(self, level: int, breaks: Integers) -> Integers:
+        """Return how often each break occurs in the knot vector of a level."""
+        old = (breaks & ((1 << level) - 1)) == 0
+        return np.where(old, self._multiplicity[breaks >> level], 1)
+
+    def first_knot(self, level: int, breaks: Integers) -> Integers:
+        """Return the index of the first knot at each break of a level."""
+        whole = -((-breaks) >> level)
+        return breaks + self._surplus[whole]
+
+    def knot_break(self, level: int, knots: Integers) -> Integers:
+        """Return the break of a level at which each knot of the level sits, given the knots' indices."""
+        starts = (np.arange(self.spans0 + 1) << level) + self._surplus[:-1]
+        whole = np.searchsorted(starts, knots, side="right") - 1
+        return (whole << level) + np.maximum(knots - starts[whole] - self._multiplicity[whole] + 1, 0)
+
+    def knots(self, level: int, index: Integers) -> NDArray[np.float64]:
+        """Return knots of a level by their indices."""
+        return self.value(level, self.knot_break(level, index))
+
+    def acting(self, level: int, spans: Integers) -> Integers:
+        """Return the first function of a level that acts on each span; the p after it do too."""
+        return self.first_knot(level, spans) + self.multiplicity(level, spans) - 1 - self.degree
+
+    def support(self, level: int, functions: Integers) -> tuple[Integers, Integers]:
+        """Return the breaks between which functions of a level are positive."""
+        return self.knot_break(level, functions), self.knot_break(level, functions + self.degree + 1)
+
+    def knots_around(self, level: int, spans: Integers) -> NDArray[np.float64]:
+        """Return the p knots of a level on either side of the inner of each span, (2p, n)."""
+        offsets = np.arange(1, 2 * self.degree + 1)
+        return self.knots(level, self.acting(level, spans) + offsets[:, None])
+
+    def two_scale(self, level: int, functions: Integers, coarser: Integers) -> csr_array:
+        """Return the rows `functions` and columns `coarser` of the refinement operator from level - 1 to a level.
+
+        Row j holds the polar form at the knots t_(j+1) ... t_(j+p) of the finer level (thesis 3.30-3.35).
+        """
+        p = self.degree
+        spans = self.knot_break(level, functions) >> 1
+        arguments = self.knots(level, functions[:, None] + np.arange(1, p + 1))
+        weights = blossom(self.knots_around(level - 1, spans), arguments)
+        wanted = self.acting(level - 1, spans)[:, None] + np.arange(p + 1)
+        # B-splines of the finer level build up those coarser ones whose supports hold theirs
+        holds = (self._finer_index(level, wanted) <= functions[:, None]) & (
+            self._finer_index(level, wanted + p + 1) >= functions[:, None] + p + 1
+        )
+        rows, k = np.nonzero(holds)
+        columns = np.searchsorted(coarser, wanted[rows, k])
+        return csr_array((weights[rows, k], (rows, columns)), shape=(len(functions), len(coarser)))
+
+    def _finer_index(self, level: int, knots: Integers) -> Integers:
+        """Return the indices in a level of knots of the level before."""
+        breaks = self.knot_break(level - 1, knots)
+        return self.first_knot(level, 2 * breaks) + knots - self.first_knot(level - 1, breaks)
+
+    def has_room(self, level: int, spans: Integers) -> bool:
+        """Return whether the middles of spans of a level differ from their ends in float64."""
+        if 4 * EPS * self.roughness * (2 << level) < 1:
+            return True
+        low, middle, high = (self.value(level + 1, 2 * np.unique(spans) + k) for k in range(3))
+        return bool(((low < middle) & (middle < high)).all())
+
+    def knots_with(self, level: int, keys: Integers) -> tuple[KnotVector, Integers]:
+        """Return the level-0 knots together with simple knots at the breaks `keys` of a level."""
+        old = np.repeat(np.arange(self.spans0 + 1) << level, self._multiplicity)
+        all_keys = np.sort(np.r_[old, keys])
+        return KnotVector(self.degree, self.value(level, all_keys)), all_keys
+
+    def span_at(self, level: int, u: NDArray[np.float64]) -> Integers:
+        """Return for parameters u inside the domain the span of a level that contains them."""
+        row = self.knot_vector.breaks
+        whole = np.clip(np.searchsorted(row, u, "right") - 1, 0, self.spans0 - 1)
+        parts = (u - row[whole]) / (row[whole + 1] - row[whole]) * (1 << level)
+        span = (whole << level) + np.minimum(parts.astype(np.int64), (1 << level) - 1)
+        # near a break the quotient may round to its other side: the breaks themselves settle it
+        near = np.flatnonzero(np.abs(parts - np.rint(parts)) <= 8 * EPS * self.roughness * (1 << level))
+        if len(near):
+            u, settled = u[near], span[near]
+            settled -= u < self.value(level, settled)
+            settled += (settled + 1 < self.spans(level)) & (u >= self.value(level, np.minimum(settled + 1, self.spans(level))))
+            span[near] = np.maximum(settled, 0)
+        return span
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level: the cells of Omega_l and the functions that act on them, read-only rows, all in order of i, then j.
+
+    cells : (n, 2) int, cells (i, j) of Omega_l
+    refined : (n,) bool, the cell is refined
+    distinct : the different i and the different j of the acting functions, two sorted rows
+    keys : (m,) int, sorted; a len(distinct[1]) + b stands for the function (distinct[0][a], distinct[1][b])
+    supported : (m,) bool, the support of the function lies in Omega_l
+    active : (m,) bool, and not in Omega_(l+1)
+    """
+
+    number: int
+    axes: tuple[DyadicAxis, DyadicAxis]
+    cells: Integers
+    refined: NDArray[np.bool_]
+    distinct: tuple[Integers, Integers]
+    keys: Integers
+    supported: NDArray[np.bool_]
+    active: NDArray[np.bool_]
+
+    @property
+    def leaves(self) -> Integers:
+        """Cells that are not refined, (k, 2) int."""
+        return locked(self.cells[~self.refined])
+
+    @cached_property
+    def places(self) -> tuple[Integers, Integers]:
+        """Positions (a, b) of the acting functions in `distinct`, two (m,) int."""
+        return tuple(map(locked, np.divmod(self.keys, len(self.distinct[1]))))
+
+    @cached_property
+    def functions(self) -> Integers:
+        """Acting functions (i, j), (m, 2) int."""
+        return locked(np.stack([row[place] for row, place in zip(self.distinct, self.places)], axis=1))
+
+    def find(self, functions: Integers) -> Integers:
+        """Return the positions of functions (i, j) among the acting ones, -1 where they do not act; functions : (..., 2) int."""
+        place, known = zip(*(_position(row, functions[..., d]) for d, row in enumerate(self.distinct)))
+        at, found = _position(self.keys, place[0] * len(self.distinct[1]) + place[1])
+        return np.where(found & known[0] & known[1], at, -1)
+
+    def blocks(self, cells: Integers) -> Integers:
+        """Return the positions of the functions that act on each cell of the level, (n, p + 1, q + 1) int."""
+        first_u, first_v = (axis.acting(self.number, cells[:, d]) for d, axis in enumerate(self.axes))
+        rows = first_u[:, None] + np.arange(self.axes[0].degree + 1)
+        heads = self.find(np.stack(np.broadcast_arrays(rows, first_v[:, None]), axis=-1))
+        return heads[:, :, None] + np.arange(self.axes[1].degree + 1)
+
+
+def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers, refined: NDArray[np.bool_]) -> Level:
+    """Return the level with these cells.
+
+    With incidences B between spans and functions, B_u^T M B_v counts the cells in the support
+    of every function; one product counts all cells and, times 256, the refined ones.
+    """
+    distinct, incidences, areas, places = [], [], [], []
+    for d, axis in enumerate(axes):
+        spans, place = np.unique(cells[:, d], return_inverse=True)
+        acting = axis.acting(number, spans)[:, None] + np.arange(axis.degree + 1)
+        own = np.unique(acting)
+        head, tail = axis.support(number, own)
+        ones = np.ones(acting.size, dtype=np.int32)
+        start = np.arange(len(spans) + 1) * acting.shape[1]
+        incidences.append(csr_array((ones, np.searchsorted(own, acting).ravel(), start), shape=(len(spans), len(own))))
+        distinct.append(locked(own))
+        areas.append(tail - head)
+        places.append(place)
+    shape = incidences[0].shape[0], incidences[1].shape[0]
+    mask = csr_array(((1 + 256 * refined).astype(np.int32), tuple(places)), shape=shape)
+    count = csr_array(incidences[0].T.tocsr() @ (mask @ incidences[1]))
+    count.sort_indices()
+    a = np.repeat(np.arange(count.shape[0]), np.diff(count.indptr))
+    b = count.indices
+    area = areas[0][a] * areas[1][b]
+    supported = count.data & 255 == area
+    active = supported & (count.data >> 8 < area)
+    keys = a * len(distinct[1]) + b
+    return Level(number, axes, locked(cells), locked(refined), tuple(distinct), *map(locked, (keys, supported, active)))
+
+
+def numbered(pairs: list[Integers]) -> Integers:
+    """Return rows [level, i, j] from one (n, 2) array for each level."""
+    levels = np.repeat(np.arange(len(pairs)), [len(p) for p in pairs])
+    return read_only(np.column_stack([levels, np.concatenate(pairs)]), np.int64)
+
+
+def _position(row: Integers, wanted: Integers) -> tuple[Integers, NDArray[np.bool_]]:
+    """Return (index, found) of `wanted` in a sorted row."""
+    index = np.minimum(np.searchsorted(row, wanted), max(len(row) - 1, 0))
+    return index, row[index] == wanted if len(row) else np.zeros(np.shape(wanted), dtype=bool)

@@ -1,0 +1,141 @@
+"""Exact restriction to a coarser THB space, for one level of cells made whole again.
+
+Functions that are active in both spaces keep their coefficients.  A function that only the coarser
+space has is found on whole cells inside its support.  There the spline has its coefficients c in
+the coarser knots and B c in the finer ones, B the two-scale relation in one direction and then the
+other; the rows of the pseudo-inverses take them back.  Splines of the coarser space satisfy the
+relation, hence Q P = I.  Of all rectangles of whole cells the one of least norm is taken: the
+weights stay small for any knots, where point values would lose digits with the degree.
+
+Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adaptively refined
+multilevel spline spaces, Adv. Comput. Math. 40 (2014).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from thbcad.hierarchy.level_nets import Nets
+from thbcad.hierarchy.levels import DyadicAxis, Integers, Level
+from thbcad.hierarchy.support_rectangles import intervals, least_norm, whole_cells
+
+GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
+
+
+def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:
+    """Return Q where the finer space refines only more cells of one level than the coarser one."""
+    index = []
+    for coarse, fine, start in zip(coarser, finer.hierarchy, finer.starts):
+        at = fine.find(coarse.functions[coarse.active])
+        order = np.cumsum(fine.active) - 1
+        index.append(np.where((at >= 0) & fine.active[at], start + order[at], -1))
+    lost = index[level] < 0
+    index = np.concatenate(index)
+    rows = np.flatnonzero(index >= 0)
+    keep = csr_array((np.ones(len(rows)), (rows, index[rows])), shape=(len(index), finer.dim))
+    if not lost.any():
+        return keep
+    weights = _dual_weights(coarser[level], finer.hierarchy[level + 1], lost)
+    *_, net = (net for number, net in zip(range(level + 2), finer.operators(finer.active)))
+    rows = np.flatnonzero(index < 0)
+    place = csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(len(index), len(rows)))
+    return csr_array(keep + place @ (weights @ net))
+
+
+def require_restored(operator: csr_array) -> None:
+    """Raise ValueError when the steps of a restriction, multiplied, leave fewer than four digits: its rounding error is |Q| EPS."""
+    norm = abs(operator).sum(axis=1).max(initial=0)
+    if not norm <= GREATEST_NORM:
+        raise ValueError(f"the levels cannot be restored at once in float64: the operator has norm {norm:.2g}; restrict to fewer levels")
+
+
+def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_array:
+    """Return the weights of the finer level's net, (n, size), that give the lost functions' coefficients."""
+    functions = coarse.functions[coarse.active][lost]
+    tables, rows = [], []
+    for d, axis in enumerate(coarse.axes):
+        distinct, inverse = np.unique(functions[:, d], return_inverse=True)
+        tables.append(_inverses(axis, coarse.number, distinct))
+        rows.append(inverse)
+    choice, norm = least_norm(whole_cells(coarse, functions), *(table.norms[row] for table, row in zip(tables, rows)))
+    if not np.isfinite(norm).all():
+        i, j = functions[~np.isfinite(norm)][0]
+        raise ValueError(
+            f"function ({i}, {j}) of level {coarse.number} cannot be restored in float64: "
+            "the knots around its whole cells are too unequal; make more cells whole"
+        )
+    (first_u, by_u), (first_v, by_v) = ((t.first[r, c], t.weights[r, c]) for t, r, c in zip(tables, rows, choice))
+    owner, a, b = np.nonzero((by_u != 0)[:, :, None] & (by_v != 0)[:, None, :])
+    columns = fine.find(np.stack([first_u[owner] + a, first_v[owner] + b], axis=1))
+    return csr_array((by_u[owner, a] * by_v[owner, b], (owner, columns)), shape=(len(functions), len(fine.keys)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Inverses:
+    """Functionals of n B-splines of a level on all intervals of their supports, in terms of the next level's coefficients."""
+
+    norms: NDArray[np.float64]  # (n, m), inf where the support has no such interval
+    first: Integers  # (n, m), the first B-spline of the next level
+    weights: NDArray[np.float64]  # (n, m, 3 p + 2), zero beyond those in use
+
+
+def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
+    """Return the functionals of distinct B-splines of a level: rows of pseudo-inverses of two-scale relations."""
+    p = axis.degree
+    head, tail = axis.support(level, functions)
+    start, stop = intervals(p + 1).T
+    owner, number = np.nonzero(stop <= (tail - head)[:, None])
+    low, high = head[owner] + start[number], head[owner] + stop[number]  # spans low ... high - 1
+    coarse, fine = axis.acting(level, low), axis.acting(level + 1, 2 * low)
+    columns = axis.acting(level, high - 1) + p + 1 - coarse
+    rows = axis.acting(level + 1, 2 * high - 1) + p + 1 - fine
+    norms = np.full((len(functions), len(start)), np.inf)
+    first = np.zeros(norms.shape, dtype=np.int64)
+    weights = np.zeros((*norms.shape, 3 * p + 2))
+    for r, c in np.unique(np.stack([rows, columns], axis=1), axis=0).tolist():
+        here = (rows == r) & (columns == c)
+        at = owner[here], number[here]
+        blocks = _two_scale_blocks(axis, level, fine[here], coarse[here], (r, c))
+        first[at] = fine[here]
+        weights[*at, :r], norms[at] = _inverse_rows(blocks, functions[at[0]] - coarse[here])
+    return _Inverses(norms, first, weights)
+
+
+def _two_scale_blocks(axis: DyadicAxis, level: int, fine: Integers, coarse: Integers, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the blocks of the two-scale relation that start at rows `fine` and columns `coarse`, (n, *shape)."""
+    all_rows, all_columns = (np.unique(at[:, None] + np.arange(n)) for at, n in zip((fine, coarse), shape))
+    step = axis.two_scale(level + 1, all_rows, all_columns)
+    wanted = np.searchsorted(all_rows, fine[:, None] + np.arange(shape[0]))
+    count = np.diff(step.indptr)[wanted]
+    k = np.arange(count.max())
+    n, row, k = np.nonzero(k < count[:, :, None])
+    entry = step.indptr[wanted[n, row]] + k
+    blocks = np.zeros((len(fine), *shape))
+    blocks[n, row, all_columns[step.indices[entry]] - coarse[n]] = step.data[entry]
+    return blocks
+
+
+def _inverse_rows(blocks: NDArray[np.float64], target: Integers) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return row `target` of the pseudo-inverse of every block and its norm, (n, r, c) and (n,) -> (n, r) and (n,), by QR.
+
+    Columns are scaled to a maximum of 1: on graded knots they differ by many orders of magnitude.
+    The norm is inf where it would leave fewer than four digits.
+    """
+    scale = blocks.max(axis=1)
+    scaled = blocks / scale[:, None, :]
+    q, r = np.linalg.qr(scaled)
+    unit = (np.arange(r.shape[1]) == target[:, None]) / scale
+    rows = np.zeros(blocks.shape[:2])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for _ in range(2):  # the second time for the residual
+            solved = unit - np.einsum("nr,nrc->nc", rows, scaled)
+            for k in range(r.shape[1]):  # R^T y = e, row by row
+                solved[:, k] = (solved[:, k] - np.einsum("nj,nj->n", r[:, :k, k], solved[:, :k])) / r[:, k, k]
+            rows = rows + np.einsum("nrc,nc->nr", q, solved)
+        norm = abs(rows).sum(axis=1)
+    return rows, np.where(norm < GREATEST_NORM, norm, np.inf)

@@ -1,0 +1,299 @@
+"""Truncated hierarchical B-spline spaces over arbitrary nested cell domains.
+
+Vocabulary
+----------
+A *cell* (level, i, j) is a product of non-empty knot spans.  Omega_l is the union of the
+level-l cells that exist: Omega_0 is the whole domain, Omega_(l+1) the refined cells of
+level l.  *Leaf cells* are the cells that are not refined.  A function (level, i, j) *acts* where
+it is not zero; it is *active* when its support lies in Omega_l but not in Omega_(l+1).  Degrees
+of freedom are ordered by level, then i, then j.
+
+Source: C. Giannelli, B. Juettler, H. Speleers, THB-splines: the truncated basis for
+hierarchical splines, CAGD 29 (2012); thesis 3.36-3.39 with two-dimensional masks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array, eye_array
+
+from thbcad.checks import points, read_only, rebuilt, require_orders, require_type
+from thbcad.hierarchy import prolongation as transfer
+from thbcad.hierarchy.admissibility import closure
+from thbcad.hierarchy.domains import Domains
+from thbcad.hierarchy.level_nets import Nets
+from thbcad.hierarchy.levels import DyadicAxis, Integers, Level, make_level, numbered
+from thbcad.hierarchy.local_basis import LocalBasis
+from thbcad.hierarchy.quadtree import Quadtree
+from thbcad.hierarchy.restriction import require_restored, restriction
+from thbcad.hierarchy.tensor_embedding import Embedding
+from thbcad.splines import KnotVector, csr_rows
+
+
+@dataclass(frozen=True, eq=False)
+class THBSpace:
+    """The THB space over two knot vectors and a set of refined cells.
+
+    ``THBSpace(kv_u, kv_v)`` is the tensor-product space; ``refine`` returns finer ones.
+    Spaces never change.
+
+    Raises
+    ------
+    ValueError : kv_u or kv_v that is no KnotVector; more than 10,000,000 cells on level 0.
+    """
+
+    kv_u: KnotVector
+    kv_v: KnotVector
+    _domains: Domains | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name, kv in (("kv_u", self.kv_u), ("kv_v", self.kv_v)):
+            require_type(name, kv, KnotVector)
+        if self._domains is None:
+            object.__setattr__(self, "_domains", Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v))))
+
+    __reduce__ = rebuilt
+
+    def __repr__(self) -> str:
+        degrees, cells = (self.kv_u.degree, self.kv_v.degree), len(self.cells)
+        return f"THBSpace(degree {degrees}, {self.levels} levels, {cells} cells, dim {self.dim})"
+
+    @property
+    def axes(self) -> tuple[DyadicAxis, DyadicAxis]:
+        """Knots, spans and functions of every level, in u and in v."""
+        return self._domains.axes
+
+    @property
+    def levels(self) -> int:
+        """Number of levels that hold cells (1 for a tensor-product space)."""
+        return self._domains.levels
+
+    @property
+    def refined(self) -> tuple[Integers, ...]:
+        """Refined cells: one read-only (n, 2) int array of (i, j) for each level but the last."""
+        d = self._domains
+        return tuple(read_only(d.pairs(level, d.refined(level)), np.int64) for level in range(self.levels - 1))
+
+    @cached_property
+    def cells(self) -> Integers:
+        """Leaf cells, (n, 3) int [level, i, j], in order of level, i, j."""
+        return numbered([level.leaves for level in self.hierarchy])
+
+    @cached_property
+    def functions(self) -> Integers:
+        """Active functions, (dim, 3) int [level, i, j], in the order of the coefficients."""
+        return numbered([level.functions[level.active] for level in self.hierarchy])
+
+    @cached_property
+    def dim(self) -> int:
+        """Number of degrees of freedom."""
+        return sum(int(level.active.sum()) for level in self.hierarchy)
+
+    @cached_property
+    def boxes(self) -> NDArray[np.float64]:
+        """Leaf cells as parameter intervals, (n, 4) float [u0, u1, v0, v1]: the hierarchical mesh."""
+        rows = []
+        for level in self.hierarchy:
+            rows.append([axis.value(level.number, level.leaves[:, d] + k) for d, axis in enumerate(level.axes) for k in (0, 1)])
+        return read_only(np.concatenate(rows, axis=1).T)
+
+    @cached_property
+    def hierarchy(self) -> tuple[Level, ...]:
+        """The levels as `Level` records, coarsest first."""
+        d, levels = self._domains, []
+        for number in range(d.levels):
+            keys = d.cells(number)
+            refined = np.zeros(len(keys), dtype=bool)
+            refined[np.searchsorted(keys, d.refined(number))] = True
+            levels.append(make_level(number, d.axes, d.pairs(number, keys), refined))
+        return tuple(levels)
+
+    @cached_property
+    def nets(self) -> Nets:
+        """The chain of the levels' coefficients."""
+        return Nets(self.hierarchy)
+
+    @cached_property
+    def local_basis(self) -> LocalBasis:
+        """The B-splines that act on every leaf cell."""
+        return LocalBasis(self.hierarchy)
+
+    @cached_property
+    def embedding(self) -> Embedding:
+        """The exact embedding into the smallest tensor-product spline space that holds this one.
+
+        Raises
+        ------
+        ValueError : that space has more than 10^8 functions.
+        """
+        return Embedding(self._domains.axes, self.hierarchy)
+
+    @cached_property
+    def _quadtree(self) -> Quadtree:
+        return Quadtree(self._domains.axes, self.cells)
+
+    def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSpace:
+        """Return the space in which the given leaf cells are cut into four.
+
+        cells : {level: [(i, j), ...]}; repeats are harmless.
+        admissible : a class m of 2 or more also refines the T-neighbourhoods of the cells, so that an
+            admissible hierarchy of class m stays one (see `admissibility`).
+
+        Raises
+        ------
+        ValueError : a cell that does not exist or is refined already, a level out of range, cells
+            too short for float64.
+        """
+        domains = self._domains.refine(cells)
+        if admissible is not None:
+            domains = self._domains.refine(closure(self._domains, cells, admissible))
+        return replace(self, _domains=domains)
+
+    def coarsen(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
+        """Return the space in which the given refined cells are whole again: the inverse of `refine`.
+
+        cells : {level: [(i, j), ...]}, the cells that were passed to `refine`.
+
+        Raises
+        ------
+        ValueError : a cell that is not refined, or whose children are.
+        """
+        return replace(self, _domains=self._domains.coarsen(cells))
+
+    def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
+        """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int.
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length.
+        """
+        return self._quadtree.locate(*self._points(u, v))
+
+    def prolongation(self, finer: THBSpace) -> csr_array:
+        """Return P, csr_array (finer.dim, dim), with c_finer = P @ c for the same spline.
+
+        The coefficient of an active function of the finer space is the coefficient that the
+        spline has there in the level's own B-spline basis (preservation of coefficients).
+
+        Raises
+        ------
+        ValueError : `finer` is not a refinement of this space.
+        """
+        self._require_nested(finer)
+        return transfer.prolongation(self.nets, finer.nets)
+
+    def restriction(self, coarser: THBSpace) -> csr_array:
+        """Return Q, csr_array (coarser.dim, dim), a local projection onto a coarser space: Q @ P == identity.
+
+        P is ``coarser.prolongation(self)``.
+
+        Raises
+        ------
+        ValueError : this space is not a refinement of `coarser`; or the knots are so unequal around the few whole
+            cells of a function that float64 cannot restore its coefficient; or the norms of many levels multiply beyond 1e12.
+        """
+        if not isinstance(coarser, THBSpace):
+            raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
+        coarser._require_nested(self)
+        whole, operator = self, eye_array(self.dim, format="csr")
+        for level in range(self.levels - 2, -1, -1):
+            extra = np.setdiff1d(whole._domains.refined(level), coarser._domains.refined(level))
+            if len(extra):
+                less = whole.coarsen({level: whole._domains.pairs(level, extra)})
+                operator = restriction(less.hierarchy, whole.nets, level) @ operator
+                require_restored(operator)
+                whole = less
+        return csr_array(operator)
+
+    def hierarchical(self) -> csr_array:
+        """Return H, csr_array (dim, dim): truncated coefficients H @ c of the spline with hierarchical coefficients c.
+
+        The hierarchical basis (HB-splines) has the same functions, not truncated; it spans the same space.
+        Source: R. Kraft, Adaptive and linearly independent multilevel B-splines (1997); thesis 3.3.3.
+        """
+        return transfer.hierarchical(self.nets)
+
+    def extraction(self) -> csr_array:
+        """Return the operator to local coefficients, csr_array (cells (p + 1)(q + 1), dim).
+
+        On leaf cell k the spline is an ordinary B-spline of the cell's level; rows
+        k (p + 1)(q + 1) ... hold its coefficients, the functions in u first, then in v.
+        """
+        return self.nets.operator[self.local_basis.blocks.ravel()]
+
+    def incidence(self) -> csr_array:
+        """Return which functions act on which leaf cells, csr_array (cells, dim) of True.
+
+        Row k holds the functions of cell k, column f (of ``.T``) the cells of function f.
+        """
+        e = self.extraction()
+        size = self.local_basis.blocks[0].size
+        entries = np.ones(e.nnz, dtype=bool), e.indices, e.indptr[::size]
+        acting = csr_array(entries, shape=(e.shape[0] // size, self.dim))
+        acting.sum_duplicates()
+        return acting
+
+    @cached_property
+    def admissibility(self) -> int:
+        """The least class m of admissibility: the functions on any leaf cell belong to at most m successive levels."""
+        acting = self.incidence()
+        coarsest = np.minimum.reduceat(self.functions[acting.indices, 0], acting.indptr[:-1])
+        return int((self.cells[:, 0] - coarsest).max()) + 1
+
+    def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
+        """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim).
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
+        by_u, by_v, cell = self.local_values(u, v, derivative)
+        values = by_u[:, :, None] * by_v[:, None, :]
+        return csr_rows(values, self.local_basis.blocks[cell], sum(self.nets.sizes)) @ self.nets.operator
+
+    def local_values(
+        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Integers]:
+        """Return the local B-splines in u, (n, p + 1), in v, (n, q + 1), and the leaf cell of every point, (n,) int.
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
+        u, v = self._points(u, v)
+        orders, cell = require_orders(derivative), self._quadtree.locate(u, v)
+        return *self.local_basis.values(cell, u, v, orders), cell
+
+    @cached_property
+    def is_compact(self) -> bool:
+        """Whether the tensor-product form is as good as the leaf cells, for evaluation.
+
+        It must have no more coefficients than the cells hold together.  Its derivatives are differences over
+        the finest spans, which costs a coarse cell in the rows or columns of fine ones a factor of at most
+        2^(levels - 1) longest / shortest level-0 span: that must not exceed 256.
+        """
+        sizes, local, spread = 1, 1, 1.0
+        for d, kv in enumerate((self.kv_u, self.kv_v)):
+            sizes *= kv.dim + sum(len(np.unique(level.cells[level.refined, d])) for level in self.hierarchy)
+            local *= kv.degree + 1
+            spread = max(spread, float(np.diff(kv.breaks).max() / np.diff(kv.breaks).min()) * 2 ** (self.levels - 1))
+        return spread <= 256 and sizes <= len(self.cells) * local
+
+    def _require_nested(self, finer: THBSpace) -> None:
+        if not isinstance(finer, THBSpace) or not all(
+            a.degree == b.degree and np.array_equal(a.knots, b.knots) for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
+        ):
+            raise ValueError("the finer space must be a THBSpace over the same two knot vectors")
+        if not self._domains.within(finer._domains):
+            raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
+
+    def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        u, v = points(u, v)
+        self.kv_u.require_inside(u)
+        self.kv_v.require_inside(v)
+        return u, v

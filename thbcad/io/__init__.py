@@ -1,0 +1,97 @@
+"""Files without a CAD kernel: native JSON, the text of STEP files, meshes, tables of sag."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.io.atomic_files import (
+        json_text as json_text,
+        write_bytes as write_bytes,
+        write_text as write_text,
+    )
+    from thbcad.io.brep_measure import (
+        areas as areas,
+        volume as volume,
+    )
+    from thbcad.io.lens_json import (
+        read_lens as read_lens,
+        write_lens as write_lens,
+    )
+    from thbcad.io.mesh_files import (
+        obj_bytes as obj_bytes,
+        ply_bytes as ply_bytes,
+        stl_bytes as stl_bytes,
+        threemf_bytes as threemf_bytes,
+    )
+    from thbcad.io.patch_deviation import (
+        patched_deviation as patched_deviation,
+    )
+    from thbcad.io.sag_table import (
+        cloud_text as cloud_text,
+        sag_text as sag_text,
+        table_size as table_size,
+    )
+    from thbcad.io.step_brep import (
+        MILLIMETRE as MILLIMETRE,
+        Brep as Brep,
+        BrepEdge as BrepEdge,
+        BrepFace as BrepFace,
+        read_brep as read_brep,
+    )
+    from thbcad.io.step_text import (
+        having as having,
+        read_part21 as read_part21,
+    )
+    from thbcad.io.surface_json import (
+        read_surface as read_surface,
+        sag_from_dict as sag_from_dict,
+        sag_to_dict as sag_to_dict,
+        write_surface as write_surface,
+    )
+
+_FILES = {
+    "atomic_files": (
+        "json_text",
+        "write_bytes",
+        "write_text",
+    ),
+    "brep_measure": (
+        "areas",
+        "volume",
+    ),
+    "lens_json": (
+        "read_lens",
+        "write_lens",
+    ),
+    "mesh_files": (
+        "obj_bytes",
+        "ply_bytes",
+        "stl_bytes",
+        "threemf_bytes",
+    ),
+    "patch_deviation": ("patched_deviation",),
+    "sag_table": (
+        "cloud_text",
+        "sag_text",
+        "table_size",
+    ),
+    "step_brep": (
+        "Brep",
+        "BrepEdge",
+        "BrepFace",
+        "MILLIMETRE",
+        "read_brep",
+    ),
+    "step_text": (
+        "having",
+        "read_part21",
+    ),
+    "surface_json": (
+        "read_surface",
+        "sag_from_dict",
+        "sag_to_dict",
+        "write_surface",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,75 @@
+"""Values of JSON files, checked as they are read: nothing but the wanted type passes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.io.atomic_files import write_text
+
+
+def write_json(data: object, path: str | Path) -> None:
+    """Write plain data to a file, atomically; numbers read back to the same bits."""
+    write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False))
+
+
+def read_json(path: str | Path, kind: str) -> Any:
+    """Return the content of a JSON file.
+
+    Raises
+    ------
+    OSError : unreadable; ValueError : no JSON, `kind` names what was wanted.
+    """
+    try:
+        return json.loads(Path(path).read_text("utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is not a {kind} file: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path} is not a {kind} file: it is nested too deeply") from None
+
+
+def require_schema(data: object, schema: str, version: int, kind: str) -> dict[str, Any]:
+    """Return the object with this schema and version, or raise ValueError."""
+    if not isinstance(data, dict) or data.get("schema") != schema:
+        raise ValueError(f"not a {kind} file: its schema is not {schema!r}")
+    if data.get("version") != version:
+        raise ValueError(f"{kind} file version {data.get('version')!r} is unknown, this program reads version {version}")
+    return data
+
+
+def a_number(data: dict[str, Any], key: str) -> float:
+    """Return the number under a key."""
+    return float(a_row([data[key]], key)[0])
+
+
+def numbers(data: dict[str, Any], key: str) -> NDArray[np.float64]:
+    """Return the list of numbers under a key."""
+    return a_row(data[key], key)
+
+
+def a_row(values: object, key: str) -> NDArray[np.float64]:
+    """Return a list of JSON numbers as floats; nothing else passes for a number."""
+    if not isinstance(values, list) or not all(type(v) in (int, float) for v in values):
+        raise ValueError(f"the file's {key} must hold numbers only")
+    try:
+        return np.array(values, dtype=np.float64)
+    except OverflowError:
+        raise ValueError(f"the file's {key} holds a number that float64 cannot hold") from None
+
+
+def a_list(data: dict[str, Any], key: str) -> list[Any]:
+    """Return the list under a key."""
+    if not isinstance(data[key], list):
+        raise ValueError(f"the file's {key} must be a list")
+    return data[key]
+
+
+def a_table(data: dict[str, Any], key: str) -> dict[str, Any]:
+    """Return the object under a key."""
+    if not isinstance(data[key], dict):
+        raise ValueError(f"the file's {key} must be an object")
+    return data[key]

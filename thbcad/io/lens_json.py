@@ -1,0 +1,85 @@
+"""The native lens file: JSON that keeps every bit.
+
+Python's JSON writes the shortest text that reads back to the same float64, so a round trip
+changes nothing.  A plane has radius null.  Nothing in the file is executed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thbcad.checks import require_type
+from thbcad.io.json_values import a_number, a_table, numbers, read_json, require_schema, write_json
+from thbcad.io.surface_json import sag_from_dict, sag_to_dict
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+
+SCHEMA = "thbcad-lens"
+VERSION = 1
+
+
+def lens_to_dict(lens: Lens) -> dict[str, Any]:
+    """Return the lens as plain lists, numbers and strings."""
+    return {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "units": "mm",
+        "index": lens.index,
+        "thickness": lens.thickness,
+        "front": _surface_to_dict(lens.front),
+        "rear": _surface_to_dict(lens.rear),
+    }
+
+
+def lens_from_dict(data: object) -> Lens:
+    """Return the lens of `lens_to_dict`.
+
+    Raises
+    ------
+    ValueError : another schema, version or units, a missing key, or numbers that make no lens.
+    """
+    table = require_schema(data, SCHEMA, VERSION, "lens")
+    if table.get("units") != "mm":
+        raise ValueError(f"the lens file's units must be 'mm', got {table.get('units')!r}")
+    try:
+        front, rear = (_surface_from_dict(a_table(table, name)) for name in ("front", "rear"))
+        return Lens(front, rear, a_number(table, "thickness"), a_number(table, "index"))
+    except KeyError as error:
+        raise ValueError(f"the lens file lacks the key {error}") from None
+
+
+def write_lens(lens: Lens, path: str | Path) -> None:
+    """Write the lens to a native JSON file, atomically."""
+    require_type("lens", lens, Lens)
+    write_json(lens_to_dict(lens), path)
+
+
+def read_lens(path: str | Path) -> Lens:
+    """Read a native JSON file.
+
+    Raises
+    ------
+    OSError : unreadable; ValueError : not such a file.
+    """
+    return lens_from_dict(read_json(path, "lens"))
+
+
+def _surface_to_dict(surface: FreeformSurface) -> dict[str, Any]:
+    conic = surface.conic
+    radius = None if conic.is_plane else conic.radius
+    out: dict[str, Any] = {"half_width": list(surface.half_width), "radius": radius, "conic": conic.constant}
+    if surface.sag is not None:
+        out["sag"] = sag_to_dict(surface.sag)
+    return out
+
+
+def _surface_from_dict(data: dict[str, Any]) -> FreeformSurface:
+    radius = np.inf if data["radius"] is None else a_number(data, "radius")
+    sag = sag_from_dict(a_table(data, "sag")) if "sag" in data else None
+    half_width = numbers(data, "half_width")
+    if len(half_width) != 2:
+        raise ValueError(f"the file's half_width must be 2 numbers, got {len(half_width)}")
+    return FreeformSurface((half_width[0], half_width[1]), Conic(radius, a_number(data, "conic")), sag)

@@ -1,0 +1,119 @@
+"""The native surface file: THB, B-spline and NURBS surfaces as JSON that keeps every bit."""
+
+from __future__ import annotations
+
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.checks import require_type
+from thbcad.hierarchy import THBSpace
+from thbcad.io.json_values import a_list, a_row, numbers, read_json, require_schema, write_json
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
+from thbcad.surfaces import THBSurface
+
+SCHEMA = "thbcad-surface"
+VERSION = 1
+MOST_CELLS = 1_000_000  # on level 0, so that a small file cannot ask for all memory
+
+Surface = THBSurface | BSplineSurface | NURBSSurface
+
+
+def write_surface(surface: Surface, path: str | Path) -> None:
+    """Write a surface to a native JSON file, atomically."""
+    require_type("surface", surface, THBSurface, BSplineSurface, NURBSSurface)
+    write_json(surface_to_dict(surface), path)
+
+
+def read_surface(path: str | Path) -> Surface:
+    """Read a native JSON file.
+
+    Raises
+    ------
+    OSError : unreadable; ValueError : not such a file.
+    """
+    return surface_from_dict(read_json(path, "surface"))
+
+
+def surface_to_dict(surface: Surface) -> dict[str, Any]:
+    """Return a surface as plain lists, numbers and strings; nets are flat, with their shape beside them."""
+    head = {"schema": SCHEMA, "version": VERSION}
+    if isinstance(surface, THBSurface):
+        shape = list(surface.coefficients.shape)
+        return head | {"kind": "thb", "shape": shape} | sag_to_dict(surface)
+    if isinstance(surface, BSplineSurface):
+        net, extra = surface.coefficients, {"kind": "bspline"}
+    else:
+        net, extra = surface.points, {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
+    return head | extra | _knots_to_dict(surface.kv_u, surface.kv_v) | {"shape": list(net.shape), "coefficients": net.ravel().tolist()}
+
+
+def surface_from_dict(data: object) -> Surface:
+    """Return the surface of `surface_to_dict`.
+
+    Raises
+    ------
+    ValueError : another schema, version or kind, a missing key, or numbers that make no surface.
+    """
+    table = require_schema(data, SCHEMA, VERSION, "surface")
+    try:
+        kind, net = table["kind"], _shaped(table, "coefficients", a_list(table, "shape"))
+        if kind == "thb":
+            return THBSurface(_space_from_dict(table), net)
+        if kind == "bspline":
+            return BSplineSurface(*_knots_from_dict(table), net)
+        if kind == "nurbs":
+            return NURBSSurface(*_knots_from_dict(table), net, _shaped(table, "weights", a_list(table, "shape")[:2]))
+        raise ValueError(f"the surface file's kind must be 'thb', 'bspline' or 'nurbs', got {kind!r}")
+    except KeyError as error:
+        raise ValueError(f"the surface file lacks the key {error}") from None
+
+
+def sag_to_dict(sag: THBSurface) -> dict[str, Any]:
+    """Return a THB surface as plain data."""
+    space = sag.space
+    refined = [cells.tolist() for cells in space.refined]
+    return _knots_to_dict(space.kv_u, space.kv_v) | {"refined": refined, "coefficients": sag.coefficients.ravel().tolist()}
+
+
+def sag_from_dict(data: dict[str, Any]) -> THBSurface:
+    """Return the THB surface of `sag_to_dict`, which has scalar coefficients.
+
+    Raises
+    ------
+    ValueError : values of the wrong type or number, more cells than MOST_CELLS.
+    """
+    return THBSurface(_space_from_dict(data), numbers(data, "coefficients"))
+
+
+def _knots_to_dict(kv_u: KnotVector, kv_v: KnotVector) -> dict[str, Any]:
+    return {"degree": [kv_u.degree, kv_v.degree], "knots": [kv_u.knots.tolist(), kv_v.knots.tolist()]}
+
+
+def _knots_from_dict(data: dict[str, Any]) -> tuple[KnotVector, KnotVector]:
+    degrees, knots = a_list(data, "degree"), a_list(data, "knots")
+    if len(degrees) != 2 or len(knots) != 2:
+        raise ValueError(f"a surface has 2 degrees and 2 knot vectors, the file has {len(degrees)} and {len(knots)}")
+    kv_u, kv_v = (KnotVector(p, a_row(t, "knots")) for p, t in zip(degrees, knots))
+    return kv_u, kv_v
+
+
+def _space_from_dict(data: dict[str, Any]) -> THBSpace:
+    kv_u, kv_v = _knots_from_dict(data)
+    if kv_u.spans * kv_v.spans > MOST_CELLS:
+        raise ValueError(f"the surface has {kv_u.spans} x {kv_v.spans} cells on level 0, more than {MOST_CELLS}")
+    space = THBSpace(kv_u, kv_v)
+    for level, cells in enumerate(a_list(data, "refined")):
+        space = space.refine({level: cells})
+    return space
+
+
+def _shaped(data: dict[str, Any], key: str, shape: list[Any]) -> NDArray[np.float64]:
+    """Return the numbers under a key in a shape that the file gives."""
+    row = numbers(data, key)
+    if not all(type(n) is int and n > 0 for n in shape) or prod(shape) != len(row):
+        raise ValueError(f"the file's {key} are {len(row)} numbers, which is not the shape {shape}")
+    return row.reshape(shape)

@@ -1,0 +1,97 @@
+"""The closed lens, its rims and edges, and what can be proven of it."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.lens.elliptic_aperture import (
+        Ellipse as Ellipse,
+        aperture_volume as aperture_volume,
+        ellipse_integral as ellipse_integral,
+        require_aperture as require_aperture,
+    )
+    from thbcad.lens.flange import (
+        Flange as Flange,
+        flanged_volume as flanged_volume,
+        require_clear as require_clear,
+        ruled_edges as ruled_edges,
+    )
+    from thbcad.lens.freeform_surface import (
+        FreeformSurface as FreeformSurface,
+        Lens as Lens,
+    )
+    from thbcad.lens.manufacture_bounds import (
+        NM_PER_MM as NM_PER_MM,
+        HeightRange as HeightRange,
+        Manufacturability as Manufacturability,
+        SurfaceFigures as SurfaceFigures,
+        manufacturability as manufacturability,
+        mass as mass,
+    )
+    from thbcad.lens.product import (
+        Product as Product,
+        one_line as one_line,
+        require_line as require_line,
+    )
+    from thbcad.lens.rim_curves import (
+        DEGREE as DEGREE,
+        TOLERANCE as TOLERANCE,
+        fitted_curve as fitted_curve,
+        kinks as kinks,
+        rim_curve as rim_curve,
+    )
+    from thbcad.lens.triangulation import (
+        EDGES as EDGES,
+        FRONT as FRONT,
+        REAR as REAR,
+        Tessellation as Tessellation,
+        tessellated as tessellated,
+    )
+
+_FILES = {
+    "elliptic_aperture": (
+        "Ellipse",
+        "aperture_volume",
+        "ellipse_integral",
+        "require_aperture",
+    ),
+    "flange": (
+        "Flange",
+        "flanged_volume",
+        "require_clear",
+        "ruled_edges",
+    ),
+    "freeform_surface": (
+        "FreeformSurface",
+        "Lens",
+    ),
+    "manufacture_bounds": (
+        "HeightRange",
+        "Manufacturability",
+        "NM_PER_MM",
+        "SurfaceFigures",
+        "manufacturability",
+        "mass",
+    ),
+    "product": (
+        "Product",
+        "one_line",
+        "require_line",
+    ),
+    "rim_curves": (
+        "DEGREE",
+        "TOLERANCE",
+        "fitted_curve",
+        "kinks",
+        "rim_curve",
+    ),
+    "triangulation": (
+        "EDGES",
+        "FRONT",
+        "REAR",
+        "Tessellation",
+        "tessellated",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

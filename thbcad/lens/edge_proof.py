@@ -1,0 +1,269 @@
+"""Proof that the ruled edges of a lens cross neither its surfaces nor each other, where front and rear differ in size.
+
+An edge joins points of equal relative position of the two rims.  Seen from the rim of one surface G, its base, at x = A, with the
+other rim at x = A - d, the half-width B in y, e more in the other rim, and the distance gap(t) of the rims in z, it lies
+
+    g(t, w) = G(A, t B) + w gap(t) - G(A - w d, t (B + w e)),    -1 <= t <= 1, 0 <= w <= 1,
+
+above the base (G is the front, or the rear turned over).  It meets the base at its rim alone where g / w > 0, at w = 0 in the limit,
+
+    g / w = gap(t) + mean over 0..w of d G_x - t e G_y.
+
+This is asked where d > 0, and at w = 0 where d = 0: such an edge lies in a plane, and its Jacobian, B g_w at either rim, is linear in
+w, so that the ruling folds nowhere if it does not at the two rims.  Where d < 0 the edge lies beside the base.
+
+Two edges that meet at a corner lie in one plan only where the front is the larger surface in one direction and the rear in the other:
+else a half-width tells w.  There, with half-widths a(w) that grow and b(w) that fall, the points of equal (x, y) are
+
+    (s a(w'), b(w')) at w' and (a(w), t b(w)) at w < w',    s = a(w) / a(w'), t = b(w') / b(w),
+
+and the second must lie below the first.  Front and rear, compared at equal (x, y), complete the proof.
+
+Boxes of (t, w) or (w, w') are quartered until a bound proves each, a point in one disproves it, or the budget is spent.
+
+Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, chapters 5 and 6 (mean value form).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.certified import Interval, minimum, positive, range_over, rounding
+from thbcad.sags import gap_graph
+from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
+
+SAMPLES = np.linspace(0, 1, 65) ** 2  # where the worst point of a crossing is looked for: dense at the rim
+NEAR = 1e-12  # of a half-width: knots that agree but for rounding, as in `thbcad.graph`
+SLACK = 1e-9  # of the slopes: covers the rounding of differences and of few products
+
+Array = NDArray[np.float64]
+Pair = tuple[BSplineSurface, BSplineSurface]
+
+
+def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
+    """Raise ValueError unless the ruled edges are proven to cross neither front nor rear nor each other.
+
+    graphs : front and rear, splines z(x, y) over their rectangles, mm
+    thickness : of the rear's z = 0 over the front's, mm
+    least : mm, a positive lower bound of the distance in z between points of equal relative position
+
+    Raises
+    ------
+    ValueError : a crossing, with the place and the amount, or one that is neither found nor excluded.
+    """
+    growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
+    if least > (1 + SLACK) * sum(abs(step) * max(_steepest(g, axis) for g in graphs) for axis, step in enumerate(growth) if step):
+        return  # every condition holds then
+    _require_order(graphs, thickness)
+    gap = gap_graph(*graphs, thickness)
+    for base, axis, sign in product((0, 1), (0, 1), (-1, 1)):
+        _require_edge(graphs, gap, (base, axis, sign))
+    if growth[0] * growth[1] < 0:
+        for signs in product((-1, 1), repeat=2):
+            _require_corner(graphs, gap, int(growth[1] > 0), signs)
+
+
+@dataclass(frozen=True, eq=False)
+class _EdgeOverBase:
+    """g(t, w) of the module: an edge over its base at high x."""
+
+    base: BSplineSurface
+    gap: BSplineSurface
+    d: float
+    e: float
+
+    def __call__(self, t: Array, w: Array) -> Array:
+        """Return g / w, its limit at w = 0, and inf beside the base."""
+        a, b = self.base.kv_u.stop, self.base.kv_v.stop
+        x, y = self.place(t, w)
+        rim, lift = np.full_like(t, a), self.gap(np.full_like(t, self.gap.kv_u.stop), t * self.gap.kv_v.stop)
+        y = np.clip(y, -b, b)
+        mean = (self.base(rim, t * b) - self.base(x, y)) / np.where(w > 0, w, 1.0)
+        if not w.all():
+            limit = self.d * self.base(rim, t * b, (1, 0)) - t * self.e * self.base(rim, t * b, (0, 1))
+            mean = np.where(w > 0, mean, limit)
+        return np.where(self._inside(t, w), lift + mean, np.inf)
+
+    def place(self, t: Array, w: Array) -> tuple[Array, Array]:
+        """Return x and y of points of the edge."""
+        return self.base.kv_u.stop - w * self.d, t * (self.base.kv_v.stop + w * self.e)
+
+    def lower(self, t: Interval, w: Interval) -> Array:
+        """Return bounds of g / w on boxes that touch w = 0, of g on others, and inf on those beside the base; t keeps its sign in a box."""
+        base, gap, b = self.base, self.gap, self.base.kv_v.stop
+        rim = Interval(*[np.full_like(t.low, base.kv_u.stop)] * 2)
+        end = Interval(*[np.full_like(t.low, gap.kv_u.stop)] * 2)
+        width = w.scaled(self.e) + Interval(*[np.full_like(w.low, b)] * 2)
+        x, y = rim - w.scaled(self.d), (t * width).clipped(-b, b)
+        in_x, in_y = range_over(base, x, y, (1, 0)), range_over(base, x, y, (0, 1))
+        along = t.scaled(gap.kv_v.stop)
+        by_w = range_over(gap, end, along) + in_x.scaled(self.d) - (t * in_y).scaled(self.e)
+        by_t = (
+            range_over(base, rim, t.scaled(b), (0, 1)).scaled(b)
+            + (w * range_over(gap, end, along, (0, 1))).scaled(gap.kv_v.stop)
+            - width * in_y
+        )
+        near = np.where(abs(t.low) < abs(t.high), t.low, t.high)
+        centre = (t.low + t.high) / 2, (w.low + w.high) / 2
+        whole = self._inside(*centre)  # else from the corner that lies over the base if any point of the box does
+        at = np.where(whole, centre[0], near), np.where(whole, centre[1], w.low)
+        reach = [np.where(whole, 0.5, 1.0) * (side.high - side.low) for side in (t, w)]
+        value = np.where(self._inside(*at), self(*at) * at[1], np.inf) - by_t.magnitude * reach[0] - by_w.magnitude * reach[1]
+        count = 8 * (base.kv_u.degree + base.kv_v.degree + 4)
+        value = value - rounding(count, abs(base.coefficients).max() + abs(gap.coefficients).max())
+        return np.where(w.low > 0, value, np.where(self._inside(near, w.low), by_w.low, np.inf))
+
+    def _inside(self, t: Array, w: Array) -> NDArray[np.bool_]:
+        b = self.base.kv_v.stop
+        return abs(t) * (b + w * self.e) <= b * (1 + 4 * np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Corner:
+    """The distance in z of two edges at a corner at high x and y, where a(w) grows by `da` and b(w) falls by `db`."""
+
+    front: BSplineSurface
+    gap: BSplineSurface
+    da: float
+    db: float
+
+    def __call__(self, w: Array, later: Array) -> Array:
+        """Return the distance over later - w, and inf where w >= later."""
+        (s, t), (a, b), (c, d) = self._relative(w, later), self._ends(self.front, w), self._ends(self.gap, w)
+        low = self.front(a, t * b) + w * self.gap(c, t * d)
+        high = self.front(s * a, b) + later * self.gap(s * c, d)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(w < later, (high - low) / (later - w), np.inf)
+
+    def place(self, w: Array, later: Array) -> tuple[Array, Array]:
+        """Return x and y of the points that are compared."""
+        return self.front.kv_u.stop + w * self.da, self.front.kv_v.stop - later * self.db
+
+    def lower(self, w: Interval, later: Interval) -> Array:
+        """Return bounds that are positive only where the distance is, or the distance over later - w; inf on boxes with w >= later."""
+        (a, b), (c, d) = ([Interval(x, x) for x in self._ends(g, w.low)] for g in (self.front, self.gap))
+        ones = np.ones_like(w.low)
+        nearest, farthest = self._relative(w.high, later.low), self._relative(w.low, later.high)
+        s, t = (Interval(x, y).clipped(0, 1) for x, y in zip(farthest, nearest))
+        high = range_over(self.front, s * a, b) + later * range_over(self.gap, s * c, d)
+        low = range_over(self.front, a, t * b) + w * range_over(self.gap, c, t * d)
+        s, t = Interval(s.low, ones), Interval(t.low, ones)  # from the corner on
+        by_s = range_over(self.front, s * a, b, (1, 0)) * a + later * range_over(self.gap, s * c, d, (1, 0)) * c
+        by_t = range_over(self.front, a, t * b, (0, 1)) * b + w * range_over(self.gap, c, t * d, (0, 1)) * d
+        x, y = a + later.scaled(self.da), b - w.scaled(self.db)
+        ratio = range_over(self.gap, c, d) - by_s * Interval(self.da / x.high, self.da / x.low)
+        ratio = ratio + by_t * Interval(self.db / y.high, self.db / y.low)
+        return np.where(w.low < later.high, np.maximum((high - low).low, ratio.low), np.inf)
+
+    def _relative(self, w: Array, later: Array) -> tuple[Array, Array]:
+        """Return s and t of the module."""
+        a, b = self._ends(self.front, w)
+        return np.minimum(1, (a + w * self.da) / (a + later * self.da)), np.minimum(1, (b - later * self.db) / (b - w * self.db))
+
+    @staticmethod
+    def _ends(graph: BSplineSurface, like: Array) -> tuple[Array, Array]:
+        return np.full_like(like, graph.kv_u.stop), np.full_like(like, graph.kv_v.stop)
+
+
+def _require_order(graphs: Pair, thickness: float) -> None:
+    """Raise ValueError where front and rear cross at equal (x, y)."""
+    half = [min(getattr(g, kv).stop for g in graphs) for kv in ("kv_u", "kv_v")]
+    least = minimum(gap_graph(*(_segment(g, half) for g in graphs), thickness), tolerance=1e-12)
+    if least.lower <= 0:
+        amount = abs(min(least.value, 0.0))
+        raise ValueError(
+            f"front and rear {'cross' if amount else 'touch'}: at x = {least.u:.6g}, y = {least.v:.6g} mm the rear lies {amount:.6g} mm "
+            f"before the front; raise lens.thickness by more than {amount:.6g} mm or change the radii"
+        )
+
+
+def _require_edge(graphs: Pair, gap: BSplineSurface, side: tuple[int, int, int]) -> None:
+    """Raise ValueError unless the edge on a side, (base, axis, sign), is proven to lie over its base."""
+    base, axis, sign = side
+    front, rear = (_oriented(g, axis, (sign, 1)) for g in graphs)
+    own, other = (rear, front) if base else (front, rear)
+    d, e = own.kv_u.stop - other.kv_u.stop, other.kv_v.stop - own.kv_v.stop
+    if d < 0 or d == e == 0:
+        return
+    if base:
+        own = BSplineSurface(own.kv_u, own.kv_v, -own.coefficients)
+    edge = _EdgeOverBase(own, _oriented(gap, axis, (sign, 1)), d, e)
+    boxes = np.array([[[-1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [float(d > 0)] * 2]])
+    proven, point = positive(edge.lower, edge, boxes)
+    if proven:
+        return
+    name, surface = f"{'-+'[sign > 0]}{'xy'[axis]}", ("front", "rear")[base]
+    if point is None:
+        raise ValueError(_undecided(f"the ruled edge at {name} crosses the {surface}"))
+    t, w = (np.append(a.ravel(), x) for a, x in zip(np.meshgrid(np.r_[SAMPLES - 1, 1 - SAMPLES], SAMPLES), point))
+    height = edge(t, w)
+    height, raised, k = height * w, -height.min(), int(np.argmin(np.where(np.isfinite(height), height * w, np.inf)))
+    raise ValueError(
+        f"the ruled edge at {name} crosses the {surface}: at {_where(edge.place(t[k], w[k]), axis, (sign, 1))} it lies "
+        f"{max(0.0, -height[k]):.6g} mm {('before', 'behind')[base]} it; {_remedy(raised)}"
+    )
+
+
+def _require_corner(graphs: Pair, gap: BSplineSurface, axis: int, signs: tuple[int, int]) -> None:
+    """Raise ValueError unless two edges that meet at a corner are proven not to cross; `axis` is the one in which the rear is larger."""
+    front, rear = (_oriented(g, axis, signs) for g in graphs)
+    corner = _Corner(front, _oriented(gap, axis, signs), rear.kv_u.stop - front.kv_u.stop, front.kv_v.stop - rear.kv_v.stop)
+    proven, point = positive(corner.lower, corner, np.array([[[0.0], [0.0]], [[1.0], [1.0]]]))
+    if proven:
+        return
+    names = " and ".join(f"{'-+'[sign > 0]}{'xy'[k]}" for sign, k in zip(signs, (axis, 1 - axis)))
+    if point is None:
+        raise ValueError(_undecided(f"the ruled edges at {names} cross each other"))
+    w, later = (np.append(a.ravel(), x) for a, x in zip(np.meshgrid(SAMPLES, SAMPLES), point))
+    height = corner(w, later)
+    k = int(np.argmin(height))
+    raise ValueError(f"the ruled edges at {names} cross at {_where(corner.place(w[k], later[k]), axis, signs)}; {_remedy(-height[k])}")
+
+
+def _remedy(amount: float) -> str:
+    return f"raise lens.thickness by more than {max(0.0, amount):.6g} mm or make front and rear more alike in size"
+
+
+def _undecided(what: str) -> str:
+    return (
+        f"it is undecided whether {what}: they come too close for a proof; raise lens.thickness or make front and rear more alike in size"
+    )
+
+
+def _where(place: tuple[float, float], axis: int, signs: tuple[int, int]) -> str:
+    """Return the place in x and y of a point given in oriented coordinates."""
+    x, y = (sign * float(a) + 0.0 for a, sign in zip(place, signs))
+    return f"x = {(x, y)[axis]:.6g}, y = {(y, x)[axis]:.6g} mm"
+
+
+def _steepest(graph: BSplineSurface, axis: int) -> float:
+    """Return a bound of the slope in x or y: the greatest control coefficient of the derivative."""
+    kv, net = ((graph.kv_u, graph.coefficients), (graph.kv_v, graph.coefficients.T))[axis]
+    p, t = kv.degree, kv.knots
+    return float((p * abs(np.diff(net, axis=0)).max(axis=1) / (t[p + 1 : -1] - t[1 : -p - 1])).max())
+
+
+def _segment(graph: BSplineSurface, half: list[float]) -> BSplineSurface:
+    """Return the graph over a smaller rectangle, which ends at a knot where one lies there but for rounding."""
+    operators = []
+    for kv, h in zip((graph.kv_u, graph.kv_v), half):
+        near = [kv.breaks[np.argmin(abs(kv.breaks - end))] for end in (-h, h)]
+        operators.append(kv.segment(*(float(b) if abs(b - end) <= NEAR * h else end for b, end in zip(near, (-h, h)))))
+    (kv_u, a), (kv_v, b) = operators
+    return BSplineSurface(kv_u, kv_v, tensor_apply(a, b, graph.coefficients))
+
+
+def _oriented(graph: BSplineSurface, axis: int, signs: tuple[int, int]) -> BSplineSurface:
+    """Return the graph in coordinates of which the first runs along `axis`, mirrored in those whose sign is -1."""
+    vectors, net = [graph.kv_u, graph.kv_v], graph.coefficients
+    if axis:
+        vectors, net = vectors[::-1], net.T
+    for k, sign in enumerate(signs):
+        if sign < 0:
+            vectors[k] = KnotVector(vectors[k].degree, 0.0 - vectors[k].knots[::-1])
+            net = np.flip(net, k)
+    return BSplineSurface(*vectors, net)

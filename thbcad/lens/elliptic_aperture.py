@@ -1,0 +1,130 @@
+"""The elliptic aperture of a lens: what lies within x^2 / a^2 + y^2 / b^2 <= 1.
+
+Angles t run counter-clockwise from the longer semi-axis, as CAD kernels count them:
+
+    (x, y) = (a cos t, b sin t) for a >= b, else (-a sin t, b cos t).
+
+Between two crossings of knot lines a spline graph z(x, y) of degrees (p, q) is a trigonometric
+polynomial of degree p + q in t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import NdBSpline
+
+from thbcad.checks import half_widths, require_type
+from thbcad.lens.freeform_surface import Lens
+from thbcad.splines import BSplineSurface, gauss_rule
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """The ellipse x^2 / a^2 + y^2 / b^2 = 1 in mm.
+
+    semi_axes : (a, b) float, mm
+
+    Raises
+    ------
+    ValueError : semi-axes that are not two positive numbers.
+    """
+
+    semi_axes: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "semi_axes", half_widths(self.semi_axes))
+        except ValueError:
+            raise ValueError(f"semi_axes must be two positive numbers, got {self.semi_axes}") from None
+
+    @property
+    def area(self) -> float:
+        """pi a b, mm^2."""
+        return float(np.pi * self.semi_axes[0] * self.semi_axes[1])
+
+    @property
+    def upright(self) -> bool:
+        """True where the longer semi-axis lies along y."""
+        return self.semi_axes[1] > self.semi_axes[0]
+
+    def __call__(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (x, y) at the angles t, (n,) each, mm."""
+        (a, b), t = self.semi_axes, np.asarray(t, dtype=np.float64)
+        return (-a * np.sin(t), b * np.cos(t)) if self.upright else (a * np.cos(t), b * np.sin(t))
+
+    def crossings(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return the angles in [0, 2 pi) at which the ellipse crosses the lines x = x_i and y = y_j.
+
+        Returns (angles, lines): (n,) float and (n,) int, lines i of x and len(x) + j of y; not sorted.
+        """
+        angles, lines, start = [], [], 0
+        for d, row in enumerate((x, y)):
+            share = np.asarray(row, dtype=np.float64) / self.semi_axes[d]
+            hit = np.flatnonzero(abs(share) <= 1)
+            # angles from the axis d, then from the longer semi-axis
+            turn = (np.pi / 2 if d == 1 else 0.0) - (np.pi / 2 if self.upright else 0.0)
+            for sign in (1, -1):
+                angles.append((turn + sign * np.arccos(share[hit])) % (2 * np.pi))
+                lines.append(start + hit)
+            start += len(share)
+        return np.concatenate(angles), np.concatenate(lines)
+
+
+def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Ellipse:
+    """Return the ellipse of an aperture that both surfaces reach; a Lens has proven that the rear lies behind the front there.
+
+    Raises
+    ------
+    ValueError : no Lens, semi-axes that are not two positive numbers or exceed a half-width.
+    """
+    require_type("lens", lens, Lens)
+    ellipse = Ellipse(semi_axes)
+    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+        if any(s > h for s, h in zip(ellipse.semi_axes, surface.half_width)):
+            raise ValueError(f"semi_axes must be at most the {name}'s half-widths {surface.half_width} mm, got {ellipse.semi_axes}")
+    return ellipse
+
+
+def aperture_volume(lens: Lens, semi_axes: tuple[float, float]) -> float:
+    """Return the volume of a lens that is cut by an elliptic cylinder, mm^3.
+
+    V = pi a b thickness + int_E rear - int_E front, by Green's theorem int_E z = closed integral of Z dy with
+    dZ/dx = z.  The integrand is a trigonometric polynomial between the knot lines: Gauss quadrature
+    on every piece leaves rounding errors.
+
+    Raises
+    ------
+    ValueError : as `require_aperture`.
+    """
+    ellipse = require_aperture(lens, semi_axes)
+    front, rear = lens.graphs()
+    return ellipse.area * lens.thickness + ellipse_integral(rear, ellipse) - ellipse_integral(front, ellipse)
+
+
+def ellipse_integral(graph: BSplineSurface, ellipse: Ellipse) -> float:
+    """Return the integral of a scalar spline z(x, y) over the inside of an ellipse within its rectangle.
+
+    A Gauss rule with n = p + q + 8 nodes on pieces of at most a quarter turn errs by less than 1e-14 of the size of
+    each harmonic, of which the last is number p + q + 2.
+
+    Source: P. Davis, P. Rabinowitz, Methods of Numerical Integration, 2.7 (remainder of the Gauss rule).
+    """
+    p, q = graph.kv_u.degree, graph.kv_v.degree
+    along = graph.kv_u.integrals()[:, None] * graph.coefficients
+    primitive = np.concatenate([np.zeros((1, along.shape[1])), np.cumsum(along, axis=0)])
+    knots = np.r_[graph.kv_u.start, graph.kv_u.knots, graph.kv_u.stop]
+    angles, _ = ellipse.crossings(graph.kv_u.breaks, graph.kv_v.breaks)
+    breaks = np.unique(np.r_[angles, np.pi / 2 * np.arange(5)])
+    t, weights = gauss_rule(breaks, p + q + 8)
+    x, y = inside(graph, *ellipse(t))
+    values = NdBSpline((knots, graph.kv_v.knots), primitive, (p + 1, q))(np.column_stack([x, y]))
+    a, b = ellipse.semi_axes
+    return float(weights @ (values * x * (b / a)))
+
+
+def inside(graph: BSplineSurface, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points of the rim, those that rounding put beside the rectangle of the graph moved onto it."""
+    return tuple(np.clip(row, kv.start, kv.stop) for row, kv in ((x, graph.kv_u), (y, graph.kv_v)))

@@ -1,0 +1,241 @@
+"""What a workshop asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
+
+Extremes come as certified enclosures of the spline graphs of `Lens.graphs`, which are the surfaces that the CAD files
+hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Volume and areas come by Gauss quadrature.
+
+Concave and convex are meant as seen from the air, where the tool works: a front is concave where z bends towards -z,
+a rear where it bends towards +z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.certified import Enclosure, greatest_slope, least_radii, minimum, rounding, value_range
+from thbcad.checks import EPS, require_number, require_type
+from thbcad.lens.freeform_surface import FreeformSurface, Lens
+from thbcad.sags import gap_graph
+from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
+
+HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
+BENDING = 1e-5  # relative tolerance of slopes and radii: finer than a workshop measures them
+LEAST_SPANS = 32  # per direction, of the quadrature of an area
+STRIP = 512  # rows of quadrature points at a time
+NM_PER_MM = 1e6
+MM3_PER_CM3 = 1e3
+
+
+@dataclass(frozen=True)
+class HeightRange:
+    """Bounds of max h - min h of a height h(x, y), mm, and both extremes with their places."""
+
+    least: Enclosure
+    greatest: Enclosure
+
+    @property
+    def value(self) -> float:
+        """The best value found, mm."""
+        return self.greatest.value - self.least.value
+
+    @property
+    def lower(self) -> float:
+        """A number that the range is not less than, mm."""
+        return max(0.0, float(np.nextafter(self.greatest.lower - self.least.upper, -np.inf)))
+
+    @property
+    def upper(self) -> float:
+        """A number that the range is not greater than, mm."""
+        return float(np.nextafter(self.greatest.upper - self.least.lower, np.inf))
+
+
+@dataclass(frozen=True)
+class Feature:
+    """The smallest feature of a sag: degree times knot span, in x and y, on the finest level in use.
+
+    level : int, the finest level that has active functions
+    span : (x, y) float, mm, the shortest knot span of the leaf cells on levels that have active functions
+    size : (x, y) float, mm, p times the span; the support of one B-spline is one span longer
+
+    Source: thesis 6.3.1 and 6.3.2, last paragraphs.
+    """
+
+    level: int
+    span: tuple[float, float]
+    size: tuple[float, float]
+
+    def wavelengths(self, wavelength: float) -> float:
+        """Return the lesser size in wavelengths; wavelength : nm.
+
+        Raises
+        ------
+        ValueError : a wavelength that is not positive and finite.
+        """
+        require_number("wavelength", wavelength, above=0, finite=True)
+        return min(self.size) * NM_PER_MM / wavelength
+
+
+@dataclass(frozen=True)
+class SurfaceFigures:
+    """Figures of one surface; places are x = u, y = v in mm.
+
+    slope : degrees, greatest angle between surface and plane z = 0
+    concave, convex : mm, least radius of curvature as seen from the air, infinite where there is none
+    heights : mm, z from the vertex of the conic
+    departure : mm, the sag; None without one
+    feature : Feature, None without a sag
+    area : mm^2.  area_error : mm^2, estimate: the change from one Gauss point fewer
+    """
+
+    slope: Enclosure
+    concave: Enclosure
+    convex: Enclosure
+    heights: HeightRange
+    departure: HeightRange | None
+    feature: Feature | None
+    area: float
+    area_error: float
+
+
+@dataclass(frozen=True)
+class Manufacturability:
+    """Figures of a lens; thicknesses in mm, in z between points of equal relative position, with the place on the rear.
+
+    thickness : the least anywhere.  edge_thickness : the least at the rim.  centre_thickness : at x = y = 0
+    volume : mm^3.  density : g/cm^3 or None
+    """
+
+    thickness: Enclosure
+    centre_thickness: Enclosure
+    edge_thickness: Enclosure
+    front: SurfaceFigures
+    rear: SurfaceFigures
+    volume: float
+    density: float | None
+
+    @property
+    def surfaces(self) -> dict[str, SurfaceFigures]:
+        """The surfaces by name, front first."""
+        return {"front": self.front, "rear": self.rear}
+
+    @property
+    def mass(self) -> float | None:
+        """Volume times density, g; None where the density is unknown."""
+        return None if self.density is None else mass(self.volume, self.density)
+
+
+def mass(volume: float, density: float) -> float:
+    """Return the mass in g of a volume in mm^3 with a density in g/cm^3."""
+    return volume * density / MM3_PER_CM3
+
+
+def manufacturability(lens: Lens, density: float | None = None) -> Manufacturability:
+    """Return the figures of a lens for the workshop.
+
+    Bounds of heights differ by 1e-8 of the greatest, those of slopes and radii by 1e-5, or more where a whole curve or
+    face holds the extreme.
+
+    density : g/cm^3, None is unknown
+
+    Raises
+    ------
+    ValueError : no Lens, a sag of degree 1, a density that is not positive and finite.
+    """
+    require_type("lens", lens, Lens)
+    if density is not None:
+        require_number("density", density, above=0, finite=True)
+    front, rear = lens.graphs()
+    gap = gap_graph(front, rear, lens.thickness)
+    return Manufacturability(
+        thickness=minimum(gap, tolerance=HEIGHT),
+        centre_thickness=_at_centre(gap),
+        edge_thickness=_at_rim(gap),
+        front=_figures(lens.front, front, air_above=False),
+        rear=_figures(lens.rear, rear, air_above=True),
+        volume=lens.volume(),
+        density=density,
+    )
+
+
+def area(graph: BSplineSurface) -> tuple[float, float]:
+    """Return the area of a graph z(x, y) and an estimate of its error, in the square of the unit of x, y and z.
+
+    The integral of sqrt(1 + z_x^2 + z_y^2) by Gauss quadrature with p + 1 points on every span, at least 32 spans
+    per direction; the estimate is the change from p points.
+    """
+    p = max(graph.kv_u.degree, graph.kv_v.degree)
+    fewer, value = (_area(graph, n) for n in (p, p + 1))
+    return value, abs(value - fewer)
+
+
+def _area(graph: BSplineSurface, points: int) -> float:
+    (x, wx), (y, wy) = (_quadrature(kv, points) for kv in (graph.kv_u, graph.kv_v))
+    total = 0.0
+    for first in range(0, len(x), STRIP):
+        own = slice(first, first + STRIP)
+        z_x, z_y = (graph.grid(x[own], y, orders) for orders in ((1, 0), (0, 1)))
+        total += float(wx[own] @ np.sqrt(1 + z_x**2 + z_y**2) @ wy)
+    return total
+
+
+def _quadrature(kv: KnotVector, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return Gauss points and weights on every span, the spans cut into equal parts where they are few."""
+    parts = -(-LEAST_SPANS // kv.spans)
+    steps = np.arange(parts) / parts
+    starts = (kv.breaks[:-1, None] + np.diff(kv.breaks)[:, None] * steps).ravel()
+    x, weights = gauss_rule(np.append(starts, kv.stop), points)
+    return np.clip(x, kv.start, kv.stop), weights
+
+
+def _figures(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceFigures:
+    radii = least_radii(graph, BENDING)
+    concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
+    departure = None if surface.sag is None else HeightRange(*value_range(_sag_graph(surface), tolerance=HEIGHT))
+    heights = HeightRange(*value_range(graph, tolerance=HEIGHT))
+    return SurfaceFigures(_slope_angle(graph), concave, convex, heights, departure, _feature(surface), *area(graph))
+
+
+def _slope_angle(graph: BSplineSurface) -> Enclosure:
+    """Return the greatest slope in degrees; the arctangent and the product with 180 / pi round by less than 4 EPS."""
+    found = greatest_slope(graph, BENDING)
+    lower, value, upper = (float(np.degrees(np.arctan(s))) for s in (found.lower, found.value, found.upper))
+    return replace(found, lower=lower * (1 - 4 * EPS), value=value, upper=min(upper * (1 + 4 * EPS), 90.0))
+
+
+def _at_centre(gap: BSplineSurface) -> Enclosure:
+    """Return the gap at x = y = 0, a mean of coefficients after 5 roundings per degree of each factor, and the sums."""
+    a, b = (kv.collocation([0.0]) for kv in (gap.kv_u, gap.kv_v))
+    value = float((a @ gap.coefficients @ b.T.toarray()).item())
+    error = float(rounding(8 * (gap.kv_u.degree + gap.kv_v.degree + 2), np.abs(gap.coefficients).max()))
+    return Enclosure(value - error, value + error, value, 0.0, 0.0)
+
+
+def _at_rim(gap: BSplineSurface) -> Enclosure:
+    """Return the least gap on the four sides; a side is a graph that does not vary across."""
+    across, found = KnotVector.uniform(1, 1), []
+    for end, x, y in ((0, gap.kv_u.start, gap.kv_v.start), (-1, gap.kv_u.stop, gap.kv_v.stop)):
+        along_x = minimum(BSplineSurface(gap.kv_u, across, gap.coefficients[:, [end, end]]), tolerance=HEIGHT)
+        along_y = minimum(BSplineSurface(across, gap.kv_v, gap.coefficients[[end, end]]), tolerance=HEIGHT)
+        found += [replace(along_x, v=y), replace(along_y, u=x)]
+    best = min(found, key=lambda side: side.value)
+    return replace(best, lower=min(side.lower for side in found), upper=min(side.upper for side in found))
+
+
+def _sag_graph(surface: FreeformSurface) -> BSplineSurface:
+    """Return the sag alone over the rectangle of its surface, mm."""
+    sag = surface.sag.to_bspline()
+    return BSplineSurface(*(kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width)), sag.coefficients)
+
+
+def _feature(surface: FreeformSurface) -> Feature | None:
+    if surface.sag is None:
+        return None
+    space = surface.sag.space
+    levels = np.unique(space.functions[:, 0])
+    boxes = space.boxes[np.isin(space.cells[:, 0], levels)]
+    knots = space.kv_u, space.kv_v
+    shortest = (boxes[:, 1::2] - boxes[:, ::2]).min(axis=0)
+    span = tuple(float(s) * 2 * h / (kv.stop - kv.start) for s, h, kv in zip(shortest, surface.half_width, knots))
+    return Feature(int(levels.max()), span, tuple(kv.degree * s for kv, s in zip(knots, span)))

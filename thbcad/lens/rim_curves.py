@@ -1,0 +1,89 @@
+"""Smooth curves that no spline holds, as splines within 1e-9 mm: the rim of an elliptic aperture, level lines of ruled edges.
+
+The curves have a known number of derivatives where they cross knot lines.  With knots of the same smoothness
+there, interpolation at the Greville points converges with order 6 on the pieces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from thbcad.lens.elliptic_aperture import Ellipse, inside
+from thbcad.splines import BSplineSurface, KnotVector
+
+DEGREE = 5
+TOLERANCE = 1e-9  # mm
+NEAR = 1e-8  # rad; crossings nearer to each other count as one: CAD kernels drop spans below 1e-9
+SAMPLES = np.arange(1, 16, 2) / 16
+MOST_SPANS = 100_000
+
+Array = NDArray[np.float64]
+
+
+def fitted_curve(curve: Callable[[Array], Array], breaks: Array, counts: NDArray[np.int64]) -> tuple[KnotVector, Array]:
+    """Return knots and poles (n, d) of a spline of degree 5 that stays within 1e-9 of a curve at eight places in every span.
+
+    curve : function of t, (n,), that returns (n, d)
+    breaks : (m,) float, increasing, where derivatives may jump
+    counts : (m,) int, how often each inner break must be a knot
+
+    Spans are bisected until the curve is met.
+
+    Raises
+    ------
+    ValueError : a curve that needs more than 100,000 spans.
+    """
+    while len(breaks) <= MOST_SPANS:
+        kv = KnotVector(DEGREE, np.repeat(breaks, np.r_[DEGREE + 1, counts[1:-1], DEGREE + 1]))
+        t = kv.greville()
+        spline = make_interp_spline(t, curve(t), DEGREE, t=kv.knots)
+        samples = (breaks[:-1, None] + np.diff(breaks)[:, None] * SAMPLES).ravel()
+        errors = np.linalg.norm(spline(samples) - curve(samples), axis=1).reshape(-1, len(SAMPLES))
+        failing = errors.max(axis=1) > TOLERANCE
+        if not failing.any():
+            return kv, spline.c
+        middles = breaks[:-1][failing] + np.diff(breaks)[failing] / 2
+        order = np.argsort(np.r_[breaks, middles])
+        breaks, counts = np.r_[breaks, middles][order], np.r_[counts, np.ones(len(middles), dtype=np.int64)][order]
+    raise ValueError(f"the curve needs more than {MOST_SPANS} spans for {TOLERANCE:g} mm")
+
+
+def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotVector, Array]:
+    """Return knots and poles (x, y, z), (n, 3), of a graph above half an ellipse, t in [0, pi] (half 0) or [pi, 2 pi] (half 1), mm.
+
+    Raises
+    ------
+    ValueError : as `fitted_curve`.
+    """
+
+    def rim(t: Array) -> Array:
+        x, y = inside(graph, *ellipse(t))
+        return np.column_stack([x, y, graph(x, y)])
+
+    return fitted_curve(rim, *_crossings(graph, ellipse, half * np.pi, (half + 1) * np.pi))
+
+
+def kinks(kv: KnotVector) -> tuple[Array, NDArray[np.int64]]:
+    """Return the inner breaks of a knot vector and how often a curve of degree 5 needs each as a knot.
+
+    On a knot of multiplicity m a spline has p - m continuous derivatives.
+    """
+    values, repeats = np.unique(kv.knots[kv.degree + 1 : -kv.degree - 1], return_counts=True)
+    return values, np.clip(DEGREE - kv.degree + repeats, 1, DEGREE)
+
+
+def _crossings(graph: BSplineSurface, ellipse: Ellipse, start: float, stop: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return the angles from start to stop at which the rim crosses knot lines, and how often each must be a knot."""
+    lines, counts = zip(*(kinks(kv) for kv in (graph.kv_u, graph.kv_v)))
+    angles, line = ellipse.crossings(*lines)
+    counts = np.concatenate(counts)[line]
+    chosen = (angles > start + NEAR) & (angles < stop - NEAR)
+    order = np.argsort(angles[chosen])
+    angles, counts = angles[chosen][order], counts[chosen][order]
+    first = np.flatnonzero(np.diff(angles, prepend=-1.0) > NEAR)
+    merged = np.maximum.reduceat(counts, first) if len(first) else counts
+    return np.r_[start, angles[first], stop], np.r_[1, merged, 1]

@@ -1,0 +1,191 @@
+"""Watertight triangle meshes of a lens with a proven chord error.
+
+Front and rear are sampled at the same relative positions, a product grid that holds all knots of
+both.  With bounds M of the second derivatives on a cell, linear interpolation on a right triangle
+with the legs h and k along the parameters is wrong by at most
+
+    (h^2 M_uu + 2 h k M_uv + k^2 M_vv) / 8;
+
+x and y are linear in the parameters, so that this is the error in z at given (x, y) and the distance
+is no greater.  The edges are rows of triangles between the rims.  Where front and rear are of equal
+size they are plane and one row is exact but for the chords of the rims; else they are ruled,
+(1 - w) F(u) + w R(u) with M_ww = 0 and M_uw <= |R' - F'|, and the same bound, taken of vectors, says
+how many rows they need.
+
+Source: D. Filip, R. Magedson, R. Markot, Surface algorithms using bounds on derivatives, CAGD 3 (1986), theorem 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.certified import Orders, bernstein
+from thbcad.checks import read_only, rebuilt, require_number, require_type
+from thbcad.lens.freeform_surface import Lens
+from thbcad.sags import gap_graph, graph_poles
+from thbcad.splines import BSplineSurface
+
+MOST_TRIANGLES = 20_000_000
+LEAST_CHORD = 1e-8  # mm
+ALLOWANCE = 1e-10  # mm; what conics as splines (1e-11 mm) and the rounding of vertices within 10 m add
+FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges at low y, high x, high y, low x
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Tessellation:
+    """A closed mesh; seen from outside, the vertices of every triangle run counter-clockwise.
+
+    vertices : (n, 3) float, mm
+    triangles : (t, 3) int, vertex numbers; the front comes first, then the rear, then the edges
+    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges at low y, high x, high y, low x
+    chord : float, mm, bound of the distance of any point of the mesh from its face; on front and rear also of the error in z
+    """
+
+    vertices: Array
+    triangles: NDArray[np.int64]
+    faces: NDArray[np.int64]
+    chord: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", read_only(self.vertices))
+        for name in ("triangles", "faces"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+    __reduce__ = rebuilt
+
+
+def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
+    """Return a mesh of the lens whose chord error is at most `chord`, mm.
+
+    single : round the vertices to float32; the chord error includes what that adds.
+
+    Raises
+    ------
+    ValueError : a chord below 1e-8 mm, or too small for float32; more than 20 million triangles;
+        vertices that float32 does not tell apart.
+    """
+    require_type("lens", lens, Lens)
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
+    front, rear = lens.graphs()
+    surfaces = graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
+    gap = gap_graph(front, rear, lens.thickness)
+    added = ALLOWANCE + (_rounding(surfaces) if single else 0.0)
+    if added > chord / 2:
+        raise ValueError(f"chord must be at least {2 * added:.2g} mm, as rounding moves vertices by {added:.2g} mm, got {chord:g}")
+    bends = np.maximum(*(_bounds(_heights(s), ((2, 0), (1, 1), (0, 2)), gap) for s in surfaces))
+    u, v, bound = _positions(bends, gap, chord - added)
+    rows, edge_bound = _rows(lens, gap, bends, (u, v), chord - added)
+    count = 4 * (len(u) - 1) * (len(v) - 1) + 4 * rows * (len(u) + len(v) - 2)
+    if count > MOST_TRIANGLES:
+        raise ValueError(f"a chord error of {chord:g} mm needs {count:,} triangles, more than {MOST_TRIANGLES:,}; allow a greater one")
+    vertices = _vertices([s.grid(u, v) for s in surfaces], rows, single)
+    triangles, faces = _triangles(len(u) - 1, len(v) - 1, rows)
+    if single and any((vertices[triangles[:, k]] == vertices[triangles[:, k - 1]]).all(axis=1).any() for k in range(3)):
+        raise ValueError("two vertices of the mesh lie closer than float32 tells apart; allow a greater chord error or use float64")
+    return Tessellation(vertices, triangles, faces, max(bound, edge_bound) + added)
+
+
+def _heights(surface: BSplineSurface) -> BSplineSurface:
+    return BSplineSurface(surface.kv_u, surface.kv_v, surface.coefficients[..., 2])
+
+
+def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Array:
+    """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells u, cells v)."""
+    found = [np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)]
+    own = np.concatenate(found, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
+    i, j = (np.searchsorted(kv.breaks, fine.breaks[:-1], "right") - 1 for kv, fine in ((graph.kv_u, mesh.kv_u), (graph.kv_v, mesh.kv_v)))
+    return own[:, i[:, None], j[None, :]]
+
+
+def _rounding(surfaces: tuple[BSplineSurface, BSplineSurface]) -> float:
+    """Return by how much float32 vertices move a point from its face, in z on front and rear: half a unit d of x, y and z each."""
+    size = max(float(np.abs(s.coefficients).max()) for s in surfaces)
+    factors = [3**0.5]
+    for s in surfaces:
+        slopes = _bounds(_heights(s), ((1, 0), (0, 1)), s).max(axis=(1, 2))
+        (x0, y0), (x1, y1) = s.coefficients[0, 0, :2], s.coefficients[-1, -1, :2]
+        scale = (s.kv_u.stop - s.kv_u.start) / (x1 - x0), (s.kv_v.stop - s.kv_v.start) / (y1 - y0)
+        factors.append(1 + float(slopes @ scale))
+    return max(factors) * float(np.spacing(np.float32(size))) / 2
+
+
+def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array, Array, float]:
+    """Return parameters u and v of the grid lines, and the bound that the cells then keep.
+
+    As 2 h k M_uv <= (h^2 + k^2) M_uv, h^2 (M_uu + M_uv) <= 4 chord and k^2 (M_vv + M_uv) <= 4 chord are enough.
+    """
+    uu, uv, vv = bends
+    needs = (uu + uv).max(axis=1), (vv + uv).max(axis=0)
+    lines, steps = [], []
+    for kv, need in zip((mesh.kv_u, mesh.kv_v), needs):
+        width = np.diff(kv.breaks)
+        parts = np.ceil(np.clip(width * np.sqrt(need / (4 * chord)), 1, MOST_TRIANGLES))
+        if parts.sum() > MOST_TRIANGLES:
+            raise ValueError(f"a chord error of {chord:g} mm needs more than {MOST_TRIANGLES:,} triangles; allow a greater one")
+        parts = parts.astype(np.int64)
+        share = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(parts, parts)
+        lines.append(np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * share, kv.stop))
+        steps.append(width / parts)
+    h, k = steps[0][:, None], steps[1][None, :]
+    return lines[0], lines[1], float((h * h * uu + 2 * h * k * uv + k * k * vv).max()) / 8
+
+
+def _rows(lens: Lens, gap: BSplineSurface, bends: Array, lines: tuple[Array, Array], chord: float) -> tuple[int, float]:
+    """Return how many rows of triangles the ruled edges need, and the bound that they then keep.
+
+    `_positions` leaves h^2 M_uu / 8 <= chord / 2; rows of height 1 / n add h |R' - F'| / (4 n).
+    """
+    sides = []
+    for axis, (kv, line) in enumerate(zip((gap.kv_u, gap.kv_v), lines)):
+        ratio = [f / r for f, r in zip(lens.front.half_width, lens.rear.half_width)]
+        if ratio[1 - axis] == 1:
+            continue  # these two edges are plane
+        steps = np.diff(line)
+        cell = np.searchsorted(kv.breaks, line[:-1], "right") - 1
+        twist = np.hypot(1 - ratio[axis], _bounds(gap, (((1, 0), (0, 1))[axis],), gap)[0])
+        for rim in (0, -1):
+            bend, turn = (np.moveaxis(field, axis, 0)[cell, rim] for field in (bends[2 * axis], twist))
+            sides.append((steps**2 * bend / 8, steps * turn / 4))
+    rows = max((int(np.ceil(min(turn.max() / (chord / 2), MOST_TRIANGLES))) for _, turn in sides), default=1)
+    rows = max(rows, 1)
+    return rows, max((float((bend + turn / rows).max()) for bend, turn in sides), default=0.0)
+
+
+def _ring(nu: int, nv: int) -> NDArray[np.int64]:
+    """Return the numbers of the rim's vertices in a grid of nu x nv cells, counter-clockwise seen from +z."""
+    grid = np.arange((nu + 1) * (nv + 1)).reshape(nu + 1, nv + 1)
+    return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
+
+
+def _vertices(grids: list[Array], rows: int, single: bool) -> Array:
+    """Return the vertices of front, rear and the rows between their rims, front first, (n, 3)."""
+    ring = _ring(*(n - 1 for n in grids[0].shape[:2]))
+    front, rear = (g.reshape(-1, 3) for g in grids)
+    share = (np.arange(1, rows) / rows)[:, None, None]
+    between = (1 - share) * front[ring] + share * rear[ring]
+    vertices = np.concatenate([front, rear, between.reshape(-1, 3)])
+    return vertices.astype(np.float32).astype(np.float64) if single else vertices
+
+
+def _triangles(nu: int, nv: int, rows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the vertex numbers of all triangles and the face of each."""
+    count, ring = (nu + 1) * (nv + 1), _ring(nu, nv)
+    grid = np.arange(count).reshape(nu + 1, nv + 1)
+    rear = _halves(grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
+    between = 2 * count + np.arange((rows - 1) * len(ring)).reshape(rows - 1, len(ring))
+    levels = np.concatenate([ring[None], between, count + ring[None]])
+    following = np.roll(levels, -1, axis=1)
+    edges = _halves(levels[:-1], following[:-1], following[1:], levels[1:])
+    triangles = np.concatenate([rear[:, ::-1], count + rear, edges])
+    side = np.tile(np.repeat(EDGES, [2 * nu, 2 * nv, 2 * nu, 2 * nv]), rows)
+    return triangles, np.concatenate([np.repeat([FRONT, REAR], len(rear)), side])
+
+
+def _halves(a: NDArray[np.int64], b: NDArray[np.int64], c: NDArray[np.int64], d: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the triangles a b c and a c d of the quadrangles a b c d, alternating, (2 n, 3)."""
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)

@@ -1,0 +1,57 @@
+"""Sag functions z(x, y), and splines of them with a proven error."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.sags.conic import (
+        Conic as Conic,
+        meridian as meridian,
+    )
+    from thbcad.sags.graphs import (
+        CONIC_TOLERANCE as CONIC_TOLERANCE,
+        conic_graph as conic_graph,
+        gap_graph as gap_graph,
+        graph_poles as graph_poles,
+        square_coefficients as square_coefficients,
+        volume_between as volume_between,
+    )
+    from thbcad.sags.polynomial_sag import (
+        PolynomialSag as PolynomialSag,
+        osa_orders as osa_orders,
+        zernike as zernike,
+    )
+    from thbcad.sags.proven_approximation import (
+        Approximation as Approximation,
+        approximated as approximated,
+        error_bounds as error_bounds,
+        lobatto_nodes as lobatto_nodes,
+    )
+
+_FILES = {
+    "conic": (
+        "Conic",
+        "meridian",
+    ),
+    "graphs": (
+        "CONIC_TOLERANCE",
+        "conic_graph",
+        "gap_graph",
+        "graph_poles",
+        "square_coefficients",
+        "volume_between",
+    ),
+    "polynomial_sag": (
+        "PolynomialSag",
+        "osa_orders",
+        "zernike",
+    ),
+    "proven_approximation": (
+        "Approximation",
+        "approximated",
+        "error_bounds",
+        "lobatto_nodes",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

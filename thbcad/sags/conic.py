@@ -1,0 +1,194 @@
+"""Conic sections of revolution about z."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+from typing import TypeVar
+
+import numpy as np
+from numpy.polynomial import Legendre
+from numpy.typing import ArrayLike, NDArray
+
+from thbcad.checks import EPS, require_number, require_order, require_orders, require_type
+from thbcad.splines import KnotVector, NURBSCurve
+
+Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
+
+
+@dataclass(frozen=True)
+class Conic:
+    """The conic z = c r^2 / (1 + sqrt(1 - (1 + K) c^2 r^2)), c = 1 / radius (thesis 3.2).
+
+    radius : float, mm; inf is a plane.  constant : float, K = -1 is a paraboloid.
+
+    Raises
+    ------
+    ValueError : radius 0 or NaN, a constant that is not finite.
+    """
+
+    radius: float = np.inf
+    constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, quantity in (("radius", "radius"), ("constant", "conic constant")):
+            require_number(quantity, getattr(self, name), finite=name == "constant")
+            object.__setattr__(self, name, float(getattr(self, name)))
+        if self.radius == 0:
+            raise ValueError(f"radius must be a number other than 0, got {self.radius}")
+
+    def __str__(self) -> str:
+        return f"the conic with radius {self.radius} and K {self.constant}"
+
+    @property
+    def is_plane(self) -> bool:
+        return bool(np.isinf(self.radius))
+
+    @property
+    def is_paraboloid(self) -> bool:
+        """True where the conic is a polynomial of degree 2: planes and K = -1."""
+        return self.is_plane or self.constant == -1.0
+
+    def require(self, half_width: tuple[float, float]) -> None:
+        """Raise ValueError unless the conic is defined on the whole rectangle."""
+        reach = np.hypot(*half_width)
+        if not self.is_plane and (1 + self.constant) * (reach / self.radius) ** 2 >= 1:
+            limit = abs(self.radius) / np.sqrt(1 + self.constant)
+            raise ValueError(
+                f"the conic (radius {self.radius}, K {self.constant}) ends at r = {limit:.6g} mm, "
+                f"but the corner of the aperture lies at r = {reach:.6g} mm"
+            )
+
+    def __call__(self, x: Coordinate, y: Coordinate, derivative: tuple[int, int] = (0, 0)) -> Coordinate:
+        """Return d^(a+b) z / dx^a dy^b for derivative (a, b) of any order; x and y broadcast, mm.
+
+        Raises
+        ------
+        ValueError : an order that is not a non-negative integer.
+        """
+        derivative = require_orders(derivative)
+        x, y = (np.asarray(a, dtype=np.float64) if isinstance(a, list | tuple) else a for a in (x, y))
+        c = 1.0 / self.radius
+        r2 = x * x + y * y
+        root = np.sqrt(1 - (1 + self.constant) * c * c * r2)
+        if derivative == (0, 0):
+            return c * r2 / (1 + root)
+        if derivative == (1, 0):
+            return c * x / root + 0 * y
+        if derivative == (0, 1):
+            return c * y / root + 0 * x
+        a, b = derivative
+        return c * factorial(a) * factorial(b) * self._taylor(x, y, a, b)
+
+    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Return z or a derivative on the grid x x y, (len(x), len(y)).
+
+        Raises
+        ------
+        ValueError : a grid that reaches beyond the end of the conic.
+        """
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        self.require((float(abs(x).max()), float(abs(y).max())))
+        return self(x[:, None], y[None, :], derivative)
+
+    def _taylor(self, x: Coordinate, y: Coordinate, a: int, b: int) -> Coordinate:
+        """Return the Taylor coefficient z_ab / c, a + b >= 1, of z(x + s, y + t) = sum z_ij s^i t^j.
+
+        With g^2 = w = 1 + q r^2, q = -(1 + K) c^2, the identity 2 w g_s = w_s g gives the
+        coefficients g_ij in turn; z = (1 - g) c / -q makes z_ij = c g_ij / q for i + j >= 1.
+        """
+        q = -(1 + self.constant) / self.radius**2
+        w = 1 + q * (x * x + y * y)
+        g = {(0, 0): np.sqrt(w)}
+        scaled = {}
+        for i, j in [(0, j) for j in range(1, b + 1)] + [(i, j) for i in range(1, a + 1) for j in range(b + 1)]:
+            # the identity in t for the first column, in s for all others
+            k, along, before, twice = (i, x, (i - 1, j), (i - 2, j)) if i else (j, y, (i, j - 1), (i, j - 2))
+            total = (3 - 2 * k) * along * g[before] + (3 - k) * g.get(twice, 0.0)
+            if i:
+                total = total - k * (2 * y * g.get((i, j - 1), 0.0) + g.get((i, j - 2), 0.0))
+            scaled[i, j] = total / (k * w)
+            g[i, j] = q * scaled[i, j]
+        return scaled[a, b]
+
+    def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Return bounds of |d^n z / dx^n| (axis 0) or |d^n z / dy^n| (axis 1) on the cells of a grid.
+
+        K >= -1: every Taylor coefficient in x of order n >= 1 is non-negative for x >= 0 and grows with
+        |x| and |y|: the corner of the cell farthest from the axis holds the maximum.
+        K < -1: with B = 1 + b^2 y^2, b^2 = -(1 + K) c^2, w = B + b^2 x^2 and the Legendre polynomial P,
+
+            |d^n z / dx^n| = (n - 2)! |c| b^(n-2) B w^(-(n+1)/2) |P'_(n-1)(b x / sqrt(w))|,
+
+        whose factors are bounded one by one.
+
+        order : int n >= 2.  x : (n_x + 1,) float, y : (n_y + 1,) float, increasing, mm.
+        Returns (n_x, n_y) float, mm^(1 - n).
+
+        Source: NIST Digital Library of Mathematical Functions 18.12.4 (generating function), with 18.7.9 and 18.9.19.
+        """
+        require_order(order)
+        if order < 2:
+            raise ValueError(f"order must be at least 2, got {order}")
+        if axis == 1:
+            return self.derivative_bound(order, 0, y, x).T
+        (near, far), (low, high) = _distances(x), _distances(y)
+        if self.constant >= -1:
+            far, high = far[:, None], high[None, :]
+            w = 1 - (1 + self.constant) * (far**2 + high**2) / self.radius**2
+            # the terms are all positive; what matters is the rounding of w, at most 8 EPS / w of it, in w^(1/2 - n)
+            return abs(self(far, high, (order, 0))) * (1 + 16 * order * EPS / w)
+        return self._hyperboloid_bound(order, (near[:, None], far[:, None]), (low[None, :], high[None, :])) * (1 + 16 * order * EPS)
+
+    def _hyperboloid_bound(self, n: int, x: tuple[Coordinate, Coordinate], y: tuple[Coordinate, Coordinate]) -> Coordinate:
+        """Return the bound for K < -1 where |x| and |y| lie between the given numbers."""
+        b2 = -(1 + self.constant) / self.radius**2
+        (near, far), (low, high) = (tuple(b2 * a**2 for a in pair) for pair in (x, y))
+        # B w^(-(n+1)/2) is greatest at B = 2 b^2 x^2 / (n - 1) with the least x, or at the end next to it
+        height = np.clip(2 * near / (n - 1), 1 + low, 1 + high)
+        slope = Legendre.basis(n - 1).deriv()
+        first, last = np.sqrt(near / (1 + high + near)), np.sqrt(far / (1 + low + far))
+        places = [first, last, *(np.clip(root, first, last) for root in slope.deriv().roots())]
+        # n^4 is a bound of the second derivative of P and of the growth of rounding errors in its first
+        steepest = np.max([abs(slope(place)) for place in places], axis=0) + 2 * n**4 * EPS
+        return factorial(n - 2) / abs(self.radius) * b2 ** (n / 2 - 1) * height * (height + near) ** (-(n + 1) / 2) * steepest
+
+    def rounding(self, x: ArrayLike, y: ArrayLike) -> float:
+        """Return a bound of the rounding errors of the values on the rectangle that the rows x and y span, mm.
+
+        The error of the root g is at most that of its argument, 4 EPS |1 - g^2|, over 2 g; the
+        other operations add up to 6 EPS.  Both are greatest in the farthest corner.
+        """
+        far, high = (float(abs(np.asarray(a)).max()) for a in (x, y))
+        root = np.sqrt(1 - (1 + self.constant) * (far**2 + high**2) / self.radius**2)
+        return float(EPS * abs(self(far, high)) * (6 + 2 * abs(1 - root) / root))
+
+
+def _distances(breaks: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least and the greatest distance from 0 of every interval of a row of breaks."""
+    a, b = np.asarray(breaks, dtype=np.float64)[:-1], np.asarray(breaks, dtype=np.float64)[1:]
+    return np.maximum(np.maximum(a, -b), 0), np.maximum(abs(a), abs(b))
+
+
+def meridian(conic: Conic, radius: float) -> NURBSCurve:
+    """Return the points (r, z) of a lens conic from its vertex to r = `radius`, exactly, over [0, 1].
+
+    With s = sqrt(1 - (1 + K) c^2 r^2) the points are (0, 0), (r / (1 + s), 0), (r, z(r)) and the
+    weights 1, 1, 2 / (1 + s): the conic r^2 = 2 R z - (1 + K) z^2 cut by the lines z = t r, with
+    t proportional to u.  This covers all K and planes; s = 0 is the equator of a sphere.
+
+    radius : float, mm.
+
+    Raises
+    ------
+    ValueError : radius not positive, or beyond the end of the conic.
+    """
+    require_type("conic", conic, Conic)
+    require_number("radius", radius, above=0, finite=True)
+    square = 1 - (1 + conic.constant) * (radius / conic.radius) ** 2
+    if square < 0:
+        limit = abs(conic.radius) / np.sqrt(1 + conic.constant)
+        raise ValueError(f"the conic (radius {conic.radius}, K {conic.constant}) ends at r = {limit:.6g} mm, before r = {radius:.6g} mm")
+    share = 1 + np.sqrt(square)
+    points = [[0.0, 0.0], [radius / share, 0.0], [radius, radius**2 / (conic.radius * share)]]
+    return NURBSCurve(KnotVector(2, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.array(points), np.array([1.0, 1.0, 2 / share]))

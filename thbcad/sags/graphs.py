@@ -1,0 +1,116 @@
+"""Graphs z(x, y) as tensor-product splines: conics, poles, volume."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thbcad.sags.conic import Conic
+from thbcad.sags.proven_approximation import approximated
+from thbcad.splines import BSplineSurface, KnotVector, gauss_rule, tensor_apply
+
+CONIC_TOLERANCE = 1e-11  # mm
+
+
+def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
+    """Return the coefficients of x^2: c_i = mean of t_a t_b over pairs of the p inner knots of i.
+
+    Exact for degree 2 and more (the polar form of x^2).
+    """
+    p = kv.degree
+    pairs = list(combinations(range(1, p + 1), 2))
+    return sum(kv.knots[a : a + kv.dim] * kv.knots[b : b + kv.dim] for a, b in pairs) / len(pairs)
+
+
+def conic_graph(conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None) -> BSplineSurface:
+    """Return conic + sag as one BSplineSurface, on the given knots, refined where the conic needs it.
+
+    Planes and paraboloids are exact but for rounding and keep the knots, other conics are within 1e-11 mm.
+
+    sag : (kv_x.dim, kv_y.dim) or None.
+
+    Raises
+    ------
+    ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs
+        more than 2000 control points per direction for 1e-11 mm.
+    """
+    if min(kv_x.degree, kv_y.degree) < 2:
+        raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
+    if conic.is_paraboloid:
+        heights = _paraboloid(conic, kv_x, kv_y)
+        return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
+    graph = approximated(conic, kv_x, kv_y, CONIC_TOLERANCE).surface
+    if sag is None:
+        return graph
+    sag = tensor_apply(kv_x.prolongation(graph.kv_u), kv_y.prolongation(graph.kv_v), sag)
+    return BSplineSurface(graph.kv_u, graph.kv_v, graph.coefficients + sag)
+
+
+def _paraboloid(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> NDArray[np.float64]:
+    return 0.5 / conic.radius * (square_coefficients(kv_x)[:, None] + square_coefficients(kv_y)[None, :])
+
+
+def graph_poles(graph: BSplineSurface, vertex: float, domain: BSplineSurface) -> BSplineSurface:
+    """Return the graph as a BSplineSurface with poles (x, y, vertex + z).
+
+    x and y of the poles are Greville-mapped, hence linear in the parameters; the parameters run
+    over the rectangle of the graph `domain`.
+    """
+    poles = np.empty((*graph.coefficients.shape, 3))
+    poles[..., 0] = graph.kv_u.greville()[:, None]
+    poles[..., 1] = graph.kv_v.greville()[None, :]
+    poles[..., 2] = vertex + graph.coefficients
+    kv_u, kv_v = (_aligned(a, b) for a, b in ((graph.kv_u, domain.kv_u), (graph.kv_v, domain.kv_v)))
+    return BSplineSurface(kv_u, kv_v, poles)
+
+
+def _aligned(kv: KnotVector, target: KnotVector) -> KnotVector:
+    """Return `kv` mapped onto the interval of `target`; knots that agree but for rounding become equal."""
+    mapped = kv.rescaled(target.start, target.stop).knots
+    near = target.breaks[np.clip(np.searchsorted(target.breaks, mapped - 1e-12 * target.stop), 0, target.spans)]
+    return KnotVector(kv.degree, np.where(np.abs(near - mapped) < 1e-12 * target.stop, near, mapped))
+
+
+def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> BSplineSurface:
+    """Return thickness + rear - front at equal relative positions, as a spline over the rear's rectangle."""
+    nets, target = [], []
+    for d in (0, 1):
+        mine, other = (rear.kv_u, front.kv_u) if d == 0 else (rear.kv_v, front.kv_v)
+        other = _aligned(other, mine)
+        both = mine.merged(other)
+        target.append(both)
+        nets.append([own.prolongation(both) for own in (other, mine)])
+    heights = [tensor_apply(nets[0][k], nets[1][k], graph.coefficients) for k, graph in enumerate((front, rear))]
+    return BSplineSurface(*target, thickness + heights[1] - heights[0])
+
+
+def volume_between(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> float:
+    """Return the volume between two graphs whose rims are joined by ruled edges.
+
+    The solid is X(s, t, w) = (1 - w) F(s, t) + w R(s, t), (s, t) in [-1, 1]^2, w in [0, 1];
+    with half-widths a(w), b(w) linear in w its Jacobian is
+    a b z_w - a t b' z_t - b s a' z_s, a polynomial on every cell: Gauss quadrature is exact.
+    """
+    halves = [(g.kv_u.stop, g.kv_v.stop) for g in (front, rear)]
+    nodes = []
+    for d in (0, 1):
+        knots = [(g.kv_u, g.kv_v)[d] for g in (front, rear)]
+        breaks = np.unique(np.concatenate([kv.breaks / kv.stop for kv in knots]))
+        nodes.append(gauss_rule(breaks, max(kv.degree for kv in knots) // 2 + 2))
+    (s, ws), (t, wt) = nodes
+    total = 0.0
+    for w, ww in zip(*gauss_rule(np.array([0.0, 1.0]), 2)):
+        (af, bf), (ar, br) = halves
+        a, b, da, db = (1 - w) * af + w * ar, (1 - w) * bf + w * br, ar - af, br - bf
+        z_w = thickness + rear.grid(s * ar, t * br) - front.grid(s * af, t * bf)
+        jacobian = a * b * z_w
+        if da or db:
+            z_s, z_t = (
+                (1 - w) * scale_f * front.grid(s * af, t * bf, d) + w * scale_r * rear.grid(s * ar, t * br, d)
+                for d, scale_f, scale_r in (((1, 0), af, ar), ((0, 1), bf, br))
+            )
+            jacobian = jacobian - a * db * t[None, :] * z_t - b * da * s[:, None] * z_s
+        total += ww * (ws @ jacobian @ wt)
+    return float(total)

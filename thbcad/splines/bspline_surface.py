@@ -1,0 +1,102 @@
+"""Tensor-product B-spline surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import NdBSpline
+
+from thbcad.checks import points, read_only, rebuilt, require_orders, require_type
+from thbcad.splines.knot_vector import KnotVector
+from thbcad.splines.sparse_operators import tensor_apply
+
+
+@dataclass(frozen=True, eq=False)
+class BSplineSurface:
+    """S(u, v) = sum_ij N_i(u) N_j(v) c_ij with coefficients (n_u, n_v) or (n_u, n_v, d).
+
+    Raises
+    ------
+    ValueError : kv_u or kv_v that is no KnotVector; coefficients of another shape, or not finite.
+    """
+
+    kv_u: KnotVector
+    kv_v: KnotVector
+    coefficients: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("kv_u", "kv_v"):
+            require_type(name, getattr(self, name), KnotVector)
+        c = read_only(self.coefficients)
+        wanted = (self.kv_u.dim, self.kv_v.dim)
+        if c.shape[:2] != wanted or c.ndim > 3 or c.size == 0:
+            raise ValueError(f"coefficients must have shape {wanted} or {(*wanted, 'd')}, got {c.shape}")
+        if not np.isfinite(c).all():
+            raise ValueError("coefficients must be finite")
+        object.__setattr__(self, "coefficients", c)
+
+    __reduce__ = rebuilt
+
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
+        u, v = points(u, v)
+        derivative = require_orders(derivative)
+        for kv, x in ((self.kv_u, u), (self.kv_v, v)):
+            kv.require_inside(x)
+        if derivative[0] > self.kv_u.degree or derivative[1] > self.kv_v.degree:
+            return np.zeros((len(u), *self.coefficients.shape[2:]))
+        return self._scattered(np.column_stack([u, v]), nu=derivative)
+
+    @cached_property
+    def _scattered(self) -> NdBSpline:
+        """The same spline in scipy, whose compiled loop over points is the fastest at hand."""
+        return NdBSpline((self.kv_u.knots, self.kv_v.knots), self.coefficients, (self.kv_u.degree, self.kv_v.degree))
+
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
+
+        Raises
+        ------
+        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        """
+        order_u, order_v = require_orders(derivative)
+        a, b = self.kv_u.collocation(u, order_u), self.kv_v.collocation(v, order_v)
+        return tensor_apply(a, b, self.coefficients)
+
+    def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> BSplineSurface:
+        """Return the same surface with knots inserted in u and in v.
+
+        Raises
+        ------
+        ValueError : as `KnotVector.insert`.
+        """
+        kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
+        return BSplineSurface(kv_u, kv_v, tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients))
+
+    def elevated(self, degrees: tuple[int, int]) -> BSplineSurface:
+        """Return the same surface with (at least) the given degrees in u and in v.
+
+        Raises
+        ------
+        ValueError : a degree above 10.
+        """
+        vectors, net = [], self.coefficients
+        for kv, degree in zip((self.kv_u, self.kv_v), degrees):
+            rows = net.reshape(len(net), -1)
+            while kv.degree < degree:
+                kv, rows = kv.elevate(), kv.elevation() @ rows
+            net = np.moveaxis(rows.reshape(kv.dim, *net.shape[1:]), 0, 1)
+            vectors.append(kv)
+        return BSplineSurface(*vectors, net)
+
+    def integral(self) -> np.float64 | NDArray[np.float64]:
+        """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
+        return np.einsum("i,j,ij...->...", self.kv_u.integrals(), self.kv_v.integrals(), self.coefficients)

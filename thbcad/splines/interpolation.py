@@ -1,0 +1,46 @@
+"""Interpolation at the Greville points.
+
+Source: C. de Boor, A Practical Guide to Splines, chapter 13.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
+
+from thbcad.checks import require_real, require_type
+from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.knot_vector import KnotVector
+from thbcad.splines.user_functions import Function, evaluate
+
+
+def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike) -> BSplineSurface:
+    """Return the spline that takes given values at the Greville points.
+
+    Solves A_u C A_v^T = Z with the collocation matrices at the Greville abscissae.
+
+    Parameters
+    ----------
+    target : a function of u and v, (n,) float each, that returns (n,) or (n, d), or the values Z,
+        (kv_u.dim, kv_v.dim) or (kv_u.dim, kv_v.dim, d)
+
+    Raises
+    ------
+    ValueError : values of another shape, or not finite.
+    """
+    for name, kv in (("kv_u", kv_u), ("kv_v", kv_v)):
+        require_type(name, kv, KnotVector)
+    u, v = kv_u.greville(), kv_v.greville()
+    if callable(target):
+        flat = evaluate(target, np.repeat(u, len(v)), np.tile(v, len(u)))
+        values = flat.reshape(len(u), len(v), *flat.shape[1:])
+    else:
+        require_real(target)
+        values = np.asarray(target, dtype=np.float64)
+        if values.shape[:2] != (len(u), len(v)) or values.ndim > 3 or not np.isfinite(values).all():
+            wanted = f"{(len(u), len(v))} or {(len(u), len(v), 'd')}"
+            raise ValueError(f"target must hold finite values of shape {wanted}, got shape {values.shape}")
+    by_u = make_interp_spline(u, values, kv_u.degree, t=kv_u.knots).c
+    by_v = make_interp_spline(v, np.swapaxes(by_u, 0, 1), kv_v.degree, t=kv_v.knots).c
+    return BSplineSurface(kv_u, kv_v, np.swapaxes(by_v, 0, 1))

@@ -1,0 +1,210 @@
+"""Rational B-spline (NURBS) curves and surfaces.
+
+A rational spline is the projection x = (w x) / w of a spline with the homogeneous coefficients
+(w_i P_i, w_i).  Linear operators (knot insertion, segments, degree elevation) act on these.
+
+Source: L. Piegl and W. Tiller, The NURBS Book, chapter 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, product
+from math import comb
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thbcad.checks import read_only, rebuilt, require_order, require_orders, require_real, require_type
+from thbcad.splines.bspline_surface import BSplineSurface
+from thbcad.splines.knot_vector import KnotVector
+from thbcad.splines.sparse_operators import tensor_apply
+
+GREATEST_WEIGHT = 1e150  # products and quotients of two are finite and not zero
+
+
+def quotient(jet: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative (a, b) of x = (w x) / w from all lower derivatives of (w x, w).
+
+        x^(a,b) = ((w x)^(a,b) - sum_(i,j) != (0,0) C(a,i) C(b,j) w^(i,j) x^(a-i,b-j)) / w
+
+    jet : (a + 1, b + 1, ..., d + 1) float, derivative (i, j) of (w x, w) in jet[i, j].
+    Returns (..., d) float.  Source: The NURBS Book, (4.20).
+    """
+    weight, out = jet[..., -1:], jet[..., :-1].copy()
+    for a, b in product(*map(range, jet.shape[:2])):
+        for i, j in product(range(a + 1), range(b + 1)):
+            if i or j:
+                out[a, b] -= comb(a, i) * comb(b, j) * weight[i, j] * out[a - i, b - j]
+        out[a, b] /= weight[0, 0]
+    return out[-1, -1]
+
+
+@dataclass(frozen=True, eq=False)
+class NURBSCurve:
+    """C(u) = sum_i w_i N_i(u) P_i / sum_i w_i N_i(u) with points P_i (dim, d) and weights (dim,), or one weight for all.
+
+    Raises
+    ------
+    ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
+    """
+
+    kv: KnotVector
+    points: NDArray[np.float64]
+    weights: NDArray[np.float64] | float = 1.0
+
+    def __post_init__(self) -> None:
+        require_type("kv", self.kv, KnotVector)
+        points, weights = _checked(self.points, self.weights, (self.kv.dim,))
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "weights", weights)
+
+    __reduce__ = rebuilt
+
+    @classmethod
+    def from_homogeneous(cls, kv: KnotVector, coefficients: NDArray[np.float64]) -> NURBSCurve:
+        """Return the curve with the coefficients (w_i P_i, w_i), (dim, d + 1)."""
+        return cls(kv, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
+
+    @cached_property
+    def homogeneous(self) -> NDArray[np.float64]:
+        """The coefficients (w_i P_i, w_i), (dim, d + 1)."""
+        return _homogeneous(self.points, self.weights)
+
+    def __call__(self, u: ArrayLike, derivative: int = 0) -> NDArray[np.float64]:
+        """Return the points, or their derivatives of any order, at the parameters u, (n, d)."""
+        require_order(derivative)
+        jet = np.stack([self.kv.collocation(u, k) @ self.homogeneous for k in range(derivative + 1)])
+        return quotient(jet[:, None])
+
+    def insert(self, knots: ArrayLike) -> NURBSCurve:
+        """Return the same curve with knots inserted."""
+        kv = self.kv.insert(knots)
+        return NURBSCurve.from_homogeneous(kv, self.kv.prolongation(kv) @ self.homogeneous)
+
+    def segment(self, start: float, stop: float) -> NURBSCurve:
+        """Return the piece of the curve over [start, stop]."""
+        kv, operator = self.kv.segment(start, stop)
+        return NURBSCurve.from_homogeneous(kv, operator @ self.homogeneous)
+
+    def elevate(self) -> NURBSCurve:
+        """Return the same curve with the degree raised by one."""
+        return NURBSCurve.from_homogeneous(self.kv.elevate(), self.kv.elevation() @ self.homogeneous)
+
+    def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSCurve:
+        """Return the affine image A C(u) + b.
+
+        matrix : (e, d) float, so that (3, 2) places a plane curve in space.  offset : (e,) float or one number.
+        """
+        return NURBSCurve(self.kv, _image(self.points, matrix, offset), self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class NURBSSurface:
+    """S(u, v) = sum_ij w_ij N_i(u) N_j(v) P_ij / sum_ij w_ij N_i(u) N_j(v), points (n_u, n_v, d), weights (n_u, n_v) or one for all.
+
+    Raises
+    ------
+    ValueError : wrong types or shapes; points that are not finite; weights outside 1e-150 .. 1e150.
+    """
+
+    kv_u: KnotVector
+    kv_v: KnotVector
+    points: NDArray[np.float64]
+    weights: NDArray[np.float64] | float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("kv_u", "kv_v"):
+            require_type(name, getattr(self, name), KnotVector)
+        points, weights = _checked(self.points, self.weights, (self.kv_u.dim, self.kv_v.dim))
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "weights", weights)
+
+    __reduce__ = rebuilt
+
+    @classmethod
+    def from_bspline(cls, surface: BSplineSurface) -> NURBSSurface:
+        """Return a polynomial surface with coefficients (n_u, n_v, d) as NURBS with all weights one."""
+        require_type("surface", surface, BSplineSurface)
+        return cls(surface.kv_u, surface.kv_v, surface.coefficients)
+
+    @classmethod
+    def from_homogeneous(cls, kv_u: KnotVector, kv_v: KnotVector, coefficients: NDArray[np.float64]) -> NURBSSurface:
+        """Return the surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
+        return cls(kv_u, kv_v, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
+
+    @cached_property
+    def homogeneous(self) -> BSplineSurface:
+        """The polynomial surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
+        return BSplineSurface(self.kv_u, self.kv_v, _homogeneous(self.points, self.weights))
+
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Return the points, or their derivatives of any order, at scattered parameters (u_k, v_k), (n, d)."""
+        return _evaluated(self.homogeneous, u, v, derivative)
+
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Return the same on the grid u x v, (len(u), len(v), d)."""
+        return _evaluated(self.homogeneous.grid, u, v, derivative)
+
+    def insert(self, knots_u: ArrayLike = (), knots_v: ArrayLike = ()) -> NURBSSurface:
+        """Return the same surface with knots inserted in u and in v."""
+        finer = self.homogeneous.insert(knots_u, knots_v)
+        return NURBSSurface.from_homogeneous(finer.kv_u, finer.kv_v, finer.coefficients)
+
+    def segment(self, u: tuple[float, float], v: tuple[float, float]) -> NURBSSurface:
+        """Return the piece of the surface over the rectangle u[0] .. u[1], v[0] .. v[1]."""
+        (kv_u, by_u), (kv_v, by_v) = self.kv_u.segment(*u), self.kv_v.segment(*v)
+        return NURBSSurface.from_homogeneous(kv_u, kv_v, tensor_apply(by_u, by_v, self.homogeneous.coefficients))
+
+    def to_bezier(self) -> list[NURBSSurface]:
+        """Return the same surface as rational Bezier patches, one for each cell, cells in v first."""
+        net = tensor_apply(self.kv_u.bezier(), self.kv_v.bezier(), self.homogeneous.coefficients)
+        rows, columns = (_spans(kv) for kv in (self.kv_u, self.kv_v))
+        return [NURBSSurface.from_homogeneous(kv_u, kv_v, net[i, j]) for (kv_u, i), (kv_v, j) in product(rows, columns)]
+
+    def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSSurface:
+        """Return the affine image A S(u, v) + b; matrix (e, d), offset (e,) or one number."""
+        return NURBSSurface(self.kv_u, self.kv_v, _image(self.points, matrix, offset), self.weights)
+
+
+def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return both as read-only arrays of the shapes (*shape, d) and shape."""
+    require_real(weights)
+    points, weights = read_only(points), np.asarray(weights, dtype=np.float64)
+    if points.ndim != len(shape) + 1 or points.shape[:-1] != shape or points.size == 0:
+        raise ValueError(f"points must have shape {(*shape, 'd')}, got {points.shape}")
+    if not np.isfinite(points).all():
+        raise ValueError("points must be finite")
+    if weights.shape not in ((), shape):
+        raise ValueError(f"weights must be one number or have shape {shape}, got {weights.shape}")
+    bad = ~((weights >= 1 / GREATEST_WEIGHT) & (weights <= GREATEST_WEIGHT))
+    if bad.any():
+        raise ValueError(f"weights must lie between {1 / GREATEST_WEIGHT:g} and {GREATEST_WEIGHT:g}, got {weights[bad].flat[0]}")
+    return points, read_only(np.broadcast_to(weights, shape))
+
+
+def _homogeneous(points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    return read_only(np.concatenate([weights[..., None] * points, weights[..., None]], axis=-1))
+
+
+def _image(points: NDArray[np.float64], matrix: ArrayLike, offset: ArrayLike) -> NDArray[np.float64]:
+    matrix, offset = (np.asarray(x, dtype=np.float64) for x in (matrix, offset))
+    if matrix.ndim != 2 or matrix.shape[1] != points.shape[-1]:
+        raise ValueError(f"matrix must have {points.shape[-1]} columns, one for each component of the points, got shape {matrix.shape}")
+    if offset.shape not in ((), matrix.shape[:1]):
+        raise ValueError(f"offset must be one number or have shape {matrix.shape[:1]}, got {offset.shape}")
+    return points @ matrix.T + offset
+
+
+def _evaluated(spline: Callable[..., NDArray[np.float64]], u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
+    """Return a derivative of the projection of a spline of homogeneous points, given as function of u, v and the derivative."""
+    derivative = require_orders(derivative)
+    return quotient(np.array([[spline(u, v, (i, j)) for j in range(derivative[1] + 1)] for i in range(derivative[0] + 1)]))
+
+
+def _spans(kv: KnotVector) -> list[tuple[KnotVector, slice]]:
+    """Return for every span its Bezier knot vector and its rows in the Bezier extraction."""
+    n = kv.degree + 1
+    return [(KnotVector(kv.degree, np.repeat(ends, n)), slice(k * n, (k + 1) * n)) for k, ends in enumerate(pairwise(kv.breaks))]

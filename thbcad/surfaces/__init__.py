@@ -1,0 +1,19 @@
+"""THB surfaces and their exact conversions."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.surfaces.thb_surface import (
+        STRIP as STRIP,
+        THBSurface as THBSurface,
+    )
+
+_FILES = {
+    "thb_surface": (
+        "STRIP",
+        "THBSurface",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,125 @@
+"""THB surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thbcad.checks import points, read_only, rebuilt, require_type
+from thbcad.hierarchy import THBSpace
+from thbcad.splines import BSplineSurface
+from thbcad.surfaces.level_patches import patches
+from thbcad.surfaces.priced_faces import faces
+
+STRIP = 1 << 18  # points that are evaluated at once
+
+
+@dataclass(frozen=True, eq=False)
+class THBSurface:
+    """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space, with coefficients (dim,) or (dim, d).
+
+    Raises
+    ------
+    ValueError : a space that is no THBSpace; coefficients of another shape, or not finite.
+    """
+
+    space: THBSpace
+    coefficients: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        require_type("space", self.space, THBSpace)
+        c = read_only(self.coefficients)
+        if c.shape[:1] != (self.space.dim,) or c.ndim > 2 or c.size == 0:
+            raise ValueError(f"coefficients must have shape ({self.space.dim},) or ({self.space.dim}, d), got {c.shape}")
+        if not np.isfinite(c).all():
+            raise ValueError("coefficients must be finite")
+        object.__setattr__(self, "coefficients", c)
+
+    __reduce__ = rebuilt
+
+    @cached_property
+    def _tensor(self) -> BSplineSurface:
+        embedding = self.space.embedding
+        return BSplineSurface(embedding.kv_u, embedding.kv_v, embedding.coefficients(self.coefficients))
+
+    @cached_property
+    def _local(self) -> NDArray[np.float64]:
+        """Local coefficients of the leaf cells, (cells, p + 1, q + 1, ...)."""
+        nets = np.concatenate(list(self.space.nets.coefficients(self.coefficients)))
+        return nets[self.space.local_basis.blocks]
+
+    def to_bspline(self) -> BSplineSurface:
+        """Return the same surface as one tensor-product B-spline with only the knots needed.
+
+        Raises
+        ------
+        ValueError : it needs more than 10^8 control points.
+        """
+        return self._tensor
+
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
+
+        Raises
+        ------
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        """
+        if self.space.is_compact:
+            return self._tensor(u, v, derivative)
+        return self._cellwise(u, v, derivative)
+
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+        """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
+
+        Raises
+        ------
+        ValueError : parameters outside the domain or NaN, an order that is not a non-negative integer.
+        """
+        if self.space.is_compact:
+            return self._tensor.grid(u, v, derivative)
+        u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
+        values = self._cellwise(np.repeat(u, len(v)), np.tile(v, len(u)), derivative)
+        return values.reshape(len(u), len(v), *values.shape[1:])
+
+    def _cellwise(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
+        """Return the values at scattered points from the local coefficients of their cells."""
+        u, v = points(u, v)
+        strips = []
+        for first in range(0, max(len(u), 1), STRIP):
+            own = slice(first, first + STRIP)
+            by_u, by_v, cell = self.space.local_values(u[own], v[own], derivative)
+            strips.append(np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True))
+        return np.concatenate(strips)
+
+    def to_patches(self) -> list[BSplineSurface]:
+        """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level cells."""
+        return [BSplineSurface(*patch) for patch in patches(self.space, self.coefficients)]
+
+    def bernstein(self) -> NDArray[np.float64]:
+        """Return the Bernstein coefficients on every leaf cell, (cells, p + 1, q + 1) or (cells, p + 1, q + 1, d).
+
+        On leaf cell k, over ``space.boxes[k]``, the surface is sum_ij B_i^p(s) B_j^q(t) b_kij with s and t
+        in [0, 1] along u and v.
+        """
+        return self.space.local_basis.bernstein(self._local)
+
+    def to_faces(self, price: float) -> list[BSplineSurface]:
+        """Return the same surface as faces on only their own needed knots, between one face and many.
+
+        price : how many control points a face is worth; 0 gives the fewest control points that
+            bisection finds, inf one face.
+
+        Raises
+        ------
+        ValueError : a price that is negative or NaN; a tensor-product form of more than 10^8 control points.
+        """
+        return list(faces(self.space, self._tensor, price))
+
+    def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSurface:
+        """Return the same surface over ``space.refine(cells, admissible)``."""
+        finer = self.space.refine(cells, admissible)
+        return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)
