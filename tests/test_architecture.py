@@ -6,6 +6,7 @@ Every import counts: inside functions, under TYPE_CHECKING, by `import_module` o
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from functools import cache
@@ -43,6 +44,7 @@ SINGLE_FILES = {"thbcad.doors", "thbcad.checks"}  # rooms of one file, which is 
 MOST_FILES = 13  # of a room, besides its door; commands are counted by what the command line offers
 FOLDERS = ("thbcad", "optics", "oracles", "benchmarks", "tests", "examples")
 FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
+MODULE_NAME = re.compile(r"(thbcad|optics)(\.\w+)+")
 HEAVY = ["mitsuba", "drjit", "OCP", "build123d", "cadquery", "matplotlib", "scipy", "numpy", "skimage", "PIL"]
 
 # package: the modules (paths from the root) that alone may import it, and why
@@ -55,7 +57,7 @@ ALLOWED = {
         ["optics/runtime/backend.py", "optics/mitsuba/loading.py"],
         "they check libLLVM before they load Dr.Jit, which can abort the process",
     ),
-    "optiland": (["optics/verification/optiland_trace.py"], "an optional tracer that takes seconds to load"),
+    "optiland": (["optics/verification/optiland_tracer.py"], "an optional tracer that takes seconds to load"),
     "trimesh": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
     "lib3mf": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
     "matplotlib": (["optics/report/"], "modules that draw are few and in one room"),
@@ -88,7 +90,10 @@ def calls(path, *functions):
 
 @cache
 def imported(path):
-    """Return what a file imports, as full dotted names: "a.b.c" of `from a.b import c` and of `import a.b.c`."""
+    """Return what a file imports, as full dotted names: "a.b.c" of `from a.b import c` and of `import a.b.c`.
+
+    In the packages a string that is the name of a module counts as an import of it.
+    """
     found = set()
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
@@ -96,6 +101,9 @@ def imported(path):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{name(path)}: relative import"
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    for node in ast.walk(tree(path)) if path in PACKAGE_FILES else ():
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and MODULE_NAME.fullmatch(node.value):
+            found.add(node.value)
     for node in calls(path, "import_module", "__import__"):
         found |= {a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str)}
     return found | {f"{module_of(path)}.{file}.{n}" for file, names in door_table(path).items() for n in names}
@@ -305,7 +313,7 @@ def test_tensor_product_modules_do_not_load_the_hierarchy(module):
 
 
 def test_help_loads_neither_numpy_nor_scipy():
-    done = run("-X", "importtime", "-m", "optics.commands.cli", "--help")
+    done = run("-X", "importtime", "-m", "optics", "--help")
     assert "usage" in done.stdout
     loaded = {line.split("|")[-1].strip().split(".")[0] for line in done.stderr.splitlines() if line.startswith("import time:")}
     assert "argparse" in loaded

@@ -44,7 +44,7 @@ def rows() -> list[Row]:
 
 def _design(name: str, folder: Path, other: dict[str, float]) -> list[Row]:
     start = perf_counter()
-    command = [sys.executable, "-m", "optics.commands.cli", "design", str(EXAMPLES / f"{name}.toml"), "--out", str(folder)]
+    command = [sys.executable, "-m", "optics", "design", str(EXAMPLES / f"{name}.toml"), "--out", str(folder)]
     subprocess.run(command, check=True, capture_output=True)
     seconds = perf_counter() - start
     metrics = json.loads((folder / "metrics.json").read_text())

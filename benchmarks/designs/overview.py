@@ -53,7 +53,7 @@ def rows() -> list[Row]:
 def _design(name: str, folder: Path, limits: tuple[float, float, float]) -> list[Row]:
     """Return the figures of a design; limits : seconds, rel_l2, dB."""
     start = perf_counter()
-    command = [sys.executable, "-m", "optics.commands.cli", "design", str(EXAMPLES / f"{name}.toml"), "--out", str(folder)]
+    command = [sys.executable, "-m", "optics", "design", str(EXAMPLES / f"{name}.toml"), "--out", str(folder)]
     subprocess.run(command, check=True, capture_output=True)
     seconds = perf_counter() - start
     metrics = json.loads((folder / "metrics.json").read_text())
@@ -159,7 +159,7 @@ def _start() -> list[Row]:
     times = []
     for _ in range(5):
         start = perf_counter()
-        subprocess.run([sys.executable, "-m", "optics.commands.cli", "--help"], check=True, capture_output=True)
+        subprocess.run([sys.executable, "-m", "optics", "--help"], check=True, capture_output=True)
         times.append(perf_counter() - start)
     heavy = "import sys, thbcad; print(sum(m in sys.modules for m in ('mitsuba', 'drjit', 'OCP', 'build123d', 'matplotlib')))"
     loaded = int(subprocess.run([sys.executable, "-c", heavy], check=True, capture_output=True, text=True).stdout)

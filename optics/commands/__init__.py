@@ -6,10 +6,14 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.commands.cli import (
+        entry as entry,
         main as main,
     )
 
 _FILES = {
-    "cli": ("main",),
+    "cli": (
+        "entry",
+        "main",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

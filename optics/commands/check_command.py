@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from optics.commands.etendue_command import etendue_note
+from optics.etendue import etendue_note
 from optics.optimisation import stages
 from optics.problem import load_problem
 from optics.system import advice, freeforms, skip_lines, skips, sound, target_irradiance, target_screen

@@ -10,6 +10,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
 from optics.runtime import NumericalError, UserError
 
@@ -65,9 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        from optics.commands import check_command as commands
-
-        result, lines, ok = getattr(commands, options.command)(options)
+        command = import_module(f"optics.commands.{options.command}_command")
+        result, lines, ok = getattr(command, options.command)(options)
     except (UserError, NumericalError) as error:
         print(f"thbcad: {error}", file=sys.stderr)
         return error.exit_code
@@ -103,7 +103,3 @@ def _print(text: str) -> None:
 def entry() -> None:
     """Entry point of the installed command."""
     sys.exit(main())
-
-
-if __name__ == "__main__":
-    entry()

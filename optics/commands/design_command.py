@@ -5,7 +5,6 @@ from __future__ import annotations
 import resource
 from argparse import Namespace
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from threading import Thread
 from time import perf_counter
@@ -81,8 +80,9 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
 def _load_ahead() -> None:
     """Load what the end of a run needs while the optimiser works: OCCT alone takes a second."""
     with suppress(ImportError):  # the run meets it again, and says so
-        for module in ("thbcad.cad.exchange.step", "optics.verification.step_checks", "optics.report.figures"):
-            import_module(module)
+        from optics.report import draw_all  # noqa: F401
+        from optics.verification import verify  # noqa: F401
+        from thbcad.cad import write_step  # noqa: F401
 
 
 def _optimise(
@@ -104,7 +104,7 @@ def _finish(
     problem: Problem, light: NDArray[np.float64], lens: Lens, state: State, folder: ResultFolder, clock: _Clock
 ) -> tuple[dict[str, Any], list[str], bool]:
     """Export, measure, verify and report a designed lens."""
-    from optics.commands.etendue_command import limit_sentence
+    from optics.etendue import limit_sentence
     from optics.problem import as_data, manufacture_rows
     from optics.report import Report, draw_all, report_html
     from optics.runtime import load_backend
@@ -142,7 +142,7 @@ def _finish(
 
 def _store(problem: Problem, lens: Lens, state: State, folder: ResultFolder) -> None:
     """Write problem, lens, history and STEP file; only now: until then a folder keeps what belongs to an earlier run."""
-    from thbcad.cad.exchange import write_step
+    from thbcad.cad import write_step
 
     folder.write_problem(problem)
     folder.write_lens(lens)

@@ -28,14 +28,21 @@ if TYPE_CHECKING:
     from optics.etendue.nonnegative_solvers import (
         descend as descend,
     )
+    from optics.etendue.problem_bounds import (
+        KIND as KIND,
+        QUICK as QUICK,
+        Found as Found,
+        certain_bound as certain_bound,
+        etendue_note as etendue_note,
+        limit_sentence as limit_sentence,
+        problem_bound as problem_bound,
+    )
     from optics.etendue.source_image_bound import (
         ImageBound as ImageBound,
-        image_bound as image_bound,
     )
     from optics.etendue.throughput_bound import (
         Array as Array,
         Throughput as Throughput,
-        image_half_width as image_half_width,
         rear_area as rear_area,
         throughput as throughput,
     )
@@ -59,14 +66,19 @@ _FILES = {
     "kernel_stack": ("Real",),
     "measured_images": ("patch_images",),
     "nonnegative_solvers": ("descend",),
-    "source_image_bound": (
-        "ImageBound",
-        "image_bound",
+    "problem_bounds": (
+        "Found",
+        "KIND",
+        "QUICK",
+        "certain_bound",
+        "etendue_note",
+        "limit_sentence",
+        "problem_bound",
     ),
+    "source_image_bound": ("ImageBound",),
     "throughput_bound": (
         "Array",
         "Throughput",
-        "image_half_width",
         "rear_area",
         "throughput",
     ),

@@ -9,10 +9,9 @@ if TYPE_CHECKING:
         bare_checks as bare_checks,
         stranger_checks as stranger_checks,
     )
-    from optics.verification.optiland_trace import (
+    from optics.verification.optiland_tracer import (
         optiland_available as optiland_available,
         optiland_checks as optiland_checks,
-        optiland_trace as optiland_trace,
     )
     from optics.verification.reference_tracer import (
         trace_step as trace_step,
@@ -31,10 +30,9 @@ _FILES = {
         "bare_checks",
         "stranger_checks",
     ),
-    "optiland_trace": (
+    "optiland_tracer": (
         "optiland_available",
         "optiland_checks",
-        "optiland_trace",
     ),
     "reference_tracer": ("trace_step",),
     "step_checks": (

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from optics.commands.cli import main
+from optics.commands import main
 from optics.problem import load_problem
 from tests.cases import ROOT
 from tests.optics.cases import picture, write_problem
@@ -40,7 +40,7 @@ def command(*arguments, **options):
     """Start the command line as a process of its own."""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     return subprocess.Popen(
-        [sys.executable, "-m", "optics.commands.cli", *map(str, arguments)],
+        [sys.executable, "-m", "optics", *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -400,7 +400,7 @@ def test_help_ends_well(arguments, capsys):
 
 def test_help_of_the_command_loads_nothing_heavy():
     code = (
-        "import sys\nfrom optics.commands.cli import main\n"
+        "import sys\nfrom optics.commands import main\n"
         "try:\n main(['--help'])\nexcept SystemExit: pass\n"
         "print([m for m in ('drjit', 'OCP', 'matplotlib', 'mitsuba', 'skimage') if m in sys.modules], file=sys.stderr)"
     )

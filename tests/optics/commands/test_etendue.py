@@ -8,7 +8,8 @@ from argparse import Namespace
 import numpy as np
 import pytest
 
-from optics.commands.etendue_command import NO_LIMIT, QUICK, certain_bound, etendue, etendue_note, limit_sentence
+from optics.commands.etendue_command import NO_LIMIT, etendue
+from optics.etendue import QUICK, certain_bound, etendue_note, limit_sentence
 from optics.optimisation import ResultFolder
 from optics.problem import load_problem
 from optics.runtime import UserError

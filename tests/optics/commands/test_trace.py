@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from optics.analysis import sequential
 from optics.commands.cli import main
-from optics.commands.trace_command import sequential
 from optics.optimisation import ResultFolder
 from optics.problem import load_problem
 from optics.system import base_lens

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from optics.sources import Profile, lambertian_parts
-from optics.verification import optiland_trace as module
-from optics.verification.optiland_trace import optiland_available, optiland_checks, optiland_trace
+from optics.verification import optiland_tracer as module
+from optics.verification.optiland_tracer import optiland_available, optiland_checks, optiland_trace
 from optics.verification.reference_tracer import trace_step
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import fresnel, meridional
@@ -190,7 +190,7 @@ def test_the_settings_of_optiland_are_put_back():
 
 
 def test_to_ask_for_optiland_does_not_load_it():
-    program = "import sys; from optics.optiland_trace import optiland_available as a; print(a(), 'optiland' in sys.modules)"
+    program = "import sys; from optics.verification import optiland_available as a; print(a(), 'optiland' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert optiland_available()
     assert done.stdout.split() == ["True", "False"]

@@ -1,0 +1,5 @@
+"""`python -m optics`: the command line without the installed command."""
+
+from optics.commands import entry
+
+entry()
