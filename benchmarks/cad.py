@@ -1,4 +1,5 @@
-"""The lens as a CAD file: seconds, megabytes and what reads back, on rough synthetic lenses that fill the whole net.
+"""The lens as a CAD file: seconds, megabytes and what reads back, on rough synthetic lenses that fill the
+whole net.
 
 Run on one core: thbcad bench cad
 """
@@ -41,7 +42,8 @@ PRODUCT = Product("rough lens", "thbcad", "thbcad", "PMMA", 1.19)
 
 @dataclass(frozen=True, eq=False)
 class Trip:
-    """A lens that went through a STEP file: what was read, seconds by step, checks (by optiland apart), and the size of the file in MB."""
+    """A lens that went through a STEP file: what was read, seconds by step, checks (by optiland apart), and
+    the size of the file in MB."""
 
     read: SolidFile
     seconds: dict[str, float]
@@ -65,7 +67,8 @@ def rows() -> list[Row]:
 
 
 def rough_lens(poles: int) -> Lens:
-    """Return a lens of 100 x 100 mm whose rear is a paraboloid with poles x poles random heights, smoothed as 1 / frequency^2."""
+    """Return a lens of 100 x 100 mm whose rear is a paraboloid with poles x poles random heights, smoothed as
+    1 / frequency^2."""
     kv = KnotVector.uniform(3, poles - 3)
     frequency = np.hypot(np.fft.fftfreq(poles)[:, None], np.fft.rfftfreq(poles)[None, :])
     frequency[0, 0] = np.inf
@@ -89,8 +92,13 @@ def step_trip(problem: Problem, lens: Lens, folder: Path, backend: Backend) -> T
     file = StepFile(path)
     timed("read its text", lambda: file.text)
     read = timed("read it with OCCT", lambda: file.solid)
-    checks = timed("compare text, OCCT's rays, volume and area with the lens", lambda: stranger_checks(problem, lens, file, backend))
-    checks += timed("verify solid, poles, landing points, irradiance", lambda: verify(problem, lens, file, backend))
+    checks = timed(
+        "compare text, OCCT's rays, volume and area with the lens",
+        lambda: stranger_checks(problem, lens, file, backend),
+    )
+    checks += timed(
+        "verify solid, poles, landing points, irradiance", lambda: verify(problem, lens, file, backend)
+    )
     if optiland_available():
         checks += timed(OPTILAND, lambda: optiland_checks(problem, lens, file, backend))
     return Trip(read, seconds, checks, path.stat().st_size / 1e6)
@@ -111,11 +119,25 @@ def _time_rows(poles: int, trip: Trip) -> list[Row]:
 
 def _step_rows(poles: int, lens: Lens, trip: Trip) -> list[Row]:
     read = trip.read
-    faults = abs(read.solids - 1) + abs(read.faces - 6) + read.free_edges + (not read.valid) + (not read.closed)
+    faults = (
+        abs(read.solids - 1) + abs(read.faces - 6) + read.free_edges + (not read.valid) + (not read.closed)
+    )
     return [
-        Row(f"{poles}^2 poles: STEP, faults of the solid", faults, "", "solids, faces, free edges, closed, valid", 0),
+        Row(
+            f"{poles}^2 poles: STEP, faults of the solid",
+            faults,
+            "",
+            "solids, faces, free edges, closed, valid",
+            0,
+        ),
         *_face_rows(poles, lens, read, "step"),
-        Row(f"{poles}^2 poles: STEP, volume by OCCT against the closed form", abs(read.volume / lens.volume() - 1), "", "", VOLUME),
+        Row(
+            f"{poles}^2 poles: STEP, volume by OCCT against the closed form",
+            abs(read.volume / lens.volume() - 1),
+            "",
+            "",
+            VOLUME,
+        ),
     ]
 
 
@@ -133,40 +155,68 @@ def _mesh_row(poles: int, lens: Lens, folder: Path) -> Row:
     """Return the greatest error of an STL file, relative to the chord error that was stated."""
     _, checks = export(lens, "stl", str(folder / "lens.stl"), CHORD)
     worst = max(c.value for c in checks if c.unit == "mm")
-    return Row(f"{poles}^2 poles: STL, error over the stated chord error of {CHORD} mm", worst / CHORD, "", "", 1.0)
+    return Row(
+        f"{poles}^2 poles: STL, error over the stated chord error of {CHORD} mm", worst / CHORD, "", "", 1.0
+    )
 
 
 def _other_rows(poles: int, lens: Lens, folder: Path) -> list[Row]:
     found = []
-    for name, data, read in (("iges", iges_bytes(lens, PRODUCT), read_iges), ("brep", brep_bytes(lens), read_brep)):
+    for name, data, read in (
+        ("iges", iges_bytes(lens, PRODUCT), read_iges),
+        ("brep", brep_bytes(lens), read_brep),
+    ):
         path = folder / f"lens.{name}"
         path.write_bytes(data)
-        found += [Row(f"{poles}^2 poles: {name.upper()} file", len(data) / 1e6, "MB"), *_face_rows(poles, lens, read(path), name)]
+        found += [
+            Row(f"{poles}^2 poles: {name.upper()} file", len(data) / 1e6, "MB"),
+            *_face_rows(poles, lens, read(path), name),
+        ]
     return found
 
 
 def _face_rows(poles: int, lens: Lens, read: SolidFile, name: str) -> list[Row]:
     faces = (read.front, read.rear)
-    differ = sum(_different(face.coefficients, own.coefficients) for face, own in zip(faces, lens_surfaces(lens)))
+    differ = sum(
+        _different(face.coefficients, own.coefficients) for face, own in zip(faces, lens_surfaces(lens))
+    )
     x = np.linspace(-50, 50, SAMPLES)
     exact = (lens.front.grid(x, x), lens.thickness + lens.rear.grid(x, x))
     u = [np.clip(x, face.kv_u.start, face.kv_u.stop) for face in faces]
     error = max(float(np.abs(face.grid(at, at)[..., 2] - z).max()) for face, at, z in zip(faces, u, exact))
     return [
         Row(f"{poles}^2 poles: {name.upper()}, poles that differ", differ, "", "", 0),
-        Row(f"{poles}^2 poles: {name.upper()}, faces against the lens", error, "mm", f"{SAMPLES}^2 points per face", FACE[name]),
+        Row(
+            f"{poles}^2 poles: {name.upper()}, faces against the lens",
+            error,
+            "mm",
+            f"{SAMPLES}^2 points per face",
+            FACE[name],
+        ),
     ]
 
 
 def _different(poles: NDArray[np.float64], own: NDArray[np.float64]) -> int:
-    return int((poles != own).any(axis=2).sum()) if poles.shape == own.shape else max(len(poles), len(own)) ** 2
+    return (
+        int((poles != own).any(axis=2).sum()) if poles.shape == own.shape else max(len(poles), len(own)) ** 2
+    )
 
 
 def _quarter_row() -> Row:
-    """Return the size of a file whose lens has 256^2 spans in one quarter and 32^2 elsewhere, as a share of that with 256^2 spans."""
+    """Return the size of a file whose lens has 256^2 spans in one quarter and 32^2 elsewhere, as a share of
+    that with 256^2 spans."""
     quarter, full = THBSpace(*[KnotVector.uniform(3, 32)] * 2), THBSpace(*[KnotVector.uniform(3, 256)] * 2)
     for level in range(3):
         quarter = quarter.refine({level: np.argwhere(np.ones((16 << level, 16 << level)))})
     rng = np.random.default_rng(0)
-    sizes = [len(step_bytes(_lens(THBSurface(space, 1e-3 * rng.standard_normal(space.dim))))) for space in (quarter, full)]
-    return Row("refined in one quarter: STEP file, share of the full net's", sizes[0] / sizes[1], "", f"{sizes[0] / 1e6:.2f} MB", QUARTER)
+    sizes = [
+        len(step_bytes(_lens(THBSurface(space, 1e-3 * rng.standard_normal(space.dim)))))
+        for space in (quarter, full)
+    ]
+    return Row(
+        "refined in one quarter: STEP file, share of the full net's",
+        sizes[0] / sizes[1],
+        "",
+        f"{sizes[0] / 1e6:.2f} MB",
+        QUARTER,
+    )

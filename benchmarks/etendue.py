@@ -26,7 +26,8 @@ from pathlib import Path
 from benchmarks.etendue import picture
 from optics.etendue import Kernel, approximate
 approximate(Kernel.disk(20), picture(512))
-print(next(int(line.split()[1]) for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM")) / 1024)
+lines = Path("/proc/self/status").read_text().splitlines()
+print(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024)
 """
 
 
@@ -57,9 +58,21 @@ def _landscapes() -> list[Row]:
         start = process_time()
         result = landscape(target)
         found += [
-            Row(f"landscape of the {name}, 441 positions at 256^2", process_time() - start, "s", "6.1 s, an earlier prototype", 10),
+            Row(
+                f"landscape of the {name}, 441 positions at 256^2",
+                process_time() - start,
+                "s",
+                "6.1 s, an earlier prototype",
+                10,
+            ),
             Row("   greatest relative KKT residual", float(result.kkt.max()), "", "", 1e-8),
-            Row("   greatest residual less its lower bound", float((result.residual - result.lower_bound).max()), "", "", 1e-8),
+            Row(
+                "   greatest residual less its lower bound",
+                float((result.residual - result.lower_bound).max()),
+                "",
+                "",
+                1e-8,
+            ),
         ]
     return found
 
@@ -72,7 +85,10 @@ def _general() -> list[Row]:
         "five points": Kernel.points([(0, 0), (5, 1), (-2, 7), (4, -6), (-6, -3)], [1, 1, 1, 1, 1]),
     }
     cases = [(f"{name}, picture", kernel, picture(256)) for name, kernel in kernels.items()]
-    cases += [("disk of 6 px, square", kernels["disk of 6 px"], square()), ("disk of 6 px, disk", kernels["disk of 6 px"], disk())]
+    cases += [
+        ("disk of 6 px, square", kernels["disk of 6 px"], square()),
+        ("disk of 6 px, disk", kernels["disk of 6 px"], disk()),
+    ]
     return [row for name, kernel, target in cases for row in _solve(f"256^2, {name}", kernel, target, 1.0)]
 
 
@@ -93,7 +109,12 @@ def _gap(result: Approximation) -> float:
 def _large() -> list[Row]:
     output = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, check=True).stdout
     rows = _solve("512^2, disk of 20 px", Kernel.disk(20), picture(512), 10.0)
-    return [*rows, Row("   greatest memory of the process", float(output), "MiB", "Python and scipy included", LIMIT_MIB)]
+    return [
+        *rows,
+        Row(
+            "   greatest memory of the process", float(output), "MiB", "Python and scipy included", LIMIT_MIB
+        ),
+    ]
 
 
 def _analytic() -> list[Row]:
@@ -105,7 +126,15 @@ def _analytic() -> list[Row]:
         result = approximate(kernel, target, 1e-12)
         first = np.flatnonzero(result.solution[0] > 0.5)[0]
         error = float(np.abs(result.solution[0, first : first + light.shape[1]] - light[0]).max())
-        found.append(Row(f"analytic response, {sources} sources, {splits} splits: error of the solver's", error, "", "", 1e-8))
+        found.append(
+            Row(
+                f"analytic response, {sources} sources, {splits} splits: error of the solver's",
+                error,
+                "",
+                "",
+                1e-8,
+            )
+        )
     return found
 
 

@@ -12,7 +12,18 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.deconvolution import CASES, MARKS, STEPS, Case, compare, disk, figure_7_4, landscape, square, two_sources
+from optics.deconvolution import (
+    CASES,
+    MARKS,
+    STEPS,
+    Case,
+    compare,
+    disk,
+    figure_7_4,
+    landscape,
+    square,
+    two_sources,
+)
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -26,7 +37,10 @@ def main(folder: Path) -> list[Path]:
     """Write the pictures; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = [deconvolution(folder / "figure_7_4.png")]
-    paths += [positions(name, folder / f"figure_{number}.png") for name, number in (("square", "7_7"), ("disk", "7_8"))]
+    paths += [
+        positions(name, folder / f"figure_{number}.png")
+        for name, number in (("square", "7_7"), ("disk", "7_8"))
+    ]
     paths += [methods(case, folder / f"figure_{case.figure.replace('.', '_')}.png") for case in CASES]
     return paths
 
@@ -46,12 +60,15 @@ def deconvolution(path: Path) -> Path:
 
 
 def positions(name: str, path: Path) -> Path:
-    """Draw the target, the loss landscape, and image and response at the marked positions of the second source."""
+    """Draw the target, the loss landscape, and image and response at the marked positions of the second
+    source."""
     target = {"square": square, "disk": disk}[name]()
     found = landscape(target)
     figure, axes = plt.subplots(2, 4, figsize=(15, 7.2), layout="constrained")
     _image(axes[0, 0], target, "wanted")
-    shown = axes[1, 0].imshow(found.residual, origin="lower", extent=(-0.5, STEPS + 0.5, -0.5, STEPS + 0.5), cmap="viridis")
+    shown = axes[1, 0].imshow(
+        found.residual, origin="lower", extent=(-0.5, STEPS + 0.5, -0.5, STEPS + 0.5), cmap="viridis"
+    )
     figure.colorbar(shown, ax=axes[1, 0], label="least |E * F - G| / |G|")
     axes[1, 0].set(xlabel="m", ylabel="n", title="loss landscape")
     for (above, below), (m, n), colour in zip(axes[:, 1:].T, MARKS[name], COLOURS):
@@ -60,7 +77,9 @@ def positions(name: str, path: Path) -> Path:
         _image(above, best.image, f"({m}, {n}): residual {best.residual:.4f}")
         _image(below, best.light, "response")
         above.title.set_color(colour)
-    print(f"{path.name}: {found.residual.size} positions, KKT residual at most {found.kkt.max():.0e}, ", end="")
+    print(
+        f"{path.name}: {found.residual.size} positions, KKT residual at most {found.kkt.max():.0e}, ", end=""
+    )
     print(f"residual less its lower bound at most {(found.residual - found.lower_bound).max():.0e}")
     return _saved(figure, path)
 

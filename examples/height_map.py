@@ -1,4 +1,5 @@
-"""Fit a THB-spline to a height map, with the refinement of thesis section 6.2: degree 3, 10 x 10 control points, levels 0 to 4.
+"""Fit a THB-spline to a height map, with the refinement of thesis section 6.2: degree 3, 10 x 10 control
+points, levels 0 to 4.
 
 Instead of 150 steps of an optimiser every level is one least-squares fit, which is the minimum of (6.4).
 The thesis shows its height map in a figure only; this one is a formula.
@@ -41,7 +42,8 @@ def height_map(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def mark(surface: THBSurface, samples: Samples) -> dict[int, NDArray[np.int64]]:
-    """Return the leaf cells whose sum of vertex gradients (6.2) exceeds ALPHA times the mean over the leaf cells (6.3).
+    """Return the leaf cells whose sum of vertex gradients (6.2) exceeds ALPHA times the mean over the leaf
+    cells (6.3).
 
     The gradient of the loss (6.4) by a vertex height is the residual there over the loss.
     """
@@ -85,7 +87,13 @@ def draw(samples: Samples, fits: list[THBSurface], others: list[THBSurface], pat
         relief(top, heights, f"level {level}: {surface.space.dim} control points")
         mesh(middle, surface.space, f"{len(surface.space.cells)} cells")
         residual = np.maximum(np.abs(heights - samples.values.reshape(heights.shape)), 1e-6).T
-        image = bottom.imshow(residual, origin="lower", extent=(0, 1, 0, 1), cmap=plt.get_cmap("magma", 10), norm=LogNorm(1e-6, 1e-1))
+        image = bottom.imshow(
+            residual,
+            origin="lower",
+            extent=(0, 1, 0, 1),
+            cmap=plt.get_cmap("magma", 10),
+            norm=LogNorm(1e-6, 1e-1),
+        )
         bottom.set_title(f"rms error {error(surface, samples):.1e}", fontsize=10)
     for ax in (target, *axes.ravel()):
         ax.set(xticks=[], yticks=[])
@@ -125,7 +133,8 @@ def convergence(ax: plt.Axes, samples: Samples, fits: list[THBSurface], others: 
 
 
 def main(path: Path) -> list[tuple[int, float, int, float]]:
-    """Print and return (control points, error, the same of uniform refinement) per level, and write the picture."""
+    """Print and return (control points, error, the same of uniform refinement) per level, and write the
+    picture."""
     samples = Samples.grid(GRID, GRID, height_map(GRID[:, None], GRID))
     fits, others = refined(samples), uniform(samples)
     table = [(a.space.dim, error(a, samples), b.space.dim, error(b, samples)) for a, b in zip(fits, others)]

@@ -1,7 +1,8 @@
-"""Design a lens inside Mitsuba: ten steps of Adam on the THB coefficients, through the exact tracer as an integrator.
+"""Design a lens inside Mitsuba: ten steps of Adam on the THB coefficients, through the exact tracer as an
+integrator.
 
-A round beam of 95 mm is to light a disk.  Every render traces the spline surface itself, and `dr.backward` brings
-the loss's derivatives down to the coefficients.  Needs ``pip install thbcad[mitsuba]``.
+A round beam of 95 mm is to light a disk.  Every render traces the spline surface itself, and `dr.backward`
+brings the loss's derivatives down to the coefficients.  Needs ``pip install thbcad[mitsuba]``.
 """
 
 from __future__ import annotations
@@ -28,9 +29,13 @@ def main() -> list[float]:
     problem = replace(problem, target=replace(problem.target, pixels=(PIXELS, PIXELS)))
     film = {"type": "hdrfilm", "width": PIXELS, "height": PIXELS, "pixel_format": "luminance"}
     sensor = {"type": "perspective", "film": film}  # only its size counts
-    scene = mi.load_dict({"type": "scene", "integrator": exact_integrator(problem, base_lens(problem)), "sensor": sensor})
+    scene = mi.load_dict(
+        {"type": "scene", "integrator": exact_integrator(problem, base_lens(problem)), "sensor": sensor}
+    )
     parameters = mi.traverse(scene)
-    wanted = target_irradiance(target_light(problem), target_screen(problem), problem.target.placing, TRANSMITTED)
+    wanted = target_irradiance(
+        target_light(problem), target_screen(problem), problem.target.placing, TRANSMITTED
+    )
     target = mi.TensorXf(wanted[..., None])
 
     optimizer = mi.ad.Adam(lr=RATE)

@@ -1,4 +1,5 @@
-"""A mount for a lens: a frame with a seat and four screw holes, fitted to the lens, checked, and written as an assembly.
+"""A mount for a lens: a frame with a seat and four screw holes, fitted to the lens, checked, and written as
+an assembly.
 
     python examples/mount.py [lens.json or a folder with one] [folder]
 
@@ -20,7 +21,11 @@ from thbcad.cad.shapes import NAMES
 
 CLEARANCE = 0.1  # mm, all round and under the rim
 LEDGE = 2.0  # mm of the front's rim lie on the seat
-WALL, PLATE, FLANGE = 3.0, 5.0, 9.0  # mm: wall round the edges, thickness of the plate and how far it reaches beyond the wall
+WALL, PLATE, FLANGE = (
+    3.0,
+    5.0,
+    9.0,
+)  # mm: wall round the edges, thickness of the plate and how far it reaches beyond the wall
 SCREW = 3.4  # mm, through hole of an M3 screw
 CHAMFER = 0.8  # mm
 ANODISED = (0.2, 0.2, 0.22)
@@ -33,7 +38,12 @@ def small_lens() -> Lens:
     space = THBSpace(kv, kv)
     u, v = (axis.ravel() for axis in np.meshgrid(kv.greville(), kv.greville(), indexing="ij"))
     ripples = THBSurface(space, 0.3 * np.sin(9 * u) * np.cos(7 * v))
-    return Lens(FreeformSurface((20, 15), Conic(200.0, -1.0)), FreeformSurface((20, 15), Conic(-60.0, -1.0), ripples), 9.0, 1.49)
+    return Lens(
+        FreeformSurface((20, 15), Conic(200.0, -1.0)),
+        FreeformSurface((20, 15), Conic(-60.0, -1.0), ripples),
+        9.0,
+        1.49,
+    )
 
 
 def lowest(surface: FreeformSurface, width: float) -> float:
@@ -44,14 +54,18 @@ def lowest(surface: FreeformSurface, width: float) -> float:
 
 
 def mount_for(lens: Lens) -> bd.Solid:
-    """Return the mount: a plate with a window smaller than the front, a wall round the edges, and four holes."""
+    """Return the mount: a plate with a window smaller than the front, a wall round the edges, and four
+    holes."""
     seat = lowest(lens.front, LEDGE) - CLEARANCE
     top = lens.thickness + lowest(lens.rear, 0.0)
     window = [2 * (h - LEDGE) for h in lens.front.half_width]
     pocket = [2 * (max(pair) + CLEARANCE) for pair in zip(lens.front.half_width, lens.rear.half_width)]
     outside = [size + 2 * WALL for size in pocket]
     flange = [size + 2 * FLANGE for size in outside]
-    up, down = (bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN), (bd.Align.CENTER, bd.Align.CENTER, bd.Align.MAX)
+    up, down = (
+        (bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN),
+        (bd.Align.CENTER, bd.Align.CENTER, bd.Align.MAX),
+    )
 
     plate = bd.chamfer((bd.Pos(Z=seat) * bd.Box(*flange, PLATE, align=down)).edges(), CHAMFER)
     wall = bd.Pos(Z=seat) * bd.Box(*outside, top - seat, align=up)
@@ -64,10 +78,14 @@ def mount_for(lens: Lens) -> bd.Solid:
 
 
 def report(lens: bd.Shape, mount: bd.Shape) -> None:
-    """Print sizes and volumes, what lens and mount have in common, and how far the mount is from the front and each edge."""
+    """Print sizes and volumes, what lens and mount have in common, and how far the mount is from the front
+    and each edge."""
     for part in (lens, mount):
         size = part.bounding_box().size
-        print(f"{part.label}: {size.X:.2f} x {size.Y:.2f} x {size.Z:.2f} mm, {part.volume:.1f} mm^3, {len(part.faces())} faces")
+        print(
+            f"{part.label}: {size.X:.2f} x {size.Y:.2f} x {size.Z:.2f} mm, {part.volume:.1f} mm^3, "
+            f"{len(part.faces())} faces"
+        )
     common = lens & mount
     print(f"in common: {0.0 if common is None else sum(solid.volume for solid in common.solids()):g} mm^3")
     for name, face in zip(NAMES, lens.faces()):

@@ -35,7 +35,13 @@ LINES = ("#2f6690", "#d9701a", "#7d3c98")  # functions of level 0, 1, 2
 CELLS = ("#e4edf4", "#f9cf9c", "#c79bd6")  # cells of level 0, 1, 2
 SHADES = ("#16425b", "#3d7ea6", "#86b8da")
 TRUNCATED, RED, ROSE, GREY, INK = "#128277", "#c1272d", "#edc3bf", "#bbbbbb", "#222222"
-STYLE = {"font.size": 9, "axes.titlesize": 9.5, "axes.titlelocation": "left", "axes.spines.top": False, "axes.spines.right": False}
+STYLE = {
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
 
 KNOTS = KnotVector.uniform(degree=2, spans=4)  # {0, 0, 0, 0.25, 0.5, 0.75, 1, 1, 1}
 WANTED = [(0, 0), (1, 2)]  # the cells [0, 0.25] x [0, 0.25] and [0.25, 0.5] x [0.5, 0.75]
@@ -43,7 +49,8 @@ U = np.linspace(0, 1, 801)
 
 
 def unclamped_functions(degree: int, breaks: Sequence[float], u: Array) -> Array:
-    """Return the functions of one degree on knots that are not repeated (3.5, 3.6), (len(u), len(breaks) - 1 - degree).
+    """Return the functions of one degree on knots that are not repeated (3.5, 3.6), (len(u), len(breaks) - 1
+    - degree).
 
     For degree 0 they say which span holds u.  For higher degrees they are the functions of the
     clamped knot vector that do not reach a repeated knot.
@@ -91,7 +98,8 @@ def refinements() -> dict[str, THBSpace]:
 
 
 def cut_cells(space: THBSpace) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return for each leaf cell the cell (i, j) of KNOTS x KNOTS that holds it, (n, 2), and whether that one is cut, (n,)."""
+    """Return for each leaf cell the cell (i, j) of KNOTS x KNOTS that holds it, (n, 2), and whether that one
+    is cut, (n,)."""
     u0, u1, v0, v1 = space.boxes.T
     parents = np.column_stack([u0 + u1, v0 + v1]) / 2 * KNOTS.spans
     return parents.astype(np.int64), (u1 - u0) * (v1 - v0) < 1 / KNOTS.spans**2
@@ -100,7 +108,8 @@ def cut_cells(space: THBSpace) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 def wave_spaces() -> list[THBSpace]:
     """Return spaces of one, two and three levels along the curve v = 0.5 + 0.28 sin(2 pi u).
 
-    Omega_1 holds the cells of level 0 with centres less than 0.25 above or below it, Omega_2 those of level 1 less than 0.1.
+    Omega_1 holds the cells of level 0 with centres less than 0.25 above or below it, Omega_2 those of level 1
+    less than 0.1.
     """
     kv = KnotVector.uniform(degree=2, spans=8)
     spaces = [THBSpace(kv, kv)]
@@ -111,15 +120,31 @@ def wave_spaces() -> list[THBSpace]:
     return spaces
 
 
-def draw_functions(axes: Axes, u: Array, values: Array, colours: Sequence[str], names: Sequence[str] = ()) -> None:
+def draw_functions(
+    axes: Axes, u: Array, values: Array, colours: Sequence[str], names: Sequence[str] = ()
+) -> None:
     """Draw the columns of `values` over u where they are not zero, each with its name at its top."""
     for k, column in enumerate(values.T):
-        axes.plot(u, np.where(column > 0, column, np.nan), color=colours[k % len(colours)], lw=1.7, solid_capstyle="round")
+        axes.plot(
+            u,
+            np.where(column > 0, column, np.nan),
+            color=colours[k % len(colours)],
+            lw=1.7,
+            solid_capstyle="round",
+        )
         if names:
             middle = np.flatnonzero(column == column.max()).mean() / (len(u) - 1)
             place = {0.0: "left", 1.0: "right"}.get(middle, "center")
             at = (u[0] + middle * (u[-1] - u[0]), column.max())
-            axes.annotate(names[k], at, (0, 4.5), textcoords="offset points", color=colours[k % len(colours)], ha=place, fontsize=8.5)
+            axes.annotate(
+                names[k],
+                at,
+                (0, 4.5),
+                textcoords="offset points",
+                color=colours[k % len(colours)],
+                ha=place,
+                fontsize=8.5,
+            )
 
 
 def draw_sums(plots: Iterable[tuple[int, Axes]], finer: KnotVector, old: str, new: str, top: float) -> None:
@@ -133,7 +158,12 @@ def draw_sums(plots: Iterable[tuple[int, Axes]], finer: KnotVector, old: str, ne
             draw_functions(axes, U, part[:, None], LINES[1:2])
         draw_functions(axes, U, whole[:, i : i + 1], LINES[:1])
         formula = " + ".join(rf"{r[i, j]:.2g}\,{new.format(j)}".removeprefix("1") for j in terms)
-        frame(axes, finer.breaks if len(finer.breaks) < 7 else KNOTS.breaks, top, f"${old.format(i)} = {formula}$")
+        frame(
+            axes,
+            finer.breaks if len(finer.breaks) < 7 else KNOTS.breaks,
+            top,
+            f"${old.format(i)} = {formula}$",
+        )
 
 
 def frame(axes: Axes, ticks: ArrayLike, top: float, title: str) -> None:
@@ -163,7 +193,9 @@ def draw_insertion() -> Figure:
     top, bottom = figure.subfigures(2, 1)
     cases = ((KNOTS, LINES[0], "N", ""), (finer, LINES[1], r"\tilde N", ": a knot at 0.4"))
     for axes, (kv, colour, letter, why) in zip(top.subplots(1, 2), cases):
-        draw_functions(axes, U, kv.collocation(U).toarray(), [colour], [f"${letter}_{i}$" for i in range(kv.dim)])
+        draw_functions(
+            axes, U, kv.collocation(U).toarray(), [colour], [f"${letter}_{i}$" for i in range(kv.dim)]
+        )
         frame(axes, kv.breaks, 1.22, f"{kv.dim} functions{why}")
     draw_sums(enumerate(bottom.subplots(1, 3), start=1), finer, "N_{}", r"\tilde N_{}", 0.9)
     return figure
@@ -186,22 +218,32 @@ def draw_refinement() -> Figure:
     for axes, (title, space) in zip(plots.flat, refinements().items()):
         parents, cut = cut_cells(space)
         wanted = (parents[:, None] == np.array(WANTED)).all(axis=2).any(axis=1)
-        draw_cells(axes, space.boxes, np.where(cut, np.where(wanted, CELLS[1], ROSE), CELLS[0]).tolist(), KNOTS.breaks)
+        draw_cells(
+            axes,
+            space.boxes,
+            np.where(cut, np.where(wanted, CELLS[1], ROSE), CELLS[0]).tolist(),
+            KNOTS.breaks,
+        )
         for i, j in WANTED:
             axes.add_patch(Rectangle((i / 4, j / 4), 0.25, 0.25, fill=False, edgecolor=RED, lw=2.2, zorder=3))
         axes.set_title(f"{title}\n{space.dim} functions, {len(np.unique(parents[cut], axis=0))} cells cut")
     kinds = {"to refine": ("none", RED), "cut": (CELLS[1],) * 2, "cut, but not asked for": (ROSE,) * 2}
-    handles = [Patch(facecolor=face, edgecolor=edge, lw=2, label=label) for label, (face, edge) in kinds.items()]
+    handles = [
+        Patch(facecolor=face, edgecolor=edge, lw=2, label=label) for label, (face, edge) in kinds.items()
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
 def draw_levels(plots: Sequence[Axes]) -> None:
-    """Figures 3.7 and 3.9: the bases of levels 0 and 1, and the functions of level 0 with support in [0, 0.5]."""
+    """Figures 3.7 and 3.9: the bases of levels 0 and 1, and the functions of level 0 with support in [0,
+    0.5]."""
     inside = [LINES[0] if end <= 0.5 else GREY for end in KNOTS.knots[KNOTS.degree + 1 :]]
     cases = ((KNOTS, LINES[:1], 0), (KNOTS.bisect(), LINES[1:2], 1), (KNOTS, inside, 0))
     for axes, (kv, colours, level) in zip(plots, cases):
-        draw_functions(axes, U, kv.collocation(U).toarray(), colours, [f"$N_{i}^{level}$" for i in range(kv.dim)])
+        draw_functions(
+            axes, U, kv.collocation(U).toarray(), colours, [f"$N_{i}^{level}$" for i in range(kv.dim)]
+        )
         frame(axes, kv.breaks, 1.22, f"level {level}: {kv.dim} functions")
     plots[2].set_title(r"level 0: support in $\Omega_1$ = [0, 0.5]")
 
@@ -220,9 +262,17 @@ def draw_hierarchy(plots: Sequence[Axes]) -> None:
     finer = KNOTS.bisect()
     parts = finer.collocation(U).toarray() * KNOTS.prolongation(finer).toarray()[:, 2]
     plots[1].plot(U, np.where(parts > 0, parts, np.nan)[:, 2:4], color=RED, lw=1.4, ls=(0, (4, 2)))
-    for values, colour in ((parts[:, 4:6], LINES[1]), (hierarchical[:, :1], LINES[0]), (truncated[:, :1], TRUNCATED)):
+    for values, colour in (
+        (parts[:, 4:6], LINES[1]),
+        (hierarchical[:, :1], LINES[0]),
+        (truncated[:, :1], TRUNCATED),
+    ):
         draw_functions(plots[1], U, values, [colour])
-    for name, at, colour in (("$N_2^0$", (0.375, 0.79), LINES[0]), (short, (0.53, 0.6), TRUNCATED), ("set to zero", (0.015, 0.66), RED)):
+    for name, at, colour in (
+        ("$N_2^0$", (0.375, 0.79), LINES[0]),
+        (short, (0.53, 0.6), TRUNCATED),
+        ("set to zero", (0.015, 0.66), RED),
+    ):
         plots[1].annotate(name, at, color=colour, fontsize=8.5)
     for axes, title in zip(plots, ("hierarchical basis", "truncation", "truncated basis")):
         axes.axvspan(0, 0.5, color=CELLS[1], alpha=0.4, lw=0, zorder=0)
@@ -246,7 +296,9 @@ def draw_relief(axes: Axes, surface: THBSurface) -> None:
     z, middle = surface.grid(grid, grid), (grid[:-1] + grid[1:]) / 2
     leaf = space.locate(np.repeat(middle, steps), np.tile(middle, steps)).reshape(steps, steps)
     colours = np.array([to_rgb(colour) for colour in CELLS])[space.cells[leaf, 0]]
-    light = LightSource(azdeg=300, altdeg=50).shade_rgb(colours, z[:-1, :-1], vert_exag=0.5, dx=1 / steps, dy=1 / steps, blend_mode="soft")
+    light = LightSource(azdeg=300, altdeg=50).shade_rgb(
+        colours, z[:-1, :-1], vert_exag=0.5, dx=1 / steps, dy=1 / steps, blend_mode="soft"
+    )
     axes.computed_zorder = False
     axes.plot_surface(u, v, z, facecolors=light, rstride=1, cstride=1, shade=False, antialiased=False)
     around = np.linspace(0, 1, 9)
@@ -254,7 +306,9 @@ def draw_relief(axes: Axes, surface: THBSurface) -> None:
     loop = np.stack([np.r_[around, high, around[::-1], low], np.r_[low, around, high, around[::-1]]], axis=-1)
     at = space.boxes[:, None, [0, 2]] + loop * (space.boxes[:, None, [1, 3]] - space.boxes[:, None, [0, 2]])
     height = surface(*at.reshape(-1, 2).T).reshape(*at.shape[:2], 1)
-    axes.add_collection3d(Line3DCollection(np.concatenate([at, height], axis=2), colors="0.25", linewidths=0.45, zorder=3))
+    axes.add_collection3d(
+        Line3DCollection(np.concatenate([at, height], axis=2), colors="0.25", linewidths=0.45, zorder=3)
+    )
     axes.set_axis_off()
     axes.set(xlim=(0, 1), ylim=(0, 1), zlim=(-0.8, 0.8))
     axes.set_box_aspect((1, 1, 0.18))
@@ -262,7 +316,8 @@ def draw_relief(axes: Axes, surface: THBSurface) -> None:
 
 
 def draw_surface() -> Figure:
-    """Figure 3.14: nested domains, the hierarchical mesh, and a surface with random z of its control points."""
+    """Figure 3.14: nested domains, the hierarchical mesh, and a surface with random z of its control
+    points."""
     spaces = wave_spaces()
     space = spaces[-1]
     sizes = 0.5 ** space.functions[:, 0]
@@ -289,7 +344,9 @@ def main(folder: Path) -> None:
     with plt.rc_context(STYLE):
         for name, draw in pictures.items():
             figure = draw()
-            figure.savefig(folder / f"{name}.png", dpi=100, metadata={"Software": None}, pil_kwargs={"optimize": True})
+            figure.savefig(
+                folder / f"{name}.png", dpi=100, metadata={"Software": None}, pil_kwargs={"optimize": True}
+            )
             plt.close(figure)
     print("functions:", *(space.dim for space in refinements().values()))
     truncated, hierarchical = (basis.sum(axis=1).max() for basis in strip_bases(strip_space([0, 1]), U))

@@ -68,14 +68,33 @@ def trace_one(solid, ray, target, threshold):
         passed = 0.0
         if square > 0:
             behind = np.sqrt(square)
-            ratios = (eta * cosine - behind) / (eta * cosine + behind), (cosine - eta * behind) / (cosine + eta * behind)
+            ratios = (
+                (eta * cosine - behind) / (eta * cosine + behind),
+                (cosine - eta * behind) / (cosine + eta * behind),
+            )
             passed = 1 - 0.5 * (ratios[0] ** 2 + ratios[1] ** 2)
             onward = eta * d + (behind - eta * cosine) * normal
             exit_face = ("front_", "", "edges_")[kind] if inside else left
-            branch = point, onward / np.linalg.norm(onward), passed * share, not inside, face, exit_face, met + 1
+            branch = (
+                point,
+                onward / np.linalg.norm(onward),
+                passed * share,
+                not inside,
+                face,
+                exit_face,
+                met + 1,
+            )
             drop(stack, branch, flux, threshold * power)
         mirrored = d - 2 * cosine * normal
-        branch = point, mirrored / np.linalg.norm(mirrored), share - passed * share, inside, face, left or "outside", met + 1
+        branch = (
+            point,
+            mirrored / np.linalg.norm(mirrored),
+            share - passed * share,
+            inside,
+            face,
+            left or "outside",
+            met + 1,
+        )
         if left == "":
             branch = (*branch[:5], left, met + 1)
         drop(stack, branch, flux, threshold * power)
@@ -90,13 +109,16 @@ def drop(stack, branch, flux, least):
 
 
 def escape(origin, d, left, target):
-    """Return the fate of light that leaves: `left` is None (nothing met), "outside", or the prefix of the last exit."""
+    """Return the fate of light that leaves: `left` is None (nothing met), "outside", or the prefix of the
+    last exit."""
     if left is None or left == "outside":
         return "beside_lens" if left is None else "reflected_outside"
     if d[2] <= 0 or origin[2] > target.z:
         return "back"
     x, y = (origin + d * (target.z - origin[2]) / d[2])[:2]
-    return left + ("on_target" if abs(x) <= target.half_width[0] and abs(y) <= target.half_width[1] else "off_target")
+    return left + (
+        "on_target" if abs(x) <= target.half_width[0] and abs(y) <= target.half_width[1] else "off_target"
+    )
 
 
 def traced_one_by_one(solid, rays, target, threshold):
@@ -120,7 +142,8 @@ def edge_gap(lens):
 
 
 class MeshSolid:
-    """A closed lens as triangles: facets are met by Moeller and Trumbore's test, normals are those of the surfaces."""
+    """A closed lens as triangles: facets are met by Moeller and Trumbore's test, normals are those of the
+    surfaces."""
 
     def __init__(self, lens, count=40):
         self.lens = lens
@@ -133,16 +156,21 @@ class MeshSolid:
             both = np.stack([a, b], axis=-1)
             for grid, out in ((points, corners), (both, parameters)):
                 p, q, r, t = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-                out += [np.stack(three, axis=2).reshape(-1, 3, grid.shape[2]) for three in ((p, q, r), (p, r, t))]
+                out += [
+                    np.stack(three, axis=2).reshape(-1, 3, grid.shape[2]) for three in ((p, q, r), (p, r, t))
+                ]
             kinds.append(np.full(2 * (a.shape[0] - 1) * (a.shape[1] - 1), kind))
-        self.corners, self.parameters, self.kinds = (np.concatenate(part) for part in (corners, parameters, kinds))
+        self.corners, self.parameters, self.kinds = (
+            np.concatenate(part) for part in (corners, parameters, kinds)
+        )
         first, second = (self.corners[:, k] - self.corners[:, 0] for k in (1, 2))
         normal = np.cross(first, second)
         middle = self.normal(self.kinds, *self.parameters.mean(axis=1).T)
         self.sides = np.sign(np.sum(normal * middle, axis=1))
 
     def rims(self, kind, s):
-        """Return the ends of the rulings s of the edges +x, -x, +y, -y (2 to 5), each (n, 3), and their derivatives by s."""
+        """Return the ends of the rulings s of the edges +x, -x, +y, -y (2 to 5), each (n, 3), and their
+        derivatives by s."""
         ends = []
         for surface, vertex in ((self.lens.front, 0.0), (self.lens.rear, self.lens.thickness)):
             hx, hy = surface.half_width
@@ -170,7 +198,9 @@ class MeshSolid:
             m = kind == which
             x, y = (c[m] * h for c, h in zip((a, b), surface.half_width))
             if m.any():
-                normals[m] = sign * np.column_stack([-surface(x, y, (1, 0)), -surface(x, y, (0, 1)), np.ones_like(x)])
+                normals[m] = sign * np.column_stack(
+                    [-surface(x, y, (1, 0)), -surface(x, y, (0, 1)), np.ones_like(x)]
+                )
         m = kind >= 2
         if m.any():
             front, front_s, rear, rear_s = self.rims(kind[m], a[m])

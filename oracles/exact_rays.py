@@ -1,8 +1,9 @@
 """Rays through quadratic surfaces in 60 decimal digits, and how far rounded results may be from them.
 
-Surfaces are z = c + c_x x + c_y y + a x^2 + b y^2, whose meeting points, normals and refraction need square roots only.
-`sensitivity` moves the data - rays, coefficients, index - by a rounding each and adds up what that does to a result: an
-error of r times as much is what exact arithmetic makes of data that are wrong by r roundings.
+Surfaces are z = c + c_x x + c_y y + a x^2 + b y^2, whose meeting points, normals and refraction need square
+roots only. `sensitivity` moves the data - rays, coefficients, index - by a rounding each and adds up what
+that does to a result: an error of r times as much is what exact arithmetic makes of data that are wrong by r
+roundings.
 """
 
 from __future__ import annotations
@@ -31,12 +32,19 @@ class Quadric:
     half: float
 
     def surface(self, degree: int = 3, spans: int = 4, share: float = 0.5, depth: int = 0) -> FreeformSurface:
-        """Return it as a conic plus a spline: the conic takes `share` of a; `depth` times the cells of a corner are refined."""
+        """Return it as a conic plus a spline: the conic takes `share` of a; `depth` times the cells of a
+        corner are refined."""
         c, cx, cy, a, b = self.terms
         conic = share * a
         kv = KnotVector.uniform(degree, spans, -self.half, self.half)
         x, square = kv.greville(), _squares(kv)
-        net = c + cx * x[:, None] + cy * x[None, :] + (a - conic) * square[:, None] + (b - conic) * square[None, :]
+        net = (
+            c
+            + cx * x[:, None]
+            + cy * x[None, :]
+            + (a - conic) * square[:, None]
+            + (b - conic) * square[None, :]
+        )
         sag = THBSurface(THBSpace(kv, kv), net.ravel())
         for level in range(depth):
             sag = sag.refine({level: np.argwhere(np.ones((spans, spans)))})
@@ -45,7 +53,8 @@ class Quadric:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A lens of two Quadrics, and rays towards a target plane.  origin, direction : (3, n).  distance : mm behind the rear vertex."""
+    """A lens of two Quadrics, and rays towards a target plane.  origin, direction : (3, n).  distance : mm
+    behind the rear vertex."""
 
     front: Quadric
     rear: Quadric
@@ -60,13 +69,24 @@ class Setup:
 
     def scaled(self, factor: float) -> Setup:
         """Return the same in other units."""
-        surfaces = (Quadric([t * factor**k for t, k in zip(q.terms, (1, 0, 0, -1, -1))], q.half * factor) for q in (self.front, self.rear))
-        return Setup(*surfaces, self.thickness * factor, self.index, self.distance * factor, self.origin * factor, self.direction)
+        surfaces = (
+            Quadric([t * factor**k for t, k in zip(q.terms, (1, 0, 0, -1, -1))], q.half * factor)
+            for q in (self.front, self.rear)
+        )
+        return Setup(
+            *surfaces,
+            self.thickness * factor,
+            self.index,
+            self.distance * factor,
+            self.origin * factor,
+            self.direction,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """What becomes of rays, each (n,): fate, landing point in mm, share of the flux; zeros unless they arrive."""
+    """What becomes of rays, each (n,): fate, landing point in mm, share of the flux; zeros unless they
+    arrive."""
 
     fate: NDArray[np.int64]
     x: Exact
@@ -90,11 +110,18 @@ def exact_trace(setup: Setup) -> Traced:
         fate = np.where(met & entered, np.where(hit, np.where(passes, ARRIVES, TOTAL), MISSED), BESIDE)
         arrives = fate == ARRIVES
         way = (distance - point[2]) / np.where(arrives, direction[2], Decimal(1))
-        return Traced(fate, *(np.where(arrives, r, Decimal(0)) for r in (*(point[:2] + way * direction[:2]), share * share_rear)))
+        return Traced(
+            fate,
+            *(
+                np.where(arrives, r, Decimal(0))
+                for r in (*(point[:2] + way * direction[:2]), share * share_rear)
+            ),
+        )
 
 
 def sensitivity(setup: Setup) -> list[NDArray[np.float64]]:
-    """Return by how much x, y (mm) and the share move where every datum and the result itself move by 1 unit of roundoff, (n,) each."""
+    """Return by how much x, y (mm) and the share move where every datum and the result itself move by 1 unit
+    of roundoff, (n,) each."""
     with localcontext() as context:
         context.prec = DIGITS
         base = exact_trace(setup)
@@ -102,17 +129,22 @@ def sensitivity(setup: Setup) -> list[NDArray[np.float64]]:
         for other in map(exact_trace, _moved(setup, STEP)):
             same = (other.fate == base.fate) & (base.fate == ARRIVES)
             pairs = ((base.x, other.x), (base.y, other.y), (base.share, other.share))
-            total = [t + np.where(same, abs(b - a) / STEP, 0).astype(float) for t, (a, b) in zip(total, pairs)]
+            total = [
+                t + np.where(same, abs(b - a) / STEP, 0).astype(float) for t, (a, b) in zip(total, pairs)
+            ]
         return total
 
 
 def fates_nearby(setup: Setup, unit: float) -> NDArray[np.int64]:
     """Return the fates where one datum after the other moves by -unit and unit, (moves, n)."""
-    return np.stack([exact_trace(other).fate for sign in (-1, 1) for other in _moved(setup, sign * Decimal(unit))])
+    return np.stack(
+        [exact_trace(other).fate for sign in (-1, 1) for other in _moved(setup, sign * Decimal(unit))]
+    )
 
 
 def _moved(setup: Setup, step: Decimal) -> list[Setup]:
-    """Return the setup with one datum moved: lengths relative to the lens and the ray's coordinates, directions and slopes to 1."""
+    """Return the setup with one datum moved: lengths relative to the lens and the ray's coordinates,
+    directions and slopes to 1."""
     with localcontext() as context:
         context.prec = DIGITS
         size = Decimal(max(setup.rear.half, setup.thickness))
@@ -120,8 +152,14 @@ def _moved(setup: Setup, step: Decimal) -> list[Setup]:
         far, out = size + abs(origin).max(axis=0), []
         for k in range(3):
             unit = np.array([[Decimal(int(i == k))] for i in range(3)])
-            out += [replace(setup, origin=origin + step * unit * far), replace(setup, direction=direction + step * unit)]
-        out += [replace(setup, **{name: Decimal(getattr(setup, name)) * (1 + step)}) for name in ("index", "thickness", "distance")]
+            out += [
+                replace(setup, origin=origin + step * unit * far),
+                replace(setup, direction=direction + step * unit),
+            ]
+        out += [
+            replace(setup, **{name: Decimal(getattr(setup, name)) * (1 + step)})
+            for name in ("index", "thickness", "distance")
+        ]
         for name in ("front", "rear"):
             quadric = getattr(setup, name)
             for k, scale in enumerate((size, 1, 1, 1 / size, 1 / size)):
@@ -139,7 +177,8 @@ def difference(exact: Exact, found: NDArray[np.floating]) -> NDArray[np.float64]
 
 
 def _meet(quadric: Quadric, origin: Exact, direction: Exact) -> tuple[Exact, Exact, NDArray[np.bool_]]:
-    """Return (points, normals towards +z, met) where rays fall through the surface, from - A t^2 - B t - C = ray height - height."""
+    """Return (points, normals towards +z, met) where rays fall through the surface, from - A t^2 - B t - C =
+    ray height - height."""
     c, cx, cy, a, b = (Decimal(t) for t in quadric.terms)
     (ox, oy, oz), (dx, dy, dz) = origin, direction
     quadratic = a * dx * dx + b * dy * dy
@@ -148,7 +187,11 @@ def _meet(quadric: Quadric, origin: Exact, direction: Exact) -> tuple[Exact, Exa
     square = linear * linear - 4 * quadratic * constant
     root = _root(np.maximum(square, Decimal(0)))
     rest, curved = root - linear, quadratic != 0
-    t = np.where(linear < 0, 2 * constant / np.where(rest != 0, rest, 1), -(root + linear) / np.where(curved, 2 * quadratic, 1))
+    t = np.where(
+        linear < 0,
+        2 * constant / np.where(rest != 0, rest, 1),
+        -(root + linear) / np.where(curved, 2 * quadratic, 1),
+    )
     x, y, z = origin + t * direction
     half = Decimal(quadric.half)
     met = (square >= 0) & (t >= 0) & (abs(x) <= half) & (abs(y) <= half) & ((linear < 0) | curved)
@@ -157,18 +200,22 @@ def _meet(quadric: Quadric, origin: Exact, direction: Exact) -> tuple[Exact, Exa
 
 
 def _refract(direction: Exact, normal: Exact, eta: Decimal) -> tuple[Exact, Exact, NDArray[np.bool_]]:
-    """Return (directions, transmittance, passes): Snell's law as vectors, Fresnel's amplitudes for unpolarised light."""
+    """Return (directions, transmittance, passes): Snell's law as vectors, Fresnel's amplitudes for
+    unpolarised light."""
     cos_i = sum(direction * normal)
     square = 1 - eta * eta * (1 - cos_i * cos_i)
     passes = ((square > 0) & (cos_i > 0)).astype(bool)
     cos_t = _root(np.where(passes, square, Decimal(1)))
-    reflected = [(p - q) / np.where(p + q != 0, p + q, 1) for p, q in ((eta * cos_i, cos_t), (cos_i, eta * cos_t))]
+    reflected = [
+        (p - q) / np.where(p + q != 0, p + q, 1) for p, q in ((eta * cos_i, cos_t), (cos_i, eta * cos_t))
+    ]
     share = 1 - sum(r * r for r in reflected) / 2
     return eta * direction + (cos_t - eta * cos_i) * normal, np.where(passes, share, Decimal(0)), passes
 
 
 def _squares(kv: KnotVector) -> NDArray[np.float64]:
-    """Return the B-spline coefficients of x^2: the mean product of two of the p inner knots of every function."""
+    """Return the B-spline coefficients of x^2: the mean product of two of the p inner knots of every
+    function."""
     inner = np.stack([kv.knots[k : k + kv.dim] for k in range(1, kv.degree + 1)])
     return (inner.sum(axis=0) ** 2 - (inner**2).sum(axis=0)) / 2 / comb(kv.degree, 2)
 

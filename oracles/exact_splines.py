@@ -1,8 +1,9 @@
 """THB splines in exact arithmetic, and the errors of the kernel against them.
 
-Knots, coefficients and parameters are float64 numbers taken exactly.  The knots of level l between two neighbouring knots
-a and b of level 0 are the float64 numbers nearest to a + (b - a) k / 2^l that the kernel computes: `exact` means the spline
-on these rounded knots.  Functions, cells and their numbers are those that `THBSpace` states.
+Knots, coefficients and parameters are float64 numbers taken exactly.  The knots of level l between two
+neighbouring knots a and b of level 0 are the float64 numbers nearest to a + (b - a) k / 2^l that the kernel
+computes: `exact` means the spline on these rounded knots.  Functions, cells and their numbers are those that
+`THBSpace` states.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ def discrete(near, arguments):
 
 
 def roundings(space):
-    """Return a bound of the roundings between coefficients and a value: 5 per degree in a weight, and the sums, for every level."""
+    """Return a bound of the roundings between coefficients and a value: 5 per degree in a weight, and the
+    sums, for every level."""
     p, q = space.kv_u.degree, space.kv_v.degree
     return (5 * (p + q) + (p + 2) * (q + 2)) * space.levels
 
@@ -71,7 +73,11 @@ class ExactAxis:
     def inner(self, level, span):
         """Return the index of the last knot at the left end of a span."""
         whole = span >> level
-        return span + self.surplus[whole] + self.counts[whole] - 1 if span == whole << level else span + self.surplus[whole + 1]
+        return (
+            span + self.surplus[whole] + self.counts[whole] - 1
+            if span == whole << level
+            else span + self.surplus[whole + 1]
+        )
 
     def two_scale(self, level, index):
         """Return {function of level - 1: weight} of function `index` of a level."""
@@ -110,16 +116,21 @@ class ExactTHB:
         key = level, i, j
         if key not in self._coefficients:
             u, v = self.axes[0].two_scale(level, i), self.axes[1].two_scale(level, j)
-            self._coefficients[key] = sum(a * b * self.coefficient(level - 1, k, m) for k, a in u.items() for m, b in v.items())
+            self._coefficients[key] = sum(
+                a * b * self.coefficient(level - 1, k, m) for k, a in u.items() for m, b in v.items()
+            )
         return self._coefficients[key]
 
     def corners(self, cell):
         """Return ((u0, u1), (v0, v1)) of a cell (level, i, j), float64."""
         level, *numbers = cell
-        return tuple((axis.position(level, k), axis.position(level, k + 1)) for axis, k in zip(self.axes, numbers))
+        return tuple(
+            (axis.position(level, k), axis.position(level, k + 1)) for axis, k in zip(self.axes, numbers)
+        )
 
     def sample(self, count, rng):
-        """Return (u, v), (8 count,) float: in random cells of the finest level and of any, at their lower corners, and crossed.
+        """Return (u, v), (8 count,) float: in random cells of the finest level and of any, at their lower
+        corners, and crossed.
 
         Crossed: u of a cell of the finest level and v of another, and the other way round.
         """
@@ -139,7 +150,8 @@ class ExactTHB:
         raise ValueError(f"no cell holds ({u}, {v})")
 
     def __call__(self, u, v, derivative=(0, 0)):
-        """Return (value, scale): the derivative at (u, v) and the sum of |derivatives| of the cell's own B-splines."""
+        """Return (value, scale): the derivative at (u, v) and the sum of |derivatives| of the cell's own
+        B-splines."""
         level, i, j = self.cell_at(u, v)
         by_u = self.axes[0].basis(level, i, u, derivative[0])
         by_v = self.axes[1].basis(level, j, v, derivative[1])
@@ -159,7 +171,10 @@ class ExactPatches:
         return next(
             k
             for k, patch in enumerate(self.patches)
-            if all(kv.start <= x < kv.stop or x == kv.stop == end for kv, x, end in zip((patch.kv_u, patch.kv_v), (u, v), self.ends))
+            if all(
+                kv.start <= x < kv.stop or x == kv.stop == end
+                for kv, x, end in zip((patch.kv_u, patch.kv_v), (u, v), self.ends)
+            )
         )
 
     def __call__(self, u, v, derivative=(0, 0)):

@@ -37,7 +37,9 @@ def window_kinks(window):
     if isinstance(window, GaussianWindow):
         return np.array([-1.0, 1.0]) * window.cut * window.sigma
     if isinstance(window, PixelWindow):
-        return np.array([-0.5 - window.blur, -0.5, window.blur - 0.5, 0.5 - window.blur, 0.5, 0.5 + window.blur])
+        return np.array(
+            [-0.5 - window.blur, -0.5, window.blur - 0.5, 0.5 - window.blur, 0.5, 0.5 + window.blur]
+        )
     order = 1 if isinstance(window, BoxWindow) else window.degree + 1
     return np.arange(order + 1) - order / 2
 
@@ -65,7 +67,8 @@ def fresnel(angle, before, behind):
 
 @dataclass(frozen=True)
 class Meridional:
-    """A ray in a plane that holds the axis: height r and position z in mm, angle to the axis, share of its flux."""
+    """A ray in a plane that holds the axis: height r and position z in mm, angle to the axis, share of its
+    flux."""
 
     r: np.ndarray
     z: np.ndarray

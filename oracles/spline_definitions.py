@@ -21,9 +21,11 @@ def over(a, b):
 
 
 def cox_de_boor(knots, degree, u, derivative=0):
-    """Return (values, sizes): all B-splines at u in exact arithmetic, and the same sums with every minus made plus.
+    """Return (values, sizes): all B-splines at u in exact arithmetic, and the same sums with every minus made
+    plus.
 
-    The last interval is closed.  A term-by-term computation with n roundings errs by at most gamma(n) * sizes.
+    The last interval is closed.  A term-by-term computation with n roundings errs by at most gamma(n) *
+    sizes.
     """
     t, u = [Fraction(float(x)) for x in knots], Fraction(float(u))
     last = max(k for k in range(len(t) - 1) if t[k] < t[k + 1])
@@ -37,7 +39,9 @@ def cox_de_boor(knots, degree, u, derivative=0):
         else:
             low = [u - t[i] for i in range(len(t) - k - 1)]
             high = [t[i + k + 1] - u for i in range(len(t) - k - 1)]
-            values, sizes = ([x * a + y * b for x, y, a, b in zip(low, high, w, w[1:])] for w in (below, above))
+            values, sizes = (
+                [x * a + y * b for x, y, a, b in zip(low, high, w, w[1:])] for w in (below, above)
+            )
     return values, sizes
 
 
@@ -83,11 +87,14 @@ def bisected(knots, degree):
 def support(knots, degree, i):
     """Return the non-empty spans, counted from 0, under B-spline i."""
     breaks = np.unique(knots)
-    return [s for s in range(len(breaks) - 1) if knots[i] <= breaks[s] and breaks[s + 1] <= knots[i + degree + 1]]
+    return [
+        s for s in range(len(breaks) - 1) if knots[i] <= breaks[s] and breaks[s + 1] <= knots[i + degree + 1]
+    ]
 
 
 class DefinitionTHB:
-    """The truncated basis of Giannelli, Juettler and Speleers as nets of the finest full tensor-product level.
+    """The truncated basis of Giannelli, Juettler and Speleers as nets of the finest full tensor-product
+    level.
 
     functions : list of (level, i, j), in the order level, i, j
     nets : (n_u, n_v, dim), knots : the knot vectors of the finest level
@@ -124,11 +131,20 @@ class DefinitionTHB:
         self.nets = np.stack(nets, axis=-1)
 
     def _within(self, knots, level, domain):
-        """Return for each function of a level whether all cells of its support lie in the domain (None: everywhere)."""
-        spans = [[support(knots[d][level], self.degrees[d], i) for i in range(len(knots[d][level]) - self.degrees[d] - 1)] for d in (0, 1)]
+        """Return for each function of a level whether all cells of its support lie in the domain (None:
+        everywhere)."""
+        spans = [
+            [
+                support(knots[d][level], self.degrees[d], i)
+                for i in range(len(knots[d][level]) - self.degrees[d] - 1)
+            ]
+            for d in (0, 1)
+        ]
         if domain is None:
             return np.ones((len(spans[0]), len(spans[1])), dtype=bool)
-        return np.array([[all((a, b) in domain for a in su for b in sv) for sv in spans[1]] for su in spans[0]])
+        return np.array(
+            [[all((a, b) in domain for a in su for b in sv) for sv in spans[1]] for su in spans[0]]
+        )
 
     def collocation(self, u, v, derivative=(0, 0)):
         """Return the values of all functions at scattered points, (n, dim), by scipy."""
@@ -143,7 +159,8 @@ def flux_volume(lens, nodes=48):
     """Return the volume of a lens as the flux of (0, 0, z) through its six faces.
 
     Only values of the two surfaces enter, at Gauss points between the breaks of their splines.  A ruled face
-    X(s, w) = (1 - w) F(s) + w R(s) has the normal component -h_d(w) (h_R - h_F) of the other direction; w is integrated by hand.
+    X(s, w) = (1 - w) F(s) + w R(s) has the normal component -h_d(w) (h_R - h_F) of the other direction; w is
+    integrated by hand.
     """
     sides = []
     for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):

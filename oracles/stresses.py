@@ -1,4 +1,5 @@
-"""Spaces that put the THB kernel under stress: degrees, depths, uneven spans, offsets, multiple knots, orphan cells."""
+"""Spaces that put the THB kernel under stress: degrees, depths, uneven spans, offsets, multiple knots, orphan
+cells."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from thbcad import KnotVector, THBSpace
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One space under stress.  x : the degree, level or decade against which the growth of errors is fitted."""
+    """One space under stress.  x : the degree, level or decade against which the growth of errors is
+    fitted."""
 
     label: str
     x: float

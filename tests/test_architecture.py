@@ -1,7 +1,8 @@
 """Architecture: rooms and their floors, doors, and what a bare import loads.
 
-A room is a package of docs/architecture.md.  It imports only rooms on lower floors, through their doors (`__init__`).
-Every import counts: inside functions, under TYPE_CHECKING, by `import_module` of a literal, and in the tables of doors.
+A room is a package of docs/architecture.md.  It imports only rooms on lower floors, through their doors
+(`__init__`). Every import counts: inside functions, under TYPE_CHECKING, by `import_module` of a literal, and
+in the tables of doors.
 """
 
 import ast
@@ -52,7 +53,10 @@ ALLOWED = {
     "OCP": (["thbcad/cad/"], "CAD formats live in one subpackage: OCP takes a second to load"),
     "build123d": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
     "cadquery": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
-    "mitsuba": (["optics/mitsuba/loading.py"], "the adapter checks libLLVM and the version before it loads Mitsuba"),
+    "mitsuba": (
+        ["optics/mitsuba/loading.py"],
+        "the adapter checks libLLVM and the version before it loads Mitsuba",
+    ),
     "drjit": (
         ["optics/runtime/backend.py", "optics/mitsuba/loading.py"],
         "they check libLLVM before they load Dr.Jit, which can abort the process",
@@ -84,7 +88,10 @@ def tree(path):
 
 def calls(path, *functions):
     for node in ast.walk(tree(path)):
-        if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in functions:
+        if (
+            isinstance(node, ast.Call)
+            and getattr(node.func, "attr", getattr(node.func, "id", "")) in functions
+        ):
             yield node
 
 
@@ -102,11 +109,17 @@ def imported(path):
             assert node.level == 0, f"{name(path)}: relative import"
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
     for node in ast.walk(tree(path)) if path in PACKAGE_FILES else ():
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and MODULE_NAME.fullmatch(node.value):
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and MODULE_NAME.fullmatch(node.value)
+        ):
             found.add(node.value)
     for node in calls(path, "import_module", "__import__"):
         found |= {a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str)}
-    return found | {f"{module_of(path)}.{file}.{n}" for file, names in door_table(path).items() for n in names}
+    return found | {
+        f"{module_of(path)}.{file}.{n}" for file, names in door_table(path).items() for n in names
+    }
 
 
 @cache
@@ -167,7 +180,11 @@ def violations(path):
 
 def test_the_walk_finds_the_modules():
     names = [name(path) for path in FILES]
-    assert {"thbcad/splines/knot_vector.py", "thbcad/cad/exchange/step.py", "optics/runtime/backend.py"} <= set(names)
+    assert {
+        "thbcad/splines/knot_vector.py",
+        "thbcad/cad/exchange/step.py",
+        "optics/runtime/backend.py",
+    } <= set(names)
     assert "drjit" in packages(ROOT / "optics/runtime/backend.py")
     assert "OCP" in packages(ROOT / "thbcad/cad/shapes/plain_solid.py")
     assert "thbcad.splines.knot_vector.KnotVector" in imported(ROOT / "thbcad/splines/__init__.py")
@@ -206,7 +223,9 @@ def test_doors_offer_what_their_tables_say(path):
 
 @pytest.mark.parametrize("path", DOORS, ids=name)
 def test_type_checkers_see_the_table_of_a_door(path):
-    blocks = [n for n in tree(path).body if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"]
+    blocks = [
+        n for n in tree(path).body if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"
+    ]
     seen = {(node.module, alias.name, alias.asname) for node in blocks[0].body for alias in node.names}
     table = {(f"{module_of(path)}.{file}", n, n) for file, names in door_table(path).items() for n in names}
     assert seen == table
@@ -252,13 +271,22 @@ def test_modules_import_each_other_in_no_cycle():
 
 def test_no_test_file_imports_another():
     tests = [p for p in FILES if name(p).startswith("tests/")]
-    taken = {(name(p), other) for p in tests for d in imported(p) if (other := module_in(d)) and other != module_of(p)}
+    taken = {
+        (name(p), other)
+        for p in tests
+        for d in imported(p)
+        if (other := module_in(d)) and other != module_of(p)
+    }
     assert [(p, other) for p, other in sorted(taken) if other.rpartition(".")[2].startswith("test_")] == []
 
 
 def test_tests_mirror_the_rooms():
     rooms = {r.replace(".", "/") for r in FLOOR} - {r.replace(".", "/") for r in SINGLE_FILES}
-    folders = {name(p.parent).removeprefix("tests/") for p in FILES if name(p).startswith(("tests/thbcad/", "tests/optics/"))}
+    folders = {
+        name(p.parent).removeprefix("tests/")
+        for p in FILES
+        if name(p).startswith(("tests/thbcad/", "tests/optics/"))
+    }
     assert folders <= rooms
 
 
@@ -279,17 +307,25 @@ def test_only_named_modules_import(package):
 def test_files_are_data(path):
     """Nothing that is read is executed: no pickle, no eval, no exec."""
     assert not packages(path) & {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
-    called = {n.func.id for n in ast.walk(tree(path)) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+    called = {
+        n.func.id for n in ast.walk(tree(path)) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
+    }
     assert not called & {"eval", "exec", "compile"}
 
 
 def test_import_thbcad_loads_nothing_heavy():
-    done = run("-c", f"import sys, thbcad; thbcad.__version__; dir(thbcad); print(*set({HEAVY!r}) & set(sys.modules))")
+    done = run(
+        "-c",
+        f"import sys, thbcad; thbcad.__version__; dir(thbcad); print(*set({HEAVY!r}) & set(sys.modules))",
+    )
     assert done.stdout.split() == []
 
 
 def test_the_kernel_loads_no_cad_and_no_rendering():
-    program = "import sys; from thbcad import Lens, read_lens, THBSurface; print(*{m.split('.')[0] for m in sys.modules})"
+    program = (
+        "import sys; from thbcad import Lens, read_lens, THBSurface; print(*{m.split('.')[0] for m in "
+        "sys.modules})"
+    )
     loaded = set(run("-c", program).stdout.split())
     assert "numpy" in loaded
     assert not loaded & (set(HEAVY) - {"numpy", "scipy"})
@@ -309,13 +345,19 @@ def test_the_kernel_loads_no_cad_and_no_rendering():
 def test_tensor_product_modules_do_not_load_the_hierarchy(module):
     loaded = run("-c", f"import sys, thbcad.{module}; print(*sys.modules)").stdout.split()
     assert "thbcad.splines.knot_vector" in loaded
-    assert not {"thbcad.hierarchy.levels", "thbcad.hierarchy.thb_space", "thbcad.surfaces.thb_surface"} & set(loaded)
+    assert not {"thbcad.hierarchy.levels", "thbcad.hierarchy.thb_space", "thbcad.surfaces.thb_surface"} & set(
+        loaded
+    )
 
 
 def test_help_loads_neither_numpy_nor_scipy():
     done = run("-X", "importtime", "-m", "optics", "--help")
     assert "usage" in done.stdout
-    loaded = {line.split("|")[-1].strip().split(".")[0] for line in done.stderr.splitlines() if line.startswith("import time:")}
+    loaded = {
+        line.split("|")[-1].strip().split(".")[0]
+        for line in done.stderr.splitlines()
+        if line.startswith("import time:")
+    }
     assert "argparse" in loaded
     assert not loaded & set(HEAVY)
 

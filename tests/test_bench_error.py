@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from benchmarks.tracing.error import observed_order, seconds_at
-from benchmarks.tracing.error_cases import grid_points, jittered_points, random_points, sampled_rays, slope_of_fit, sobol_points
+from benchmarks.tracing.error_cases import (
+    grid_points,
+    jittered_points,
+    random_points,
+    sampled_rays,
+    slope_of_fit,
+    sobol_points,
+)
 from benchmarks.tracing.error_limits import worst_difference
 from benchmarks.tracing.error_methods import Point
 from benchmarks.tracing.scaling import exponent
@@ -22,7 +29,10 @@ ALL = [random_points, jittered_points, grid_points, sobol_points]
 
 def points(*pairs):
     """Return points with the given seconds and errors."""
-    return [Point("case", "method", k, seconds, error, np.nan, np.nan, np.nan) for k, (seconds, error) in enumerate(pairs)]
+    return [
+        Point("case", "method", k, seconds, error, np.nan, np.nan, np.nan)
+        for k, (seconds, error) in enumerate(pairs)
+    ]
 
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 1.75])
@@ -32,7 +42,9 @@ def test_a_power_law_shows_its_order(order):
     assert observed_order(rays, errors, 0) == pytest.approx(order, rel=1e-12)
     assert exponent(rays, errors) == pytest.approx(-order, rel=1e-12)
     # a floor below which errors do not count leaves two points, then one
-    assert observed_order([*rays, 1 << 16], [*errors, errors[-1]], 1.01 * errors[-1]) == pytest.approx(order, rel=1e-12)
+    assert observed_order([*rays, 1 << 16], [*errors, errors[-1]], 1.01 * errors[-1]) == pytest.approx(
+        order, rel=1e-12
+    )
     assert np.isnan(observed_order(rays, errors, 1.01 * errors[1]))
 
 
@@ -59,7 +71,8 @@ def test_every_cell_holds_one_jittered_and_one_grid_point(dimension):
 @pytest.mark.parametrize("sample", ALL)
 @pytest.mark.parametrize("example", ["pearl", "extended"])
 def test_rays_fill_the_source_and_carry_its_flux(sample, example):
-    """The mean of u^2 over [-1, 1] is 1/3; of 4096 independent points it deviates by (4/45 / 4096)^(1/2) = 0.0047; 5 of these."""
+    """The mean of u^2 over [-1, 1] is 1/3; of 4096 independent points it deviates by (4/45 / 4096)^(1/2) =
+    0.0047; 5 of these."""
     problem = load_problem(ROOT / "examples" / f"{example}.toml")
     rays = sampled_rays(SimpleNamespace(problem=problem, lens=base_lens(problem)), sample, 4096)
     assert rays.entering == pytest.approx(problem.source.flux, rel=1e-12)
@@ -86,7 +99,8 @@ def test_slope_of_fit_is_the_derivative():
 
 
 def test_differences_find_a_true_gradient_and_a_false_one():
-    """Fourth-order differences are exact for quartics but for rounding, 1e-16 L / h = 1e-10 of a gradient of the loss's size."""
+    """Fourth-order differences are exact for quartics but for rounding, 1e-16 L / h = 1e-10 of a gradient of
+    the loss's size."""
     at = np.linspace(1, 2, 7)
 
     def loss(c):

@@ -7,7 +7,9 @@ import pytest
 from tests.cases import ROOT
 from thbcad import Conic, FreeformSurface, Lens
 
-OTHER = Lens(FreeformSurface((9.0, 7.0), Conic(30.0, -1.0)), FreeformSurface((12.0, 8.0), Conic(-40.0, 0.0)), 8.0, 1.5)
+OTHER = Lens(
+    FreeformSurface((9.0, 7.0), Conic(30.0, -1.0)), FreeformSurface((12.0, 8.0), Conic(-40.0, 0.0)), 8.0, 1.5
+)
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +22,8 @@ def mount():
 
 @pytest.mark.parametrize("own", [True, False], ids=["its own lens", "a rear larger than the front"])
 def test_the_mount_holds_the_lens(mount, own, tmp_path, capsys):
-    """The file holds two valid solids that do not meet; no face is nearer to the mount than the clearance less 2 per cent.
+    """The file holds two valid solids that do not meet; no face is nearer to the mount than the clearance
+    less 2 per cent.
 
     Under a sloping rim the shortest way is shorter than that along z, by the cosine of the slope.
     """

@@ -32,14 +32,17 @@ def locked(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def rebuilt(noun: Any) -> tuple[partial[Any], tuple[()]]:
-    """Return how copies and pickles are made, as `__reduce__`: by the constructor, with read-only arrays and without caches."""
+    """Return how copies and pickles are made, as `__reduce__`: by the constructor, with read-only arrays and
+    without caches."""
     return partial(type(noun), **{field.name: getattr(noun, field.name) for field in fields(noun)}), ()
 
 
 def require_type(name: str, value: object, *kinds: type) -> None:
     """Raise ValueError unless the value is of one of these types."""
     if not isinstance(value, kinds):
-        raise ValueError(f"{name} must be a {' or '.join(kind.__name__ for kind in kinds)}, got {type(value).__name__}")
+        raise ValueError(
+            f"{name} must be a {' or '.join(kind.__name__ for kind in kinds)}, got {type(value).__name__}"
+        )
 
 
 def require_real(array: ArrayLike) -> None:
@@ -50,20 +53,39 @@ def require_real(array: ArrayLike) -> None:
 
 def require_integer(name: str, value: object, least: int, most: int | None = None) -> None:
     """Raise ValueError unless the value is an integer, no bool, from `least` to `most`."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least or (most is not None and value > most):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, np.integer))
+        or value < least
+        or (most is not None and value > most)
+    ):
         bounds = "a non-negative integer" if least == 0 else f"an integer of at least {least}"
         if most is not None:
             bounds = f"an integer from {least} to {most}"
         raise ValueError(f"{name} must be {bounds}, got {value!r}")
 
 
-def require_number(name: str, value: object, least: float = -np.inf, above: float = -np.inf, finite: bool = False) -> None:
-    """Raise ValueError unless the value is a real number, no bool or NaN, of at least `least` and greater than `above`."""
-    good = isinstance(value, Real) and not isinstance(value, bool) and value >= least and (value > above or above == -np.inf)
+def require_number(
+    name: str, value: object, least: float = -np.inf, above: float = -np.inf, finite: bool = False
+) -> None:
+    """Raise ValueError unless the value is a real number, no bool or NaN, of at least `least` and greater
+    than `above`."""
+    good = (
+        isinstance(value, Real)
+        and not isinstance(value, bool)
+        and value >= least
+        and (value > above or above == -np.inf)
+    )
     if not good or (finite and not abs(value) < np.inf):
         kind = "finite number" if finite else "number"
         wanted = f"a positive {kind}" if above == 0 else f"a {kind}"
-        wanted += f" of at least {least:g}" if least > -np.inf else f" greater than {above:g}" if above > -np.inf and above else ""
+        wanted += (
+            f" of at least {least:g}"
+            if least > -np.inf
+            else f" greater than {above:g}"
+            if above > -np.inf and above
+            else ""
+        )
         raise ValueError(f"{name} must be {wanted}, got {value}")
 
 
@@ -73,7 +95,8 @@ def require_order(derivative: object) -> None:
 
 
 def require_orders(derivative: object) -> tuple[int, int]:
-    """Return the orders (a, b) of a partial derivative; raise ValueError unless they are two non-negative integers."""
+    """Return the orders (a, b) of a partial derivative; raise ValueError unless they are two non-negative
+    integers."""
     if not isinstance(derivative, Sequence | np.ndarray) or len(derivative) != 2:
         raise ValueError(f"derivative must be a pair (a, b) of orders, got {derivative!r}")
     for order in derivative:
@@ -87,7 +110,8 @@ def require_degree(degree: object) -> None:
 
 
 def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
-    """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and finite."""
+    """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and
+    finite."""
     pair = isinstance(half_width, Sequence | np.ndarray) and len(half_width) == 2
     if not pair or not all(isinstance(w, Real) and 0 < w < np.inf for w in half_width):
         raise ValueError(f"half_width must be two positive numbers, got {half_width}")
@@ -111,9 +135,14 @@ def require_sorted(knots: NDArray[np.float64]) -> None:
     falls = knots[1:] < knots[:-1]
     if falls.any():
         k = int(np.argmax(falls))
-        raise ValueError(f"knots must not decrease, got knots[{k}] = {knots[k]} > knots[{k + 1}] = {knots[k + 1]}")
+        raise ValueError(
+            f"knots must not decrease, got knots[{k}] = {knots[k]} > knots[{k + 1}] = {knots[k + 1]}"
+        )
     if max(abs(knots[0]), abs(knots[-1])) > GREATEST_KNOT:
-        raise ValueError(f"knots must lie between -{GREATEST_KNOT:g} and {GREATEST_KNOT:g}, got {knots[0]:g} to {knots[-1]:g}")
+        raise ValueError(
+            f"knots must lie between -{GREATEST_KNOT:g} and {GREATEST_KNOT:g}, got {knots[0]:g} to "
+            f"{knots[-1]:g}"
+        )
 
 
 def require_subset(knots: NDArray[np.float64], finer: NDArray[np.float64]) -> None:

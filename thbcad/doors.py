@@ -8,10 +8,13 @@ from importlib import import_module
 from typing import Any
 
 
-def lazy_door(package: str, files: Mapping[str, Sequence[str]]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def lazy_door(
+    package: str, files: Mapping[str, Sequence[str]]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package that offers names of its files (PEP 562).
 
-    package : its `__name__`.  files : {file or sub-package: names}.  A name is kept in the package once it is loaded.
+    package : its `__name__`.  files : {file or sub-package: names}.  A name is kept in the package once it is
+        loaded.
     """
     homes = {name: f"{package}.{file}" for file, names in files.items() for name in names}
 

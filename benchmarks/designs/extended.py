@@ -54,8 +54,20 @@ def _design(name: str, folder: Path, other: dict[str, float]) -> list[Row]:
         *_light(name, metrics, other),
         Row(f"{name}: degrees of freedom", metrics["dof"], "", "thesis 2180"),
         Row(f"{name}: evaluations of loss and gradient", metrics["evaluations"], "", "thesis 1500"),
-        Row(f"{name}: landing points, independent trace", checks["landing points, independent trace of the file"], "mm", "", 1e-8),
-        Row(f"{name}: irradiance, independent trace", checks["irradiance, independent trace of the file, relative"], "", "", 1e-6),
+        Row(
+            f"{name}: landing points, independent trace",
+            checks["landing points, independent trace of the file"],
+            "mm",
+            "",
+            1e-8,
+        ),
+        Row(
+            f"{name}: irradiance, independent trace",
+            checks["irradiance, independent trace of the file, relative"],
+            "",
+            "",
+            1e-6,
+        ),
     ]
 
 
@@ -66,27 +78,43 @@ def _light(name: str, metrics: dict[str, Any], other: dict[str, float] | None = 
     return [
         Row(f"{name}: rel_l2", metrics["rel_l2"], "", "", limits["rel_l2"]),
         Row(f"{name}: rel_l2 floor of the estimator", metrics["rel_l2_floor"]),
-        Row(f"{name}: flux on the lit region, non-sequential", count["lit"], "W", THESIS_FLUX, limits["lit"], ">="),
+        Row(
+            f"{name}: flux on the lit region, non-sequential",
+            count["lit"],
+            "W",
+            THESIS_FLUX,
+            limits["lit"],
+            ">=",
+        ),
         Row(f"{name}: flux on the lit region, front and rear only", count["lit_direct"], "W"),
         Row(f"{name}: flux on the target, non-sequential", count["target"], "W"),
     ]
 
 
-def _adam(problem: Problem, light: NDArray[np.float64], backend: Backend) -> tuple[list[Row], dict[str, float]]:
+def _adam(
+    problem: Problem, light: NDArray[np.float64], backend: Backend
+) -> tuple[list[Row], dict[str, float]]:
     """Return the rows of the thesis's method and its figures."""
     start = perf_counter()
     *_, lens = adam_batches(problem, light, backend)
     seconds = perf_counter() - start
     measurement = measure(backend, problem, lens, light)
-    metrics = measurement.figures | {"nonsequential_w": nonsequential_figures(backend, problem, lens, measurement.target)}
+    metrics = measurement.figures | {
+        "nonsequential_w": nonsequential_figures(backend, problem, lens, measurement.target)
+    }
     name = "6 batches of 250 Adam steps"
     dof = Row(f"{name}: degrees of freedom", lens.rear.sag.space.dim, "", "thesis 2180")
     figures = {"rel_l2": metrics["rel_l2"], "lit": metrics["nonsequential_w"]["lit"]}
-    return [Row(f"{name}: optimisation alone", seconds, "s", THESIS_SECONDS), *_light(name, metrics), dof], figures
+    return [
+        Row(f"{name}: optimisation alone", seconds, "s", THESIS_SECONDS),
+        *_light(name, metrics),
+        dof,
+    ], figures
 
 
 def _batches(problem: Problem, light: NDArray[np.float64], backend: Backend, path: Path) -> list[Row]:
-    """Return the irradiance of every batch's STEP file by the independent tracer against the optimiser's tracer at equal rays."""
+    """Return the irradiance of every batch's STEP file by the independent tracer against the optimiser's
+    tracer at equal rays."""
     out = []
 
     def check(state: State) -> None:
@@ -94,7 +122,15 @@ def _batches(problem: Problem, light: NDArray[np.float64], backend: Backend, pat
         write_step(lens, path)
         checks = {c.name: c.value for c in verify(problem, lens, StepFile(path), backend)}
         difference = checks["irradiance, independent trace of the file, relative"]
-        out.append(Row(f"extended, batch {len(out) + 1}: irradiance of its STEP, independent trace", difference, "", "", 1e-6))
+        out.append(
+            Row(
+                f"extended, batch {len(out) + 1}: irradiance of its STEP, independent trace",
+                difference,
+                "",
+                "",
+                1e-6,
+            )
+        )
 
     design(problem, light, backend, checkpoint=check)
     return out

@@ -29,7 +29,12 @@ from thbcad import FreeformSurface, Lens, THBSurface, read_lens
 
 PEARL = EXAMPLES / "pearl.toml"
 # seconds, rel_l2, dB
-DESIGNS = {"pearl": (15, 0.06, 37), "pearl_fine": (30, 0.04, 41), "tophat_square": (5, 0.02, 30), "tophat_circle": (5, 0.02, 30)}
+DESIGNS = {
+    "pearl": (15, 0.06, 37),
+    "pearl_fine": (30, 0.04, 41),
+    "tophat_square": (5, 0.02, 30),
+    "tophat_circle": (5, 0.02, 30),
+}
 THESIS = {
     "seconds": "thesis 451 s, RTX 2080 Ti",
     "efficiency": "thesis 0.92",
@@ -67,11 +72,23 @@ def _design(name: str, folder: Path, limits: tuple[float, float, float]) -> list
         Row(f"{name}: psnr", metrics["psnr_db"], "dB", "", limits[2], ">="),
         Row(f"{name}: efficiency", metrics["efficiency"], "", thesis["efficiency"], 0.91, ">="),
         Row(f"{name}: stray", metrics["stray"], "", "", 0.005),
-        Row(f"{name}: evaluations of loss and gradient", metrics["evaluations"], "", thesis["evaluations"], 150),
+        Row(
+            f"{name}: evaluations of loss and gradient",
+            metrics["evaluations"],
+            "",
+            thesis["evaluations"],
+            150,
+        ),
         Row(f"{name}: degrees of freedom", metrics["dof"], "", thesis["dof"]),
         Row(f"{name}: peak memory", metrics["peak_mb"], "MB"),
         Row(f"{name}: STEP faces against the optimised surface", faces, "mm", "", 1e-10),
-        Row(f"{name}: landing points, independent trace", checks["landing points, independent trace of the file"], "mm", "", 1e-8),
+        Row(
+            f"{name}: landing points, independent trace",
+            checks["landing points, independent trace of the file"],
+            "mm",
+            "",
+            1e-8,
+        ),
     ]
 
 
@@ -92,11 +109,24 @@ def _objective(lens: Lens) -> list[Row]:
     ):
         objective = _pearl_objective(backend, problem, light, lens, window)
         seconds = median_seconds(lambda o=objective: o([c]), 15)
-        timings.append(Row(f"loss + gradient, 449^2 rays, 227^2 net, 1 core, {name}", seconds, "s", "", limit))
+        timings.append(
+            Row(f"loss + gradient, 449^2 rays, 227^2 net, 1 core, {name}", seconds, "s", "", limit)
+        )
     differences = []
-    for name, window in (("cubic B-spline window", BSplineWindow(3)), ("default pixel window", PixelWindow())):
+    for name, window in (
+        ("cubic B-spline window", BSplineWindow(3)),
+        ("default pixel window", PixelWindow()),
+    ):
         objective = _pearl_objective(backend, problem, light, lens, window)
-        differences.append(Row(f"gradient, worst of 20 central differences, {name}", _worst_difference(objective, c), "", "", 1e-6))
+        differences.append(
+            Row(
+                f"gradient, worst of 20 central differences, {name}",
+                _worst_difference(objective, c),
+                "",
+                "",
+                1e-6,
+            )
+        )
     return [*timings, *differences]
 
 
@@ -141,13 +171,26 @@ def _flux() -> list[Row]:
         tracer = Tracer(backend, shaped, beam, problem.target_z)
         _, landing = tracer.trace([sag.coefficients])
         traced = tracer.budget(landing, (1e6, 1e6)).transmitted
-        exact = 0.96 * dblquad(lambda y, x, r=radius: _fresnel(np.hypot(x, y) / r, n), 0, half, 0, half)[0] / half**2
-        out.append(Row(f"transmitted flux, {name}, against the Fresnel integral", abs(traced / exact - 1), "", "", 1e-6))
+        exact = (
+            0.96
+            * dblquad(lambda y, x, r=radius: _fresnel(np.hypot(x, y) / r, n), 0, half, 0, half)[0]
+            / half**2
+        )
+        out.append(
+            Row(
+                f"transmitted flux, {name}, against the Fresnel integral",
+                abs(traced / exact - 1),
+                "",
+                "",
+                1e-6,
+            )
+        )
     return out
 
 
 def _fresnel(slope: float, n: float) -> float:
-    """Return T from index n to air for a ray along z on a surface of the given slope (Fresnel's tangents and sines)."""
+    """Return T from index n to air for a ray along z on a surface of the given slope (Fresnel's tangents and
+    sines)."""
     i = np.arctan(slope)
     if i < 1e-6:
         return 4 * n / (n + 1) ** 2
@@ -161,8 +204,13 @@ def _start() -> list[Row]:
         start = perf_counter()
         subprocess.run([sys.executable, "-m", "optics", "--help"], check=True, capture_output=True)
         times.append(perf_counter() - start)
-    heavy = "import sys, thbcad; print(sum(m in sys.modules for m in ('mitsuba', 'drjit', 'OCP', 'build123d', 'matplotlib')))"
-    loaded = int(subprocess.run([sys.executable, "-c", heavy], check=True, capture_output=True, text=True).stdout)
+    heavy = (
+        "import sys, thbcad; print(sum(m in sys.modules for m in ('mitsuba', 'drjit', 'OCP', "
+        "'build123d', 'matplotlib')))"
+    )
+    loaded = int(
+        subprocess.run([sys.executable, "-c", heavy], check=True, capture_output=True, text=True).stdout
+    )
     return [
         Row("thbcad --help", median(times), "s", "", 0.4),
         Row("heavy modules that import thbcad loads", loaded, "", "", 0),

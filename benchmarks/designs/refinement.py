@@ -26,31 +26,52 @@ UNIFORM = (4, 5)  # levels
 DECREASE, VERTEX = (0.05, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 2.0)
 MESHES = [("decrease", a) for a in DECREASE] + [("vertex", a) for a in VERTEX]
 WANTED = 0.2  # of the uniform degrees of freedom; not reached where the detail is everywhere, as in the pearl
-EQUAL = 1.05  # errors within five percent count as equal: runs that differ in rounding only are that far apart
+EQUAL = (
+    1.05  # errors within five percent count as equal: runs that differ in rounding only are that far apart
+)
 LAST = 5  # evaluations, of which the best counts; those before may belong to the coarse pass
 LOCAL = ("disk from a square beam", "crescent", "emblem")  # whose detail is local
 
 
 def rows() -> list[Row]:
-    """Return loss, error, degrees of freedom and time of every mesh, and the least share of uniform degrees of freedom at equal error."""
+    """Return loss, error, degrees of freedom and time of every mesh, and the least share of uniform degrees
+    of freedom at equal error."""
     backend = load_backend("double")
     out = []
     for name, problem, light in cases():
-        uniform = [_Run(f"{name}: uniform level {n}", _with_mesh(problem, n, Refinement(alpha=(0.0,))), light, backend) for n in UNIFORM]
+        uniform = [
+            _Run(
+                f"{name}: uniform level {n}", _with_mesh(problem, n, Refinement(alpha=(0.0,))), light, backend
+            )
+            for n in UNIFORM
+        ]
         meshes = [
-            _Run(f"{name}: {kind}, alpha {alpha:g}", _with_mesh(problem, 5, Refinement(indicator=kind, alpha=(alpha,))), light, backend)
+            _Run(
+                f"{name}: {kind}, alpha {alpha:g}",
+                _with_mesh(problem, 5, Refinement(indicator=kind, alpha=(alpha,))),
+                light,
+                backend,
+            )
             for kind, alpha in MESHES
         ]
         for run in (*uniform, *meshes):
             out += run.rows
         for level, one in zip(UNIFORM, uniform):
-            full = np.prod([(n << level) + problem.lens.rear.freeform.degree for n in problem.lens.rear.freeform.spans])
+            full = np.prod(
+                [(n << level) + problem.lens.rear.freeform.degree for n in problem.lens.rear.freeform.spans]
+            )
             enough = [m.dof for m in meshes if m.error <= EQUAL * one.error]
             share = min(enough) / full if enough else np.inf
             limit = WANTED if name in LOCAL and level == UNIFORM[-1] else None
             text = "thesis 0.23" if name == "pearl" else ""
             out.append(
-                Row(f"{name}: share of the {full} degrees of freedom of uniform level {level} at equal error", share, "", text, limit)
+                Row(
+                    f"{name}: share of the {full} degrees of freedom of uniform level {level} at equal error",
+                    share,
+                    "",
+                    text,
+                    limit,
+                )
             )
     return out
 
@@ -60,7 +81,11 @@ def cases() -> Iterator[tuple[str, Problem, NDArray[np.float64]]]:
     pearl = load_problem(EXAMPLES / "pearl.toml")
     yield "pearl", pearl, target_light(pearl)
     circle = load_problem(EXAMPLES / "tophat_circle.toml")
-    square_beam = replace(circle, source=replace(circle.source, profile="uniform"), optimizer=replace(circle.optimizer, iterations=(60,)))
+    square_beam = replace(
+        circle,
+        source=replace(circle.source, profile="uniform"),
+        optimizer=replace(circle.optimizer, iterations=(60,)),
+    )
     for name, shape in (("disk from a square beam", "ellipse"), ("crescent", "crescent")):
         problem = _with_freedom(replace(square_beam, target=replace(circle.target, shape=shape)))
         yield name, problem, target_light(problem)
@@ -101,7 +126,9 @@ class _Run:
 
 
 def _with_mesh(problem: Problem, level: int, refinement: Refinement) -> Problem:
-    return replace(_with_freeform(problem, replace(problem.lens.rear.freeform, max_level=level)), refinement=refinement)
+    return replace(
+        _with_freeform(problem, replace(problem.lens.rear.freeform, max_level=level)), refinement=refinement
+    )
 
 
 def _with_freedom(problem: Problem) -> Problem:

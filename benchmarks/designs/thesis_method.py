@@ -32,13 +32,17 @@ def adam_batches(problem: Problem, light: NDArray[np.float64], backend: Backend)
     """Yield the lens after every batch of a problem with a free rear."""
     lens = base_lens(problem)
     screen = target_screen(problem, 1, MARGIN)
-    target = target_irradiance(light, screen, problem.target.placing, transmitted_flux(backend, problem, lens))
+    target = target_irradiance(
+        light, screen, problem.target.placing, transmitted_flux(backend, problem, lens)
+    )
     rays = problem_rays(problem, RAYS)
     freeform = problem.lens.rear.freeform
     for batch in range(BATCHES):
         tracer = Tracer(backend, lens, rays, problem.target_z)
         objective = Objective(backend, tracer, screen, GaussianWindow(1.0), target, 0.0)
-        lens = _as_it_is(lens, _batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch))
+        lens = _as_it_is(
+            lens, _batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch)
+        )
         yield lens
         sag, knots = lens.rear.sag, vertex_knots(lens.rear.half_width, VERTICES)
         (gradient,) = objective.vertex_gradients([sag.coefficients], [knots])
@@ -47,9 +51,15 @@ def adam_batches(problem: Problem, light: NDArray[np.float64], backend: Backend)
 
 
 def _as_it_is(lens: Lens, sag: THBSurface) -> Lens:
-    """Return the lens with another sag on the rear, whether or not its edges cross: the thesis's method asks no such thing."""
+    """Return the lens with another sag on the rear, whether or not its edges cross: the thesis's method asks
+    no such thing."""
     made = object.__new__(Lens)
-    for name, value in (("front", lens.front), ("rear", lens.rear.with_sag(sag)), ("thickness", lens.thickness), ("index", lens.index)):
+    for name, value in (
+        ("front", lens.front),
+        ("rear", lens.rear.with_sag(sag)),
+        ("thickness", lens.thickness),
+        ("index", lens.index),
+    ):
         object.__setattr__(made, name, value)
     return made
 

@@ -62,7 +62,18 @@ def _design(folder: Path, name: str, picture: NDArray[np.uint8]) -> dict[str, fl
     problem = load_problem(PEARL)
     rear = replace(problem.lens.rear, freeform=replace(problem.lens.rear.freeform, z_freedom=Z_FREEDOM))
     lens, target = replace(problem.lens, rear=rear), replace(problem.target, image="picture.png")
-    (folder / "problem.toml").write_text(problem_to_toml(replace(problem, title=name, lens=lens, target=target)), "utf-8")
-    command = [sys.executable, "-m", "optics", "design", str(folder / "problem.toml"), "--out", str(folder / name), "--json"]
+    (folder / "problem.toml").write_text(
+        problem_to_toml(replace(problem, title=name, lens=lens, target=target)), "utf-8"
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "optics",
+        "design",
+        str(folder / "problem.toml"),
+        "--out",
+        str(folder / name),
+        "--json",
+    ]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return json.loads(done.stdout)["metrics"]

@@ -1,4 +1,5 @@
-"""The cases of the kernel benchmark: the annulus hierarchy that five codes agree on, and a bicubic surface."""
+"""The cases of the kernel benchmark: the annulus hierarchy that five codes agree on, and a bicubic
+surface."""
 
 from __future__ import annotations
 
@@ -39,7 +40,9 @@ def annulus_case() -> Annulus:
     """Return the annulus case: hierarchy, spline and points."""
     marks = annulus_marks()
     points = np.random.default_rng(0).random((2, 201_601))
-    return Annulus(marks, annulus(marks).functions, annulus(marks[:-1]).functions, np.linspace(0, 1, 449), points)
+    return Annulus(
+        marks, annulus(marks).functions, annulus(marks[:-1]).functions, np.linspace(0, 1, 449), points
+    )
 
 
 def annulus_marks() -> list[NDArray[np.int64]]:
@@ -75,7 +78,9 @@ def coefficients(functions: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.sin(1.3 * i + 2.1 * j + 0.7 * level) + 0.3 * np.cos(0.37 * i * j + level)
 
 
-def tensor_case() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def tensor_case() -> tuple[
+    NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
+]:
     """Return knots, a net (227, 227, 3), the parameters of a grid and 100 new knots."""
     kv = KnotVector.uniform(3, 224)
     net = np.random.default_rng(1).random((kv.dim, kv.dim, 3))

@@ -1,4 +1,5 @@
-"""The THB kernel: run time beside error and beside other codes, on the annulus hierarchy that five codes agree on.
+"""The THB kernel: run time beside error and beside other codes, on the annulus hierarchy that five codes
+agree on.
 
 Run on one core: thbcad bench kernel
 """
@@ -43,7 +44,8 @@ def rows() -> list[Row]:
 
 
 def ready(space: THBSpace) -> THBSpace:
-    """Return a space when the first value of a surface over it is known: what later evaluations need is there."""
+    """Return a space when the first value of a surface over it is known: what later evaluations need is
+    there."""
     THBSurface(space, np.ones(space.dim))([0.5 * space.kv_u.stop], [0.5 * space.kv_v.stop])
     return space
 
@@ -53,7 +55,11 @@ def _others(peers: Sequence[Peer], task: str) -> str:
     now = {peer.name: peer.times[task] for peer in peers if task in peer.times}
     before = {"pyiga": PYIGA[task]} if task in PYIGA else {}
     parts = [(now, "this run"), (before, "earlier")]
-    return "; ".join(", ".join(f"{name} {_shown(time)}" for name, time in times.items()) + f" ({when})" for times, when in parts if times)
+    return "; ".join(
+        ", ".join(f"{name} {_shown(time)}" for name, time in times.items()) + f" ({when})"
+        for times, when in parts
+        if times
+    )
 
 
 def _shown(time: float) -> str:
@@ -68,7 +74,13 @@ def _differences(peers: Sequence[Peer], task: str, values: NDArray[np.float64] |
     """Return rows with the greatest difference from the other codes, relative to the greatest value."""
     scale = float(abs(values).max())
     return [
-        Row(f"   difference from {peer.name}", float(abs(peer.values[task] - values).max()) / scale, "", "", AGREEMENT)
+        Row(
+            f"   difference from {peer.name}",
+            float(abs(peer.values[task] - values).max()) / scale,
+            "",
+            "",
+            AGREEMENT,
+        )
         for peer in peers
         if task in peer.values
     ]
@@ -84,12 +96,32 @@ def _evaluation(case: Annulus, surface: THBSurface, peers: Sequence[Peer]) -> li
     gradient = np.stack(with_gradient()[1:]).reshape(2, -1)
     return [
         Row("annulus: degrees of freedom", space.dim, "", "5593; the other codes are held to it"),
-        Row("annulus: 5 refinements up to the first value", _ms(lambda: ready(annulus(case.marks))), "ms", _others(peers, "build"), 10),
-        Row("annulus: values on 449^2, operators built", _ms(lambda: THBSurface(space, c).grid(x, x)), "ms", _others(peers, "grid"), 3),
+        Row(
+            "annulus: 5 refinements up to the first value",
+            _ms(lambda: ready(annulus(case.marks))),
+            "ms",
+            _others(peers, "build"),
+            10,
+        ),
+        Row(
+            "annulus: values on 449^2, operators built",
+            _ms(lambda: THBSurface(space, c).grid(x, x)),
+            "ms",
+            _others(peers, "grid"),
+            3,
+        ),
         *_differences(peers, "grid", surface.grid(x, x).ravel()),
-        Row("annulus: values and gradient on 449^2", _ms(with_gradient), "ms", _others(peers, "gradient"), 10),
+        Row(
+            "annulus: values and gradient on 449^2", _ms(with_gradient), "ms", _others(peers, "gradient"), 10
+        ),
         *_differences(peers, "gradient", gradient),
-        Row("annulus: 201,601 scattered points", _ms(lambda: surface(*case.points), 5), "ms", _others(peers, "scattered"), 80),
+        Row(
+            "annulus: 201,601 scattered points",
+            _ms(lambda: surface(*case.points), 5),
+            "ms",
+            _others(peers, "scattered"),
+            80,
+        ),
         *_differences(peers, "scattered", surface(*case.points)),
     ]
 
@@ -121,8 +153,20 @@ def _transfer(case: Annulus, surface: THBSurface, peers: Sequence[Peer]) -> list
     x = np.linspace(0, 1, 301)
     error = abs(THBSurface(coarse, c).grid(x, x) - THBSurface(fine, p @ c).grid(x, x)).max()
     return [
-        Row("transfer 2797 to 5593, explicit", _ms(lambda: coarse.prolongation(fine)), "ms", _others(peers, "transfer"), 10),
-        Row("   between spaces that were not used before", 1e3 * median(_first_transfer(case) for _ in range(5)), "ms", "", 10),
+        Row(
+            "transfer 2797 to 5593, explicit",
+            _ms(lambda: coarse.prolongation(fine)),
+            "ms",
+            _others(peers, "transfer"),
+            10,
+        ),
+        Row(
+            "   between spaces that were not used before",
+            1e3 * median(_first_transfer(case) for _ in range(5)),
+            "ms",
+            "",
+            10,
+        ),
         Row("   error of the geometry", float(error), "", "", 2e-15),
         *_differences(peers, "transfer", p @ c),
         Row("restriction 5593 to 2797", _ms(lambda: fine.restriction(coarse), 3), "ms"),
@@ -139,7 +183,8 @@ def _first_transfer(case: Annulus) -> float:
 
 
 def _restriction() -> list[Row]:
-    """8 x 8 cells in the middle of 12 x 12 refined, and 12 x 12 of their children: every degree to 5 loses functions."""
+    """8 x 8 cells in the middle of 12 x 12 refined, and 12 x 12 of their children: every degree to 5 loses
+    functions."""
     defects = []
     for degree in range(1, 6):
         kv = KnotVector.uniform(degree, 12)
@@ -149,7 +194,11 @@ def _restriction() -> list[Row]:
         product.setdiag(product.diagonal() - 1)
         defects.append(float(abs(product).max()))
     each = ", ".join(f"{defect:.1e}" for defect in defects)
-    return [Row("restriction of nested blocks, degree 1 to 5: |Q P - I|", max(defects), "", f"each: {each}", 1e-13)]
+    return [
+        Row(
+            "restriction of nested blocks, degree 1 to 5: |Q P - I|", max(defects), "", f"each: {each}", 1e-13
+        )
+    ]
 
 
 def _corner(peers: Sequence[Peer]) -> list[Row]:
@@ -164,7 +213,13 @@ def _corner(peers: Sequence[Peer]) -> list[Row]:
         Row("corner refinement, 8 x 8, level 12 (697 DOF)", time(12)[0], "ms", others[0], 50),
         Row("corner refinement, 8 x 8, level 20 (1081 DOF)", time(20)[0], "ms", "", 100),
         Row(f"corner refinement, 8 x 8, level {PYGISMO_DEPTH}", time(PYGISMO_DEPTH)[0], "ms", others[1]),
-        Row("   time per cell, level 24 to level 6", high / many / (low / few), "", f"{many} and {few} cells", 1.5),
+        Row(
+            "   time per cell, level 24 to level 6",
+            high / many / (low / few),
+            "",
+            f"{many} and {few} cells",
+            1.5,
+        ),
     ]
 
 
@@ -191,8 +246,20 @@ def _tensor() -> list[Row]:
     surface, peers = BSplineSurface(kv, kv, net), tensor_peers(knots, net, x, new)
     finer = surface.insert(new, new).coefficients
     return [
-        Row("227^2 bicubic, 3 components, on 449^2", _ms(lambda: surface.grid(x, x)), "ms", _others(peers, "tensor grid"), 2.5),
+        Row(
+            "227^2 bicubic, 3 components, on 449^2",
+            _ms(lambda: surface.grid(x, x)),
+            "ms",
+            _others(peers, "tensor grid"),
+            2.5,
+        ),
         *_differences(peers, "tensor grid", surface.grid(x, x).reshape(-1, 3)),
-        Row("insert 100 knots in u and in v, 227^2 x 3", _ms(lambda: surface.insert(new, new)), "ms", _others(peers, "insert"), 10),
+        Row(
+            "insert 100 knots in u and in v, 227^2 x 3",
+            _ms(lambda: surface.insert(new, new)),
+            "ms",
+            _others(peers, "insert"),
+            10,
+        ),
         *_differences(peers, "insert", finer),
     ]

@@ -2,8 +2,9 @@
 
 Run: thbcad bench peers
 
-G+Smo (pygismo) and nutils build the same hierarchy and evaluate the same spline at the same points; scipy evaluates its
-tensor-product form; splipy inserts the same knots.  The times of all but scipy are of one call, because some take seconds.
+G+Smo (pygismo) and nutils build the same hierarchy and evaluate the same spline at the same points; scipy
+evaluates its tensor-product form; splipy inserts the same knots.  The times of all but scipy are of one call,
+because some take seconds.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ class Peer:
         return result
 
     def require(self, found: int, wanted: int) -> None:
-        """Raise RuntimeError unless the code counts the same degrees of freedom: some refine nothing and say nothing."""
+        """Raise RuntimeError unless the code counts the same degrees of freedom: some refine nothing and say
+        nothing."""
         if found != wanted:
             raise RuntimeError(f"{self.name} has {found} degrees of freedom where {wanted} were wanted")
 
@@ -74,7 +76,9 @@ def annulus_peers(case: Annulus, knots: Knots, net: NDArray[np.float64]) -> list
     return [scipy(case, knots, net), *_installed(lambda: pygismo(case), lambda: nutils(case))]
 
 
-def tensor_peers(knots: NDArray[np.float64], net: NDArray[np.float64], grid: NDArray[np.float64], new: NDArray[np.float64]) -> list[Peer]:
+def tensor_peers(
+    knots: NDArray[np.float64], net: NDArray[np.float64], grid: NDArray[np.float64], new: NDArray[np.float64]
+) -> list[Peer]:
     """Return scipy, and splipy if it is installed, on a bicubic surface with the same knots in u and in v."""
     peer = Peer("scipy")
     peer.values["tensor grid"] = peer.timed("tensor grid", lambda: _scipy_grid((knots, knots), net, grid), 9)
@@ -91,8 +95,11 @@ def _installed(*builders: Callable[[], Peer]) -> list[Peer]:
     return peers
 
 
-def _scipy_grid(knots: Knots, net: NDArray[np.float64], grid: NDArray[np.float64], a: int = 0, b: int = 0) -> NDArray[np.float64]:
-    """Return the derivative (a, b) of a bicubic surface on the grid x grid, one row per point: BSpline in u, then in v."""
+def _scipy_grid(
+    knots: Knots, net: NDArray[np.float64], grid: NDArray[np.float64], a: int = 0, b: int = 0
+) -> NDArray[np.float64]:
+    """Return the derivative (a, b) of a bicubic surface on the grid x grid, one row per point: BSpline in u,
+    then in v."""
     by_u = BSpline(knots[0], net, 3)(grid, nu=a).swapaxes(0, 1)
     by_v = BSpline(knots[1], by_u, 3)(grid, nu=b).swapaxes(0, 1)
     return by_v.reshape(-1, *net.shape[2:])
@@ -103,7 +110,9 @@ def scipy(case: Annulus, knots: Knots, net: NDArray[np.float64]) -> Peer:
     peer, spline = Peer("scipy"), NdBSpline(knots, net, 3)
     peer.values["grid"] = peer.timed("grid", lambda: _scipy_grid(knots, net, case.grid), 9)
     orders = ((0, 0), (1, 0), (0, 1))
-    all_three = peer.timed("gradient", lambda: [_scipy_grid(knots, net, case.grid, *order) for order in orders], 9)
+    all_three = peer.timed(
+        "gradient", lambda: [_scipy_grid(knots, net, case.grid, *order) for order in orders], 9
+    )
     peer.values["gradient"] = np.stack(all_three[1:])
     peer.values["scattered"] = peer.timed("scattered", lambda: spline(case.points.T), 5)
     return peer
@@ -124,7 +133,9 @@ def pygismo(case: Annulus) -> Peer:
     basis = spline.basis()
     peer.require(basis.size(), len(case.functions))
     peer.values["grid"] = peer.timed("grid", lambda: spline.eval(case.grid_points)).ravel()
-    peer.values["gradient"] = peer.timed("gradient", lambda: (spline.eval(case.grid_points), spline.deriv(case.grid_points)))[1]
+    peer.values["gradient"] = peer.timed(
+        "gradient", lambda: (spline.eval(case.grid_points), spline.deriv(case.grid_points))
+    )[1]
     peer.values["scattered"] = peer.timed("scattered", lambda: spline.eval(case.points)).ravel()
     matrix = peer.timed("collocation", lambda: basis.collocationMatrix(case.points))
     peer.values["collocation"] = csr_array(matrix)[:, np.argsort(order)]
@@ -150,7 +161,8 @@ def _gismo_basis(spans: int, marks: Sequence[NDArray[np.int64]]) -> gsTHBSplineB
 
 
 def _boxes(level: int, cells: NDArray[np.int64]) -> list[int]:
-    """Return G+Smo's boxes level + 1, i0, j0, i1, j1 in one row: the children, counted in cells of their own level."""
+    """Return G+Smo's boxes level + 1, i0, j0, i1, j1 in one row: the children, counted in cells of their own
+    level."""
     return np.column_stack([np.full(len(cells), level + 1), 2 * cells, 2 * cells + 2]).ravel().tolist()
 
 
@@ -160,7 +172,8 @@ def _u_fastest(functions: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def nutils(case: Annulus) -> Peer:
-    """Return nutils's figures, points already located; its evaluations include the compilation of the expression."""
+    """Return nutils's figures, points already located; its evaluations include the compilation of the
+    expression."""
     import treelog
     from nutils import function, mesh
 
@@ -173,7 +186,9 @@ def nutils(case: Annulus) -> Peer:
 
     def ready() -> tuple[Topology, Array, Basis]:
         topology, geometry, basis = start(SPANS, case.marks)
-        _nutils_sample(topology, case.marks, np.array([[0.5], [0.5]])).eval(function.dotarg("c", basis), arguments)
+        _nutils_sample(topology, case.marks, np.array([[0.5], [0.5]])).eval(
+            function.dotarg("c", basis), arguments
+        )
         return topology, geometry, basis
 
     with treelog.disable():
@@ -187,7 +202,9 @@ def nutils(case: Annulus) -> Peer:
         peer.values["scattered"] = peer.timed("scattered", lambda: points.eval(spline, arguments))
         rows = function.as_csr(points.bind(basis))
         data, indptr, indices = peer.timed("collocation", lambda: function.evaluate(*rows))
-        peer.values["collocation"] = csr_array((data, indices, indptr), shape=(case.points.shape[1], len(basis)))
+        peer.values["collocation"] = csr_array(
+            (data, indices, indptr), shape=(case.points.shape[1], len(basis))
+        )
         block = [np.argwhere(np.ones((4, 4)))] * NUTILS_DEPTH
         _, _, deep = peer.timed(f"corner, level {NUTILS_DEPTH}", lambda: start(8, block))
         peer.require(len(deep), 121 + 48 * NUTILS_DEPTH)
@@ -195,7 +212,8 @@ def nutils(case: Annulus) -> Peer:
 
 
 def _nutils_refined(topology: Topology, spans: int, marks: Sequence[NDArray[np.int64]]) -> Topology:
-    """Return the topology over spans x spans cells refined level by level; elements count level by level, leaves only."""
+    """Return the topology over spans x spans cells refined level by level; elements count level by level,
+    leaves only."""
     leaves = 0
     for _, existing, refined in _levels(spans, marks):
         if len(refined):
@@ -204,7 +222,9 @@ def _nutils_refined(topology: Topology, spans: int, marks: Sequence[NDArray[np.i
     return topology
 
 
-def _nutils_sample(topology: Topology, marks: Sequence[NDArray[np.int64]], points: NDArray[np.float64]) -> Sample:
+def _nutils_sample(
+    topology: Topology, marks: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
+) -> Sample:
     """Return the sample at scattered points of the annulus, without nutils's search for their cells."""
     element, local, count = np.full(points.shape[1], -1), np.zeros(points.shape), 0
     for n, existing, refined in _levels(SPANS, marks):
@@ -218,7 +238,9 @@ def _nutils_sample(topology: Topology, marks: Sequence[NDArray[np.int64]], point
     return topology._sample(element, local.T)
 
 
-def _levels(spans: int, marks: Sequence[NDArray[np.int64]]) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
+def _levels(
+    spans: int, marks: Sequence[NDArray[np.int64]]
+) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
     """Yield for every level (n, existing, refined): cells (i, j) as sorted numbers i n + j."""
     existing, n = np.arange(spans**2), spans
     for cells in [*marks, np.zeros((0, 2), dtype=np.int64)]:
@@ -229,13 +251,17 @@ def _levels(spans: int, marks: Sequence[NDArray[np.int64]]) -> Iterator[tuple[in
         n *= 2
 
 
-def splipy(knots: NDArray[np.float64], net: NDArray[np.float64], grid: NDArray[np.float64], new: NDArray[np.float64]) -> Peer:
+def splipy(
+    knots: NDArray[np.float64], net: NDArray[np.float64], grid: NDArray[np.float64], new: NDArray[np.float64]
+) -> Peer:
     """Return splipy's figures on a bicubic surface with the same knots in u and in v."""
     from splipy import BSplineBasis, Surface
 
     peer, grid = Peer("splipy"), grid.copy()  # splipy moves parameters near knots onto them, in place
     surface = Surface(BSplineBasis(4, knots), BSplineBasis(4, knots), net.copy(), raw=True)
-    peer.values["tensor grid"] = peer.timed("tensor grid", lambda: surface(grid, grid)).reshape(-1, net.shape[2])
+    peer.values["tensor grid"] = peer.timed("tensor grid", lambda: surface(grid, grid)).reshape(
+        -1, net.shape[2]
+    )
 
     def insert() -> Surface:
         out = surface.clone()

@@ -2,13 +2,15 @@
 
 Run: thbcad bench stability
 
-Errors are relative: values to the greatest coefficient, Q P - I to the greatest absolute row sums of Q, derivatives to the
-sum of |derivatives| of the B-splines at the point times the greatest coefficient; of the B-splines of the tensor-product form,
-and of those of the leaf cell's own level, which are flatter where the cell lies in the row or column of deeper ones.
-The limits are u = 2^-53 times a bound of the number of roundings on the way.  Each step of a stable method is a sum with
-non-negative weights that come from differences of given numbers, so that the limit grows with degree and level, not with the
-knots.  Q P - I itself is held to 1e-13 up to degree 5 on spans of ratios up to 10, as in `thbcad bench kernel`; where a function
-keeps few whole cells of very unequal spans, the least functional is large and restriction loses digits, or refuses.
+Errors are relative: values to the greatest coefficient, Q P - I to the greatest absolute row sums of Q,
+derivatives to the sum of |derivatives| of the B-splines at the point times the greatest coefficient; of the
+B-splines of the tensor-product form, and of those of the leaf cell's own level, which are flatter where the
+cell lies in the row or column of deeper ones. The limits are u = 2^-53 times a bound of the number of
+roundings on the way.  Each step of a stable method is a sum with non-negative weights that come from
+differences of given numbers, so that the limit grows with degree and level, not with the knots.  Q P - I
+itself is held to 1e-13 up to degree 5 on spans of ratios up to 10, as in `thbcad bench kernel`; where a
+function keeps few whole cells of very unequal spans, the least functional is large and restriction loses
+digits, or refuses.
 """
 
 from __future__ import annotations
@@ -79,7 +81,9 @@ def measure(space: THBSpace, rng: np.random.Generator) -> Figures:
         defect, norm = projection_defect(space, finer)
     except ValueError:
         return figures | {REFUSED: (1.0, np.inf)}
-    plain = max(space.kv_u.degree, space.kv_v.degree) <= 5 and max(_spread(space.kv_u), _spread(space.kv_v)) <= 10
+    plain = (
+        max(space.kv_u.degree, space.kv_v.degree) <= 5 and max(_spread(space.kv_u), _spread(space.kv_v)) <= 10
+    )
     return figures | {
         "Q P - I": (defect, 1e-13 if plain else np.inf),
         "Q P - I, to row sums of |Q|": (defect / norm, limits[2]),
@@ -93,7 +97,8 @@ def _spread(kv: KnotVector) -> float:
 
 
 def further(space: THBSpace) -> THBSpace:
-    """Return a finer space: p + 2 by q + 2 cells from the lowest leaf cell on, of the coarsest and of the finest level."""
+    """Return a finer space: p + 2 by q + 2 cells from the lowest leaf cell on, of the coarsest and of the
+    finest level."""
     cells = {}
     for level in {int(space.cells[0, 0]), space.levels - 1}:
         leaves = space.cells[space.cells[:, 0] == level, 1:]
@@ -103,7 +108,8 @@ def further(space: THBSpace) -> THBSpace:
 
 
 def projection_defect(space: THBSpace, finer: THBSpace) -> tuple[float, float]:
-    """Return the greatest entry of |Q P - I|, and the greatest row sums of |Q| of one level after the other, multiplied."""
+    """Return the greatest entry of |Q P - I|, and the greatest row sums of |Q| of one level after the other,
+    multiplied."""
     product, norm, whole = space.prolongation(finer), 1.0, finer
     for level in range(finer.levels - 2, -1, -1):
         held = space.refined[level] if level < space.levels - 1 else np.zeros((0, 2), dtype=np.int64)
@@ -118,7 +124,8 @@ def projection_defect(space: THBSpace, finer: THBSpace) -> tuple[float, float]:
 def _derivative_errors(
     surface: THBSurface, twin: ExactTHB, tensor: ExactTHB, u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> list[float]:
-    """Return the greatest error of the first derivatives, to the scale of the tensor-product form and to that of the leaf cells."""
+    """Return the greatest error of the first derivatives, to the scale of the tensor-product form and to that
+    of the leaf cells."""
     errors = []
     for order in ((1, 0), (0, 1)):
         for a, b, value in zip(u.tolist(), v.tolist(), surface(u, v, order).tolist()):
@@ -134,7 +141,9 @@ def _worst(name: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
     for quantity in dict.fromkeys(quantity for _, figures in measured for quantity in figures):
         held = [(figures[quantity], case.label) for case, figures in measured if quantity in figures]
         if quantity == REFUSED:
-            out.append(Row(f"{name}: {quantity}", len(held), "", f"of {len(measured)}, the first {held[0][1]}"))
+            out.append(
+                Row(f"{name}: {quantity}", len(held), "", f"of {len(measured)}, the first {held[0][1]}")
+            )
             continue
         (error, limit), label = max(held, key=lambda pair: (pair[0][0] > pair[0][1], pair[0][0]))
         out.append(Row(f"{name}: {quantity}", error, "", label, None if limit == np.inf else limit))
@@ -142,17 +151,27 @@ def _worst(name: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
 
 
 def _growth(name: str, per: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
-    """Return the factors exp(b) of the fits log(error) = a + b x; errors below half a unit roundoff count as that."""
+    """Return the factors exp(b) of the fits log(error) = a + b x; errors below half a unit roundoff count as
+    that."""
     out = []
     for quantity in ("values of the surface", "derivatives, to the leaf cell's", "row sums of |Q|"):
-        x, y = np.array([(case.x, max(figures[quantity][0], 2.0**-54)) for case, figures in measured if quantity in figures]).T
+        x, y = np.array(
+            [
+                (case.x, max(figures[quantity][0], 2.0**-54))
+                for case, figures in measured
+                if quantity in figures
+            ]
+        ).T
         slope, _ = np.polyfit(x, np.log(y), 1)
-        out.append(Row(f"{name}: growth of {quantity}", float(np.exp(slope)), f"/{per}", f"fitted to {len(x)} cases"))
+        out.append(
+            Row(f"{name}: growth of {quantity}", float(np.exp(slope)), f"/{per}", f"fitted to {len(x)} cases")
+        )
     return out
 
 
 def _walks(rng: np.random.Generator) -> list[Row]:
-    """Return the worst figures of random sequences of refinement and coarsening, as multiples of their limits."""
+    """Return the worst figures of random sequences of refinement and coarsening, as multiples of their
+    limits."""
     figures = []
     for _ in range(SEQUENCES):
         p, q = rng.integers(1, 5, 2)
@@ -171,7 +190,9 @@ def _walks(rng: np.random.Generator) -> list[Row]:
     ]
 
 
-def _step(surface: THBSurface, rng: np.random.Generator) -> tuple[THBSurface, tuple[float, float, float, float]]:
+def _step(
+    surface: THBSurface, rng: np.random.Generator
+) -> tuple[THBSurface, tuple[float, float, float, float]]:
     """Return a surface over a coarsened or refined space, and four figures of the refinement tried."""
     space, size = surface.space, float(abs(surface.coefficients).max())
     cells = window(space, rng)
@@ -202,8 +223,12 @@ def window(space: THBSpace, rng: np.random.Generator) -> dict[int, NDArray[np.in
 def coarsened(surface: THBSurface, level: int, rng: np.random.Generator) -> THBSurface:
     """Return the projection of a surface to the space without some of the refined cells of a level."""
     space = surface.space
-    children = space.refined[level + 1] // 2 if level + 1 < len(space.refined) else np.zeros((0, 2), dtype=np.int64)
-    keep = (space.refined[level][:, None] == children).all(axis=2).any(axis=1) | (rng.random(len(space.refined[level])) < 0.3)
+    children = (
+        space.refined[level + 1] // 2 if level + 1 < len(space.refined) else np.zeros((0, 2), dtype=np.int64)
+    )
+    keep = (space.refined[level][:, None] == children).all(axis=2).any(axis=1) | (
+        rng.random(len(space.refined[level])) < 0.3
+    )
     coarser = space.coarsen({level: space.refined[level][~keep]})
     return THBSurface(coarser, space.restriction(coarser) @ surface.coefficients)
 
@@ -221,11 +246,20 @@ def deepest(kv: KnotVector, width: int) -> tuple[int, str]:
 
 
 def _refusals() -> list[Row]:
-    """Return the deepest levels; a knot span s at an offset x reaches the level with s / 2^level >= spacing of floats at x."""
+    """Return the deepest levels; a knot span s at an offset x reaches the level with s / 2^level >= spacing
+    of floats at x."""
     out = []
     for name, kv, wanted in (
-        ("offset 1e6, one span of 1e-3", KnotVector.uniform(3, 1, 1e6, 1e6 + 1e-3), np.log2(1e-3 / np.spacing(1e6))),
-        ("offset 1e6, 8 spans on 1e-6", KnotVector.uniform(3, 8, 1e6, 1e6 + 1e-6), np.log2(1e-6 / 8 / np.spacing(1e6))),
+        (
+            "offset 1e6, one span of 1e-3",
+            KnotVector.uniform(3, 1, 1e6, 1e6 + 1e-3),
+            np.log2(1e-3 / np.spacing(1e6)),
+        ),
+        (
+            "offset 1e6, 8 spans on 1e-6",
+            KnotVector.uniform(3, 8, 1e6, 1e6 + 1e-6),
+            np.log2(1e-6 / 8 / np.spacing(1e6)),
+        ),
         ("8 spans on [0, 1]", KnotVector.uniform(3, 8), 24),
         ("256 spans on [0, 1]", KnotVector.uniform(3, 256), 23),
     ):

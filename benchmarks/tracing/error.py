@@ -1,7 +1,8 @@
-"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's ways and ours, on three lenses.
+"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's ways and ours, on
+three lenses.
 
-Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows the curves.
-The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.
+Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows
+the curves. The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.
 
 Run: thbcad bench error
 """
@@ -15,7 +16,14 @@ import numpy as np
 from benchmarks.tracing.error_cases import STORE, Case, Reference, cases, reference
 from benchmarks.tracing.error_figure import draw
 from benchmarks.tracing.error_limits import limit_rows
-from benchmarks.tracing.error_methods import BOX, Point, camera_noise, camera_points, exact_points, mesh_points
+from benchmarks.tracing.error_methods import (
+    BOX,
+    Point,
+    camera_noise,
+    camera_points,
+    exact_points,
+    mesh_points,
+)
 from optics.runtime import Row, load_backend
 
 WANTED = 1e-3  # relative L2 error of the irradiance at which run times are compared
@@ -34,7 +42,10 @@ def rows() -> list[Row]:
     out, points, truths = [], [], {}
     for case in cases(backend):
         truth = truths[case.name] = reference(backend, case)
-        own = [*exact_points(case, truth), *(mesh_points(case, truth) + camera_points(case, truth) if mitsuba else [])]
+        own = [
+            *exact_points(case, truth),
+            *(mesh_points(case, truth) + camera_points(case, truth) if mitsuba else []),
+        ]
         points += own
         out += [*_reference_rows(case, truth), *_point_rows(own), *_method_rows(own, truth)]
         out += _ratio_rows(case, own) if mitsuba else []
@@ -49,7 +60,8 @@ def methods(points: list[Point]) -> dict[str, list[Point]]:
 
 
 def observed_order(rays: list[int], errors: list[float], least: float) -> float:
-    """Return k of error ~ rays^-k by a straight line through the logarithms of the errors above `least`; NaN for fewer than two."""
+    """Return k of error ~ rays^-k by a straight line through the logarithms of the errors above `least`; NaN
+    for fewer than two."""
     pairs = [(n, e) for n, e in zip(rays, errors) if np.isfinite(e) and e > least]
     if len(pairs) < 2:
         return np.nan
@@ -57,7 +69,8 @@ def observed_order(rays: list[int], errors: list[float], least: float) -> float:
 
 
 def seconds_at(points: list[Point], error: float) -> float:
-    """Return the run time at which a method reaches an error of the irradiance, between its points on log-log scales.
+    """Return the run time at which a method reaches an error of the irradiance, between its points on log-log
+    scales.
 
     Where already its quickest point is better, that one's time; inf where none is.
     """
@@ -75,8 +88,18 @@ def seconds_at(points: list[Point], error: float) -> float:
 def _reference_rows(case: Case, truth: Reference) -> list[Row]:
     c, r = case.screen.pixels
     return [
-        Row(f"{case.name}: reference's own error, irradiance", truth.image_error, "", f"{c} x {r} pixels, Gaussian window of 1 px"),
-        Row(f"{case.name}: reference's own error, gradient", truth.gradient_error, "", f"{len(truth.gradient)} coefficients"),
+        Row(
+            f"{case.name}: reference's own error, irradiance",
+            truth.image_error,
+            "",
+            f"{c} x {r} pixels, Gaussian window of 1 px",
+        ),
+        Row(
+            f"{case.name}: reference's own error, gradient",
+            truth.gradient_error,
+            "",
+            f"{len(truth.gradient)} coefficients",
+        ),
     ]
 
 
@@ -109,7 +132,8 @@ def _method_rows(points: list[Point], truth: Reference) -> list[Row]:
 
 
 def _ratio_rows(case: Case, points: list[Point]) -> list[Row]:
-    """Return how many times quicker ours reaches an error than the particle tracer, by its law noise^2 ~ 1 / time.
+    """Return how many times quicker ours reaches an error than the particle tracer, by its law noise^2 ~ 1 /
+    time.
 
     The error is the wanted one, or the least of ours where that is greater.
     """
@@ -122,5 +146,14 @@ def _ratio_rows(case: Case, points: list[Point]) -> list[Row]:
         time = seconds * (noise / wanted) ** 2
         note = f"{time:.3g} s by noise {noise:.2g} at {seconds:.3g} s; {best} {reached[best]:.3g} s"
         limit = 1e5 if (case.name, measure) == ("pearl", BOX) else None
-        out.append(Row(f"{case.name}: ptracer, {measure}, to ours, at error {wanted:.2g}", time / reached[best], "", note, limit, ">="))
+        out.append(
+            Row(
+                f"{case.name}: ptracer, {measure}, to ours, at error {wanted:.2g}",
+                time / reached[best],
+                "",
+                note,
+                limit,
+                ">=",
+            )
+        )
     return out

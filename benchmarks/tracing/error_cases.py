@@ -1,6 +1,7 @@
 """The lenses of `thbcad bench error`, their rays by four samplings, and the reference.
 
-The reference is the mean of two sets of very many rays in double precision; half their distance is its own error.
+The reference is the mean of two sets of very many rays in double precision; half their distance is its own
+error.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ Units = Callable[[np.random.Generator, int, int], Floats]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A lens with what is asked of it.  target : irradiance on the pixels, W/mm^2, (rows, columns), unfiltered."""
+    """A lens with what is asked of it.  target : irradiance on the pixels, W/mm^2, (rows, columns),
+    unfiltered."""
 
     name: str
     problem: Problem
@@ -78,7 +80,11 @@ def designed(backend: Backend, name: str) -> tuple[Problem, Lens]:
 def cases(backend: Backend) -> list[Case]:
     """Return the base lens, the pearl lens and the lens of the extended source."""
     pearl, shaped = designed(backend, "pearl")
-    named = {"base": (pearl, base_lens(pearl)), "pearl": (pearl, shaped), "extended": designed(backend, "extended")}
+    named = {
+        "base": (pearl, base_lens(pearl)),
+        "pearl": (pearl, shaped),
+        "extended": designed(backend, "extended"),
+    }
     return [_case(backend, name, *pair) for name, pair in named.items()]
 
 
@@ -88,7 +94,9 @@ def _case(backend: Backend, name: str, problem: Problem, lens: Lens) -> Case:
     tracer = Tracer(backend, lens, problem_rays(problem, (257, 257)), problem.target_z)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     flux = tracer.budget(landing, screen.half_width).on_target
-    return Case(name, problem, lens, target_irradiance(target_light(problem), screen, problem.target.placing, flux))
+    return Case(
+        name, problem, lens, target_irradiance(target_light(problem), screen, problem.target.placing, flux)
+    )
 
 
 def slope_of_fit(image: Floats, target: Floats) -> Floats:
@@ -100,13 +108,19 @@ def reference(backend: Backend, case: Case, window: Window = WINDOW) -> Referenc
     """Return the Reference of a case."""
     images = [_image(backend, case, window, _many_rays(case, which)) for which in (0, 1)]
     image, target = (images[0] + images[1]) / 2, filter_image(case.target, window)
-    gradients = [_gradient(backend, case, window, _many_rays(case, k), slope_of_fit(e, target)) for k, e in enumerate(images)]
+    gradients = [
+        _gradient(backend, case, window, _many_rays(case, k), slope_of_fit(e, target))
+        for k, e in enumerate(images)
+    ]
     gradient = (gradients[0] + gradients[1]) / 2
-    return Reference(image, gradient, relative(images[0], images[1]) / 2, relative(gradients[0], gradients[1]) / 2)
+    return Reference(
+        image, gradient, relative(images[0], images[1]) / 2, relative(gradients[0], gradients[1]) / 2
+    )
 
 
 def _many_rays(case: Case, which: int) -> Iterator[Beam | Rays]:
-    """Return one of two sets: grids of different spacing (a shifted one would miss light at the beam's rim), or scrambled Sobol points."""
+    """Return one of two sets: grids of different spacing (a shifted one would miss light at the beam's rim),
+    or scrambled Sobol points."""
     side = round(REFERENCE_RAYS**0.5) + 7 * which
     fresh = None if case.problem.source.kind == "collimated" else np.random.default_rng(1 + which)
     return ray_parts(case.problem, (side, side), fresh, AT_ONCE)
@@ -131,7 +145,9 @@ def _image(backend: Backend, case: Case, window: Window, parts: Iterator[Beam | 
     return total
 
 
-def _gradient(backend: Backend, case: Case, window: Window, parts: Iterator[Beam | Rays], seed: Floats) -> Floats:
+def _gradient(
+    backend: Backend, case: Case, window: Window, parts: Iterator[Beam | Rays], seed: Floats
+) -> Floats:
     """Return the derivative of sum(seed * image) by all coefficients, (dof,)."""
     total, weights = 0.0, backend.array(seed.T)
     for part in parts:
@@ -163,12 +179,15 @@ def sobol_points(rng: np.random.Generator, count: int, dimension: int) -> Floats
 
 def _cells(count: int, dimension: int, within: Callable[[tuple[int, int]], Floats]) -> Floats:
     side = round(count ** (1 / dimension))
-    corners = np.stack(np.meshgrid(*[np.arange(side)] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    corners = np.stack(np.meshgrid(*[np.arange(side)] * dimension, indexing="ij"), axis=-1).reshape(
+        -1, dimension
+    )
     return (corners + within(corners.shape)) / side
 
 
 def sampled_rays(case: Case, points: Units, count: int, seed: int = 3) -> Rays:
-    """Return about `count` rays of equal flux of a case's source, its position (and direction) by points of the unit cube."""
+    """Return about `count` rays of equal flux of a case's source, its position (and direction) by points of
+    the unit cube."""
     source, rng = case.problem.source, np.random.default_rng(seed)
     if source.kind == "collimated":
         s, t = 2 * points(rng, count, 2).T - 1

@@ -12,7 +12,8 @@ from benchmarks.tracing.error_methods import Point
 
 
 def draw(points: Sequence[Point], truths: Mapping[str, Reference], path: Path) -> None:
-    """Write the picture: one column per lens, the irradiance above the gradient, the reference's own error dashed."""
+    """Write the picture: one column per lens, the irradiance above the gradient, the reference's own error
+    dashed."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -22,14 +23,25 @@ def draw(points: Sequence[Point], truths: Mapping[str, Reference], path: Path) -
     names = list(dict.fromkeys(p.method for p in points))
     for column, (case, truth) in enumerate(truths.items()):
         for row, (seconds, error, own) in enumerate(
-            (("seconds", "error", truth.image_error), ("gradient_seconds", "gradient_error", truth.gradient_error))
+            (
+                ("seconds", "error", truth.image_error),
+                ("gradient_seconds", "gradient_error", truth.gradient_error),
+            )
         ):
             axis = axes[row, column]
             for k, name in enumerate(names):
-                curve = np.array([(getattr(p, seconds), getattr(p, error)) for p in points if p.case == case and p.method == name])
+                curve = np.array(
+                    [
+                        (getattr(p, seconds), getattr(p, error))
+                        for p in points
+                        if p.case == case and p.method == name
+                    ]
+                )
                 if np.isfinite(curve).any():
                     style = "--" if name.endswith("f32") else "-"
-                    axis.loglog(*curve.T, style, marker="os^vD"[k % 5], markersize=4, color=f"C{k}", label=name)
+                    axis.loglog(
+                        *curve.T, style, marker="os^vD"[k % 5], markersize=4, color=f"C{k}", label=name
+                    )
             axis.axhline(own, color="0.5", linestyle=":", linewidth=1)
             axis.set_title(f"{case}: {('irradiance', 'gradient')[row]}", fontsize=10)
             axis.set_xlabel("s, one thread")

@@ -1,4 +1,5 @@
-"""Loss and gradient of the exact tracer in figures: time, truth of the gradient, set-up, and Mitsuba's meshes beside it."""
+"""Loss and gradient of the exact tracer in figures: time, truth of the gradient, set-up, and Mitsuba's meshes
+beside it."""
 
 from __future__ import annotations
 
@@ -26,7 +27,9 @@ EXTENDED_RAYS = (1024, 1024)
 REPEATS = 9
 DIRECTIONS = 20
 STEP = 1e-6  # mm, of the differences
-SMOOTH = BSplineWindow(5)  # C^4: differences of fourth order lose their order on windows with fewer derivatives
+SMOOTH = BSplineWindow(
+    5
+)  # C^4: differences of fourth order lose their order on windows with fewer derivatives
 STARTS = 5
 START = """
 from time import perf_counter
@@ -61,7 +64,9 @@ def uniform(lens: Lens) -> Lens:
     return lens.with_sags([*lens.sags[:-1], sag])
 
 
-def fit(backend: Backend, problem: Problem, lens: Lens, window: Window, rays: Sequence[int], soft_rim: float = 0.0) -> Objective:
+def fit(
+    backend: Backend, problem: Problem, lens: Lens, window: Window, rays: Sequence[int], soft_rim: float = 0.0
+) -> Objective:
     """Return the fit alone as an Objective, on the problem's pixels; the target has the whole source flux."""
     screen = target_screen(problem)
     target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
@@ -87,20 +92,45 @@ def _collimated(backend: Backend, mitsuba: bool) -> list[Row]:
 
             other = seconds(mesh_pipeline(problem, lens, RAYS, window, RAYS), lens, 5)
             least = 20 if window.taps == 2 else None
-            out.append(Row(f"   Mitsuba mesh pipeline of 449^2 vertices to ours, {name}", other / own, "", f"{other:.3g} s", least, ">="))
+            out.append(
+                Row(
+                    f"   Mitsuba mesh pipeline of 449^2 vertices to ours, {name}",
+                    other / own,
+                    "",
+                    f"{other:.3g} s",
+                    least,
+                    ">=",
+                )
+            )
     return out
 
 
 def _extended(backend: Backend) -> list[Row]:
-    """Return the times of 2^20 rays of an extended source, searched for as designs do, and the part of it that the searches take."""
+    """Return the times of 2^20 rays of an extended source, searched for as designs do, and the part of it
+    that the searches take."""
     problem, lens = designed(backend, "extended_two")
-    title, at, out = "loss + gradient, 2^20 extended rays, 2 free surfaces", [sag.coefficients for sag in lens.sags], []
+    title, at, out = (
+        "loss + gradient, 2^20 extended rays, 2 free surfaces",
+        [sag.coefficients for sag in lens.sags],
+        [],
+    )
     windows = {"pixel window, 4 taps": PixelWindow(), "quintic window, 36 taps": SMOOTH, "64 taps": WINDOW}
     for name, window in windows.items():
         limit = 0.30 if window.taps == 2 else None
-        out.append(Row(f"{title}, {name}", seconds(fit(backend, problem, lens, window, EXTENDED_RAYS), lens, 5), "s", "f64", limit))
+        out.append(
+            Row(
+                f"{title}, {name}",
+                seconds(fit(backend, problem, lens, window, EXTENDED_RAYS), lens, 5),
+                "s",
+                "f64",
+                limit,
+            )
+        )
     rays = problem_rays(problem, EXTENDED_RAYS)
-    for name, sure in (("both searches and no derivatives", False), ("the same, sure of the first of several meetings", True)):
+    for name, sure in (
+        ("both searches and no derivatives", False),
+        ("the same, sure of the first of several meetings", True),
+    ):
         tracer = Tracer(backend, lens, rays, problem.target_z, sure=sure)
 
         def search(tracer: Tracer = tracer) -> None:
@@ -128,12 +158,21 @@ def _differences(backend: Backend) -> list[Row]:
                 return of([*other[:place], c, *other[place + 1 :]])[0]
 
             error = worst_difference(loss, at[k], gradients[k], STEP)
-            out.append(Row(f"{name}: gradient by the {surface}, worst of 20 differences, quintic window", error, "", "", 1e-8))
+            out.append(
+                Row(
+                    f"{name}: gradient by the {surface}, worst of 20 differences, quintic window",
+                    error,
+                    "",
+                    "",
+                    1e-8,
+                )
+            )
     return out
 
 
 def worst_difference(loss: Callable[[Floats], float], at: Floats, gradient: Floats, step: float) -> float:
-    """Return the greatest |slope - g . d| / |g| over random directions d of unit root mean square g . d / |g|.
+    """Return the greatest |slope - g . d| / |g| over random directions d of unit root mean square g . d /
+    |g|.
 
     slope : the fourth-order central difference (8 (L(h) - L(-h)) - (L(2 h) - L(-2 h))) / (12 h), h in mm.
     """
@@ -146,10 +185,13 @@ def worst_difference(loss: Callable[[Floats], float], at: Floats, gradient: Floa
 
 
 def first_gradient() -> float:
-    """Return the loss of a pearl design's last stage at its first lens: all that comes before the first step."""
+    """Return the loss of a pearl design's last stage at its first lens: all that comes before the first
+    step."""
     problem, backend = load_problem(ROOT / "examples" / "pearl.toml"), load_backend("double", 1)
     lens, stage = base_lens(problem), stages(problem, True)[-1]
-    target = target_irradiance(target_light(problem), stage.screen, problem.target.placing, 0.92 * problem.source.flux)
+    target = target_irradiance(
+        target_light(problem), stage.screen, problem.target.placing, 0.92 * problem.source.flux
+    )
     return stage_objective(backend, problem, lens, stage, target)([sag.coefficients for sag in lens.sags])[0]
 
 
@@ -157,7 +199,9 @@ def _set_up() -> list[Row]:
     inside, imports, whole = [], [], []
     for _ in range(STARTS + 1):
         start = perf_counter()
-        done = subprocess.run([sys.executable, "-c", START], check=True, capture_output=True, text=True, cwd=ROOT)
+        done = subprocess.run(
+            [sys.executable, "-c", START], check=True, capture_output=True, text=True, cwd=ROOT
+        )
         whole.append(perf_counter() - start)
         loading, working = map(float, done.stdout.split())
         imports.append(loading)
@@ -171,12 +215,25 @@ def _set_up() -> list[Row]:
 
 
 def _mesh_accuracy(backend: Backend) -> Row:
-    """Return the relative L2 error of the irradiance through meshes with analytic normals, f32, on the base lens."""
+    """Return the relative L2 error of the irradiance through meshes with analytic normals, f32, on the base
+    lens."""
     from optics.mitsuba import mesh_irradiance
 
     problem = load_problem(ROOT / "examples" / "pearl.toml")
     lens, screen = base_lens(problem), target_screen(problem)
-    _, landing = Tracer(backend, lens, problem_rays(problem, RAYS), problem.target_z).trace([sag.coefficients for sag in lens.sags])
-    exact = Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux).numpy().reshape(screen.shape, order="F")
+    _, landing = Tracer(backend, lens, problem_rays(problem, RAYS), problem.target_z).trace(
+        [sag.coefficients for sag in lens.sags]
+    )
+    exact = (
+        Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)
+        .numpy()
+        .reshape(screen.shape, order="F")
+    )
     error = relative(mesh_irradiance(problem, lens, RAYS, WINDOW, RAYS), exact)
-    return Row("Mitsuba mesh of 449^2 vertices, analytic normals, base lens", error, "", "irradiance against exact, same rays", 5e-5)
+    return Row(
+        "Mitsuba mesh of 449^2 vertices, analytic normals, base lens",
+        error,
+        "",
+        "irradiance against exact, same rays",
+        5e-5,
+    )

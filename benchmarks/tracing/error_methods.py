@@ -1,9 +1,10 @@
 """Run time and error of the ways to compute irradiance and gradient: one `Point` per way and number of rays.
 
-Times are of one thread and of tracing and measuring alone: rays, meshes and scenes are ready.  The error of the
-gradient is that of the derivative of ||E - T||^2 / ||T||^2 by all THB coefficients.
+Times are of one thread and of tracing and measuring alone: rays, meshes and scenes are ready.  The error of
+the gradient is that of the derivative of ||E - T||^2 / ||T||^2 by all THB coefficients.
 
-`ptracer`'s camera has a film with the same Gaussian filter, so that all ways measure the same; `camera_noise` is that of box pixels.
+`ptracer`'s camera has a film with the same Gaussian filter, so that all ways measure the same; `camera_noise`
+is that of box pixels.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 class Point:
     """One run.  rays : number.  seconds, gradient_seconds : of the irradiance, of loss and gradient.
 
-    error, gradient_error : relative L2; NaN where the way has none.  megabytes : that the gradient's run adds to the process.
+    error, gradient_error : relative L2; NaN where the way has none.  megabytes : that the gradient's run adds
+        to the process.
     """
 
     case: str
@@ -69,7 +71,8 @@ class Point:
 
 @dataclass(frozen=True)
 class Way:
-    """One way to compute a case.  irradiance : returns (rows, columns), W/mm^2.  gradient : one array per sag."""
+    """One way to compute a case.  irradiance : returns (rows, columns), W/mm^2.  gradient : one array per
+    sag."""
 
     method: str
     rays: int
@@ -85,14 +88,17 @@ def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -
         for name in ("grid", "Sobol") if precision == "single" else ("grid", *SAMPLINGS):
             few = counts[:-1] if name in ("random", "jittered") else counts
             for count in (*counts, LONG) if precision == "single" else few:
-                rays = grid_rays(case, count) if name == "grid" else sampled_rays(case, SAMPLINGS[name], count)
+                rays = (
+                    grid_rays(case, count) if name == "grid" else sampled_rays(case, SAMPLINGS[name], count)
+                )
                 tracer = Tracer(backend, case.lens, rays, case.problem.target_z)
                 out.append(_point(backend, case, truth, tracer, f"ours, {name}, {short}", _number(rays)))
     return out
 
 
 def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNTS) -> list[Point]:
-    """Return the points of Mitsuba's meshes with analytic normals and direct splats, on the exact tracer's grids or Sobol points."""
+    """Return the points of Mitsuba's meshes with analytic normals and direct splats, on the exact tracer's
+    grids or Sobol points."""
     from optics.mitsuba import LensMesh, MeshTracer
 
     out, mesh = [], LensMesh.even(case.lens, VERTICES)
@@ -105,24 +111,40 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
 
 
 def camera_points(case: Case, truth: Reference) -> list[Point]:
-    """Return the points of Mitsuba's particle tracer and camera; the gradient for few rays only, it takes long."""
+    """Return the points of Mitsuba's particle tracer and camera; the gradient for few rays only, it takes
+    long."""
     from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi, mesh, out = current_mitsuba(), LensMesh.even(case.lens, VERTICES), []
     scene = mitsuba_scene(case.problem, mesh)
     camera = gaussian_camera(mi, scene, case)
     for spp in SPP:
-        seconds = median_seconds(lambda n=spp: np.array(mi.render(scene, sensor=camera, spp=n, seed=1)), REPEATS)
+        seconds = median_seconds(
+            lambda n=spp: np.array(mi.render(scene, sensor=camera, spp=n, seed=1)), REPEATS
+        )
         image = _seen(mi.render(scene, sensor=camera, spp=spp, seed=7))
         slow = error = megabytes = np.nan
         if spp == GRADIENT_SPP:
             gradient, slow, megabytes = _timed_gradient(mi, case, mesh, scene, camera)
             error = relative(gradient, truth.gradient)
-        out.append(Point(case.name, CAMERA, spp * image.size, seconds, relative(image, truth.image), slow, error, megabytes))
+        out.append(
+            Point(
+                case.name,
+                CAMERA,
+                spp * image.size,
+                seconds,
+                relative(image, truth.image),
+                slow,
+                error,
+                megabytes,
+            )
+        )
     return out
 
 
-def _timed_gradient(mi: ModuleType, case: Case, mesh: LensMesh, scene: Any, camera: Any) -> tuple[Floats, float, float]:
+def _timed_gradient(
+    mi: ModuleType, case: Case, mesh: LensMesh, scene: Any, camera: Any
+) -> tuple[Floats, float, float]:
     """Return (gradient, seconds, MB) of one run after a warm one."""
     parameters = mi.traverse(scene)
     _camera_gradient(mi, case, mesh, parameters, scene, camera)
@@ -132,16 +154,19 @@ def _timed_gradient(mi: ModuleType, case: Case, mesh: LensMesh, scene: Any, came
 
 
 def _seen(picture: Any) -> Floats:
-    """Return the irradiance of a white screen, (rows, columns), from a picture of the dark one; the camera sees +x on its left."""
+    """Return the irradiance of a white screen, (rows, columns), from a picture of the dark one; the camera
+    sees +x on its left."""
     from optics.mitsuba import REFLECTANCE
 
     return np.pi / REFLECTANCE * np.array(picture, dtype=np.float64)[..., 0][:, ::-1]
 
 
 def camera_noise(case: Case) -> list[tuple[str, float, float]]:
-    """Return (measure, relative L2 noise, seconds) of the camera's box pixels and of the window, at the most light paths.
+    """Return (measure, relative L2 noise, seconds) of the camera's box pixels and of the window, at the most
+    light paths.
 
-    Two pictures are sqrt(2) noises apart.  Light that takes other ways than front, rear, screen is seen alike in both, unlike in `Point`.
+    Two pictures are sqrt(2) noises apart.  Light that takes other ways than front, rear, screen is seen alike
+    in both, unlike in `Point`.
     """
     from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
@@ -153,13 +178,16 @@ def camera_noise(case: Case) -> list[tuple[str, float, float]]:
         one, other = (_seen(mi.render(scene, sensor=camera, spp=SPP[-1], seed=seed)) for seed in (7, 8))
         apart = np.square(one - other).sum() / 2
         noise = float(np.sqrt(apart / (np.square((one + other) / 2).sum() - apart / 2)))
-        seconds = median_seconds(lambda c=camera: np.array(mi.render(scene, sensor=c, spp=SPP[-1], seed=9)), REPEATS)
+        seconds = median_seconds(
+            lambda c=camera: np.array(mi.render(scene, sensor=c, spp=SPP[-1], seed=9)), REPEATS
+        )
         out.append((measure, noise, seconds))
     return out
 
 
 def gaussian_camera(mi: ModuleType, scene: Any, case: Case) -> Any:
-    """Return the scene's camera with a film of the case's pixels that filters with WINDOW, which the box of the other does not."""
+    """Return the scene's camera with a film of the case's pixels that filters with WINDOW, which the box of
+    the other does not."""
     seen = mi.traverse(scene.sensors()[0])
     columns, rows = case.screen.pixels
     return mi.load_dict(
@@ -181,8 +209,11 @@ def gaussian_camera(mi: ModuleType, scene: Any, case: Case) -> Any:
     )
 
 
-def _camera_gradient(mi: ModuleType, case: Case, mesh: LensMesh, parameters: Any, scene: Any, camera: Any) -> Floats:
-    """Return the gradient by the coefficients through camera and meshes; the same rays serve image and derivative."""
+def _camera_gradient(
+    mi: ModuleType, case: Case, mesh: LensMesh, parameters: Any, scene: Any, camera: Any
+) -> Floats:
+    """Return the gradient by the coefficients through camera and meshes; the same rays serve image and
+    derivative."""
     from optics.mitsuba import REFLECTANCE, mitsuba_backend
 
     double = mitsuba_backend(mi)
@@ -195,7 +226,9 @@ def _camera_gradient(mi: ModuleType, case: Case, mesh: LensMesh, parameters: Any
     return np.concatenate([leaf.grad.numpy() for leaf in leaves])
 
 
-def _point(backend: Backend, case: Case, truth: Reference, tracer: Tracer | MeshTracer, method: str, rays: int) -> Point:
+def _point(
+    backend: Backend, case: Case, truth: Reference, tracer: Tracer | MeshTracer, method: str, rays: int
+) -> Point:
     """Return the point of a tracer whose rays are ready, with Splat and Objective."""
     screen = case.screen
     splat = Splat(backend, screen, WINDOW)
@@ -220,7 +253,9 @@ def _measured(case: Case, truth: Reference, way: Way) -> Point:
     before = _reset_peak()
     gradient = np.concatenate(way.gradient())
     megabytes = _peak() - before
-    return Point(case.name, way.method, way.rays, seconds, error, slow, relative(gradient, truth.gradient), megabytes)
+    return Point(
+        case.name, way.method, way.rays, seconds, error, slow, relative(gradient, truth.gradient), megabytes
+    )
 
 
 def _number(rays: Any) -> int:

@@ -1,6 +1,8 @@
-"""How the time of loss and gradient grows: with rays, pixels, degrees of freedom, levels of refinement and cores.
+"""How the time of loss and gradient grows: with rays, pixels, degrees of freedom, levels of refinement and
+cores.
 
-The pearl problem with the pixel window; each row carries the time and, last of its kind, the observed exponent.
+The pearl problem with the pixel window; each row carries the time and, last of its kind, the observed
+exponent.
 
 Run: thbcad bench scaling
 """
@@ -40,7 +42,11 @@ def rows() -> list[Row]:
     by_pixels = [replace(problem, target=replace(problem.target, pixels=(n, n))) for n in PIXELS]
     out += _series("pixels", [n * n for n in PIXELS], [_seconds(one, p, net, MIDDLE) for p in by_pixels])
     lenses = [_tensor(problem, n) for n in SPANS]
-    out += _series("coefficients", [_dof(lens) for lens in lenses], [_seconds(one, problem, lens, MIDDLE) for lens in lenses])
+    out += _series(
+        "coefficients",
+        [_dof(lens) for lens in lenses],
+        [_seconds(one, problem, lens, MIDDLE) for lens in lenses],
+    )
     deep = [_corner(problem, n) for n in range(1, LEVELS + 1)]
     times = [_seconds(one, problem, lens, MIDDLE) for lens in deep]
     out += _series("levels", range(1, LEVELS + 1), times, [f"{_dof(lens)} coefficients" for lens in deep])
@@ -55,12 +61,21 @@ def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
     return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
 
 
-def _series(name: str, sizes: Sequence[int], seconds: Sequence[float], notes: Sequence[str] | None = None) -> list[Row]:
+def _series(
+    name: str, sizes: Sequence[int], seconds: Sequence[float], notes: Sequence[str] | None = None
+) -> list[Row]:
     """Return the rows of one series, the exponent over all of it and that between its last two."""
-    out = [Row(f"{name}: {n}", s, "s", note) for n, s, note in zip(sizes, seconds, notes or [""] * len(seconds))]
+    out = [
+        Row(f"{name}: {n}", s, "s", note) for n, s, note in zip(sizes, seconds, notes or [""] * len(seconds))
+    ]
     if len(sizes) > 1:
         out.append(
-            Row(f"{name}: observed exponent", exponent(sizes, seconds), "", f"of the last two {exponent(sizes[-2:], seconds[-2:]):.2f}")
+            Row(
+                f"{name}: observed exponent",
+                exponent(sizes, seconds),
+                "",
+                f"of the last two {exponent(sizes[-2:], seconds[-2:]):.2f}",
+            )
         )
     return out
 
@@ -90,7 +105,8 @@ def _tensor(problem: Problem, spans: int) -> Lens:
 
 
 def _corner(problem: Problem, levels: int) -> Lens:
-    """Return the base lens whose corner is refined to a number of levels: the finest knots are as many as if all were."""
+    """Return the base lens whose corner is refined to a number of levels: the finest knots are as many as if
+    all were."""
     space = THBSpace(*_knots(problem, 7))
     for level in range(levels - 1):
         cells = np.argwhere(np.ones((CORNER, CORNER)))

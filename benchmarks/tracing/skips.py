@@ -2,7 +2,8 @@
 
 Run: thbcad bench skips
 
-Every variant without a skip is built here; one thread, medians.  Limits are the tolerances that `skips` states.
+Every variant without a skip is built here; one thread, medians.  Limits are the tolerances that `skips`
+states.
 """
 
 from __future__ import annotations
@@ -77,7 +78,8 @@ def rows() -> list[Row]:
 
 
 def _deep(problem: Problem, levels: int = 4, share: float = 1.0) -> tuple[Problem, Lens]:
-    """Return the problem and its lens with a rough sag; share : of the width whose cells are refined, from one corner."""
+    """Return the problem and its lens with a rough sag; share : of the width whose cells are refined, from
+    one corner."""
     lens, rng = base_lens(problem), np.random.default_rng(1)
     sag = lens.rear.sag
     for level in range(levels):
@@ -89,7 +91,10 @@ def _deep(problem: Problem, levels: int = 4, share: float = 1.0) -> tuple[Proble
 
 
 def _objective(
-    backend: Backend, problem: Problem, tracer: Tracer, window: PixelWindow | BSplineWindow | GaussianWindow = WINDOW
+    backend: Backend,
+    problem: Problem,
+    tracer: Tracer,
+    window: PixelWindow | BSplineWindow | GaussianWindow = WINDOW,
 ) -> Objective:
     screen = target_screen(problem, problem.optimizer.merge, MARGIN)
     target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
@@ -107,8 +112,12 @@ def _pair(problem: Problem, name: str, with_skip: Evaluation, without: Evaluatio
     (skip,) = [s for s in skips(problem) if s.name == name]
     (loss, gradients), (other_loss, other_gradients) = with_skip(), without()
     g, other = np.concatenate(gradients), np.concatenate(other_gradients)
-    difference = max(abs(loss - other_loss) / abs(other_loss), float(np.linalg.norm(g - other) / np.linalg.norm(other)))
-    return _timed(name, median_seconds(with_skip, REPEATS), median_seconds(without, REPEATS), difference, skip.tolerance)
+    difference = max(
+        abs(loss - other_loss) / abs(other_loss), float(np.linalg.norm(g - other) / np.linalg.norm(other))
+    )
+    return _timed(
+        name, median_seconds(with_skip, REPEATS), median_seconds(without, REPEATS), difference, skip.tolerance
+    )
 
 
 def _timed(name: str, fast: float, slow: float, difference: float, limit: float | None) -> list[Row]:
@@ -122,7 +131,9 @@ def _timed(name: str, fast: float, slow: float, difference: float, limit: float 
 def _meeting_points(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     beam = problem_rays(problem, (COUNT, COUNT))
     tracers = (Tracer(backend, lens, rays, problem.target_z) for rays in (beam, beam_rays(beam, lens)))
-    return _pair(problem, "meeting points", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers))
+    return _pair(
+        problem, "meeting points", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers)
+    )
 
 
 def _aperture(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
@@ -132,7 +143,12 @@ def _aperture(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     x, y = ((np.arange(450) - 224.5) * (2 * h / 300) for h in half)
     whole = Beam(x, y, beam.ray_flux, 0.0)
     return _pair(
-        problem, "aperture", *(_evaluation(backend, problem, lens, Tracer(backend, lens, b, problem.target_z)) for b in (beam, whole))
+        problem,
+        "aperture",
+        *(
+            _evaluation(backend, problem, lens, Tracer(backend, lens, b, problem.target_z))
+            for b in (beam, whole)
+        ),
     )
 
 
@@ -151,7 +167,10 @@ def _edges(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
         return tracer.budget(tracer.trace(c)[1], half).on_target
 
     (skip,) = [s for s in skips(problem) if s.name == "edges"]
-    fast, slow = median_seconds(sequential, REPEATS), median_seconds(lambda: trace_nonsequential(backend, lens, everything, plane), 3)
+    fast, slow = (
+        median_seconds(sequential, REPEATS),
+        median_seconds(lambda: trace_nonsequential(backend, lens, everything, plane), 3),
+    )
     other = Row("edges: light on the target by other ways, share", float(1 - direct / found.flux[onto].sum()))
     return [*_timed("edges", fast, slow, abs(sequential() / direct - 1), skip.tolerance), other]
 
@@ -166,7 +185,9 @@ def _levels(backend: Backend, problem: Problem) -> list[Row]:
         dense = dense.refine({level: cells[cells[:, 0] == level, 1:]})
     back, whole = sag.space.prolongation(dense.space).T, lens.with_sags([dense])
     beam = problem_rays(problem, (COUNT, COUNT))
-    few, many = (_evaluation(backend, problem, a, Tracer(backend, a, beam, problem.target_z)) for a in (lens, whole))
+    few, many = (
+        _evaluation(backend, problem, a, Tracer(backend, a, beam, problem.target_z)) for a in (lens, whole)
+    )
 
     def all_knots() -> tuple[float, Gradients]:
         loss, (gradient,) = many()
@@ -178,26 +199,40 @@ def _levels(backend: Backend, problem: Problem) -> list[Row]:
 def _taps(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     """The image, for which the tolerance is stated, and the time of loss and gradient."""
     gaussian = replace(problem, optimizer=replace(problem.optimizer, window="gaussian", sigma=1.0))
-    tracer, c = Tracer(backend, lens, problem_rays(problem, (COUNT, COUNT)), problem.target_z), [sag.coefficients for sag in lens.sags]
-    cut, whole = (_objective(backend, problem, tracer, GaussianWindow(1.0, k)) for k in (GaussianWindow.cut, FAR_CUT))
+    tracer, c = (
+        Tracer(backend, lens, problem_rays(problem, (COUNT, COUNT)), problem.target_z),
+        [sag.coefficients for sag in lens.sags],
+    )
+    cut, whole = (
+        _objective(backend, problem, tracer, GaussianWindow(1.0, k)) for k in (GaussianWindow.cut, FAR_CUT)
+    )
     image, other = cut.image(c), whole.image(c)
     (skip,) = [s for s in skips(gaussian) if s.name == "taps"]
     seconds = (median_seconds(lambda o=o: o(c), REPEATS) for o in (cut, whole))
-    return _timed("taps", *seconds, float(np.linalg.norm(image - other) / np.linalg.norm(other)), skip.tolerance)
+    return _timed(
+        "taps", *seconds, float(np.linalg.norm(image - other) / np.linalg.norm(other)), skip.tolerance
+    )
 
 
 def _camera(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
-    """Mitsuba's particle tracer with screen and camera, light forward only: its noise hides every other difference."""
+    """Mitsuba's particle tracer with screen and camera, light forward only: its noise hides every other
+    difference."""
     if find_spec("mitsuba") is None:
         return []
     from optics.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
 
     load_mitsuba("llvm_ad_mono", 1)
     scene = mitsuba_scene(problem, LensMesh.even(lens, (COUNT, COUNT)))
-    tracer, c = Tracer(backend, lens, problem_rays(problem, (COUNT, COUNT)), problem.target_z), [sag.coefficients for sag in lens.sags]
+    tracer, c = (
+        Tracer(backend, lens, problem_rays(problem, (COUNT, COUNT)), problem.target_z),
+        [sag.coefficients for sag in lens.sags],
+    )
     objective = _objective(backend, problem, tracer, PixelWindow())
     image, other = objective.image(c), camera_irradiance(scene, SPP)
-    seconds = median_seconds(lambda: objective.image(c), REPEATS), median_seconds(lambda: camera_irradiance(scene, SPP), 3)
+    seconds = (
+        median_seconds(lambda: objective.image(c), REPEATS),
+        median_seconds(lambda: camera_irradiance(scene, SPP), 3),
+    )
     return _timed("camera", *seconds, float(np.linalg.norm(image - other) / np.linalg.norm(image)), None)
 
 
@@ -214,7 +249,10 @@ def _gradients(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     flat = type(space)(*knots)
     free = replace(lens, front=lens.front.with_sag(THBSurface(flat, np.zeros(flat.dim))))
     rays = problem_rays(problem, (512, 512))
-    one, two = (_evaluation(backend, problem, a, Tracer(backend, a, rays, problem.target_z, sure=False)) for a in (lens, free))
+    one, two = (
+        _evaluation(backend, problem, a, Tracer(backend, a, rays, problem.target_z, sure=False))
+        for a in (lens, free)
+    )
 
     def rear_only() -> tuple[float, Gradients]:
         loss, gradients = two()
@@ -228,21 +266,31 @@ def _converged(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     rays = problem_rays(problem, (512, 512))
     tracers = [Tracer(backend, lens, rays, problem.target_z, sure=False) for _ in range(2)]
     tracers[1]._rear.settled = 0.0
-    return _pair(problem, "converged rays", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers))
+    return _pair(
+        problem, "converged rays", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers)
+    )
 
 
 def _first_meetings(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     rays = problem_rays(problem, (512, 512))
     tracers = (Tracer(backend, lens, rays, problem.target_z, sure=sure) for sure in (False, True))
-    return _pair(problem, "first meetings", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers))
+    return _pair(
+        problem, "first meetings", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers)
+    )
 
 
 def _compilation(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     """Coefficients that change from one evaluation to the next, as they do in a design; 16384 rays."""
     rays = problem_rays(problem, (128, 128))
     literal = replace(backend, dr=Literals(backend.dr))
-    c, rng = lens.rear.sag.coefficients, np.random.default_rng()  # other numbers in every run: kernels are kept on disk
-    objectives = [_objective(b, problem, Tracer(b, lens, rays, problem.target_z, sure=False)) for b in (backend, literal)]
+    c, rng = (
+        lens.rear.sag.coefficients,
+        np.random.default_rng(),
+    )  # other numbers in every run: kernels are kept on disk
+    objectives = [
+        _objective(b, problem, Tracer(b, lens, rays, problem.target_z, sure=False))
+        for b in (backend, literal)
+    ]
 
     def changing(objective: Objective) -> float:
         start = perf_counter()

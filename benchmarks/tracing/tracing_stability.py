@@ -2,11 +2,11 @@
 
 Run: thbcad bench tracing_stability
 
-The referee traces the same data in 60 decimal digits.  An error counts in roundoffs: 1 is what comes of moving every datum -
-ray, coefficients of the surfaces, index - and the result by one unit of roundoff (2^-53, or 2^-24 in single precision).
-A ray makes some hundred roundings, each like one of a datum, of which there are 19.  A fate is wrong where it differs from the exact
-one although no datum's move by LIMIT roundoffs would change it; where it is a matter of meeting a surface or not, by the
-tracer's resolution.
+The referee traces the same data in 60 decimal digits.  An error counts in roundoffs: 1 is what comes of
+moving every datum - ray, coefficients of the surfaces, index - and the result by one unit of roundoff (2^-53,
+or 2^-24 in single precision). A ray makes some hundred roundings, each like one of a datum, of which there
+are 19.  A fate is wrong where it differs from the exact one although no datum's move by LIMIT roundoffs would
+change it; where it is a matter of meeting a surface or not, by the tracer's resolution.
 """
 
 from __future__ import annotations
@@ -20,7 +20,18 @@ from numpy.typing import NDArray
 from optics.runtime import Backend, Row, load_backend
 from optics.sources import Rays
 from optics.tracing import Tracer
-from oracles.exact_rays import ARRIVES, BESIDE, MISSED, TOTAL, Quadric, Setup, difference, exact_trace, fates_nearby, sensitivity
+from oracles.exact_rays import (
+    ARRIVES,
+    BESIDE,
+    MISSED,
+    TOTAL,
+    Quadric,
+    Setup,
+    difference,
+    exact_trace,
+    fates_nearby,
+    sensitivity,
+)
 
 LIMIT = 6  # roundoffs: a hundred roundings over 19 data
 INDEX, CRITICAL = 1.5, np.arcsin(1 / 1.5)
@@ -31,7 +42,8 @@ COUNT = 40  # rays
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Rays of one kind.  spline : degree, spans, share and depth of `Quadric.surface`.  strict : every fate must be the exact one."""
+    """Rays of one kind.  spline : degree, spans, share and depth of `Quadric.surface`.  strict : every fate
+    must be the exact one."""
 
     name: str
     setup: Setup
@@ -41,7 +53,8 @@ class Case:
 
 @dataclass(frozen=True)
 class Found:
-    """Worst error of landing points and shares, in roundoffs, and rays that end wrongly, undecided or not in numbers."""
+    """Worst error of landing points and shares, in roundoffs, and rays that end wrongly, undecided or not in
+    numbers."""
 
     points: float
     shares: float
@@ -58,9 +71,19 @@ def rows() -> list[Row]:
         for case in cases():
             found = measure(backend, case)
             name = f"{precision}, {case.name}"
-            out.append(Row(f"{name}: landing points", found.points, "u", f"{case.setup.origin.shape[1]} rays", LIMIT))
+            out.append(
+                Row(f"{name}: landing points", found.points, "u", f"{case.setup.origin.shape[1]} rays", LIMIT)
+            )
             out.append(Row(f"{name}: shares of flux", found.shares, "u", "", LIMIT))
-            out.append(Row(f"{name}: wrong, undecided, no number", found.wrong + found.unresolved + found.numberless, "rays", "", 0))
+            out.append(
+                Row(
+                    f"{name}: wrong, undecided, no number",
+                    found.wrong + found.unresolved + found.numberless,
+                    "rays",
+                    "",
+                    0,
+                )
+            )
     return out
 
 
@@ -88,7 +111,9 @@ def cases() -> Iterator[Case]:
 def measure(backend: Backend, case: Case) -> Found:
     """Return how a case comes out."""
     unit = float(np.finfo(backend.dtype).eps) / 2
-    rays = Rays(*(a.astype(backend.dtype).astype(float) for a in (case.setup.origin, case.setup.direction)), 1.0)
+    rays = Rays(
+        *(a.astype(backend.dtype).astype(float) for a in (case.setup.origin, case.setup.direction)), 1.0
+    )
     setup = replace(case.setup, origin=rays.origin, direction=rays.direction)
     lens = setup.lens(**case.spline)
     tracer = Tracer(backend, lens, rays, setup.thickness + setup.distance)
@@ -104,7 +129,9 @@ def measure(backend: Backend, case: Case) -> Found:
     beside = np.isin(fate, (BESIDE, MISSED)) | np.isin(exact.fate, (BESIDE, MISSED))
     sure = (np.where(beside, resolved, rounded) == exact.fate).all(axis=0) | case.strict
     wrong = (fate != exact.fate) & sure
-    errors = [_worst(e, f, s * unit, both) for e, f, s in zip((exact.x, exact.y, exact.share), values, scales)]
+    errors = [
+        _worst(e, f, s * unit, both) for e, f, s in zip((exact.x, exact.y, exact.share), values, scales)
+    ]
     return Found(
         max(errors[:2]),
         errors[2],
@@ -114,7 +141,12 @@ def measure(backend: Backend, case: Case) -> Found:
     )
 
 
-def _worst(exact: NDArray[np.object_], found: NDArray[np.floating], scale: NDArray[np.float64], mask: NDArray[np.bool_]) -> float:
+def _worst(
+    exact: NDArray[np.object_],
+    found: NDArray[np.floating],
+    scale: NDArray[np.float64],
+    mask: NDArray[np.bool_],
+) -> float:
     return float((difference(exact[mask], found[mask]) / scale[mask]).max(initial=0.0))
 
 
@@ -123,7 +155,9 @@ def oblique(most: float, z: float = -9.0) -> tuple[NDArray[np.float64], NDArray[
     rng = np.random.default_rng(1)
     cosine, turn = rng.uniform(np.cos(np.radians(most)), 1, COUNT), rng.uniform(0, 2 * np.pi, COUNT)
     sine = np.sqrt(1 - cosine**2)
-    return np.stack([*rng.uniform(-4, 4, (2, COUNT)), np.full(COUNT, z)]), np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
+    return np.stack([*rng.uniform(-4, 4, (2, COUNT)), np.full(COUNT, z)]), np.stack(
+        [sine * np.cos(turn), sine * np.sin(turn), cosine]
+    )
 
 
 def grazing(angle: float) -> Setup:
@@ -139,11 +173,20 @@ def verge() -> Setup:
     away = np.concatenate([sign * np.logspace(-3, -15, COUNT // 2) for sign in (1, -1)])
     origin = np.stack([np.linspace(-3, 3, COUNT), np.linspace(2, -2, COUNT), np.full(COUNT, -9.0)])
     direction = np.stack([INDEX * away, 0 * away, np.sqrt(1 - (INDEX * away) ** 2)])
-    return Setup(FLAT, Quadric((0.0, -float(np.tan(CRITICAL)), 0.0, 0.0, 0.0), 9.0), 12.0, INDEX, 100.0, origin, direction)
+    return Setup(
+        FLAT,
+        Quadric((0.0, -float(np.tan(CRITICAL)), 0.0, 0.0, 0.0), 9.0),
+        12.0,
+        INDEX,
+        100.0,
+        origin,
+        direction,
+    )
 
 
 def tangent() -> Setup:
-    """Return rays at 40 degrees in the glass that touch the hollow of a paraboloid, or pass it by 1e-3 ... 1e-12 mm."""
+    """Return rays at 40 degrees in the glass that touch the hollow of a paraboloid, or pass it by 1e-3 ...
+    1e-12 mm."""
     inside, bend, thickness = np.radians(40.0), 0.1, 12.0
     x = 1 / np.tan(inside) / (2 * bend)
     foot = x - (bend * x * x + thickness) * np.tan(inside)
@@ -151,7 +194,15 @@ def tangent() -> Setup:
     outside = np.arcsin(INDEX * np.sin(inside))
     direction = np.repeat([[np.sin(outside)], [0.0], [np.cos(outside)]], COUNT, axis=1)
     origin = np.stack([foot + aside - 0.1 * np.tan(outside), 0 * aside, np.full(COUNT, -0.1)])
-    return Setup(Quadric(FLAT.terms, 12.0), Quadric((0.0, 0.0, 0.0, bend, bend), 9.0), thickness, INDEX, 100.0, origin, direction)
+    return Setup(
+        Quadric(FLAT.terms, 12.0),
+        Quadric((0.0, 0.0, 0.0, bend, bend), 9.0),
+        thickness,
+        INDEX,
+        100.0,
+        origin,
+        direction,
+    )
 
 
 def along_knots() -> Setup:
@@ -166,7 +217,9 @@ def along_knots() -> Setup:
 
 def rim(front: Quadric, rear: Quadric, half: float) -> Setup:
     """Return rays that pass a rim at 0, 1e-15 ... 1e-9 and 1e-3 mm, along the axis and aslant."""
-    aside = np.concatenate([[0.0], *(sign * np.array([2e-15, 1e-14, 1e-12, 1e-10, 1e-9, 1e-3]) for sign in (1, -1))])
+    aside = np.concatenate(
+        [[0.0], *(sign * np.array([2e-15, 1e-14, 1e-12, 1e-10, 1e-9, 1e-3]) for sign in (1, -1))]
+    )
     x = np.concatenate([half + aside, half + aside - 9 * 0.1 / np.sqrt(0.99)])
     lean = np.repeat([0.0, 0.1], len(aside))
     origin = np.stack([x, np.linspace(-3, 3, len(x)), np.full(len(x), -9.0)])
@@ -174,13 +227,20 @@ def rim(front: Quadric, rear: Quadric, half: float) -> Setup:
 
 
 def steep(slope: float) -> Setup:
-    """Return rays along the axis that meet a hollow front whose slope reaches `slope` degrees at the middle of its edges."""
+    """Return rays along the axis that meet a hollow front whose slope reaches `slope` degrees at the middle
+    of its edges."""
     bend = -float(np.tan(np.radians(slope))) / 16
     x = np.linspace(-8, 8, COUNT)
     origin = np.stack([x, np.zeros(COUNT), np.full(COUNT, -60.0)])
     direction = np.repeat([[0.0], [0.0], [1.0]], COUNT, axis=1)
     return Setup(
-        Quadric((0.0, 0.0, 0.0, bend, bend), 8.0), Quadric((0.0, 0.01, 0.0, -0.002, -0.001), 40.0), 5.0, INDEX, 100.0, origin, direction
+        Quadric((0.0, 0.0, 0.0, bend, bend), 8.0),
+        Quadric((0.0, 0.01, 0.0, -0.002, -0.001), 40.0),
+        5.0,
+        INDEX,
+        100.0,
+        origin,
+        direction,
     )
 
 

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from optics.sources import Beam, Rays, beam_rays
 from optics.system import problem_rays, ray_parts, target_screen
 from optics.target import BoxWindow, Splat
-from optics.tracing import PhaseSpace, SourceRays, TargetPlane, Tracer, at_target, jacobian_determinants, source_points, trace_nonsequential
+from optics.tracing import (
+    PhaseSpace,
+    SourceRays,
+    TargetPlane,
+    Tracer,
+    at_target,
+    jacobian_determinants,
+    source_points,
+    trace_nonsequential,
+)
 
 if TYPE_CHECKING:
     from optics.problem import Problem
@@ -23,11 +32,17 @@ if TYPE_CHECKING:
 RAYS_AT_ONCE = 1 << 21
 NONSEQUENTIAL_RAYS = (256, 256)
 SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of etendue
-LINES, WIDEST = 201, 0.98  # of the grid in the sections of phase space, and how far it goes towards grazing rays
-NEGLIGIBLE = 0.01  # of the light on the target: what may come by other ways where the sequential tracer is said to suffice
+LINES, WIDEST = (
+    201,
+    0.98,
+)  # of the grid in the sections of phase space, and how far it goes towards grazing rays
+# of the light on the target: what may come by other ways where the sequential tracer is said to suffice
+NEGLIGIBLE = 0.01
 
 
-def sequential(backend: Backend, problem: Problem, lens: Lens, rays: int) -> tuple[NDArray[np.float64], FluxBudget, dict[str, int]]:
+def sequential(
+    backend: Backend, problem: Problem, lens: Lens, rays: int
+) -> tuple[NDArray[np.float64], FluxBudget, dict[str, int]]:
     """Return (irradiance (rows, columns), FluxBudget, rays by fate) of rays x rays rays, with box pixels."""
     screen = target_screen(problem)
     splat = Splat(backend, screen, BoxWindow())
@@ -42,11 +57,16 @@ def sequential(backend: Backend, problem: Problem, lens: Lens, rays: int) -> tup
     total = budgets[0]
     for budget in budgets[1:]:
         total = total + budget
-    return image.reshape(screen.shape, order="F"), total, {name: sum(c[name] for c in counts) for name in counts[0]}
+    return (
+        image.reshape(screen.shape, order="F"),
+        total,
+        {name: sum(c[name] for c in counts) for name in counts[0]},
+    )
 
 
 def nonsequential(backend: Backend, problem: Problem, lens: Lens) -> dict[str, Any]:
-    """Return the fates of the light in the closed lens, W, and the share on the target that came by other ways than front and rear."""
+    """Return the fates of the light in the closed lens, W, and the share on the target that came by other
+    ways than front and rear."""
     rays = _single(problem, lens, NONSEQUENTIAL_RAYS)
     flux = np.broadcast_to(rays.ray_flux, rays.origin.shape[1])
     plane = TargetPlane(problem.target_z, problem.target.half_width)
@@ -56,27 +76,43 @@ def nonsequential(backend: Backend, problem: Problem, lens: Lens) -> dict[str, A
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
     total, direct = float(landings.flux[onto].sum()), float(landings.flux[onto & landings.direct].sum())
     other = 1 - direct / total if total else 0.0
-    return {"fates_w": asdict(found.fates), "by_other_ways": other, "sequential_suffices": other <= NEGLIGIBLE}
+    return {
+        "fates_w": asdict(found.fates),
+        "by_other_ways": other,
+        "sequential_suffices": other <= NEGLIGIBLE,
+    }
 
 
 def conservation(backend: Backend, problem: Problem, lens: Lens) -> dict[str, float]:
-    """Return how far the determinant of the map from source to target in phase space is from 1, over rays that arrive."""
+    """Return how far the determinant of the map from source to target in phase space is from 1, over rays
+    that arrive."""
     rays = _single(problem, lens, SAMPLES)
     size = max(problem.source.half_width) or problem.source.distance
     found = jacobian_determinants(
-        backend, lens, source_points(rays), (size, size, 0.1, 0.1), float(rays.origin[2, 0]), plane_behind(problem, lens)
+        backend,
+        lens,
+        source_points(rays),
+        (size, size, 0.1, 0.1),
+        float(rays.origin[2, 0]),
+        plane_behind(problem, lens),
     )
     off = np.abs(found[np.isfinite(found)] - 1)
-    return {"rays": int(off.size), "median": float(np.median(off)) if off.size else 0.0, "most": float(off.max(initial=0.0))}
+    return {
+        "rays": int(off.size),
+        "median": float(np.median(off)) if off.size else 0.0,
+        "most": float(off.max(initial=0.0)),
+    }
 
 
 def plane_behind(problem: Problem, lens: Lens) -> float:
-    """Return z of the target plane; of a plane a thickness behind the lens where the target is the far field."""
+    """Return z of the target plane; of a plane a thickness behind the lens where the target is the far
+    field."""
     return 2 * lens.thickness if isinf(problem.target_z) else problem.target_z
 
 
 def sections(backend: Backend, problem: Problem, lens: Lens) -> dict[str, tuple[PhaseSpace, float]]:
-    """Return rays of the source with x = 0 and p = 0 in phase space, in planes by name, and how far y matters there, mm."""
+    """Return rays of the source with x = 0 and p = 0 in phase space, in planes by name, and how far y matters
+    there, mm."""
     source, behind = problem.source, 2 * lens.thickness
     collimated = source.kind == "collimated"
     reach = source.half_width[1] or 1.0
@@ -87,10 +123,16 @@ def sections(backend: Backend, problem: Problem, lens: Lens) -> dict[str, tuple[
     start = -source.distance - (max(lens.front.half_width) if collimated else 0.0)
     found = {
         "source": (PhaseSpace(points, np.ones(points.shape[1])), 1.1 * reach),
-        f"behind the lens, z = {behind:g} mm": (at_target(backend, lens, points, start, behind), 1.5 * lens.rear.half_width[1]),
+        f"behind the lens, z = {behind:g} mm": (
+            at_target(backend, lens, points, start, behind),
+            1.5 * lens.rear.half_width[1],
+        ),
     }
     if not isinf(problem.target_z):
-        found["target"] = at_target(backend, lens, points, start, problem.target_z), 1.1 * problem.target.half_width[1]
+        found["target"] = (
+            at_target(backend, lens, points, start, problem.target_z),
+            1.1 * problem.target.half_width[1],
+        )
     return found
 
 

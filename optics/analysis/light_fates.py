@@ -25,20 +25,24 @@ WIDEST = 0.98  # of the cone's half-angle: the outermost rays of a fan
 def follows_edges(problem: Problem) -> bool:
     """Return whether light may reach the target by other ways than through front and rear.
 
-    The non-sequential trace needs a target plane.  Parallel beams are left out: where a curved front sends them
-    into the edges, the fate `missed_rear` tells.
+    The non-sequential trace needs a target plane.  Parallel beams are left out: where a curved front sends
+    them into the edges, the fate `missed_rear` tells.
     """
     return problem.source.kind != "collimated" and not isinf(problem.target_z)
 
 
-def nonsequential_figures(backend: Backend, problem: Problem, lens: Lens, target: NDArray[np.float64]) -> dict[str, Any]:
+def nonsequential_figures(
+    backend: Backend, problem: Problem, lens: Lens, target: NDArray[np.float64]
+) -> dict[str, Any]:
     """Return the flux by fate, and the flux on the lit pixels of the target by any way, W.
 
     backend : of double precision.  target : (rows, columns); pixels above zero are lit.
     """
     rays = problem_rays(problem, RAYS, np.random.default_rng(problem.run.seed))
     flux = np.broadcast_to(rays.ray_flux, rays.origin.shape[1])
-    result = trace_nonsequential(backend, lens, SourceRays(rays.origin, rays.direction, flux), _plane(problem))
+    result = trace_nonsequential(
+        backend, lens, SourceRays(rays.origin, rays.direction, flux), _plane(problem)
+    )
     landings, screen = result.landings, target_screen(problem)
     (sx, ox), (sy, oy) = screen.pixel_map()
     column, row = (np.floor(a).astype(np.int64) for a in (landings.x * sx + ox, landings.y * sy + oy))
@@ -54,7 +58,8 @@ def nonsequential_figures(backend: Backend, problem: Problem, lens: Lens, target
 
 
 def fans(backend: Backend, problem: Problem, lens: Lens) -> dict[str, list[RayPath]]:
-    """Return the paths of two fans of rays from the source's middle in the plane x = 0: equal steps of the angle, and of its sine."""
+    """Return the paths of two fans of rays from the source's middle in the plane x = 0: equal steps of the
+    angle, and of its sine."""
     widest = np.radians(problem.source.half_angle) * WIDEST
     out = {}
     for name, sine in (

@@ -32,7 +32,8 @@ RAYS_AT_ONCE = 1 << 21
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """irradiance, target : (rows, columns), W/mm^2, intensities in the far field; figures : the metrics that the README explains."""
+    """irradiance, target : (rows, columns), W/mm^2, intensities in the far field; figures : the metrics that
+    the README explains."""
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]
@@ -49,7 +50,10 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
     rng = np.random.default_rng(problem.run.seed)
     images, budgets = [], []
     for extra in (0, 1):
-        rays = [min(RAYS_PER_PIXEL * n, max(LEAST_PER_PIXEL * n, MOST_RAYS)) + 2 * extra + 1 for n in screen.pixels]
+        rays = [
+            min(RAYS_PER_PIXEL * n, max(LEAST_PER_PIXEL * n, MOST_RAYS)) + 2 * extra + 1
+            for n in screen.pixels
+        ]
         image, budget = _trace(backend, problem, lens, screen, rays, rng)
         images.append(image)
         budgets.append(budget)
@@ -61,7 +65,9 @@ def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.fl
     figures = compare(irradiance, target)
     figures["rel_l2_floor"] = float(np.linalg.norm(images[0] - images[1]) / 2 / np.linalg.norm(target))
     figures["efficiency"] = budget.on_target / problem.source.flux
-    figures["lit_efficiency"] = float((irradiance * shown)[target > 0].sum() * screen.pixel_area / problem.source.flux)
+    figures["lit_efficiency"] = float(
+        (irradiance * shown)[target > 0].sum() * screen.pixel_area / problem.source.flux
+    )
     figures["stray"] = budget.off_target / problem.source.flux
     figures["flux_budget_w"] = asdict(budget)
     return Measurement(irradiance, target, figures)
@@ -90,7 +96,12 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
 
 
 def _trace(
-    backend: Backend, problem: Problem, lens: Lens, screen: Screen, rays: Sequence[int], fresh: np.random.Generator
+    backend: Backend,
+    problem: Problem,
+    lens: Lens,
+    screen: Screen,
+    rays: Sequence[int],
+    fresh: np.random.Generator,
 ) -> tuple[NDArray[np.float64], FluxBudget]:
     """Return (irradiance, FluxBudget) of fresh rays, traced in parts."""
     splat = Splat(backend, screen, PixelWindow(0.5 / RAYS_PER_PIXEL))

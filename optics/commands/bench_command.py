@@ -14,7 +14,11 @@ from optics.runtime import UserError, machine, table
 def bench(options: Namespace) -> tuple[list[dict[str, Any]], list[str], bool]:
     """Run a benchmark that lies in the checkout this package was installed from."""
     root = Path(__file__).resolve().parents[2]
-    modules = {p.stem: p for p in sorted((root / "benchmarks").rglob("*.py")) if "\ndef rows(" in p.read_text("utf-8")}
+    modules = {
+        p.stem: p
+        for p in sorted((root / "benchmarks").rglob("*.py"))
+        if "\ndef rows(" in p.read_text("utf-8")
+    }
     if options.name not in modules:
         names = ", ".join(sorted(modules)) or "none, run from a checkout"
         raise UserError(f"there is no benchmark {options.name!r}; this installation has: {names}")

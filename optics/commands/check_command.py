@@ -30,16 +30,31 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         "least_thickness_at_mm": [least.u, least.v],
         "volume_mm3": lens.volume(),
         "skips": [asdict(skip) for skip in found],
-        "levels": [{"level": s.level, "pixels": list(s.screen.pixels), "rays": list(s.rays), "iterations": s.iterations} for s in plan],
+        "levels": [
+            {
+                "level": s.level,
+                "pixels": list(s.screen.pixels),
+                "rays": list(s.rays),
+                "iterations": s.iterations,
+            }
+            for s in plan
+        ],
     }
     lines = [
         f"{problem.title}: the problem is sound",
-        f"picture {_by(light.shape[::-1])}, target {_by(screen.pixels)} pixels, {data['dark_share']:.0%} of them dark",
-        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume {data['volume_mm3']:.6g} mm^3",
+        f"picture {_by(light.shape[::-1])}, target {_by(screen.pixels)} pixels, {data['dark_share']:.0%} of "
+        "them dark",
+        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume "
+        f"{data['volume_mm3']:.6g} mm^3",
     ]
-    lines += [f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations" for s in plan]
+    lines += [
+        f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
+        for s in plan
+    ]
     if least.lower <= sum(f.z_freedom for f in freeforms(problem)):
-        lines.append("note: z_freedom is larger than the least thickness; a design that uses it fully would be refused")
+        lines.append(
+            "note: z_freedom is larger than the least thickness; a design that uses it fully would be refused"
+        )
     lines += skip_lines(found)
     lines += [f"note: {sentence}" for sentence in [*advice(problem, lens), *etendue_note(problem, light)]]
     return data, lines, True

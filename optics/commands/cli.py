@@ -25,35 +25,104 @@ def parser() -> argparse.ArgumentParser:
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
     design = commands.add_parser("design", help="shape the lens, write the STEP solid, verify it, report")
     design.add_argument("problem", metavar="PROBLEM.toml")
-    design.add_argument("--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)")
-    design.add_argument("--resume", action="store_true", help="go on from the checkpoint in the result folder")
-    design.add_argument("--from", dest="earlier", metavar="DIR", help="start from the free surfaces of an earlier design, on their meshes")
+    design.add_argument(
+        "--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)"
+    )
+    design.add_argument(
+        "--resume", action="store_true", help="go on from the checkpoint in the result folder"
+    )
+    design.add_argument(
+        "--from",
+        dest="earlier",
+        metavar="DIR",
+        help="start from the free surfaces of an earlier design, on their meshes",
+    )
     new = commands.add_parser("new", help="print a commented problem file to start from")
     check = commands.add_parser("check", help="read the problem and say what would be done, without tracing")
     check.add_argument("problem", metavar="PROBLEM.toml")
-    verify = commands.add_parser("verify", help="check the STEP file of a result folder against its lens, or a STEP file by itself")
+    verify = commands.add_parser(
+        "verify", help="check the STEP file of a result folder against its lens, or a STEP file by itself"
+    )
     verify.add_argument("result", metavar="RESULT", help="result folder of a design, or a STEP file")
-    verify.add_argument("--no-optiland", dest="optiland", action="store_false", help="leave out the trace by optiland, which takes longest")
-    export = commands.add_parser("export", help="write the lens for other programs, read it back and compare it with the exact surfaces")
+    verify.add_argument(
+        "--no-optiland",
+        dest="optiland",
+        action="store_false",
+        help="leave out the trace by optiland, which takes longest",
+    )
+    export = commands.add_parser(
+        "export",
+        help="write the lens for other programs, read it back and compare it with the exact surfaces",
+    )
     export.add_argument("result", metavar="RESULT", help="result folder of a design, or a lens.json")
-    export.add_argument("--out", metavar="FILE", required=True, help="file to write (dat and xyz: FILE_front and FILE_rear)")
-    export.add_argument("--format", metavar="NAME", help="step iges brep stl 3mf obj ply dat xyz npz (default: the suffix of FILE)")
-    export.add_argument("--aperture", type=float, nargs=2, metavar=("A", "B"), help="cut to an ellipse with these semi-axes in mm")
-    export.add_argument("--flange", type=float, nargs=3, metavar=("WIDTH", "LOW", "HIGH"), help="planar flange from z = LOW to HIGH, mm")
-    export.add_argument("--patches", action="store_true", help="one face per patch of same-level cells (step)")
-    export.add_argument("--separate", action="store_true", help="front and rear as loose faces, FILE_front and FILE_rear")
-    export.add_argument("--chord", type=float, default=1e-3, metavar="MM", help="error that meshes may have, in mm (default: 1e-3)")
-    trace = commands.add_parser("trace", help="trace the lens of a result folder again: flux by fate, reflections, phase space")
+    export.add_argument(
+        "--out", metavar="FILE", required=True, help="file to write (dat and xyz: FILE_front and FILE_rear)"
+    )
+    export.add_argument(
+        "--format",
+        metavar="NAME",
+        help="step iges brep stl 3mf obj ply dat xyz npz (default: the suffix of FILE)",
+    )
+    export.add_argument(
+        "--aperture",
+        type=float,
+        nargs=2,
+        metavar=("A", "B"),
+        help="cut to an ellipse with these semi-axes in mm",
+    )
+    export.add_argument(
+        "--flange",
+        type=float,
+        nargs=3,
+        metavar=("WIDTH", "LOW", "HIGH"),
+        help="planar flange from z = LOW to HIGH, mm",
+    )
+    export.add_argument(
+        "--patches", action="store_true", help="one face per patch of same-level cells (step)"
+    )
+    export.add_argument(
+        "--separate", action="store_true", help="front and rear as loose faces, FILE_front and FILE_rear"
+    )
+    export.add_argument(
+        "--chord",
+        type=float,
+        default=1e-3,
+        metavar="MM",
+        help="error that meshes may have, in mm (default: 1e-3)",
+    )
+    trace = commands.add_parser(
+        "trace", help="trace the lens of a result folder again: flux by fate, reflections, phase space"
+    )
     trace.add_argument("result", metavar="RESULT", help="result folder of a design")
     trace.add_argument("--rays", type=int, default=513, metavar="N", help="N x N rays (default: 513)")
-    trace.add_argument("--precision", choices=("double", "single"), default="double", help="of the sequential trace (default: double)")
+    trace.add_argument(
+        "--precision",
+        choices=("double", "single"),
+        default="double",
+        help="of the sequential trace (default: double)",
+    )
     trace.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/trace)")
-    etendue = commands.add_parser("etendue", help="what light the source can make at all: etendue, flux, a certified bound of rel_l2")
+    etendue = commands.add_parser(
+        "etendue", help="what light the source can make at all: etendue, flux, a certified bound of rel_l2"
+    )
     etendue.add_argument("problem", metavar="PROBLEM.toml")
-    etendue.add_argument("--efficiency", type=float, metavar="SHARE", help="of the light on the target (default: the most that can arrive)")
-    etendue.add_argument("--measure", metavar="RESULT", help="also measure the images of the source that a designed lens throws")
-    etendue.add_argument("--out", metavar="FILE.png", help="picture of target, best light and the source's image")
-    bench = commands.add_parser("bench", help="run a benchmark of a checkout and print its figures beside their limits")
+    etendue.add_argument(
+        "--efficiency",
+        type=float,
+        metavar="SHARE",
+        help="of the light on the target (default: the most that can arrive)",
+    )
+    etendue.add_argument(
+        "--measure",
+        metavar="RESULT",
+        help="also measure the images of the source that a designed lens throws",
+    )
+    etendue.add_argument(
+        "--out", metavar="FILE.png", help="picture of target, best light and the source's image"
+    )
+    bench = commands.add_parser(
+        "bench", help="run a benchmark of a checkout and print its figures beside their limits"
+    )
     bench.add_argument("name", metavar="NAME", help="a module of benchmarks/, such as overview")
     for command in (design, new, check, verify, export, trace, etendue, bench):
         command.add_argument("--json", action="store_true", help="print the result as JSON")

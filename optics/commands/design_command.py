@@ -70,7 +70,9 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         clock.lap("optimise")
         return _finish(problem, light, lens, state, folder, clock)
     except (KeyboardInterrupt, ImportError) as error:
-        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
+        if isinstance(error, ImportError) and not isinstance(
+            error.__cause__, KeyboardInterrupt
+        ):  # Ctrl-C while OCP is loaded
             raise
         if folder.has_checkpoint():
             note(f"the same command with --resume goes on from {folder.path}")
@@ -92,7 +94,9 @@ def _optimise(
 
     progress = DesignProgress()
     try:
-        return run(problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note)
+        return run(
+            problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note
+        )
     except Interrupted as stop:
         folder.write_checkpoint(problem, stop.state)
         raise KeyboardInterrupt from None
@@ -101,7 +105,12 @@ def _optimise(
 
 
 def _finish(
-    problem: Problem, light: NDArray[np.float64], lens: Lens, state: State, folder: ResultFolder, clock: _Clock
+    problem: Problem,
+    light: NDArray[np.float64],
+    lens: Lens,
+    state: State,
+    folder: ResultFolder,
+    clock: _Clock,
 ) -> tuple[dict[str, Any], list[str], bool]:
     """Export, measure, verify and report a designed lens."""
     from optics.etendue import limit_sentence
@@ -121,7 +130,9 @@ def _finish(
     folder.write_json("manufacture.json", as_data(found))
     checked = _verified(problem, lens, folder, found, exact)
     clock.lap("verify")
-    pictures = draw_all(problem, lens, measurement, state.history, paths) | _solids(problem, lens, measurement, exact)
+    pictures = draw_all(problem, lens, measurement, state.history, paths) | _solids(
+        problem, lens, measurement, exact
+    )
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
@@ -133,7 +144,9 @@ def _finish(
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
     folder.write_json("metrics.json", metrics)
-    page = Report(problem, metrics, checked, manufacture_rows(found, problem.source.wavelength), pictures, limit)
+    page = Report(
+        problem, metrics, checked, manufacture_rows(found, problem.source.wavelength), pictures, limit
+    )
     write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
     folder.drop_checkpoint()
     lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
@@ -141,7 +154,8 @@ def _finish(
 
 
 def _store(problem: Problem, lens: Lens, state: State, folder: ResultFolder) -> None:
-    """Write problem, lens, history and STEP file; only now: until then a folder keeps what belongs to an earlier run."""
+    """Write problem, lens, history and STEP file; only now: until then a folder keeps what belongs to an
+    earlier run."""
     from thbcad.cad import write_step
 
     folder.write_problem(problem)
@@ -153,31 +167,41 @@ def _store(problem: Problem, lens: Lens, state: State, folder: ResultFolder) -> 
 def _measured(
     problem: Problem, lens: Lens, light: NDArray[np.float64], backend: Backend
 ) -> tuple[Measurement, dict[str, Any], dict[str, list[RayPath]]]:
-    """Return the Measurement of a lens, its figures, and fans of rays where light may go other ways than front and rear."""
+    """Return the Measurement of a lens, its figures, and fans of rays where light may go other ways than
+    front and rear."""
     from optics.analysis import fans, follows_edges, measure, nonsequential_figures
     from optics.tracing import efficiency_bound
 
     measurement = measure(backend, problem, lens, light)
     figures = measurement.figures | {"efficiency_bound": efficiency_bound(lens.index)}
     if not figures["efficiency"]:
-        note("no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam")
+        note(
+            "no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or "
+            "nearer to the beam"
+        )
     if not follows_edges(problem):
         return measurement, figures, {}
     figures["nonsequential_w"] = nonsequential_figures(backend, problem, lens, measurement.target)
     return measurement, figures, fans(backend, problem, lens)
 
 
-def _verified(problem: Problem, lens: Lens, folder: ResultFolder, found: Manufacturability, backend: Backend) -> dict[str, Any]:
+def _verified(
+    problem: Problem, lens: Lens, folder: ResultFolder, found: Manufacturability, backend: Backend
+) -> dict[str, Any]:
     """Verify the STEP file and the limits of manufacture, store and return the checks."""
     from optics.runtime import verification
     from optics.verification import StepFile, verify
 
-    checked = verification(verify(problem, lens, StepFile(folder.step), backend) + limit_checks(problem, found))
+    checked = verification(
+        verify(problem, lens, StepFile(folder.step), backend) + limit_checks(problem, found)
+    )
     folder.write_json("verify.json", checked)
     return checked
 
 
-def _solids(problem: Problem, lens: Lens, measurement: Measurement, exact: Backend) -> dict[str, tuple[str, bytes]]:
+def _solids(
+    problem: Problem, lens: Lens, measurement: Measurement, exact: Backend
+) -> dict[str, tuple[str, bytes]]:
     """Return (caption, PNG) of the scene, and of the lens before and after, by name."""
     from optics.report import scene_paths, scene_view, solid_views
 
@@ -185,7 +209,10 @@ def _solids(problem: Problem, lens: Lens, measurement: Measurement, exact: Backe
     return {
         "scene": ("Source, lens and target, seen from behind; rays that miss the target are red.", scene),
         "solid_before": ("The solid before optimisation.", solid_views(base_lens(problem))),
-        "solid": ("The solid from four sides; the text below says how much steeper its relief is shaded.", solid_views(lens)),
+        "solid": (
+            "The solid from four sides; the text below says how much steeper its relief is shaded.",
+            solid_views(lens),
+        ),
     }
 
 

@@ -23,7 +23,8 @@ NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the 
 
 
 def etendue(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
-    """Tell what can arrive at the target, and how near light that is made of images of the source comes to it."""
+    """Tell what can arrive at the target, and how near light that is made of images of the source comes to
+    it."""
     if options.efficiency is not None and not 0 < options.efficiency <= 1:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     if options.out:
@@ -40,12 +41,20 @@ def etendue(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     told = _told(bound, start)
     data |= {"efficiency": share, "bound": told}
     lines += _bound_lines(problem, told)
-    lines.append(f"no {KIND}, {rear_area(lens):.4g} mm^2, brings {share:.4g} of the light to the target and goes below that")
+    lines.append(
+        f"no {KIND}, {rear_area(lens):.4g} mm^2, brings {share:.4g} of the light to the target and goes "
+        "below that"
+    )
     lines.append("lenses whose images differ may: etendue bounds the mean of their areas alone")
     if options.measure:
         start = perf_counter()
-        data["measured"] = _told(problem_bound(problem, light, _measured_half_width(problem, options.measure)), start)
-        lines.append(f"the lens of {options.measure}: {1 - NARROW:.0%} of its light comes in images at least so large; were they alike:")
+        data["measured"] = _told(
+            problem_bound(problem, light, _measured_half_width(problem, options.measure)), start
+        )
+        lines.append(
+            f"the lens of {options.measure}: {1 - NARROW:.0%} of its light comes in images at least so "
+            "large; were they alike:"
+        )
         lines += _bound_lines(problem, data["measured"])
     if options.out:
         from optics.report import bound_figure
@@ -84,7 +93,12 @@ def _throughput_told(problem: Problem, found: Throughput) -> tuple[dict[str, Any
     passing = efficiency_bound(problem.lens.index)
     data: dict[str, Any] = {
         "etendue_mm2_sr": {"source": found.source, "front": found.front, "target": found.target},
-        "flux_w": {"source": problem.source.flux, "meets_front": found.meets_front, "arriving": found.arriving, "picture": found.picture},
+        "flux_w": {
+            "source": problem.source.flux,
+            "meets_front": found.meets_front,
+            "arriving": found.arriving,
+            "picture": found.picture,
+        },
         "brightness_asked": found.asked,
     }
     lines = [
@@ -96,7 +110,8 @@ def _throughput_told(problem: Problem, found: Throughput) -> tuple[dict[str, Any
     ]
     if found.source:
         lines.append(
-            f"{found.picture:10.4g} W  as the picture asked for, whose brightest pixel then takes {found.asked:.3g} of the radiance"
+            f"{found.picture:10.4g} W  as the picture asked for, whose brightest pixel then takes "
+            f"{found.asked:.3g} of the radiance"
         )
     return data, lines
 
@@ -104,13 +119,19 @@ def _throughput_told(problem: Problem, found: Throughput) -> tuple[dict[str, Any
 def _bound_lines(problem: Problem, told: dict[str, Any]) -> list[str]:
     unit = "degrees" if target_screen(problem).angular else "mm"
     (hx, hy), (wide, high) = told["half_width"], told["pixels"]
-    lines = [f"images of the source: at least {2 * hx:.4g} x {2 * hy:.4g} {unit}, {wide:.3g} x {high:.3g} pixels"]
+    lines = [
+        f"images of the source: at least {2 * hx:.4g} x {2 * hy:.4g} {unit}, {wide:.3g} x {high:.3g} pixels"
+    ]
     if not told["sizes"]:
         return [*lines, "they are narrower than two pixels and set no limit to rel_l2"]
     if problem.source.profile != "uniform":
-        lines.append("note: the source is no uniform rectangle; the bound holds for images of this size, centred on pixels")
+        lines.append(
+            "note: the source is no uniform rectangle; the bound holds for images of this size, centred on "
+            "pixels"
+        )
     return [
         *lines,
         f"rel_l2 is at least {told['lower_bound']:.4f}; light with {told['attained']:.4f} was found "
-        f"(KKT {told['kkt']:.1e}, {told['merged']} x {told['merged']} pixels merged, {told['sizes']} sizes, {told['seconds']:.1f} s)",
+        f"(KKT {told['kkt']:.1e}, {told['merged']} x {told['merged']} pixels merged, {told['sizes']} sizes, "
+        f"{told['seconds']:.1f} s)",
     ]

@@ -19,12 +19,26 @@ def export(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     from thbcad.io import json_text, write_text
 
     name = format_of(options.out, options.format)
-    body = Body(options.aperture and tuple(options.aperture), _flange(options.flange), options.patches, options.separate)
+    body = Body(
+        options.aperture and tuple(options.aperture),
+        _flange(options.flange),
+        options.patches,
+        options.separate,
+    )
     lens, labels = labelled_lens(options.result)
     files, checks = run(lens, name, options.out, options.chord, body, labels)
-    data = {"format": name, "files": [str(file) for file in files], "chord_mm": options.chord, **verification(checks)}
+    data = {
+        "format": name,
+        "files": [str(file) for file in files],
+        "chord_mm": options.chord,
+        **verification(checks),
+    }
     write_text(f"{options.out}.json", json_text(data))
-    return data, [*check_lines(data), *(f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files)], data["ok"]
+    return (
+        data,
+        [*check_lines(data), *(f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files)],
+        data["ok"],
+    )
 
 
 def _flange(numbers: Sequence[float] | None) -> Flange | None:

@@ -33,7 +33,8 @@ class DesignProgress:
         self._last = row
         self._in_level += 1
         self._bar.set_description_str(
-            f"level {row.level}  DOF {row.dof}  evaluation {self._in_level} of about {stage.evaluations}  misfit {row.fit:.4f}",
+            f"level {row.level}  DOF {row.dof}  evaluation {self._in_level} of about {stage.evaluations}  "
+            f"misfit {row.fit:.4f}",
             refresh=False,
         )
         room = stage.work if self._in_level <= stage.evaluations else 0
@@ -47,6 +48,8 @@ class DesignProgress:
     def _log(self) -> None:
         row = self._last
         self._bar.write(
-            f"level {row.level}: {row.dof} DOF, {self._in_level} evaluations, misfit {row.fit:.4f}, {row.seconds:.1f} s", file=sys.stderr
+            f"level {row.level}: {row.dof} DOF, {self._in_level} evaluations, misfit {row.fit:.4f}, "
+            f"{row.seconds:.1f} s",
+            file=sys.stderr,
         )
         self._in_level = 0

@@ -79,12 +79,22 @@ def _lines(data: dict[str, Any]) -> list[str]:
     for name, flux in data["flux_w"].items():
         count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
         lines.append(f"{abs(flux):10.6f} W {count}  {WORDS[name]}")
-    lines.append(f"efficiency {data['efficiency']:.4f}, at most {data['efficiency_bound']:.4f} through two uncoated faces")
+    lines.append(
+        f"efficiency {data['efficiency']:.4f}, at most {data['efficiency_bound']:.4f} through two uncoated "
+        "faces"
+    )
     etendue = data["etendue"]
     lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")
     if "nonsequential" in data:
         found = data["nonsequential"]
-        lines += [f"{flux:10.6f} W  {name.replace('_', ' ')}, with all reflections" for name, flux in found["fates_w"].items() if flux]
+        lines += [
+            f"{flux:10.6f} W  {name.replace('_', ' ')}, with all reflections"
+            for name, flux in found["fates_w"].items()
+            if flux
+        ]
         verdict = "suffices" if found["sequential_suffices"] else "does not suffice"
-        lines.append(f"{found['by_other_ways']:.2%} of the light on the target comes by other ways: the sequential tracer {verdict}")
+        lines.append(
+            f"{found['by_other_ways']:.2%} of the light on the target comes by other ways: the sequential "
+            f"tracer {verdict}"
+        )
     return lines

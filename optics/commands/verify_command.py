@@ -12,9 +12,17 @@ from optics.runtime import UserError, check_lines, note
 
 
 def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
-    """Check the STEP file of a result folder against its lens, by this program and by others; or a STEP file by itself."""
+    """Check the STEP file of a result folder against its lens, by this program and by others; or a STEP file
+    by itself."""
     from optics.runtime import verification
-    from optics.verification import StepFile, bare_checks, optiland_available, optiland_checks, stranger_checks, verify as run
+    from optics.verification import (
+        StepFile,
+        bare_checks,
+        optiland_available,
+        optiland_checks,
+        stranger_checks,
+        verify as run,
+    )
     from thbcad.lens import manufacturability
 
     path = Path(options.result)

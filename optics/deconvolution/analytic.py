@@ -1,8 +1,8 @@
 """Exact impulse responses of equal, equidistant sources that make a rectangle of light.
 
-With N sources `spacing` apart, (7.14) becomes G^(k) = sin(pi N k spacing) / (N sin(pi k spacing)) about their middle, in
-the convention of (7.4) and with flux 1.  A rectangle of full width L has the transform sin(pi k L) / (pi k).  M times
-sin(2 t) = 2 sin t cos t leaves
+With N sources `spacing` apart, (7.14) becomes G^(k) = sin(pi N k spacing) / (N sin(pi k spacing)) about their
+middle, in the convention of (7.4) and with flux 1.  A rectangle of full width L has the transform sin(pi k L)
+/ (pi k).  M times sin(2 t) = 2 sin t cos t leaves
 
     sin(pi k L) / (pi k) = sin(pi k L / 2^M) / (pi k) * product over m = 1..M of 2 cos(pi k L / 2^m),
 
@@ -10,9 +10,11 @@ and spacing = L / (2^M N) makes sin(pi N k spacing) the first factor, so that
 
     E_p^(k) = N sin(pi k spacing) / (pi k) * product over m of 2 cos(pi k L / 2^m):
 
-2^M rectangles of width `spacing` and height N, L / 2^M apart.  Every zero of G^ is one of the rectangle's transform.
+2^M rectangles of width `spacing` and height N, L / 2^M apart.  Every zero of G^ is one of the rectangle's
+transform.
 
-Source: thesis 7.9-7.23; errata: (7.13) has N terms, the spacing is 1 / (2^M N a), (7.22) lacks a and (7.23) lacks N.
+Source: thesis 7.9-7.23; errata: (7.13) has N terms, the spacing is 1 / (2^M N a), (7.22) lacks a and (7.23)
+lacks N.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ from thbcad.checks import require_integer, require_number
 class RectangleResponse:
     """The response with which N equal sources make a rectangle of height 1 about 0.
 
-    width : L, the full width of the rectangle.  sources : N >= 1.  splits : M >= 0, how often the sine is halved
+    width : L, the full width of the rectangle.  sources : N >= 1.  splits : M >= 0, how often the sine is
+        halved
 
     Raises
     ------
@@ -76,8 +79,8 @@ class RectangleResponse:
     def on_pixels(self, pixels: int) -> tuple[Kernel, Array]:
         """Return the kernel, (1, k), and the light, (1, n), exactly, with one piece `pixels` wide.
 
-        The convolution of both is `width / spacing * pixels` ones.  An even distance between the outer sources is needed
-        for a kernel about its middle; other distances get one tap without light.
+        The convolution of both is `width / spacing * pixels` ones.  An even distance between the outer
+        sources is needed for a kernel about its middle; other distances get one tap without light.
         """
         taps = np.zeros(((self.sources - 1) * pixels + 1,))
         taps[::pixels] = 1
@@ -87,6 +90,7 @@ class RectangleResponse:
 
 
 def source_transform(frequency: ArrayLike, sources: int, spacing: float) -> Array:
-    """Return G^(k) = sin(pi N k s) / (N sin(pi k s)) of N equal sources of flux 1 / N, s apart, about their middle (7.14)."""
+    """Return G^(k) = sin(pi N k s) / (N sin(pi k s)) of N equal sources of flux 1 / N, s apart, about their
+    middle (7.14)."""
     turn = 2 * np.pi * spacing * np.asarray(frequency, dtype=np.float64)[..., None]
     return np.cos(turn * (np.arange(sources) - (sources - 1) / 2)).mean(axis=-1)

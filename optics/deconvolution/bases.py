@@ -1,6 +1,7 @@
 """Non-negative approximation in a basis: light F = P_r W P_c^T with coefficients W >= 0.
 
-A one-dimensional basis is a matrix (n, m): column i holds the share of function i that falls in each of n pixels.
+A one-dimensional basis is a matrix (n, m): column i holds the share of function i that falls in each of n
+pixels.
 
 Source: thesis 7.32-7.41; errata: the exponents of (7.36) start above -1, where they are integrable.
 """
@@ -15,7 +16,17 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 from scipy.special import betainc
 
-from optics.etendue import Approximation, Array, Kernel, Real, descend, kkt_residual, norm, require_target, scaled_bound
+from optics.etendue import (
+    Approximation,
+    Array,
+    Kernel,
+    Real,
+    descend,
+    kkt_residual,
+    norm,
+    require_target,
+    scaled_bound,
+)
 from thbcad.checks import read_only, require_integer, require_number
 
 
@@ -53,23 +64,34 @@ class BasisBlur:
 
 
 def approximate_in_basis(
-    kernel: Kernel, target: ArrayLike, rows: Array, columns: Array, tolerance: float = 1e-5, most_iterations: int = 5000
+    kernel: Kernel,
+    target: ArrayLike,
+    rows: Array,
+    columns: Array,
+    tolerance: float = 1e-5,
+    most_iterations: int = 5000,
 ) -> Approximation:
-    """Return light in the cone of a tensor-product basis that minimises ||E * F - G||^2, with its certificate.
+    """Return light in the cone of a tensor-product basis that minimises ||E * F - G||^2, with its
+    certificate.
 
-    rows : (n + k - 1, a).  columns : (m + l - 1, b), the basis in both directions, for a target (n, m) and kernel (k, l)
+    rows : (n + k - 1, a).  columns : (m + l - 1, b), the basis in both directions, for a target (n, m) and
+        kernel (k, l)
     The lower bound holds for light of this basis, the KKT residual is that of the coefficients.
 
     Raises
     ------
-    ValueError : as `optics.etendue.approximation.approximate`; bases that are negative or do not fit the target.
+    ValueError : as `optics.etendue.approximation.approximate`; bases that are negative or do not fit the
+        target.
     """
     goal = require_target(kernel, target)
     require_number("tolerance", tolerance, above=0.0)
     require_integer("most_iterations", most_iterations, 1)
     for name, basis, length in zip(("rows", "columns"), (rows, columns), kernel.light_shape(goal.shape)):
         if np.ndim(basis) != 2 or len(basis) != length or not (np.asarray(basis) >= 0).all():
-            raise ValueError(f"{name} must hold non-negative columns of {length} pixels of light, got shape {np.shape(basis)}")
+            raise ValueError(
+                f"{name} must hold non-negative columns of {length} pixels of light, got shape "
+                f"{np.shape(basis)}"
+            )
     blur, top = BasisBlur(kernel, np.asarray(rows, float), np.asarray(columns, float)), goal.max()
     start = np.zeros((blur.rows.shape[1], blur.columns.shape[1]))
     weights, steps = descend(blur, start, goal / top, tolerance, most_iterations)
@@ -79,7 +101,9 @@ def approximate_in_basis(
     residual = norm(error) / norm(goal)
     bound = min(residual, scaled_bound(blur, goal, error))
     light = blur.light(weights) / blur.scale
-    return Approximation(read_only(light), read_only(image), residual, kkt_residual(blur, weights, goal), bound, steps)
+    return Approximation(
+        read_only(light), read_only(image), residual, kkt_residual(blur, weights, goal), bound, steps
+    )
 
 
 def deltas(pixels: int, spacing: int = 1) -> Array:
@@ -88,7 +112,8 @@ def deltas(pixels: int, spacing: int = 1) -> Array:
 
 
 def beta(pixels: int, greatest: tuple[float, float], counts: tuple[int, int]) -> Array:
-    """Return Beta distributions over the row of pixels (7.36), (n, N_a N_b): x^(a - 1) (1 - x)^(b - 1) / B(a, b).
+    """Return Beta distributions over the row of pixels (7.36), (n, N_a N_b): x^(a - 1) (1 - x)^(b - 1) / B(a,
+    b).
 
     greatest : (A, B).  counts : (N_a, N_b).  a = i A / N_a for i = 1 .. N_a, b = j B / N_b for j = 1 .. N_b
     """
@@ -98,16 +123,18 @@ def beta(pixels: int, greatest: tuple[float, float], counts: tuple[int, int]) ->
 
 
 def irwin_hall(pixels: int, terms: int, spacing: float = 1.0) -> Array:
-    """Return shifted densities of the sum of `terms` uniform variables of width `spacing` (7.37): cardinal B-splines.
+    """Return shifted densities of the sum of `terms` uniform variables of width `spacing` (7.37): cardinal
+    B-splines.
 
-    The functions are `spacing` pixels apart and all those that meet the row of pixels; inside their sum is `spacing`
-    per pixel and function area 1.
+    The functions are `spacing` pixels apart and all those that meet the row of pixels; inside their sum is
+    `spacing` per pixel and function area 1.
     """
     return _shifted(pixels, terms, spacing, spacing)
 
 
 def bates(pixels: int, terms: int, width: float, spacing: float) -> Array:
-    """Return shifted densities of the mean of `terms` uniform variables of the given width, `spacing` pixels apart."""
+    """Return shifted densities of the mean of `terms` uniform variables of the given width, `spacing` pixels
+    apart."""
     return _shifted(pixels, terms, width / terms, spacing)
 
 

@@ -10,12 +10,14 @@ from optics.deconvolution.regularisation import conjugate_gradients, laplacian_g
 from optics.deconvolution.two_source_landscape import disk, square, two_sources
 from optics.etendue import Approximation, Array, Kernel, norm
 
-PEAK = 255.0  # of the target for the entropy, which depends on its unit; the thesis gives none, 8-bit images have this one
+# of the target for the entropy, which depends on its unit; the thesis gives none, 8-bit images have this one
+PEAK = 255.0
 
 
 @dataclass(frozen=True)
 class Case:
-    """Two equal sources m columns and n rows apart, a target, mu of the maximum entropy and steps of the conjugate gradients."""
+    """Two equal sources m columns and n rows apart, a target, mu of the maximum entropy and steps of the
+    conjugate gradients."""
 
     figure: str
     shape: str
@@ -43,7 +45,8 @@ CASES = (
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """light, image : (n, m), in the unit of the target.  residual : ||E * F - G|| / ||G||.  least : min F over max F."""
+    """light, image : (n, m), in the unit of the target.  residual : ||E * F - G|| / ||G||.  least : min F
+    over max F."""
 
     light: Array
     image: Array

@@ -1,7 +1,7 @@
 """Regularised deconvolution in one dimension, how it breaks, and tests of whether a response can exist.
 
-Source: thesis 7.3-7.7 and Figure 7.4; errata: (7.6) needs the conjugate of G^, and with (7.7) as printed, a rectangle of
-half-width alpha, two sources at +-0.25 make one of half-width 0.5.
+Source: thesis 7.3-7.7 and Figure 7.4; errata: (7.6) needs the conjugate of G^, and with (7.7) as printed, a
+rectangle of half-width alpha, two sources at +-0.25 make one of half-width 0.5.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ REACH, SAMPLES = 5.0, 100_001  # [-5, 5]; 0.25, 0.2501, 0.5 and 0.51 are whole n
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A rectangle of light, the sources that shall make it, and the response that regularised deconvolution gives.
+    """A rectangle of light, the sources that shall make it, and the response that regularised deconvolution
+    gives.
 
     x : (n,), the samples.  target, response : (n,).  half_width : of the rectangle.  sources : (s,) positions
     """
@@ -33,7 +34,8 @@ class Case:
 
     @property
     def negative(self) -> float:
-        """The integral of the negative part over that of the absolute value: 0 for a response that can exist."""
+        """The integral of the negative part over that of the absolute value: 0 for a response that can
+        exist."""
         return float(-self.response[self.response < 0].sum() / np.abs(self.response).sum())
 
     @property
@@ -48,20 +50,25 @@ def deconvolve(target: ArrayLike, transform: NDArray[np.complexfloating], epsilo
 
     target : (n,), E.  transform : (n // 2 + 1,), G^ at the frequencies of ``scipy.fft.rfft``.  Returns (n,).
     """
-    spectrum = transform.conj() * fft.rfft(np.asarray(target, dtype=np.float64)) / (np.abs(transform) ** 2 + epsilon)
+    spectrum = (
+        transform.conj() * fft.rfft(np.asarray(target, dtype=np.float64)) / (np.abs(transform) ** 2 + epsilon)
+    )
     return fft.irfft(spectrum, len(np.asarray(target)))
 
 
 def points_transform(frequency: ArrayLike, sources: ArrayLike) -> NDArray[np.complex128]:
     """Return G^(k) = sum of exp(-2 pi i k x) over point sources of flux 1 at x."""
-    return np.exp(-2j * np.pi * np.outer(np.asarray(frequency), np.asarray(sources, dtype=np.float64))).sum(axis=1)
+    return np.exp(-2j * np.pi * np.outer(np.asarray(frequency), np.asarray(sources, dtype=np.float64))).sum(
+        axis=1
+    )
 
 
 def rectangle_case(half_width: float, sources: tuple[float, ...], epsilon: float = EPSILON) -> Case:
-    """Return the response for a rectangle of height 1, and 1/2 at its edges, sampled at 100,001 places of [-5, 5].
+    """Return the response for a rectangle of height 1, and 1/2 at its edges, sampled at 100,001 places of
+    [-5, 5].
 
-    The period is one step longer than the domain, so that no frequency is exactly a zero of the transform of two sources
-    at +-1/4: there (7.6) would give 0 in place of the limit of E^ / G^.
+    The period is one step longer than the domain, so that no frequency is exactly a zero of the transform of
+    two sources at +-1/4: there (7.6) would give 0 in place of the limit of E^ / G^.
     """
     x, step = np.linspace(-REACH, REACH, SAMPLES, retstep=True)
     edge = np.abs(x) - half_width
@@ -72,31 +79,38 @@ def rectangle_case(half_width: float, sources: tuple[float, ...], epsilon: float
 
 def figure_7_4() -> tuple[Case, Case, Case]:
     """Return the cases of Figure 7.4: a solution; a rectangle 2 % wider; a source 1e-4 further out."""
-    return tuple(rectangle_case(*case) for case in ((0.5, (-0.25, 0.25)), (0.51, (-0.25, 0.25)), (0.5, (-0.25, 0.2501))))
+    return tuple(
+        rectangle_case(*case)
+        for case in ((0.5, (-0.25, 0.25)), (0.51, (-0.25, 0.25)), (0.5, (-0.25, 0.2501)))
+    )
 
 
 def uncovered_zero(weights: ArrayLike, target: ArrayLike) -> float:
-    """Return the greatest |E^| / E^(0) at the zeros of G^, 0 where all zeros of G^ are zeros of E^ (or G^ has none).
+    """Return the greatest |E^| / E^(0) at the zeros of G^, 0 where all zeros of G^ are zeros of E^ (or G^ has
+    none).
 
     weights : (s,) the sources on a row of pixels.  target : (n,) the pixels of the row.
-    An integrable response needs 0, since E^ = G^ E_p^.  The zeros are the roots of sum of a_n z^n on the unit circle.
+    An integrable response needs 0, since E^ = G^ E_p^.  The zeros are the roots of sum of a_n z^n on the unit
+    circle.
     """
     a, g = (np.trim_zeros(np.asarray(values, dtype=np.float64)) for values in (weights, target))
     if len(a) == 0 or len(g) == 0:
         raise ValueError("weights and target must have some flux, got zeros only")
     roots = np.roots(a[::-1])
-    # a root of multiplicity q moves by eps^(1 / q): up to four sources that differ this is far below the width taken here
+    # a root of multiplicity q moves by eps^(1 / q): up to four sources that differ this is far below the
+    # width taken here
     circle = roots[np.abs(np.abs(roots) - 1) < np.finfo(np.float64).eps ** 0.25]
     values = np.abs(np.exp(1j * np.outer(np.angle(circle), np.arange(len(g)))) @ g)
     return float(values.max() / g.sum()) if len(values) else 0.0
 
 
 def least_eigenvalue(function: ArrayLike) -> float:
-    """Return the least eigenvalue, over the greatest in size, of the matrix with entries Phi(x_j - x_k) on a periodic row.
+    """Return the least eigenvalue, over the greatest in size, of the matrix with entries Phi(x_j - x_k) on a
+    periodic row.
 
     function : (n,), Phi(0), Phi(1), ..., Phi(-1), with Phi(-x) = conj(Phi(x)).
-    The eigenvalues are its transform (Bochner): Phi is positive definite where the result is not negative.  For
-    Phi = E^ / G^ they are the response itself.
+    The eigenvalues are its transform (Bochner): Phi is positive definite where the result is not negative.
+     For Phi = E^ / G^ they are the response itself.
     """
     phi = np.asarray(function)
     if not np.allclose(phi, np.conj(np.roll(phi[::-1], 1))):

@@ -3,7 +3,8 @@
 Both minimise the Kullback-Leibler divergence of the image from the target by factors, which keeps the light
 non-negative.
 
-Source: W. Richardson, JOSA 62 (1972); L. Lucy, Astron. J. 79 (1974); D. Fish et al., JOSA A 12 (1995), blind (7.8).
+Source: W. Richardson, JOSA 62 (1972); L. Lucy, Astron. J. 79 (1974); D. Fish et al., JOSA A 12 (1995), blind
+(7.8).
 """
 
 from __future__ import annotations
@@ -29,10 +30,14 @@ def richardson_lucy(kernel: Kernel, target: ArrayLike, steps: int) -> Approximat
     return certified(kernel, light, goal, steps)
 
 
-def blind_deconvolution(start: Kernel, target: ArrayLike, rounds: int, steps: int = 5) -> tuple[Kernel, Approximation]:
-    """Return a source and light whose image is near the target, both unknown (7.8), by alternating Richardson-Lucy steps.
+def blind_deconvolution(
+    start: Kernel, target: ArrayLike, rounds: int, steps: int = 5
+) -> tuple[Kernel, Approximation]:
+    """Return a source and light whose image is near the target, both unknown (7.8), by alternating
+    Richardson-Lucy steps.
 
-    start : the first guess of the source; its zeros stay zeros.  rounds : of `steps` steps in the source, then in the light
+    start : the first guess of the source; its zeros stay zeros.  rounds : of `steps` steps in the source,
+        then in the light
     A point stays a point, and then the light becomes the target: the trivial solution.
     """
     goal = require_target(start, target)
@@ -55,7 +60,10 @@ def _factor(kernel: Kernel, light: Array, target: Array) -> Array:
 
 def _source_factor(kernel: Kernel, light: Array, target: Array) -> Array:
     """Return the factors of the taps, (k, l): the correlation of the light with G / A F, over that with 1."""
-    seen = [fftconvolve(light, image[::-1, ::-1], "valid")[::-1, ::-1] for image in (_ratio(kernel, light, target), np.ones(target.shape))]
+    seen = [
+        fftconvolve(light, image[::-1, ::-1], "valid")[::-1, ::-1]
+        for image in (_ratio(kernel, light, target), np.ones(target.shape))
+    ]
     return np.maximum(seen[0], 0) / np.maximum(seen[1], np.finfo(np.float64).tiny)
 
 

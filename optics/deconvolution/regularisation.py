@@ -1,6 +1,8 @@
-"""Regularised deblurring to compare with: maximum entropy, and conjugate gradients without and with a Laplacian.
+"""Regularised deblurring to compare with: maximum entropy, and conjugate gradients without and with a
+Laplacian.
 
-As in the thesis, light is where the image is: F has the target's shape, and A is the kernel's blur of F with zeros around.
+As in the thesis, light is where the image is: F has the target's shape, and A is the kernel's blur of F with
+zeros around.
 
 Source: thesis 7.4.1; P. C. Hansen, Numer. Algorithms 46 (2007), Regularization Tools: maxent, cgls, pcgls.
 """
@@ -44,11 +46,16 @@ def maximum_entropy(kernel: Kernel, target: ArrayLike, mu: float) -> Array:
         return blur(light(y) * back(p)).ravel() / mu**2 + p / 2
 
     options = {"gtol": STOP * float(np.linalg.norm(goal)), "maxiter": MOST_STEPS}
-    return light(minimize(dual, np.zeros(goal.size), jac=True, hessp=curvature, method="trust-krylov", options=options).x)
+    return light(
+        minimize(
+            dual, np.zeros(goal.size), jac=True, hessp=curvature, method="trust-krylov", options=options
+        ).x
+    )
 
 
 def conjugate_gradients(kernel: Kernel, target: ArrayLike, steps: int) -> Array:
-    """Return the light after steps of CGLS from 0 on min ||A F - G||, by LSQR, which has the same iterates."""
+    """Return the light after steps of CGLS from 0 on min ||A F - G||, by LSQR, which has the same
+    iterates."""
     goal = require_target(kernel, target)
     return _lsqr(kernel, goal, steps, lambda f: f)
 
@@ -74,10 +81,14 @@ def _lsqr(kernel: Kernel, goal: Array, steps: int, smoothed: Callable[[Array], A
         rmatvec=lambda image: smoothed(back(image)).ravel(),
         dtype=np.float64,
     )
-    return smoothed(lsqr(operator, goal.ravel(), atol=0, btol=0, conlim=0, iter_lim=steps)[0].reshape(goal.shape))
+    return smoothed(
+        lsqr(operator, goal.ravel(), atol=0, btol=0, conlim=0, iter_lim=steps)[0].reshape(goal.shape)
+    )
 
 
-def _maps(kernel: Kernel, shape: tuple[int, int]) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+def _maps(
+    kernel: Kernel, shape: tuple[int, int]
+) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
     """Return the blur of light above the image, (n, m) to (n, m), and its adjoint, n m values to (n, m)."""
     (i, j), (n, m) = (taps // 2 for taps in kernel.weights.shape), shape
 

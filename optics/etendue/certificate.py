@@ -1,7 +1,7 @@
 """What certifies a non-negative approximation: its KKT residual and a lower bound of the optimum.
 
-Write A for the blur, g > 0 for the target, d for the least distance of g from {A f : f >= 0}, s = A^T 1 for the share
-of every pixel of light that falls on the image.  At the optimum min(f, A^T (A f - g)) = 0.
+Write A for the blur, g > 0 for the target, d for the least distance of g from {A f : f >= 0}, s = A^T 1 for
+the share of every pixel of light that falls on the image.  At the optimum min(f, A^T (A f - g)) = 0.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ def lower_bound(kernel: Kernel, target: Array, residual: Array) -> float:
         <y, g> = <y, e> + <A^T y, f> <= ||y|| d + delta <s, f>,   <s, f> = <1, A f> <= sqrt(n m) ||g||
 
     because A f is the projection of g on a convex cone: ||A f|| <= ||g||.  So
-    d >= (<y, g> - delta sqrt(n m) ||g||) / ||y||.  Here y is the residual less a correction that makes delta = 0 up to
-    rounding: with q = max(0, A^T residual / s), c[i] = max of q over the pixels whose blur reaches i gives
-    A^T c >= s q, and so does the greatest q everywhere.  The better of the two counts; y = 0 gives 0.
+    d >= (<y, g> - delta sqrt(n m) ||g||) / ||y||.  Here y is the residual less a correction that makes delta
+    = 0 up to rounding: with q = max(0, A^T residual / s), c[i] = max of q over the pixels whose blur reaches
+    i gives A^T c >= s q, and so does the greatest q everywhere.  The better of the two counts; y = 0 gives 0.
 
     Source: weak duality; S. Boyd and L. Vandenberghe, Convex Optimization, 5.2.
     """
@@ -66,7 +66,8 @@ def _bound(blur: Blur, target: Array, y: Array) -> float:
 
 
 def norm(image: Array) -> float:
-    """Return the square root of the sum of squares, on one core, which the BLAS of `numpy.linalg.norm` does not keep to."""
+    """Return the square root of the sum of squares, on one core, which the BLAS of `numpy.linalg.norm` does
+    not keep to."""
     return float(np.sqrt(np.square(image).sum()))
 
 

@@ -1,7 +1,8 @@
 """Source blurs on a pixel grid, and the linear convolution with them.
 
 The light F has more pixels than its image: light beyond the border of the image reaches it through the
-blur.  An image of n x m pixels and a kernel of k x l taps belong to (n + k - 1) x (m + l - 1) pixels of light.
+blur.  An image of n x m pixels and a kernel of k x l taps belong to (n + k - 1) x (m + l - 1) pixels of
+light.
 
 Source: thesis 7.1-7.2 and 7.28-7.30, as a convolution in two dimensions with zeros outside.
 """
@@ -38,7 +39,8 @@ class Blur(Protocol):
 class Kernel:
     """A blur of flux 1.
 
-    weights : (k, l) float, k and l odd, non-negative; divided by their sum; [k // 2, l // 2] is the tap without a shift
+    weights : (k, l) float, k and l odd, non-negative; divided by their sum; [k // 2, l // 2] is the tap
+        without a shift
 
     Raises
     ------
@@ -50,15 +52,26 @@ class Kernel:
     def __post_init__(self) -> None:
         w = require_light("weights", self.weights)
         if w.shape[0] % 2 == 0 or w.shape[1] % 2 == 0:
-            raise ValueError(f"weights must have odd sides, so that a tap lies in the middle, got shape {w.shape}")
+            raise ValueError(
+                f"weights must have odd sides, so that a tap lies in the middle, got shape {w.shape}"
+            )
         object.__setattr__(self, "weights", read_only(w / w.sum()))
 
     @classmethod
     def points(cls, shifts: ArrayLike, weights: ArrayLike) -> Kernel:
-        """Return the blur of point sources.  shifts : (n, 2) int, rows and columns.  weights : (n,).  Equal shifts add up."""
+        """Return the blur of point sources.  shifts : (n, 2) int, rows and columns.  weights : (n,).  Equal
+        shifts add up."""
         at, w = np.asarray(shifts), np.asarray(weights, dtype=np.float64)
-        if at.ndim != 2 or at.shape[1] != 2 or w.shape != at.shape[:1] or not np.issubdtype(at.dtype, np.integer):
-            raise ValueError(f"shifts must be whole numbers of shape (n, 2) with n weights, got shapes {at.shape} and {w.shape}")
+        if (
+            at.ndim != 2
+            or at.shape[1] != 2
+            or w.shape != at.shape[:1]
+            or not np.issubdtype(at.dtype, np.integer)
+        ):
+            raise ValueError(
+                f"shifts must be whole numbers of shape (n, 2) with n weights, got shapes {at.shape} and "
+                f"{w.shape}"
+            )
         reach = np.abs(at).max(axis=0)
         taps = np.zeros(2 * reach + 1)
         np.add.at(taps, tuple((at + reach).T), w)
@@ -73,7 +86,8 @@ class Kernel:
     def disk(cls, radius: float) -> Kernel:
         """Return a uniform disk, radius in pixels; every tap is the exact area in its pixel.
 
-        It is the second difference of a(x, y) = integral from 0 to x of min(y, sqrt(1 - u^2)) du, odd in x and in y.
+        It is the second difference of a(x, y) = integral from 0 to x of min(y, sqrt(1 - u^2)) du, odd in x
+        and in y.
         """
         edge = _edges(radius) / radius
         size = np.minimum(np.abs(edge), 1)
@@ -84,7 +98,8 @@ class Kernel:
 
     @classmethod
     def image(cls, picture: ArrayLike) -> Kernel:
-        """Return the blur of a source that looks like a picture, (k, l); an even side gets a dark pixel more at its end."""
+        """Return the blur of a source that looks like a picture, (k, l); an even side gets a dark pixel more
+        at its end."""
         w = require_light("picture", picture)
         return cls(np.pad(w, [(0, 1 - side % 2) for side in w.shape]))
 
@@ -98,7 +113,8 @@ class Kernel:
         return (shape[0] + self.weights.shape[0] - 1, shape[1] + self.weights.shape[1] - 1)
 
     def apply(self, light: Real) -> Real:
-        """Return the image E[y] = sum over t of w[t] F[y + (k - 1, l - 1) - t], ``scipy.signal.convolve(light, weights, "valid")``.
+        """Return the image E[y] = sum over t of w[t] F[y + (k - 1, l - 1) - t],
+        ``scipy.signal.convolve(light, weights, "valid")``.
 
         light : (n + k - 1, m + l - 1).  Returns (n, m), in the precision of the light (float32 or float64).
 
@@ -109,7 +125,9 @@ class Kernel:
         k, l = self.weights.shape
         n, m = light.shape[0] - k + 1, light.shape[1] - l + 1
         if n < 1 or m < 1:
-            raise ValueError(f"the light must not be smaller than the kernel, {k} x {l} taps, got shape {light.shape}")
+            raise ValueError(
+                f"the light must not be smaller than the kernel, {k} x {l} taps, got shape {light.shape}"
+            )
         if len(self.taps) <= FEW_TAPS:
             image = np.zeros((n, m), light.dtype)
             for i, j, weight in self.taps:
@@ -137,14 +155,17 @@ class Kernel:
         return fft.irfft2(fft.rfft2(placed) * transfer.conj(), size)[: shape[0], : shape[1]]
 
     def reach(self, shape: tuple[int, ...]) -> Array:
-        """Return A^T 1, the share of every pixel of light that falls on an image of the given shape, by sums without cancellation.
+        """Return A^T 1, the share of every pixel of light that falls on an image of the given shape, by sums
+        without cancellation.
 
         Raises
         ------
         ValueError : an image that is smaller than the kernel.
         """
         if any(side < taps for side, taps in zip(shape, self.weights.shape)):
-            raise ValueError(f"the image must not be smaller than the kernel, got shapes {shape} and {self.weights.shape}")
+            raise ValueError(
+                f"the image must not be smaller than the kernel, got shapes {shape} and {self.weights.shape}"
+            )
         return _window_sums(_window_sums(self.weights, shape[0]).T, shape[1]).T
 
 
@@ -162,7 +183,8 @@ def require_light(name: str, values: ArrayLike) -> Array:
 
 
 def _window_sums(taps: Array, side: int) -> Array:
-    """Return (side + k - 1, l), for light x the sum of the taps t of its column with 0 <= x + t - (k - 1) < side.  taps : (k, l)."""
+    """Return (side + k - 1, l), for light x the sum of the taps t of its column with 0 <= x + t - (k - 1) <
+    side.  taps : (k, l)."""
     first, last = np.cumsum(taps[::-1], axis=0), np.cumsum(taps, axis=0)
     return np.concatenate([first[:-1], np.repeat(first[-1:], side - len(taps) + 1, axis=0), last[-2::-1]])
 
@@ -184,6 +206,8 @@ def _half_disk(u: Array) -> Array:
 
 
 @lru_cache(maxsize=2)
-def _transfer(kernel: Kernel, shape: tuple[int, int], kind: type[np.floating]) -> tuple[NDArray[np.complexfloating], tuple[int, int]]:
+def _transfer(
+    kernel: Kernel, shape: tuple[int, int], kind: type[np.floating]
+) -> tuple[NDArray[np.complexfloating], tuple[int, int]]:
     size = (fft.next_fast_len(shape[0], real=True), fft.next_fast_len(shape[1], real=True))
     return fft.rfft2(kernel.weights.astype(kind), size), size

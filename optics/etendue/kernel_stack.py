@@ -1,4 +1,5 @@
-"""Several blurs at once: light of which every part has a blur of its own, as of systems that are not shift-invariant (thesis 7.5).
+"""Several blurs at once: light of which every part has a blur of its own, as of systems that are not
+shift-invariant (thesis 7.5).
 
 With light F_k >= 0 for each of K kernels w_k the image is the mean
 
@@ -26,8 +27,8 @@ Real = NDArray[np.floating]
 
 @dataclass(frozen=True, eq=False)
 class KernelStack:
-    """Kernels of one shape (k, l) with the operators of a `Kernel`; the lights for an image of (n, m) lie on top of
-    each other, (K (n + k - 1), m + l - 1).
+    """Kernels of one shape (k, l) with the operators of a `Kernel`; the lights for an image of (n, m) lie on
+    top of each other, (K (n + k - 1), m + l - 1).
 
     Raises
     ------
@@ -45,13 +46,15 @@ class KernelStack:
     def boxes(cls, rows: int, columns: int) -> KernelStack:
         """Return the boxes of rows or rows + 1 by columns or columns + 1 whole pixels.
 
-        A uniform rectangle whose sides lie between, anywhere on the pixels, is a mean of shifted copies of these four.  For the
-        interval [a, b] covers of the pixel [i, i + 1] the share of t in [0, 1) with a <= i + t < b, and for each t these are
-        floor(b - a) or one more neighbouring pixels.
+        A uniform rectangle whose sides lie between, anywhere on the pixels, is a mean of shifted copies of
+        these four.  For the interval [a, b] covers of the pixel [i, i + 1] the share of t in [0, 1) with a <=
+        i + t < b, and for each t these are floor(b - a) or one more neighbouring pixels.
         """
         shape = rows + 1 + rows % 2, columns + 1 + columns % 2
         sides = [(a, b) for a in (rows, rows + 1) for b in (columns, columns + 1)]
-        return cls(tuple(Kernel(np.pad(np.ones(s), [(0, n - side) for n, side in zip(shape, s)])) for s in sides))
+        return cls(
+            tuple(Kernel(np.pad(np.ones(s), [(0, n - side) for n, side in zip(shape, s)])) for s in sides)
+        )
 
     @property
     def weights(self) -> Array:
@@ -69,7 +72,9 @@ class KernelStack:
         k, l = self.kernels[0].weights.shape
         n, m = each.shape[1] - k + 1, each.shape[2] - l + 1
         transfers, size = _transfers(self, each.shape[1:], light.dtype.type)
-        return fft.irfft2((fft.rfft2(each, size) * transfers).sum(axis=0), size)[k - 1 : k - 1 + n, l - 1 : l - 1 + m]
+        return fft.irfft2((fft.rfft2(each, size) * transfers).sum(axis=0), size)[
+            k - 1 : k - 1 + n, l - 1 : l - 1 + m
+        ]
 
     def adjoint(self, image: Real) -> Real:
         """Return A^T y: <apply(f), y> = <f, adjoint(y)>.  image : (n, m).  Returns as `light_shape`."""
@@ -81,22 +86,30 @@ class KernelStack:
         return fft.irfft2(fft.rfft2(placed) * transfers.conj(), size)[:, :rows, :columns].reshape(-1, columns)
 
     def reach(self, shape: tuple[int, ...]) -> Array:
-        """Return A^T 1, the share of every pixel of light that falls on an image of the given shape, over K."""
+        """Return A^T 1, the share of every pixel of light that falls on an image of the given shape, over
+        K."""
         return np.concatenate([kernel.reach(shape) for kernel in self.kernels]) / len(self.kernels)
 
 
-def stack_approximation(stack: KernelStack, target: Array, tolerance: float, most_iterations: int) -> tuple[Approximation, float]:
+def stack_approximation(
+    stack: KernelStack, target: Array, tolerance: float, most_iterations: int
+) -> tuple[Approximation, float]:
     """Return (Approximation, lower bound of ||E - G|| / ||G||) for the images of a stack.
 
     The bound is that of `optics.etendue.certificate`: y = e - c with e = G - E; c[i] is the greatest of
-    max(0, A^T e / A^T 1) over the pixels of all lights that reach pixel i, so that A^T y <= 0 but for rounding, delta.
+    max(0, A^T e / A^T 1) over the pixels of all lights that reach pixel i, so that A^T y <= 0 but for
+    rounding, delta.
     """
     found = approximate(stack, target, tolerance, most_iterations)
     error, norm = target - found.image, np.linalg.norm(target)
     reach = stack.reach(target.shape)
-    excess = _per_reach(stack.adjoint(error), reach).reshape(len(stack.kernels), -1, reach.shape[1]).max(axis=0)
+    excess = (
+        _per_reach(stack.adjoint(error), reach).reshape(len(stack.kernels), -1, reach.shape[1]).max(axis=0)
+    )
     (k, l), (n, m) = stack.kernels[0].weights.shape, target.shape
-    near = maximum_filter(np.maximum(excess, 0), (k, l), mode="constant")[k // 2 : k // 2 + n, l // 2 : l // 2 + m]
+    near = maximum_filter(np.maximum(excess, 0), (k, l), mode="constant")[
+        k // 2 : k // 2 + n, l // 2 : l // 2 + m
+    ]
     y = error - near
     size = np.linalg.norm(y)
     delta = max(0.0, _per_reach(stack.adjoint(y), reach).max())
@@ -109,7 +122,9 @@ def _per_reach(light: Array, reach: Array) -> Array:
 
 
 @lru_cache(maxsize=2)
-def _transfers(stack: KernelStack, shape: tuple[int, int], real: type) -> tuple[NDArray[np.complexfloating], tuple[int, int]]:
+def _transfers(
+    stack: KernelStack, shape: tuple[int, int], real: type
+) -> tuple[NDArray[np.complexfloating], tuple[int, int]]:
     size = (fft.next_fast_len(shape[0], real=True), fft.next_fast_len(shape[1], real=True))
     weights = np.stack([kernel.weights for kernel in stack.kernels]) / len(stack.kernels)
     return fft.rfft2(weights.astype(real), size), size

@@ -1,4 +1,5 @@
-"""The images of the source that a designed lens throws, patch by patch of its rear, measured by tracing (thesis 7.5, outlook)."""
+"""The images of the source that a designed lens throws, patch by patch of its rear, measured by tracing
+(thesis 7.5, outlook)."""
 
 from __future__ import annotations
 
@@ -25,10 +26,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PatchImages:
-    """Images of the source through patches of the rear: flux (n, n) in W, width (2, n, n) in mm (degrees in the far field).
+    """Images of the source through patches of the rear: flux (n, n) in W, width (2, n, n) in mm (degrees in
+    the far field).
 
-    The first index goes with x.  width : sqrt(12) times the rms deviation in x and in y, the side of a uniform rectangle;
-    NaN where too few rays pass.
+    The first index goes with x.  width : sqrt(12) times the rms deviation in x and in y, the side of a
+    uniform rectangle; NaN where too few rays pass.
     """
 
     flux: Array
@@ -48,8 +50,8 @@ class PatchImages:
 def patch_images(backend: Backend, problem: Problem, lens: Lens) -> PatchImages:
     """Trace rays from the whole source and return the PatchImages of a lens.  backend : of double precision.
 
-    Where in a patch a ray leaves the rear moves its image: a quadratic in that place is fitted to the landing points
-    of every patch, weighted by flux, and taken off; what is left is the image.
+    Where in a patch a ray leaves the rear moves its image: a quadratic in that place is fitted to the landing
+    points of every patch, weighted by flux, and taken off; what is left is the image.
     """
     tracer = Tracer(backend, lens, problem_rays(problem, RAYS), problem.target_z)
     coefficients = [sag.coefficients for sag in lens.sags]
@@ -69,7 +71,9 @@ def patch_images(backend: Backend, problem: Problem, lens: Lens) -> PatchImages:
     return PatchImages(total, width)
 
 
-def _residual_squares(patch: NDArray[np.int64], within: list[Array], arrival: list[Array], flux: Array) -> Array:
+def _residual_squares(
+    patch: NDArray[np.int64], within: list[Array], arrival: list[Array], flux: Array
+) -> Array:
     """Return the mean squares that a quadratic fit in every patch leaves, (2, patches)."""
     count = PATCHES**2
 

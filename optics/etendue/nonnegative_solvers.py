@@ -1,7 +1,8 @@
-"""Two solvers of min ||A f - g||^2 over f >= 0, both matrix-free: one is fast at first, the other ends exactly.
+"""Two solvers of min ||A f - g||^2 over f >= 0, both matrix-free: one is fast at first, the other ends
+exactly.
 
-A is the blur of `optics.etendue.kernel.Kernel`.  Gradient steps are slow where the kernel's transform is nearly 0;
-the splitting, which divides by the transform, is not.
+A is the blur of `optics.etendue.kernel.Kernel`.  Gradient steps are slow where the kernel's transform is
+nearly 0; the splitting, which divides by the transform, is not.
 """
 
 from __future__ import annotations
@@ -14,15 +15,19 @@ from scipy import fft
 from optics.etendue.certificate import gradient
 from optics.etendue.kernel import Blur, Kernel, Real
 
-IMAGE_PENALTY, LIGHT_PENALTY = 0.1, 0.001  # of u = A f and of h = f, beside the curvature 1 of the loss: speed depends on them
+IMAGE_PENALTY, LIGHT_PENALTY = (
+    0.1,
+    0.001,
+)  # of u = A f and of h = f, beside the curvature 1 of the loss: speed depends on them
 RELAXATION = 1.8
 
 
 def split(kernel: Kernel, start: Real, target: Real, steps: int) -> Real:
     """Return light after some steps of the alternating direction method of multipliers.
 
-    It splits ||M u - g||^2 / 2 + [h >= 0] with u = W f, h = f.  W is the circular convolution on a grid with room for
-    all light, M takes the image from it.  The step in f is diagonal after Fourier transform, those in u and h are pixelwise.
+    It splits ||M u - g||^2 / 2 + [h >= 0] with u = W f, h = f.  W is the circular convolution on a grid with
+    room for all light, M takes the image from it.  The step in f is diagonal after Fourier transform, those
+    in u and h are pixelwise.
 
     start : light, in the precision of the target, of which 1 is the greatest value
 
@@ -51,10 +56,11 @@ def split(kernel: Kernel, start: Real, target: Real, steps: int) -> Real:
 
 
 def descend(kernel: Blur, light: Real, target: Real, tolerance: float, most: int) -> tuple[Real, int]:
-    """Return light f >= 0 after steps of the optimised projected gradient method with restarts, and their number.
+    """Return light f >= 0 after steps of the optimised projected gradient method with restarts, and their
+    number.
 
-    With D = 1 / A^T 1 and x -> max(0, x - D A^T (A x - g)) as the plain step.  No step size is to be chosen: D A^T A has
-    no eigenvalue above 1, because A D A^T 1 = A 1 <= 1 and all entries are non-negative.
+    With D = 1 / A^T 1 and x -> max(0, x - D A^T (A x - g)) as the plain step.  No step size is to be chosen:
+    D A^T A has no eigenvalue above 1, because A D A^T 1 = A 1 <= 1 and all entries are non-negative.
 
     light, target : in the same precision, in which the steps are made
     tolerance : of the KKT residual ||min(f, D A^T (A f - g))|| / ||D A^T g||, norms weighted by A^T 1
@@ -74,7 +80,12 @@ def descend(kernel: Blur, light: Real, target: Real, tolerance: float, most: int
         new = x - slope
         change = new - plain
         then = (1 + sqrt(1 + 4 * theta**2)) / 2
-        ahead = new + ((theta - 1) / then) * change - (theta / then) * slope + ((theta - 1) / (gamma * then)) * (ahead - x)
+        ahead = (
+            new
+            + ((theta - 1) / then) * change
+            - (theta / then) * slope
+            + ((theta - 1) / (gamma * then)) * (ahead - x)
+        )
         theta, gamma = then, (2 * theta + then - 1) / then
         projected = np.maximum(ahead, 0)
         if (reach * (slope + (ahead - projected) / gamma) * change).sum() > 0:

@@ -1,4 +1,5 @@
-"""What etendue forbids a problem: bounds of rel_l2 for light that is made of images of the source, in numbers and sentences."""
+"""What etendue forbids a problem: bounds of rel_l2 for light that is made of images of the source, in numbers
+and sentences."""
 
 from __future__ import annotations
 
@@ -18,12 +19,16 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 LEAST_PIXELS = 4  # each way, that merging leaves
-KIND = "lens that throws the same even image of the source, with sides along x and y, through every point of a rear as large"
+KIND = (
+    "lens that throws the same even image of the source, with sides along x and y, through every point "
+    "of a rear as large"
+)
 
 
 @dataclass(frozen=True)
 class Care:
-    """How sharp a bound is made: with images of at most `widest` merged pixels, on at most `pixels` merged pixels each way."""
+    """How sharp a bound is made: with images of at most `widest` merged pixels, on at most `pixels` merged
+    pixels each way."""
 
     widest: float
     pixels: float
@@ -60,28 +65,40 @@ def etendue_note(problem: Problem, light: NDArray[np.float64]) -> list[str]:
     images = certain_bound(problem, lens, light, share, QUICK)
     wide, high = images.width
     sentences.append(
-        f"images of the source are at least {wide:.2g} x {high:.2g} pixels: no {KIND} brings {share:.3g} of the light to the target "
+        f"images of the source are at least {wide:.2g} x {high:.2g} pixels: no {KIND} brings {share:.3g} of "
+        "the light to the target "
         f"with rel_l2 below {images.bound.lower_bound:.3f}"
     )
     return sentences
 
 
-def limit_sentence(problem: Problem, lens: Lens, light: NDArray[np.float64], metrics: dict[str, Any]) -> str | None:
-    """Return what etendue says about a finished design, by its rel_l2 and efficiency; None where it sets no limit."""
+def limit_sentence(
+    problem: Problem, lens: Lens, light: NDArray[np.float64], metrics: dict[str, Any]
+) -> str | None:
+    """Return what etendue says about a finished design, by its rel_l2 and efficiency; None where it sets no
+    limit."""
     share = metrics["efficiency"]
     if problem.source.kind != "lambertian" or not share:
         return None
     reached = metrics["rel_l2"]
-    bound = problem_bound(problem, light, image_half_width(problem, lens, share, light, reached), REPORT).bound
-    limit = f"no {KIND} brings as much light to the target and goes below {min(reached, bound.lower_bound):.4f}"
+    bound = problem_bound(
+        problem, light, image_half_width(problem, lens, share, light, reached), REPORT
+    ).bound
+    limit = (
+        f"no {KIND} brings as much light to the target and goes below {min(reached, bound.lower_bound):.4f}"
+    )
     return f"rel_l2 reached {reached:.4f}; by etendue {limit}"
 
 
-def certain_bound(problem: Problem, lens: Lens, light: NDArray[np.float64], share: float, care: Care = FULL) -> Found:
-    """Return the Found bound for lenses of the kind, with a rear of this lens's area, that bring a share of the flux to the target.
+def certain_bound(
+    problem: Problem, lens: Lens, light: NDArray[np.float64], share: float, care: Care = FULL
+) -> Found:
+    """Return the Found bound for lenses of the kind, with a rear of this lens's area, that bring a share of
+    the flux to the target.
 
-    Light nearer to the target comes in larger images.  Lenses worse than rel_l2 = e need no other bound than e; the images of
-    the others are at least as large as those that belong to e.  With the bound b for these, min(e, b) holds for all.
+    Light nearer to the target comes in larger images.  Lenses worse than rel_l2 = e need no other bound than
+    e; the images of the others are at least as large as those that belong to e.  With the bound b for these,
+    min(e, b) holds for all.
     """
     for error in NEAR:
         found = problem_bound(problem, light, image_half_width(problem, lens, share, light, error), care)
@@ -90,10 +107,13 @@ def certain_bound(problem: Problem, lens: Lens, light: NDArray[np.float64], shar
     return replace(found, bound=replace(found.bound, lower_bound=min(error, found.bound.lower_bound)))
 
 
-def problem_bound(problem: Problem, light: NDArray[np.float64], half_width: tuple[float, float], care: Care = FULL) -> Found:
+def problem_bound(
+    problem: Problem, light: NDArray[np.float64], half_width: tuple[float, float], care: Care = FULL
+) -> Found:
     """Return the Found bound of a problem's target for images of the source at least so large.
 
-    In the far field pictures are intensities; d Omega / (du dv) is taken as constant over an image of the source.
+    In the far field pictures are intensities; d Omega / (du dv) is taken as constant over an image of the
+    source.
 
     half_width : of the images, mm (degrees in the far field).
     """

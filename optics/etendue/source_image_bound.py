@@ -1,14 +1,16 @@
 """How near a target light can come that is made of images of the source: a lower bound of rel_l2.
 
-A lens throws through every point of its rear aperture an image of the source on the target, and its light is their sum.
-Where these images are uniform rectangles along x and y with the source's proportions, all of one size of at least w_x by w_y
-pixels (a shift-invariant system, thesis 7.1), the light is a sum of whole-pixel boxes with weights that are not negative: an image
-with sides c w is one of 1 <= c < 2 or several of those side by side, and a rectangle between pixels is a mean of four boxes
-(`KernelStack.boxes`).  From one step of floor(c w_x), floor(c w_y) to the next four boxes serve; the least of the bounds
-so found holds for all sizes from w on.
+A lens throws through every point of its rear aperture an image of the source on the target, and its light is
+their sum. Where these images are uniform rectangles along x and y with the source's proportions, all of one
+size of at least w_x by w_y pixels (a shift-invariant system, thesis 7.1), the light is a sum of whole-pixel
+boxes with weights that are not negative: an image with sides c w is one of 1 <= c < 2 or several of those
+side by side, and a rectangle between pixels is a mean of four boxes (`KernelStack.boxes`).  From one step of
+floor(c w_x), floor(c w_y) to the next four boxes serve; the least of the bounds so found holds for all sizes
+from w on.
 
-Merging pixels is a projection P: ||E - G|| >= ||P E - P G||, so that a bound on merged pixels times ||P G|| / ||G|| holds too.
-A source of another form blurs by its own picture at the size w, centred on pixels: that bound holds for this size alone.
+Merging pixels is a projection P: ||E - G|| >= ||P E - P G||, so that a bound on merged pixels times ||P G|| /
+||G|| holds too. A source of another form blurs by its own picture at the size w, centred on pixels: that
+bound holds for this size alone.
 """
 
 from __future__ import annotations
@@ -28,7 +30,11 @@ from thbcad.checks import EPS
 
 SUBPIXELS = 16  # each way, where the picture of a source is drawn
 MOST_STEPS = 5000
-QUICK = ((2, 1e-3), (1, 1e-3), (1, 1e-4))  # pixels merged and KKT residual: tried first where a weak bound will do
+QUICK = (
+    (2, 1e-3),
+    (1, 1e-3),
+    (1, 1e-4),
+)  # pixels merged and KKT residual: tried first where a weak bound will do
 
 Array = NDArray[np.float64]
 
@@ -37,8 +43,10 @@ Array = NDArray[np.float64]
 class ImageBound:
     """A lower bound of rel_l2 and the light that comes next to it.
 
-    lower_bound, attained : ||E - G|| / ||G|| that no such light goes below, and of the light found, both of all pixels.
-    kkt : the solver's relative KKT residual.  merged : pixels merged each way.  sizes : of images that were tried.
+    lower_bound, attained : ||E - G|| / ||G|| that no such light goes below, and of the light found, both of
+        all pixels.
+    kkt : the solver's relative KKT residual.  merged : pixels merged each way.  sizes : of images that were
+        tried.
     target, image, kernel : merged pixels: what is asked for, the light found, the (mean) image of the source.
     """
 
@@ -52,7 +60,9 @@ class ImageBound:
     kernel: Array
 
 
-def image_bound(target: Array, width: Sequence[float], profile: Profile, merge: int = 1, finest: float = 1e-5) -> ImageBound:
+def image_bound(
+    target: Array, width: Sequence[float], profile: Profile, merge: int = 1, finest: float = 1e-5
+) -> ImageBound:
     """Return the ImageBound for images of a source at least `width` pixels wide and high.
 
     target : (rows, columns), the light asked for, not negative.  profile : of the source over its area.
@@ -76,8 +86,11 @@ def image_bound(target: Array, width: Sequence[float], profile: Profile, merge: 
 
 
 def _sizes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> list[tuple[float, float]]:
-    """Return the sizes c size, 1 <= c < 2, at which the boxes change, with the first; `shape` is that of the merged target."""
-    steps = {1.0} | {merge * j / side for side in size for j in range(floor(side / merge) + 1, ceil(2 * side / merge))}
+    """Return the sizes c size, 1 <= c < 2, at which the boxes change, with the first; `shape` is that of the
+    merged target."""
+    steps = {1.0} | {
+        merge * j / side for side in size for j in range(floor(side / merge) + 1, ceil(2 * side / merge))
+    }
     sizes = [(c * size[0], c * size[1]) for c in sorted(steps)]
     return list({_boxes(pair, merge, shape): pair for pair in reversed(sizes)}.values())[::-1]
 
@@ -85,13 +98,16 @@ def _sizes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> lis
 def _boxes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> tuple[int, int]:
     """Return the rows and columns of the least box for images of a size.
 
-    A box larger than the target looks from within like several side by side; rounding must not shorten c side.
+    A box larger than the target looks from within like several side by side; rounding must not shorten c
+    side.
     """
     rows, columns = (max(1, min(n - 2, floor(side / merge * (1 + 4 * EPS)))) for side, n in zip(size, shape))
     return rows, columns
 
 
-def _solved(target: Array, size: tuple[float, float], profile: Profile, merge: int, tolerance: float) -> ImageBound:
+def _solved(
+    target: Array, size: tuple[float, float], profile: Profile, merge: int, tolerance: float
+) -> ImageBound:
     """Return the ImageBound of images from one size to the next, of rows and columns of unmerged pixels."""
     goal = _merged(target, merge)
     share = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
@@ -104,15 +120,20 @@ def _solved(target: Array, size: tuple[float, float], profile: Profile, merge: i
         kernel = _picture(profile, size[0] / merge, size[1] / merge, goal.shape)
         found = approximate(kernel, goal, tolerance, MOST_STEPS)
         bound = found.lower_bound
-    return ImageBound(share * bound, share * found.residual, found.kkt, merge, 1, goal, found.image, kernel.weights)
+    return ImageBound(
+        share * bound, share * found.residual, found.kkt, merge, 1, goal, found.image, kernel.weights
+    )
 
 
 def _picture(profile: Profile, high: float, wide: float, shape: tuple[int, ...]) -> Kernel:
-    """Return the picture of a source, high x wide pixels, as a kernel no larger than an image of the given shape.
+    """Return the picture of a source, high x wide pixels, as a kernel no larger than an image of the given
+    shape.
 
     It is turned by 180 degrees, as by a pinhole.
     """
-    rows, columns = (min(2 * ceil((side - 1) / 2) + 1, (n - 1) // 2 * 2 + 1) for side, n in zip((high, wide), shape))
+    rows, columns = (
+        min(2 * ceil((side - 1) / 2) + 1, (n - 1) // 2 * 2 + 1) for side, n in zip((high, wide), shape)
+    )
     t = ((2 * np.arange(rows * SUBPIXELS) + 1) / SUBPIXELS - rows) / high
     s = (columns - (2 * np.arange(columns * SUBPIXELS) + 1) / SUBPIXELS) / wide
     inside = (np.abs(t) < 1)[:, None] & (np.abs(s) < 1)[None, :]
@@ -121,6 +142,7 @@ def _picture(profile: Profile, high: float, wide: float, shape: tuple[int, ...])
 
 
 def _merged(image: Array, merge: int) -> Array:
-    """Return the means of merge x merge pixels; rows and columns left over at the end are dropped, which is a projection too."""
+    """Return the means of merge x merge pixels; rows and columns left over at the end are dropped, which is a
+    projection too."""
     rows, columns = (n // merge for n in image.shape)
     return image[: rows * merge, : columns * merge].reshape(rows, merge, columns, merge).mean(axis=(1, 3))

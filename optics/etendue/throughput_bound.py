@@ -1,20 +1,24 @@
-"""What etendue says about a problem before it is solved: how much light can arrive, and how small images of the source are.
+"""What etendue says about a problem before it is solved: how much light can arrive, and how small images of
+the source are.
 
 Etendue is dU = dx dy dp dq with the direction cosines p, q (thesis 2.30), and lossless optics conserves it.
-A source of radiance at most L is seen with that radiance at most, whatever the lens.  At a place x of the target,
+A source of radiance at most L is seen with that radiance at most, whatever the lens.  At a place x of the
+target,
 
-    E = L  integral of (N d) cos(theta) / r^2 dS = L  integral of (N d) cos^3(theta) / D^2 dS <= L S(x) cos^3(theta) / D^2
+    E = L  integral of (N d) cos(theta) / r^2 dS = L  integral of (N d) cos^3(theta) / D^2 dS <= L S(x)
+    cos^3(theta) / D^2
 
-over the part of the rear surface, of area S(x), through which x sees the source; N is the normal, d the ray, D the distance
-along z.  With the whole rear for S(x) this limits the irradiance.
+over the part of the rear surface, of area S(x), through which x sees the source; N is the normal, d the ray,
+D the distance along z.  With the whole rear for S(x) this limits the irradiance.
 
-Through every point of the rear the source lights a part of the target, its image.  The integral of S(x) over the target is that
-of the images' areas over the rear.  So the mean area over a rear of area S is
+Through every point of the rear the source lights a part of the target, its image.  The integral of S(x) over
+the target is that of the images' areas over the rear.  So the mean area over a rear of area S is
 
-    a >= 1 / (L S)  integral of E D^2 / cos^3(theta) dx dy        (near the axis D^2 U / S with the etendue U = integral of E / L);
+    a >= 1 / (L S)  integral of E D^2 / cos^3(theta) dx dy        (near the axis D^2 U / S with the etendue U
+    = integral of E / L);
 
-losses and light beside the target make it larger.  In the far field du dv / dOmega stands for D^2 / cos^3(theta).
-A shift-invariant system (thesis 7.1) throws the same image through every point.
+losses and light beside the target make it larger.  In the far field du dv / dOmega stands for D^2 /
+cos^3(theta). A shift-invariant system (thesis 7.1) throws the same image through every point.
 """
 
 from __future__ import annotations
@@ -39,7 +43,10 @@ if TYPE_CHECKING:
 RAYS = (512, 256)  # that tell which share of the light meets the front
 NODES = 8  # of Gauss's rule over the rear aperture, each way
 AREA_CELLS = 512  # of the rear, each way
-STRENGTHS = (1e-7, 1e7)  # times the standard deviation: between which the multiplier of `least_mean` is searched for
+STRENGTHS = (
+    1e-7,
+    1e7,
+)  # times the standard deviation: between which the multiplier of `least_mean` is searched for
 MOST_STEPS, EVEN = 100, 1e-14  # of Newton's method for even light
 
 Array = NDArray[np.float64]
@@ -49,8 +56,8 @@ Array = NDArray[np.float64]
 class Throughput:
     """What can pass from the source to the target.
 
-    source, front, target : etendue in mm^2 sr of the source, of its light that meets the front, and of the rays between a flat
-        aperture in place of the rear and the target (the same number for both ends).
+    source, front, target : etendue in mm^2 sr of the source, of its light that meets the front, and of the
+        rays between a flat aperture in place of the rear and the target (the same number for both ends).
     radiance : W / (mm^2 sr), the greatest of the source; inf without extent.
     meets_front : W.  arriving : W, at most, of any light on the target.
     asked : greatest share of the possible irradiance that the picture takes where all of `arriving` makes it.
@@ -73,8 +80,8 @@ class Throughput:
 def throughput(problem: Problem, lens: Lens, light: Array) -> Throughput:
     """Return the Throughput of a problem; only the front of the lens matters, and how wide its rear is.
 
-    arriving = T min(Phi, L U) with the flux Phi that meets the front, the transmittance T of two uncoated faces and
-    U = integral of S cos^3 / D^2 over the target.
+    arriving = T min(Phi, L U) with the flux Phi that meets the front, the transmittance T of two uncoated
+    faces and U = integral of S cos^3 / D^2 over the target.
     light : the picture, as `optics.model.target_light` gives it.
     """
     flux, etendue = problem.source.flux, source_etendue(problem)
@@ -88,7 +95,15 @@ def throughput(problem: Problem, lens: Lens, light: Array) -> Throughput:
     most = radiance * rear_area(lens) / spread(problem)
     arriving = passing * min(share * flux, float(most.sum()) * screen.pixel_area)
     wanted = target_irradiance(light, screen, problem.target.placing, arriving)
-    return Throughput(etendue, share * etendue, target, radiance, share * flux, arriving, float((wanted / (passing * most)).max()))
+    return Throughput(
+        etendue,
+        share * etendue,
+        target,
+        radiance,
+        share * flux,
+        arriving,
+        float((wanted / (passing * most)).max()),
+    )
 
 
 def source_etendue(problem: Problem) -> float:
@@ -100,7 +115,8 @@ def source_etendue(problem: Problem) -> float:
 
 
 def brightest(problem: Problem) -> float:
-    """Return the greatest radiance of a Lambertian source over its mean; of a picture, that of its brightest pixel."""
+    """Return the greatest radiance of a Lambertian source over its mean; of a picture, that of its brightest
+    pixel."""
     profile = source_profile(problem)
     if profile.kind in ("uniform", "round"):
         return 1.0
@@ -112,15 +128,18 @@ def brightest(problem: Problem) -> float:
 def front_share(problem: Problem, front: FreeformSurface) -> float:
     """Return the share of the source's flux that meets the front, by a fixed set of rays.
 
-    A ray meets the graph z(x, y) over the rectangle where it is below when it enters the prism |x| <= hx, |y| <= hy, and above
-    when it leaves it.
+    A ray meets the graph z(x, y) over the rectangle where it is below when it enters the prism |x| <= hx, |y|
+    <= hy, and above when it leaves it.
     """
     rays = problem_rays(problem, RAYS)
     if not isinstance(rays, Rays):
         return rays.entering / (rays.entering + rays.missed)
     origin, direction = rays.origin, rays.direction
     with np.errstate(divide="ignore"):
-        slabs = [np.sort([(s * h - o) / d for s in (-1, 1)], axis=0) for h, o, d in zip(front.half_width, origin, direction)]
+        slabs = [
+            np.sort([(s * h - o) / d for s in (-1, 1)], axis=0)
+            for h, o, d in zip(front.half_width, origin, direction)
+        ]
     enter = np.maximum(0.0, np.maximum(slabs[0][0], slabs[1][0]))
     leave = np.minimum(slabs[0][1], slabs[1][1])
     inside = enter < leave
@@ -134,9 +153,11 @@ def front_share(problem: Problem, front: FreeformSurface) -> float:
 
 
 def aperture_etendue(problem: Problem) -> float:
-    """Return the etendue of all rays from the rear aperture, taken as a flat rectangle, to the target, mm^2 sr.
+    """Return the etendue of all rays from the rear aperture, taken as a flat rectangle, to the target, mm^2
+    sr.
 
-    The projected solid angle of a rectangle seen from a point has a closed form; Gauss's rule sums it over the aperture.
+    The projected solid angle of a rectangle seen from a point has a closed form; Gauss's rule sums it over
+    the aperture.
     """
     target = problem.target
     far = isinf(target.distance)
@@ -149,21 +170,26 @@ def aperture_etendue(problem: Problem) -> float:
 
 
 def rear_area(lens: Lens) -> float:
-    """Return the area of the rear surface, mm^2, the integral of sqrt(1 + z_x^2 + z_y^2) by the midpoint rule."""
+    """Return the area of the rear surface, mm^2, the integral of sqrt(1 + z_x^2 + z_y^2) by the midpoint
+    rule."""
     hx, hy = lens.rear.half_width
     at = (2 * np.arange(AREA_CELLS) + 1) / AREA_CELLS - 1
     zx, zy = (lens.rear.grid(hx * at, hy * at, d) for d in ((1, 0), (0, 1)))
     return float(4 * hx * hy * np.sqrt(1 + zx * zx + zy * zy).mean())
 
 
-def image_half_width(problem: Problem, lens: Lens, share: float, light: Array, rel_l2: float) -> tuple[float, float]:
-    """Return half the width and height of the images of a shift-invariant lens that comes near the target, mm or degrees.
+def image_half_width(
+    problem: Problem, lens: Lens, share: float, light: Array, rel_l2: float
+) -> tuple[float, float]:
+    """Return half the width and height of the images of a shift-invariant lens that comes near the target, mm
+    or degrees.
 
-    They are at least so large: with the proportions of the source, their sides along x and y, and the area a of the module
-    docstring, for a rear of the lens's area and the least mean of D^2 / cos^3 over all light of that rel_l2
-    (in the far field over any light on the target).
+    They are at least so large: with the proportions of the source, their sides along x and y, and the area a
+    of the module docstring, for a rear of the lens's area and the least mean of D^2 / cos^3 over all light of
+    that rel_l2 (in the far field over any light on the target).
 
-    share : of the source's flux that the lens brings to the target.  light : the picture.  rel_l2 : of the lens, at most.
+    share : of the source's flux that the lens brings to the target.  light : the picture.  rel_l2 : of the
+        lens, at most.
     """
     used = share * source_etendue(problem) / brightest(problem)
     values = spread(problem)
@@ -177,14 +203,16 @@ def image_half_width(problem: Problem, lens: Lens, share: float, light: Array, r
 
 
 def least_mean(values: Array, picture: Array, rel_l2: float) -> float:
-    """Return a number that the mean of `values`, weighted by light E, is not below, for all E >= 0 near a picture G.
+    """Return a number that the mean of `values`, weighted by light E, is not below, for all E >= 0 near a
+    picture G.
 
-    mean E = mean G = 1 and mean (E - G)^2 <= delta^2 = rel_l2^2 mean G^2.  By weak duality every c and t > 0 give the bound
+    mean E = mean G = 1 and mean (E - G)^2 <= delta^2 = rel_l2^2 mean G^2.  By weak duality every c and t > 0
+    give the bound
 
         c + mean (E_t (h - c)) + (mean (E_t - G)^2 - delta^2) / (2 t),     E_t = max(0, G - t (h - c));
 
-    for every t the c with mean E_t = 1 is the best, the best t is searched for; the least of the values h counts too.
-    Source: S. Boyd and L. Vandenberghe, Convex Optimization, 5.1.
+    for every t the c with mean E_t = 1 is the best, the best t is searched for; the least of the values h
+    counts too. Source: S. Boyd and L. Vandenberghe, Convex Optimization, 5.1.
     """
     least, scale = float(values.min()), float(values.std())
     if not scale or isinf(rel_l2):
@@ -194,14 +222,17 @@ def least_mean(values: Array, picture: Array, rel_l2: float) -> float:
     def negative(logarithm: float) -> float:
         t = np.exp(logarithm) / scale
         c, light = _even_light(values, picture, t)
-        return -float(c + (light * (values - c)).mean() + (((light - picture) ** 2).mean() - allowed) / (2 * t))
+        return -float(
+            c + (light * (values - c)).mean() + (((light - picture) ** 2).mean() - allowed) / (2 * t)
+        )
 
     found = minimize_scalar(negative, bounds=np.log(STRENGTHS), method="bounded", options={"xatol": 1e-6})
     return max(least, -float(found.fun))
 
 
 def _even_light(values: Array, picture: Array, t: float) -> tuple[float, Array]:
-    """Return c and E = max(0, G - t (h - c)) with mean E = 1, by Newton's method on a convex function, from above."""
+    """Return c and E = max(0, G - t (h - c)) with mean E = 1, by Newton's method on a convex function, from
+    above."""
     c = float(values.mean())
     for _ in range(MOST_STEPS):
         light = np.maximum(picture - t * (values - c), 0)
@@ -213,16 +244,20 @@ def _even_light(values: Array, picture: Array, t: float) -> tuple[float, Array]:
 
 
 def spread(problem: Problem) -> Array:
-    """Return the least D^2 / cos^3(theta) = (D^2 + r^2)^(3/2) / D of every pixel, seen from the rear, (rows, columns) mm^2.
+    """Return the least D^2 / cos^3(theta) = (D^2 + r^2)^(3/2) / D of every pixel, seen from the rear, (rows,
+    columns) mm^2.
 
-    r is the distance aside of the pixel's nearest point from the aperture; the rear lies between D_1 and D_2 before the target,
-    and (D^2 + r^2)^(3/2) / D is least for D = r / sqrt(2).  In the far field du dv / dOmega, square degrees.
+    r is the distance aside of the pixel's nearest point from the aperture; the rear lies between D_1 and D_2
+    before the target, and (D^2 + r^2)^(3/2) / D is least for D = r / sqrt(2).  In the far field du dv /
+    dOmega, square degrees.
     """
     target, rear = problem.target, problem.lens.rear
     if isinf(target.distance):
         return (180 / pi) ** 2 / target_screen(problem).projection()
     corner = float(Conic(rear.radius, rear.conic)(*rear.half_width))
-    nearest, farthest = (target.distance - f(0.0, corner) - i * rear.freeform.z_freedom for f, i in ((max, 1), (min, -1)))
+    nearest, farthest = (
+        target.distance - f(0.0, corner) - i * rear.freeform.z_freedom for f, i in ((max, 1), (min, -1))
+    )
     across, up = (
         np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n) - r, 0.0)
         for h, n, r in zip(target.half_width, target.pixels, rear.half_width)
@@ -247,6 +282,7 @@ def _aperture_nodes(problem: Problem) -> tuple[Array, Array, Array]:
 
 
 def _corner(x: Array, y: Array) -> Array:
-    """Return the projected solid angle of the rectangle [0, x] x [0, y] at distance 1, odd in x and in y (Howell, factor B-3)."""
+    """Return the projected solid angle of the rectangle [0, x] x [0, y] at distance 1, odd in x and in y
+    (Howell, factor B-3)."""
     wide, tall = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
     return (x / wide * np.arctan(y / wide) + y / tall * np.arctan(x / tall)) / 2

@@ -1,8 +1,8 @@
 """The exact non-negative approximation for two point sources.
 
-The image is g[y] ~ w0 F[y] + w1 F[y - s].  Pixels y, y + s, y + 2 s ... form a chain; chains do not meet, and on each
-the normal matrix is tridiagonal: w0^2 + w1^2 on the diagonal, w0 w1 beside it.  All chains stand behind one another
-in one tridiagonal system.
+The image is g[y] ~ w0 F[y] + w1 F[y - s].  Pixels y, y + s, y + 2 s ... form a chain; chains do not meet, and
+on each the normal matrix is tridiagonal: w0^2 + w1^2 on the diagonal, w0 w1 beside it.  All chains stand
+behind one another in one tridiagonal system.
 
 Source: J. Judice and F. Pires, Comput. Oper. Res. 21 (1994), block principal pivoting; thesis 7.31 and 7.42.
 """
@@ -36,26 +36,33 @@ class Chains:
     lit: NDArray[np.bool_]
 
 
-def approximate_two_deltas(shift: tuple[int, int], weights: tuple[float, float], target: ArrayLike) -> Approximation:
-    """Return light F >= 0 that minimises ||E * F - G||^2 up to rounding, E = w0 delta(x) + w1 delta(x - shift).
+def approximate_two_deltas(
+    shift: tuple[int, int], weights: tuple[float, float], target: ArrayLike
+) -> Approximation:
+    """Return light F >= 0 that minimises ||E * F - G||^2 up to rounding, E = w0 delta(x) + w1 delta(x -
+    shift).
 
     shift : (rows, columns) between the sources
     weights : (w0, w1), non-negative; divided by their sum
-    target : (n, m), G >= 0, dark where it is nearer to the border than the shift, so that light beyond the border is
-        of no use.  Pad it by zeros.
+    target : (n, m), G >= 0, dark where it is nearer to the border than the shift, so that light beyond the
+        border is of no use.  Pad it by zeros.
 
     The result is that of ``approximate(Kernel.points([(0, 0), shift], weights), target)``.
 
     Raises
     ------
-    ValueError : a target that is negative, not finite, dark or lit near its border; weights that are negative or zero.
+    ValueError : a target that is negative, not finite, dark or lit near its border; weights that are negative
+        or zero.
     """
     kernel = Kernel.points([(0, 0), shift], weights)
     goal = require_target(kernel, target)
     reach = np.abs(np.asarray(shift))
     (n, m), (i, j) = goal.shape, reach
     if np.count_nonzero(goal[i : n - i, j : m - j]) < np.count_nonzero(goal):
-        raise ValueError(f"the target must be dark within {i} rows and {j} columns of its border (the shift); pad it by zeros")
+        raise ValueError(
+            f"the target must be dark within {i} rows and {j} columns of its border (the shift); pad it by "
+            "zeros"
+        )
     light = np.zeros(kernel.light_shape(goal.shape))
     if not reach.any() or min(weights) == 0:
         at = (0, 0) if weights[0] > 0 else shift
@@ -72,7 +79,11 @@ def approximate_two_deltas(shift: tuple[int, int], weights: tuple[float, float],
 def chains_of(shift: tuple[int, int], target: Array) -> Chains:
     """Return the chains of a shift other than (0, 0) that meet the target's light."""
     at = np.indices(target.shape)
-    left = [np.where(s > 0, (side - 1 - x) // max(abs(s), 1), x // max(abs(s), 1)) for x, s, side in zip(at, shift, target.shape) if s]
+    left = [
+        np.where(s > 0, (side - 1 - x) // max(abs(s), 1), x // max(abs(s), 1))
+        for x, s, side in zip(at, shift, target.shape)
+        if s
+    ]
     before = [(x - s < 0) | (x - s >= side) for x, s, side in zip(at, shift, target.shape)]
     first = np.flatnonzero(before[0] | before[1])
     length = np.minimum.reduce(left).ravel()[first] + 1
@@ -86,15 +97,18 @@ def chains_of(shift: tuple[int, int], target: Array) -> Chains:
 
 
 def _pivot(chains: Chains, target: Array, weights: Array) -> tuple[Array, int]:
-    """Return min ||w0 f[k] + w1 f[k - 1] - g[k]|| over f >= 0, 0 where the chains are not lit, and the number of steps.
+    """Return min ||w0 f[k] + w1 f[k - 1] - g[k]|| over f >= 0, 0 where the chains are not lit, and the number
+    of steps.
 
-    Infeasible pixels (f < 0 where free, gradient < 0 where f = 0) all change sides; a chain on which that does not help
-    changes its last one only, which ends after finitely many steps.
+    Infeasible pixels (f < 0 where free, gradient < 0 where f = 0) all change sides; a chain on which that
+    does not help changes its last one only, which ends after finitely many steps.
     """
     w0, w1 = weights
     right = w0 * target + w1 * np.append(target[1:], 0)
     couple = w0 * w1 * (chains.lit[:-1] & chains.lit[1:])
-    slack = EPS * np.bincount(chains.chain).max() ** 2 * target.max()  # the condition number of a chain is below its length squared
+    slack = (
+        EPS * np.bincount(chains.chain).max() ** 2 * target.max()
+    )  # the condition number of a chain is below its length squared
     free = chains.lit & (right > 0)
     least = np.full(chains.chain[-1] + 1, len(target))
     patience = np.full(len(least), PATIENCE)

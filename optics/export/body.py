@@ -1,4 +1,5 @@
-"""What is made of a lens for a solid format: the plain solid, cut to an aperture, with a flange, or of patches."""
+"""What is made of a lens for a solid format: the plain solid, cut to an aperture, with a flange, or of
+patches."""
 
 from __future__ import annotations
 

@@ -13,14 +13,20 @@ from thbcad.sags import graph_poles
 if TYPE_CHECKING:
     from thbcad.lens import Lens
 
-RIMS = ((0, 0), (1, -1), (0, -1), (1, 0))  # axis along the rim and end of the other one: low y, high x, high y, low x
+RIMS = (
+    (0, 0),
+    (1, -1),
+    (0, -1),
+    (1, 0),
+)  # axis along the rim and end of the other one: low y, high x, high y, low x
 STEPS = 6
 
 Array = NDArray[np.float64]
 
 
 def edge_distance(lens: Lens, side: int, points: Array) -> float:
-    """Return the greatest distance of points from the edge E(u, w) = F(u) + w (B(u) - F(u)) between the rims F and B, mm.
+    """Return the greatest distance of points from the edge E(u, w) = F(u) + w (B(u) - F(u)) between the rims
+    F and B, mm.
 
     The distance to any E(u, w) is an upper bound; Gauss-Newton steps from a (u, w) of about equal
     height find the nearest, but for points whose nearest lies on the rim of a slanted edge.

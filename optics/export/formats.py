@@ -1,4 +1,5 @@
-"""Files of a whole lens for other programs: written, read back by what did not write them, compared with the exact surfaces."""
+"""Files of a whole lens for other programs: written, read back by what did not write them, compared with the
+exact surfaces."""
 
 from __future__ import annotations
 
@@ -27,7 +28,17 @@ from optics.export.read_back import (
 from optics.optimisation import ResultFolder, require_writable
 from optics.runtime import UserError
 from optics.system import lens_product
-from thbcad.io import cloud_text, obj_bytes, ply_bytes, read_lens, sag_text, stl_bytes, table_size, threemf_bytes, write_bytes
+from thbcad.io import (
+    cloud_text,
+    obj_bytes,
+    ply_bytes,
+    read_lens,
+    sag_text,
+    stl_bytes,
+    table_size,
+    threemf_bytes,
+    write_bytes,
+)
 from thbcad.lens import Product, Tessellation, tessellated
 
 if TYPE_CHECKING:
@@ -42,7 +53,16 @@ MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and wheth
     "obj": (obj_bytes, False),
     "ply": (ply_bytes, False),
 }
-SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep", "dat": "dat", "xyz": "xyz", "npz": "npz"}
+SUFFIXES = {
+    "step": "step",
+    "stp": "step",
+    "iges": "iges",
+    "igs": "iges",
+    "brep": "brep",
+    "dat": "dat",
+    "xyz": "xyz",
+    "npz": "npz",
+}
 SUFFIXES |= {name: name for name in MESHES}
 SOLIDS = ("step", "iges", "brep")
 FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
@@ -71,7 +91,9 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
     try:
         return read_lens(path), Labels()
     except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}; give a result folder or a lens.json") from None
+        raise UserError(
+            f"cannot read {path}: {error.strerror}; give a result folder or a lens.json"
+        ) from None
     except ValueError as error:
         raise UserError(f"{path}: {error}") from None
 
@@ -96,17 +118,22 @@ def export(
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 
     chord : mm, the error that meshes may have, and grid sags between their points.
-    body : of the solid formats step, iges and brep.  labels : for STEP and IGES; None is those of a nameless lens.
+    body : of the solid formats step, iges and brep.  labels : for STEP and IGES; None is those of a nameless
+        lens.
     A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
 
     Raises
     ------
-    UserError : the path cannot be written, what reads the format back is not installed, a chord error that cannot be kept,
-        a body that the format or the lens does not allow.
+    UserError : the path cannot be written, what reads the format back is not installed, a chord error that
+        cannot be kept, a body that the format or the lens does not allow.
     """
     path = Path(out)
     if body != PLAIN and name not in (("step",) if body.patches else SOLIDS):
-        wanted = "--patches needs step" if body.patches else f"--aperture, --flange and --separate need {', '.join(SOLIDS)}"
+        wanted = (
+            "--patches needs step"
+            if body.patches
+            else f"--aperture, --flange and --separate need {', '.join(SOLIDS)}"
+        )
         raise UserError(f"{wanted}, got {name}")
     require_writable(path)
     _require_report(Path(f"{out}.json"))
@@ -130,7 +157,8 @@ def export(
 
 
 def _require_report(path: Path) -> None:
-    """Raise UserError where something else than the report of an earlier export has the name of this one's."""
+    """Raise UserError where something else than the report of an earlier export has the name of this
+    one's."""
     try:
         earlier = not path.exists() or "chord_mm" in json.loads(path.read_text("utf-8"))
     except (OSError, ValueError, TypeError):
@@ -172,7 +200,8 @@ def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path]
 
 
 def _arrays(lens: Lens) -> bytes:
-    """Return an NPZ file: front and rear as splines z(x, y), conic included, in mm; nothing in it is executed."""
+    """Return an NPZ file: front and rear as splines z(x, y), conic included, in mm; nothing in it is
+    executed."""
     arrays = {"thickness": np.float64(lens.thickness), "index": np.float64(lens.index)}
     for word, surface, graph in zip(("front", "rear"), (lens.front, lens.rear), lens.graphs()):
         arrays |= {
@@ -215,5 +244,8 @@ def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
             own = path.with_name(f"{path.stem}_{word}.{name}")
             write_faces([surface], Path(folder) / own.name)
             files[own] = (Path(folder) / own.name).read_bytes()
-    checks = [face_checks(word, surfaces[word], read_faces(own), name) for word, own in zip(surfaces, _written(files))]
+    checks = [
+        face_checks(word, surfaces[word], read_faces(own), name)
+        for word, own in zip(surfaces, _written(files))
+    ]
     return list(files), [check for found in checks for check in found]

@@ -36,7 +36,9 @@ def require_readers(name: str) -> None:
         try:
             import_module(module)
         except ImportError:
-            raise UserError(f"a {name} file is read back by {module}, which is not installed: pip install {module}") from None
+            raise UserError(
+                f"a {name} file is read back by {module}, which is not installed: pip install {module}"
+            ) from None
 
 
 def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: float) -> list[Check]:
@@ -49,9 +51,20 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
     by = f"{name.upper()} read back by OCCT"
     checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
-    for word, face, own, (surface, vertex) in zip(("front", "rear"), (read.front, read.rear), lens_surfaces(lens), surfaces):
-        checks.append(Check(f"{word} poles and knots that differ from the lens in memory, {by}", differing_numbers(face, own), 0, ""))
-        checks.append(Check(f"{word} face, {by}", surface_deviation(face, surface, vertex), SOLID_SURFACE[name], "mm"))
+    for word, face, own, (surface, vertex) in zip(
+        ("front", "rear"), (read.front, read.rear), lens_surfaces(lens), surfaces
+    ):
+        checks.append(
+            Check(
+                f"{word} poles and knots that differ from the lens in memory, {by}",
+                differing_numbers(face, own),
+                0,
+                "",
+            )
+        )
+        checks.append(
+            Check(f"{word} face, {by}", surface_deviation(face, surface, vertex), SOLID_SURFACE[name], "mm")
+        )
     return checks
 
 
@@ -64,12 +77,19 @@ def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
     return [*checks, Check("front and rear, text of the file", patched_deviation(path, lens), SURFACE, "mm")]
 
 
-def face_checks(word: str, own: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str) -> list[Check]:
+def face_checks(
+    word: str, own: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str
+) -> list[Check]:
     """Return the Checks of a file with one loose face."""
     by = f"{name.upper()} read back by OCCT"
     return [
         Check(f"faces besides the one expected, {by}", len(read) - 1, 0, ""),
-        Check(f"{word} poles and knots that differ from the lens in memory, {by}", differing_numbers(read[0], own), 0, ""),
+        Check(
+            f"{word} poles and knots that differ from the lens in memory, {by}",
+            differing_numbers(read[0], own),
+            0,
+            "",
+        ),
     ]
 
 
@@ -87,28 +107,52 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
     """Return the Checks of a mesh file: closed, oriented, nowhere farther from the lens than `chord`, mm.
 
     Front and rear are compared in z, the edges by the distance, at the corners, the middles of the sides and
-    the centroids of triangles, of all or of evenly spaced ones so that there are about a million points per face.
+    the centroids of triangles, of all or of evenly spaced ones so that there are about a million points per
+    face.
     """
-    read = _read_3mf(path) if name == "3mf" else import_module("trimesh").load_mesh(path, file_type=name, process=name == "stl")
+    read = (
+        _read_3mf(path)
+        if name == "3mf"
+        else import_module("trimesh").load_mesh(path, file_type=name, process=name == "stl")
+    )
     by = f"{name.upper()} read back by {READERS[name][0]}"
     checks = [
         Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
         Check(f"mesh not watertight, {by}", int(not read.is_watertight), 0, ""),
         Check(f"mesh not consistently oriented, {by}", int(not read.is_winding_consistent), 0, ""),
-        Check(f"volume against the closed form, {by}", abs(read.volume - lens.volume()), chord * read.area, "mm^3"),
+        Check(
+            f"volume against the closed form, {by}",
+            abs(read.volume - lens.volume()),
+            chord * read.area,
+            "mm^3",
+        ),
     ]
     if checks[0].ok:
         corners = read.vertices.view(np.ndarray)
-        for word, face, surface, vertex in (("front", FRONT, lens.front, 0.0), ("rear", REAR, lens.rear, lens.thickness)):
+        for word, face, surface, vertex in (
+            ("front", FRONT, lens.front, 0.0),
+            ("rear", REAR, lens.rear, lens.thickness),
+        ):
             points = _samples(corners, read.faces[mesh.faces == face])
-            checks.append(Check(f"{word} against the exact surface, {by}", _height_error(points, surface, vertex), chord, "mm"))
-        edges = [edge_distance(lens, side, _samples(corners, read.faces[mesh.faces == face])) for side, face in enumerate(EDGES)]
+            checks.append(
+                Check(
+                    f"{word} against the exact surface, {by}",
+                    _height_error(points, surface, vertex),
+                    chord,
+                    "mm",
+                )
+            )
+        edges = [
+            edge_distance(lens, side, _samples(corners, read.faces[mesh.faces == face]))
+            for side, face in enumerate(EDGES)
+        ]
         checks.append(Check(f"edges against the exact surfaces, {by}", max(edges), chord, "mm"))
     return checks
 
 
 def sag_checks(word: str, surface: FreeformSurface, path: Path, chord: float) -> list[Check]:
-    """Return the Checks of a grid sag: numpy reads it, scipy interpolates it as OpticStudio does, bicubically."""
+    """Return the Checks of a grid sag: numpy reads it, scipy interpolates it as OpticStudio does,
+    bicubically."""
     first, *_ = path.read_text("ascii").split("\n", 1)
     (nx, ny), (dx, dy) = (int(n) for n in first.split()[:2]), (float(d) for d in first.split()[2:4])
     rows = np.loadtxt(path, skiprows=1).reshape(ny, nx, 5)[::-1]
@@ -120,7 +164,12 @@ def sag_checks(word: str, surface: FreeformSurface, path: Path, chord: float) ->
     by = "DAT read back by numpy"
     return [
         Check(f"{word} sags at the points, {by}", _greatest(z - surface.grid(x, y)), SURFACE, "mm"),
-        Check(f"{word} sags between the points, bicubic, {by}", _greatest(between - surface.grid(*middles)), chord, "mm"),
+        Check(
+            f"{word} sags between the points, bicubic, {by}",
+            _greatest(between - surface.grid(*middles)),
+            chord,
+            "mm",
+        ),
     ]
 
 
@@ -132,7 +181,12 @@ def cloud_checks(word: str, surface: FreeformSurface, vertex: float, path: Path)
     by = "XYZ read back by numpy"
     return [
         Check(f"{word} points, {by}", _greatest(z - vertex - surface(x, y)), SURFACE, "mm"),
-        Check(f"{word} normals, {by}", _greatest(np.array(normal) - exact / np.linalg.norm(exact, axis=0)), SURFACE, ""),
+        Check(
+            f"{word} normals, {by}",
+            _greatest(np.array(normal) - exact / np.linalg.norm(exact, axis=0)),
+            SURFACE,
+            "",
+        ),
     ]
 
 
@@ -146,7 +200,14 @@ def array_checks(lens: Lens, path: Path) -> list[Check]:
             x, y = (np.unique(k) for k in knots)
             x, y = (np.unique(np.concatenate([a, a[:-1] + np.diff(a) / 3])) for a in (x, y))
             z = spline(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
-            checks.append(Check(f"{word}, NPZ read back by numpy and scipy", _greatest(z - surface.grid(x, y)), SURFACE, "mm"))
+            checks.append(
+                Check(
+                    f"{word}, NPZ read back by numpy and scipy",
+                    _greatest(z - surface.grid(x, y)),
+                    SURFACE,
+                    "mm",
+                )
+            )
     return checks
 
 
@@ -169,7 +230,8 @@ def _height_error(points: Array, surface: FreeformSurface, vertex: float) -> flo
 
 
 def _read_3mf(path: Path) -> Any:
-    """Return the one mesh of a 3MF file as lib3mf, the consortium's own library, reads it, as a trimesh.Trimesh."""
+    """Return the one mesh of a 3MF file as lib3mf, the consortium's own library, reads it, as a
+    trimesh.Trimesh."""
     model = import_module("lib3mf").get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
@@ -177,6 +239,11 @@ def _read_3mf(path: Path) -> Any:
     objects = model.GetMeshObjects()
     objects.MoveNext()
     mesh = objects.GetCurrentMeshObject()
-    rows = ((b"".join(map(bytes, items)), kind) for items, kind in ((mesh.GetVertices(), "<f4"), (mesh.GetTriangleIndices(), "<u4")))
+    rows = (
+        (b"".join(map(bytes, items)), kind)
+        for items, kind in ((mesh.GetVertices(), "<f4"), (mesh.GetTriangleIndices(), "<u4"))
+    )
     vertices, triangles = (np.frombuffer(data, kind).reshape(-1, 3) for data, kind in rows)
-    return import_module("trimesh").Trimesh(vertices.astype(np.float64), triangles.astype(np.int64), process=False)
+    return import_module("trimesh").Trimesh(
+        vertices.astype(np.float64), triangles.astype(np.int64), process=False
+    )

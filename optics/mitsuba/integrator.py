@@ -1,19 +1,19 @@
 """The exact tracer as a Mitsuba integrator, "thbcad".
 
-`register()` makes it known to the variant that is set; then ``mi.load_dict({"type": "thbcad", "result": "exports/pearl"})``
-reads a result folder.  `exact_integrator` makes one from Python objects.  ``mi.render`` returns the irradiance of the
-target in W/mm^2 (far field: W per square degree) as a tensor (rows, columns, 1): row 0 lies at +y and column 0 at -x, as
-one sees the screen when one looks back at the lens.  The film's size gives the pixels, and the problem's
-`optimizer.window` measures them.
+`register()` makes it known to the variant that is set; then ``mi.load_dict({"type": "thbcad", "result":
+"exports/pearl"})`` reads a result folder.  `exact_integrator` makes one from Python objects.  ``mi.render``
+returns the irradiance of the target in W/mm^2 (far field: W per square degree) as a tensor (rows, columns,
+1): row 0 lies at +y and column 0 at -x, as one sees the screen when one looks back at the lens.  The film's
+size gives the pixels, and the problem's `optimizer.window` measures them.
 
-The rays are those of the problem's source, spp of them per pixel on a fixed grid (or Sobol set); seeds change nothing.
-Surfaces are the splines themselves, not meshes, traced in double precision.
+The rays are those of the problem's source, spp of them per pixel on a fixed grid (or Sobol set); seeds change
+nothing. Surfaces are the splines themselves, not meshes, traced in double precision.
 
-The parameters "front_coefficients" and "rear_coefficients" (Float64, of the surfaces that are free) are differentiable,
-in backward and in forward mode.  The scene's shapes and emitters play no part.
+The parameters "front_coefficients" and "rear_coefficients" (Float64, of the surfaces that are free) are
+differentiable, in backward and in forward mode.  The scene's shapes and emitters play no part.
 
-Mitsuba 3.9.1 can construct no shape written in Python.  When it can, the splines belong in a shape of their own,
-which serves every integrator, and this one is no longer needed.
+Mitsuba 3.9.1 can construct no shape written in Python.  When it can, the splines belong in a shape of their
+own, which serves every integrator, and this one is no longer needed.
 """
 
 from __future__ import annotations
@@ -47,12 +47,15 @@ NAME = "thbcad"
 
 
 class ExactFilm:
-    """The irradiance of a problem's target on a film, and its derivatives by the coefficients of the sags, front first.
+    """The irradiance of a problem's target on a film, and its derivatives by the coefficients of the sags,
+    front first.
 
     pixels : (columns, rows).  spp : rays per pixel, about.
     """
 
-    def __init__(self, backend: Backend, problem: Problem, lens: Lens, pixels: Sequence[int], spp: int) -> None:
+    def __init__(
+        self, backend: Backend, problem: Problem, lens: Lens, pixels: Sequence[int], spp: int
+    ) -> None:
         columns, rows = (int(n) for n in pixels)
         problem = replace(problem, target=replace(problem.target, pixels=(columns, rows)))
         counts = [ceil(sqrt(spp) * n) for n in (columns, rows)]
@@ -96,7 +99,8 @@ class ExactFilm:
 
 
 def _sag_at(hits: Hits, surface: FreeformSurface, coefficients: Floats) -> list[Floats]:
-    """Return height and slopes of a sag with other coefficients where rays meet the surface, (n,) each; zeros where they miss."""
+    """Return height and slopes of a sag with other coefficients where rays meet the surface, (n,) each; zeros
+    where they miss."""
     dr = hits.dr
     hit = np.broadcast_to(hits.hit.numpy(), dr.width(hits.x))
     sag = FreeformSurface(surface.half_width, sag=THBSurface(surface.sag.space, coefficients))
@@ -113,7 +117,11 @@ class _Parameters:
     def __init__(self, backend: Backend, problem: Problem, lens: Lens) -> None:
         self._backend, self._problem, self._lens = backend, problem, lens
         free = {"front": lens.front.sag, "rear": lens.rear.sag}
-        self.named = {f"{name}_coefficients": backend.array(sag.coefficients) for name, sag in free.items() if sag is not None}
+        self.named = {
+            f"{name}_coefficients": backend.array(sag.coefficients)
+            for name, sag in free.items()
+            if sag is not None
+        }
         self._key: tuple[int, ...] = ()
         self._film: ExactFilm | None = None
 
@@ -156,7 +164,8 @@ def register() -> None:
 
 
 def exact_integrator(problem: Problem, lens: Lens) -> Any:
-    """Return the integrator, mi.Integrator, of a problem and a lens, for ``mi.render`` or ``mi.load_dict`` of a scene.
+    """Return the integrator, mi.Integrator, of a problem and a lens, for ``mi.render`` or ``mi.load_dict`` of
+    a scene.
 
     Raises
     ------
@@ -180,15 +189,27 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
             for name, values in self._parameters.named.items():
                 callback.put(name, values, mi.ParamFlags.Differentiable)
 
-        def render(self, scene: Any, sensor: Any = 0, seed: int = 0, spp: int = 0, develop: bool = True, evaluate: bool = True) -> Any:
+        def render(
+            self,
+            scene: Any,
+            sensor: Any = 0,
+            seed: int = 0,
+            spp: int = 0,
+            develop: bool = True,
+            evaluate: bool = True,
+        ) -> Any:
             p = self._parameters
             return _tensor(mi, p.film(scene, sensor, spp).image(p.values()))
 
-        def render_forward(self, scene: Any, params: Any, sensor: Any = 0, seed: int = 0, spp: int = 0) -> Any:
+        def render_forward(
+            self, scene: Any, params: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
+        ) -> Any:
             p = self._parameters
             return _tensor(mi, p.film(scene, sensor, spp).push_forward(p.values(), p.directions()))
 
-        def render_backward(self, scene: Any, params: Any, grad_in: Any, sensor: Any = 0, seed: int = 0, spp: int = 0) -> None:
+        def render_backward(
+            self, scene: Any, params: Any, grad_in: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
+        ) -> None:
             p, gradient = self._parameters, np.array(grad_in, dtype=np.float64)[..., 0]
             p.accumulate(p.film(scene, sensor, spp).pull_back(p.values(), gradient))
 

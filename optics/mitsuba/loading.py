@@ -11,13 +11,20 @@ from types import ModuleType
 from optics.runtime import PRECISIONS, Backend, UserError, llvm_library
 
 VERSION = "3.9."  # 3.10 changes the Mesh class
-VARIANTS = ("llvm_ad_mono", "llvm_ad_rgb", "llvm_ad_spectral", "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized")
+VARIANTS = (
+    "llvm_ad_mono",
+    "llvm_ad_rgb",
+    "llvm_ad_spectral",
+    "llvm_ad_mono_polarized",
+    "llvm_ad_spectral_polarized",
+)
 
 
 def load_mitsuba(variant: str = "llvm_ad_mono", threads: int = 0) -> ModuleType:
     """Load Mitsuba, set its variant and return the module.
 
-    variant : one that runs on LLVM; in mono variants fluxes are exact, rgb and spectral ones scale them by a spectrum.
+    variant : one that runs on LLVM; in mono variants fluxes are exact, rgb and spectral ones scale them by a
+        spectrum.
     threads : of all Dr.Jit kernels, 0 for all cores.
 
     Raises
@@ -31,7 +38,9 @@ def load_mitsuba(variant: str = "llvm_ad_mono", threads: int = 0) -> ModuleType:
     os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
     mitsuba = import_module("mitsuba")
     if not mitsuba.__version__.startswith(VERSION):
-        raise UserError(f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; pip install thbcad[mitsuba]")
+        raise UserError(
+            f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; pip install thbcad[mitsuba]"
+        )
     mitsuba.set_variant(variant)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     import_module("drjit").set_thread_count(threads or cores)
@@ -50,7 +59,10 @@ def current_mitsuba() -> ModuleType:
     if variant is None:
         return load_mitsuba()
     if variant not in VARIANTS:
-        raise UserError(f"Mitsuba's variant must be one of {', '.join(VARIANTS)}, got {variant!r}; call load_mitsuba first")
+        raise UserError(
+            f"Mitsuba's variant must be one of {', '.join(VARIANTS)}, got {variant!r}; call load_mitsuba "
+            "first"
+        )
     return mitsuba
 
 

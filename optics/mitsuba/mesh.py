@@ -38,7 +38,8 @@ FACES = ("front", "rear", "edges")
 
 @dataclass(frozen=True, eq=False)
 class SurfaceVertices:
-    """Vertices of one surface at the relative positions s x t in [-1, 1], t first: heights and slopes are base + matrix @ c.
+    """Vertices of one surface at the relative positions s x t in [-1, 1], t first: heights and slopes are
+    base + matrix @ c.
 
     vertex : z of the surface's vertex in the lens's frame, mm.
     """
@@ -67,7 +68,9 @@ class SurfaceVertices:
     def matrix(self) -> csr_array:
         """The derivatives of z, zx, zy by the THB coefficients, csr_array (3 n, dim)."""
         space, place = self.surface.sag.space, self.surface.to_parameters(*self.place)
-        scale = [(kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.surface.half_width)]
+        scale = [
+            (kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.surface.half_width)
+        ]
         rows = [space.collocation(*place, (a, b)) * (scale[0] ** a * scale[1] ** b) for a, b in JET]
         return csr_array(vstack(rows, format="csr"))
 
@@ -118,7 +121,8 @@ class LensMesh:
 
     @classmethod
     def within(cls, lens: Lens, chord: float) -> LensMesh:
-        """Return the mesh whose front and rear are within `chord`, mm, of the surfaces (see `thbcad.tessellation`).
+        """Return the mesh whose front and rear are within `chord`, mm, of the surfaces (see
+        `thbcad.tessellation`).
 
         Raises
         ------
@@ -160,13 +164,18 @@ class LensMesh:
             corners = low, following, following + len(low), low + len(low)
         else:
             grid = np.arange(len(self.s) * len(self.t)).reshape(len(self.s), len(self.t))
-            corners = tuple(part.ravel() for part in (grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]))
+            corners = tuple(
+                part.ravel() for part in (grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
+            )
         a, b, c, d = corners
         both = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         return (both[:, ::-1] if name == "front" else both).astype(np.uint32)
 
-    def vertices(self, mitsuba: ModuleType, name: str, coefficients: DrArray | None = None) -> tuple[Any, Any]:
-        """Return (positions, outward unit normals) of "front" or "rear", Point3f and Normal3f, differentiable in the coefficients.
+    def vertices(
+        self, mitsuba: ModuleType, name: str, coefficients: DrArray | None = None
+    ) -> tuple[Any, Any]:
+        """Return (positions, outward unit normals) of "front" or "rear", Point3f and Normal3f, differentiable
+        in the coefficients.
 
         coefficients : Float64 (dim,), or None for the surface as it is.
         """
@@ -188,7 +197,9 @@ class LensMesh:
                 properties["bsdf"] = bsdf
             triangles = self.triangles(name)
             count = 2 * len(self.rim) if name == "edges" else len(self.s) * len(self.t)
-            shapes[name] = mitsuba.Mesh(name, count, len(triangles), has_vertex_normals=name != "edges", props=properties)
+            shapes[name] = mitsuba.Mesh(
+                name, count, len(triangles), has_vertex_normals=name != "edges", props=properties
+            )
             parameters = mitsuba.traverse(shapes[name])
             parameters["faces"] = triangles.ravel()
             parameters.update(self._buffers(mitsuba, name, {}))
@@ -208,13 +219,19 @@ class LensMesh:
                     parameters[f"{name}.{key}"] = values
         parameters.update()
 
-    def _buffers(self, mitsuba: ModuleType, name: str, coefficients: dict[str, DrArray]) -> dict[str, DrArray]:
+    def _buffers(
+        self, mitsuba: ModuleType, name: str, coefficients: dict[str, DrArray]
+    ) -> dict[str, DrArray]:
         """Return what a face's mesh stores, by Mitsuba's names."""
         dr = mitsuba_backend(mitsuba).dr
         if name == "edges":
             rim = mitsuba.UInt32(self.rim)
             sides = (self.vertices(mitsuba, side, coefficients.get(side))[0] for side in self.surfaces)
-            return {"vertex_positions": dr.concat([dr.ravel(dr.gather(mitsuba.Point3f, side, rim)) for side in sides])}
+            return {
+                "vertex_positions": dr.concat(
+                    [dr.ravel(dr.gather(mitsuba.Point3f, side, rim)) for side in sides]
+                )
+            }
         positions, normals = self.vertices(mitsuba, name, coefficients.get(name))
         return {"vertex_positions": dr.ravel(positions), "vertex_normals": dr.ravel(normals)}
 

@@ -1,9 +1,10 @@
 """Rays through the lens's meshes, traced by Mitsuba: front, rear, target.
 
-The pipeline of the exact tracer with one part exchanged: where a ray meets a surface, and the normal there, come from
-`Scene.ray_intersect` in single precision, the normal interpolated between the vertices.  Every surface
-is a scene of its own, so that no ray starts on a mesh that it can meet again, and Embree's robust tests let no ray slip
-through between two triangles: without them those on the grid lines do, and cost 5e-3 of the irradiance.
+The pipeline of the exact tracer with one part exchanged: where a ray meets a surface, and the normal there,
+come from `Scene.ray_intersect` in single precision, the normal interpolated between the vertices.  Every
+surface is a scene of its own, so that no ray starts on a mesh that it can meet again, and Embree's robust
+tests let no ray slip through between two triangles: without them those on the grid lines do, and cost 5e-3 of
+the irradiance.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ if TYPE_CHECKING:
 
 
 class MeshTracer:
-    """Rays of one source through the meshes of a lens whose sags may change; takes the place of `optics.tracing.Tracer`.
+    """Rays of one source through the meshes of a lens whose sags may change; takes the place of
+    `optics.tracing.Tracer`.
 
     A front without sag is traced once.  target_z : mm, inf is the far field.
     """
@@ -42,21 +44,31 @@ class MeshTracer:
         self._mitsuba, self._mesh, self._target_z = current_mitsuba(), mesh, target_z
         self.backend = mitsuba_backend(self._mitsuba, "single")
         dr, Float = self.backend.dr, self.backend.Float
-        self._index = {"front": dr.opaque(Float, 1 / mesh.lens.index), "rear": dr.opaque(Float, mesh.lens.index)}
+        self._index = {
+            "front": dr.opaque(Float, 1 / mesh.lens.index),
+            "rear": dr.opaque(Float, mesh.lens.index),
+        }
         shapes = mesh.shapes(self._mitsuba, tuple(mesh.surfaces))
         self._scenes = {
-            name: self._mitsuba.load_dict({"type": "scene", "embree_use_robust_intersections": True, name: shape})
+            name: self._mitsuba.load_dict(
+                {"type": "scene", "embree_use_robust_intersections": True, name: shape}
+            )
             for name, shape in shapes.items()
         }
         self._parameters = [self._mitsuba.traverse(self._scenes[name]) for name in mesh.free]
-        self._flux = dr.opaque(Float, rays.ray_flux) if np.isscalar(rays.ray_flux) else self.backend.array(rays.ray_flux)
+        self._flux = (
+            dr.opaque(Float, rays.ray_flux)
+            if np.isscalar(rays.ray_flux)
+            else self.backend.array(rays.ray_flux)
+        )
         origin, direction = _starts(mesh, rays) if isinstance(rays, Beam) else (rays.origin, rays.direction)
         self._rays = tuple(tuple(self.backend.array(row) for row in rows) for rows in (origin, direction))
         self._behind = None if "front" in mesh.free else self._through("front", *self._rays, self._flux)
         dr.eval(self._behind)
 
     def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[DrArray], Landing]:
-        """Return (leaves, Landing), differentiable in the leaves: the coefficients of every sag, front first."""
+        """Return (leaves, Landing), differentiable in the leaves: the coefficients of every sag, front
+        first."""
         double = mitsuba_backend(self._mitsuba)
         leaves = [double.array(c) for c in coefficients]
         double.dr.enable_grad(*leaves)
@@ -77,17 +89,24 @@ class MeshTracer:
             travel = (dr.opaque(self.backend.Float, self._target_z) - point[2]) / dz
             x, y = point[0] + travel * dx, point[1] + travel * dy
         found = dr.ones(dr.mask_t(hit), 1)
-        return Landing(x, y, dx, dy, dr.select(hit & forward, flux, 0), entering, found, met, found, hit, forward)
+        return Landing(
+            x, y, dx, dy, dr.select(hit & forward, flux, 0), entering, found, met, found, hit, forward
+        )
 
     def pull_back(self, leaves: Sequence[DrArray]) -> list[NDArray[np.float64]]:
         """Return the derivative by each sag's coefficients after `dr.backward`."""
         return [np.array(np.broadcast_to(leaf.grad.numpy(), len(leaf))) for leaf in leaves]
 
-    def _through(self, name: str, origin: Vector, direction: Vector, flux: DrArray) -> tuple[Vector, Vector, DrArray, DrArray]:
-        """Return (meeting point, refracted direction, flux, zero for rays that do not pass, and the mask of rays that meet the surface)."""
+    def _through(
+        self, name: str, origin: Vector, direction: Vector, flux: DrArray
+    ) -> tuple[Vector, Vector, DrArray, DrArray]:
+        """Return (meeting point, refracted direction, flux, zero for rays that do not pass, and the mask of
+        rays that meet the surface)."""
         mi, dr = self._mitsuba, self.backend.dr
         ray = mi.Ray3f(mi.Point3f(*origin), mi.Vector3f(*direction))
-        found = self._scenes[name].ray_intersect(ray, ray_flags=mi.RayFlags.All, coherent=True, active=flux > 0)
+        found = self._scenes[name].ray_intersect(
+            ray, ray_flags=mi.RayFlags.All, coherent=True, active=flux > 0
+        )
         normal, hit = found.sh_frame.n, found.is_valid()
         slope = tuple(dr.select(hit, -a / normal.z, 0) for a in (normal.x, normal.y))
         refracted, share, _ = refract(dr, direction, slope, self._index[name])
@@ -98,7 +117,9 @@ def _starts(mesh: LensMesh, beam: Beam) -> tuple[NDArray[np.float64], NDArray[np
     """Return origins and directions of a beam's rays, (3, n), that start a thickness before the lens."""
     x, y = (a.ravel() for a in np.meshgrid(beam.x, beam.y, indexing="ij"))
     before = mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness
-    return np.stack([x, y, np.full_like(x, before)]), np.stack([np.zeros_like(x), np.zeros_like(x), np.ones_like(x)])
+    return np.stack([x, y, np.full_like(x, before)]), np.stack(
+        [np.zeros_like(x), np.zeros_like(x), np.ones_like(x)]
+    )
 
 
 def mesh_irradiance(
@@ -108,7 +129,8 @@ def mesh_irradiance(
     window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow,
     vertices: Sequence[int],
 ) -> NDArray[np.float64]:
-    """Return the irradiance on the target's pixels, (rows, columns), W/mm^2 (in the far field W per square degree).
+    """Return the irradiance on the target's pixels, (rows, columns), W/mm^2 (in the far field W per square
+    degree).
 
     counts : (nx, ny) of the problem's rays.  vertices : (nx, ny) of front and rear.
     """
@@ -127,7 +149,8 @@ def mesh_pipeline(
     vertices: Sequence[int],
     margin: int = 0,
 ) -> Objective:
-    """Return loss and gradient by way of Mitsuba: the same `Objective`, with only its first term, over a `MeshTracer`.
+    """Return loss and gradient by way of Mitsuba: the same `Objective`, with only its first term, over a
+    `MeshTracer`.
 
     The target is the problem's, with the whole source flux.  counts : (nx, ny) of the problem's rays.
     vertices : (nx, ny) of front and rear.  margin : dark pixels around the target.

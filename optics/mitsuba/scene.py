@@ -1,7 +1,7 @@
 """A problem as a Mitsuba scene: emitter, closed lens, diffuse screen, pinhole camera (thesis 5.2.2).
 
-The irradiance of a screen of reflectance r is E = pi L / r, with the radiance L that the camera sees.  The screen is
-nearly black, so that light which it throws back on the lens does not come again; r cancels.
+The irradiance of a screen of reflectance r is E = pi L / r, with the radiance L that the camera sees.  The
+screen is nearly black, so that light which it throws back on the lens does not come again; r cancels.
 
 Everything that light can do in the scene is measured: it passes the edges, is reflected in the lens, or
 misses the lens and meets the screen all the same.
@@ -35,8 +35,8 @@ FLAT = 1e-6  # relative difference of a pixel's sides
 def mitsuba_scene(problem: Problem, mesh: LensMesh) -> Any:
     """Return the Mitsuba scene, mi.Scene, of a problem and its lens; lengths in mm, fluxes in W.
 
-    Its objects are "source", "front", "rear", "edges", "screen", "sensor" and "integrator" (a particle tracer);
-    `mesh.update` moves the lens.
+    Its objects are "source", "front", "rear", "edges", "screen", "sensor" and "integrator" (a particle
+    tracer); `mesh.update` moves the lens.
 
     Raises
     ------
@@ -47,7 +47,9 @@ def mitsuba_scene(problem: Problem, mesh: LensMesh) -> Any:
     mi = current_mitsuba()
     glass = mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
     heights = [surface.jet()[0] for surface in mesh.surfaces.values()]
-    lowest, highest = (float(end(z)) for end, z in zip((np.min, np.max), (heights[0], np.concatenate(heights))))
+    lowest, highest = (
+        float(end(z)) for end, z in zip((np.min, np.max), (heights[0], np.concatenate(heights)))
+    )
     return mi.load_dict(
         {
             "type": "scene",
@@ -63,7 +65,8 @@ def mitsuba_scene(problem: Problem, mesh: LensMesh) -> Any:
 def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64]:
     """Return the irradiance of the screen, (rows, columns) W/mm^2, row 0 at +y, column 0 at -x.
 
-    scene : of `mitsuba_scene`.  spp : light paths per pixel.  The camera looks along +z and sees +x on its left.
+    scene : of `mitsuba_scene`.  spp : light paths per pixel.  The camera looks along +z and sees +x on its
+        left.
 
     Raises
     ------
@@ -71,7 +74,10 @@ def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64
     """
     mi = current_mitsuba()
     if mi.variant() != "llvm_ad_mono":
-        raise UserError(f"the camera measures W/mm^2 in the variant llvm_ad_mono only, got {mi.variant()}; call load_mitsuba first")
+        raise UserError(
+            f"the camera measures W/mm^2 in the variant llvm_ad_mono only, got {mi.variant()}; call "
+            "load_mitsuba first"
+        )
     picture = np.array(mi.render(scene, spp=spp, seed=seed), dtype=np.float64)[..., 0]
     return pi / REFLECTANCE * picture[:, ::-1]
 
@@ -82,7 +88,10 @@ def _emitter(mi: ModuleType, problem: Problem, lowest: float) -> dict[str, Any]:
     if source.kind == "point":
         return _point(source)
     if source.kind == "lambertian" and source.half_angle < 90:
-        raise UserError(f"Mitsuba's glowing areas light the whole half-space: source.half_angle must be 90, got {source.half_angle:g}")
+        raise UserError(
+            "Mitsuba's glowing areas light the whole half-space: source.half_angle must be 90, got "
+            f"{source.half_angle:g}"
+        )
     collimated = source.kind == "collimated"
     z = lowest - source.distance if collimated else -source.distance
     (hx, hy), disk = source.half_width, source.profile == "round"
@@ -112,7 +121,9 @@ def _radiance(mi: ModuleType, problem: Problem, mean: float) -> dict[str, Any]:
 
 def _point(source: Source) -> dict[str, Any]:
     if source.exponent:
-        raise UserError(f"Mitsuba's points light their cone evenly: source.exponent must be 0, got {source.exponent:g}")
+        raise UserError(
+            f"Mitsuba's points light their cone evenly: source.exponent must be 0, got {source.exponent:g}"
+        )
     intensity = {"type": "uniform", "value": source.flux / (2 * pi * (1 - cos(radians(source.half_angle))))}
     place = [0.0, 0.0, -source.distance]
     if source.half_angle == 90:  # what goes back meets nothing
@@ -124,7 +135,9 @@ def _point(source: Source) -> dict[str, Any]:
 
 def _screen(mi: ModuleType, problem: Problem) -> dict[str, Any]:
     hx, hy = problem.target.half_width
-    place = mi.ScalarTransform4f().translate([0, 0, problem.target_z]).rotate([0, 1, 0], 180).scale([hx, hy, 1])
+    place = (
+        mi.ScalarTransform4f().translate([0, 0, problem.target_z]).rotate([0, 1, 0], 180).scale([hx, hy, 1])
+    )
     return {
         "type": "rectangle",
         "to_world": place,
@@ -133,11 +146,13 @@ def _screen(mi: ModuleType, problem: Problem) -> dict[str, Any]:
 
 
 def _camera(mi: ModuleType, problem: Problem, highest: float) -> dict[str, Any]:
-    """Return a pinhole camera between the lens and the screen that sees just the screen.  highest : z of the lens's highest point."""
+    """Return a pinhole camera between the lens and the screen that sees just the screen.  highest : z of the
+    lens's highest point."""
     (hx, hy), (columns, rows) = problem.target.half_width, problem.target.pixels
     if abs(hx * rows / (hy * columns) - 1) > FLAT:
         raise UserError(
-            f"the camera's pixels are square: target.pixels must be in proportion to target.half_width, got {columns} x {rows} pixels "
+            "the camera's pixels are square: target.pixels must be in proportion to target.half_width, got "
+            f"{columns} x {rows} pixels "
             f"on {hx:g} x {hy:g} mm"
         )
     away = min(max(hx, hy) / tan(radians(FIELD / 2)), NEAREST * (problem.target_z - highest))
@@ -149,5 +164,11 @@ def _camera(mi: ModuleType, problem: Problem, highest: float) -> dict[str, Any]:
         "near_clip": 1e-3 * away,
         "far_clip": 10 * (away + hx + hy),
         "to_world": mi.ScalarTransform4f().look_at(**place),
-        "film": {"type": "hdrfilm", "width": columns, "height": rows, "pixel_format": "luminance", "rfilter": {"type": "box"}},
+        "film": {
+            "type": "hdrfilm",
+            "width": columns,
+            "height": rows,
+            "pixel_format": "luminance",
+            "rfilter": {"type": "box"},
+        },
     }

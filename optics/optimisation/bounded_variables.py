@@ -46,14 +46,18 @@ class BoundedVariables:
 
     def coefficients(self, weights: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return c of every sag and keep the slopes of the squashing for `gradient`."""
-        return [part.coefficients(w) for part, w in zip(self._parts, np.split(self._scale * weights, self._ends[:-1]))]
+        return [
+            part.coefficients(w)
+            for part, w in zip(self._parts, np.split(self._scale * weights, self._ends[:-1]))
+        ]
 
     def gradient(self, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return dL/dw from dL/dc at the last coefficients."""
         return self._scale * np.concatenate([part.gradient(g) for part, g in zip(self._parts, gradients)])
 
     def precondition(self, vectors: Sequence[Sequence[NDArray[np.float64]]]) -> None:
-        """Scale the weights at the start by `Objective.curvature`'s vectors there; the mean square of the scales is 1."""
+        """Scale the weights at the start by `Objective.curvature`'s vectors there; the mean square of the
+        scales is 1."""
         self.coefficients(self.zeros())
         diagonal = np.mean([np.square(self.gradient(v)) for v in vectors], axis=0)
         if not diagonal.any():  # no light on the pixels
@@ -77,4 +81,6 @@ class _Part:
         return np.clip(self._bound * y * base ** (-1 / SHARPNESS), -self._bound, self._bound)
 
     def gradient(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.basis.adjoint(self._mirrors.of_coefficients(gradient * self._slope)) * (self._bound * STEP)
+        return self.basis.adjoint(self._mirrors.of_coefficients(gradient * self._slope)) * (
+            self._bound * STEP
+        )

@@ -28,8 +28,11 @@ def vertex_knots(half_width: Sequence[float], counts: Sequence[int]) -> tuple[Kn
     return tuple(KnotVector.uniform(1, n - 1, -h, h) for n, h in zip(counts, half_width))
 
 
-def summed_over_cells(space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sum of values on a grid x x y, (nx, ny), over every leaf cell, (n_cells,); of |dL/dz| that is Z of (6.2)."""
+def summed_over_cells(
+    space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the sum of values on a grid x x y, (nx, ny), over every leaf cell, (n_cells,); of |dL/dz| that
+    is Z of (6.2)."""
     cell = space.locate(np.repeat(x, len(y)), np.tile(y, len(x)))
     return np.bincount(cell, values.ravel(), len(space.cells))
 
@@ -43,7 +46,8 @@ def refined_once(space: THBSpace, max_level: int) -> THBSpace:
 def promised_decrease(
     space: THBSpace, finer: THBSpace, gradient: NDArray[np.float64], probes: Sequence[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Return the sum of g^2 / (2 h) over the new functions of a finer space whose middle lies in a leaf cell, (n_cells,).
+    """Return the sum of g^2 / (2 h) over the new functions of a finer space whose middle lies in a leaf cell,
+    (n_cells,).
 
     gradient : (finer.dim,).  probes : vectors whose mean square is h / 2.
     """
@@ -63,10 +67,13 @@ def promised_decrease(
     return out
 
 
-def mark(space: THBSpace, indicator: NDArray[np.float64], alpha: float, max_level: int) -> dict[int, NDArray[np.int64]]:
+def mark(
+    space: THBSpace, indicator: NDArray[np.float64], alpha: float, max_level: int
+) -> dict[int, NDArray[np.int64]]:
     """Return {level: cells} of the leaf cells with Z > alpha * mean(Z), below `max_level`.
 
-    The mean is taken over the active cells (thesis 6.3 divides by the number of cells of a full level instead).
+    The mean is taken over the active cells (thesis 6.3 divides by the number of cells of a full level
+    instead).
     """
     cells = space.cells
     chosen = cells[(indicator > alpha * indicator.mean()) & (cells[:, 0] < max_level)]

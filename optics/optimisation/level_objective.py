@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.optimisation.indicators import mark, promised_decrease, refined_once, summed_over_cells, vertex_knots
+from optics.optimisation.indicators import (
+    mark,
+    promised_decrease,
+    refined_once,
+    summed_over_cells,
+    vertex_knots,
+)
 from optics.optimisation.objective import Objective
 from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
 from optics.optimisation.stage_plan import last_level
@@ -45,17 +51,31 @@ def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow |
     return PixelWindow(o.blur) if o.window == "pixel" and final else BSplineWindow(o.window_degree)
 
 
-def stage_objective(backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]) -> Objective:
-    """Return the Objective of a stage: its rays, screen, window and target, and the charges of the problem."""
+def stage_objective(
+    backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]
+) -> Objective:
+    """Return the Objective of a stage: its rays, screen, window and target, and the charges of the
+    problem."""
     tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM, sure=False)
     options, limits = problem.optimizer, problem.limits
     thickness = limits.thickness
-    if not thickness and base_lens(problem).least_thickness().lower <= sum(f.z_freedom for f in freeforms(problem)):
+    if not thickness and base_lens(problem).least_thickness().lower <= sum(
+        f.z_freedom for f in freeforms(problem)
+    ):
         thickness = THINNEST * lens.thickness  # the surfaces could cross
     weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, thickness)
     shape = ShapePenalty(lens, weights) if weights.any else None
     window = stage_window(problem, stage.final)
-    return Objective(backend, tracer, stage.screen, window, target, options.lost_flux_weight, options.dark_flux_weight, shape)
+    return Objective(
+        backend,
+        tracer,
+        stage.screen,
+        window,
+        target,
+        options.lost_flux_weight,
+        options.dark_flux_weight,
+        shape,
+    )
 
 
 def marked_cells(
@@ -74,9 +94,11 @@ def marked_cells(
 
 @dataclass(frozen=True, eq=False)
 class Indicators:
-    """The refinement indicators of a design, called with (Lens, Stage): numbers per leaf cell of every free surface.
+    """The refinement indicators of a design, called with (Lens, Stage): numbers per leaf cell of every free
+    surface.
 
-    Only the rear has slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
+    Only the rear has slopes to compare with, after a transport start: "slope" takes vertex gradients for the
+    rest.
     """
 
     problem: Problem
@@ -95,21 +117,31 @@ class Indicators:
     def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
         spans = [f.spans for f in freeforms(self.problem)]
-        knots = [vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)]) for h, row in zip(rectangles, spans)]
+        knots = [
+            vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])
+            for h, row in zip(rectangles, spans)
+        ]
         objective = stage_objective(self.backend, self.problem, lens, stage, self.target)
         gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
         return [
-            summed_over_cells(sag.space, *(k.greville() for k in kv), gradient) for sag, kv, gradient in zip(lens.sags, knots, gradients)
+            summed_over_cells(sag.space, *(k.greville() for k in kv), gradient)
+            for sag, kv, gradient in zip(lens.sags, knots, gradients)
         ]
 
     def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         spaces = [refined_once(sag.space, f.max_level) for sag, f in zip(lens.sags, freeforms(self.problem))]
-        finer = [THBSurface(space, sag.space.prolongation(space) @ sag.coefficients) for sag, space in zip(lens.sags, spaces)]
+        finer = [
+            THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
+            for sag, space in zip(lens.sags, spaces)
+        ]
         objective = stage_objective(self.backend, self.problem, lens.with_sags(finer), stage, self.target)
         coefficients = [sag.coefficients for sag in finer]
         _, gradients = objective(coefficients)
         probes = zip(*objective.curvature(coefficients, PROBES, self.problem.run.seed))
-        return [promised_decrease(sag.space, space, g, p) for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)]
+        return [
+            promised_decrease(sag.space, space, g, p)
+            for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)
+        ]
 
 
 def _vertices(rays: int, spans: int) -> int:

@@ -62,7 +62,8 @@ def transmitted_flux(backend: Backend, problem: Problem, lens: Lens) -> float:
     if budget.transmitted < 1e-3 * problem.source.flux:
         raise UserError(
             f"only {budget.transmitted:.3g} W of {problem.source.flux:.3g} W pass the unoptimised lens "
-            f"(totally reflected {budget.total_internal:.3g} W, past the rear surface {budget.missed_rear:.3g} W); "
+            f"(totally reflected {budget.total_internal:.3g} W, past the rear surface "
+            f"{budget.missed_rear:.3g} W); "
             "change the lens prescription"
         )
     return budget.transmitted
@@ -86,7 +87,8 @@ def design(
 
     Raises
     ------
-    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or the surfaces that a level starts from cross.
+    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or the surfaces that a level starts
+        from cross.
     """
     lens = base_lens(problem)
     flux = transmitted_flux(backend, problem, lens)
@@ -102,13 +104,19 @@ def design(
     remaining = [stage for stage in (plan[-1:] if on_its_way else plan) if stage.level >= state.level]
     for stage in remaining:
         if start and not state.begun:
-            state = State(stage.level, (*state.sags[:-1], start.fit(state.sags[-1].space)), history=state.history)
+            state = State(
+                stage.level, (*state.sags[:-1], start.fit(state.sags[-1].space)), history=state.history
+            )
         target = target_irradiance(light, stage.screen, problem.target.placing, flux)
         lens = _with_sags(lens, state.sags)
         objective = stage_objective(backend, problem, lens, stage, target)
         variables = BoundedVariables(state.sags, [f.z_freedom for f in freeforms(problem)], axes)
-        recorder = _Recorder(objective, variables, stage, state, clock, partial(progress, plan) if progress else None)
-        again = not stage.final and stage.level == plan[-1].level  # a coarse pass, which is better off without the scale
+        recorder = _Recorder(
+            objective, variables, stage, state, clock, partial(progress, plan) if progress else None
+        )
+        again = (
+            not stage.final and stage.level == plan[-1].level
+        )  # a coarse pass, which is better off without the scale
         try:
             lens, wrong = nearest_lens(lens, _minimize(recorder, problem, stage, not again))
         except Interrupted as stop:
@@ -130,9 +138,14 @@ def design(
 
 
 def _transport_start(
-    problem: Problem, lens: Lens, light: NDArray[np.float64], backend: Backend, note: Callable[[str], None] | None
+    problem: Problem,
+    lens: Lens,
+    light: NDArray[np.float64],
+    backend: Backend,
+    note: Callable[[str], None] | None,
 ) -> TransportStart | None:
-    """Return the start by optimal transport, or None where the problem asks for a flat one or the map asks for too much sag."""
+    """Return the start by optimal transport, or None where the problem asks for a flat one or the map asks
+    for too much sag."""
     if problem.optimizer.start == "flat":
         return None
     start = TransportStart(problem, lens, light, backend)
@@ -172,7 +185,10 @@ class _Recorder:
         coefficients = self.variables.coefficients(weights)
         loss, gradient = self._objective(coefficients)
         if not (np.isfinite(loss) and all(np.isfinite(g).all() for g in gradient)):
-            raise NumericalError(f"the loss is not finite at level {self._stage.level}; lower z_freedom or check the prescription")
+            raise NumericalError(
+                f"the loss is not finite at level {self._stage.level}; lower z_freedom or check the "
+                "prescription"
+            )
         if loss < self.best[0]:
             self.best = loss, coefficients
         history = self.state.history
@@ -192,7 +208,12 @@ class _Recorder:
 
 def _minimize(recorder: _Recorder, problem: Problem, stage: Stage, scaled: bool) -> tuple[THBSurface, ...]:
     """Return the best sags that L-BFGS finds; scaled : by the curvature at the start."""
-    options = {"maxiter": stage.iterations, "maxcor": problem.optimizer.memory, "maxfun": 2 * stage.iterations + 10, "gtol": 0.0}
+    options = {
+        "maxiter": stage.iterations,
+        "maxcor": problem.optimizer.memory,
+        "maxfun": 2 * stage.iterations + 10,
+        "gtol": 0.0,
+    }
     try:
         if stage.iterations == 0:
             recorder(recorder.variables.zeros())
@@ -206,7 +227,8 @@ def _minimize(recorder: _Recorder, problem: Problem, stage: Stage, scaled: bool)
 
 
 def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
-    """Return the lens with other sags and "", or, where it cannot exist, one on the way there and a sentence that says why.
+    """Return the lens with other sags and "", or, where it cannot exist, one on the way there and a sentence
+    that says why.
 
     The way from the lens's own sags, c + t (c' - c), is halved until a lens can exist.
     """
@@ -217,9 +239,14 @@ def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
     share = 1.0
     while share > LEAST_SHARE:
         share /= 2
-        between = [THBSurface(a.space, a.coefficients + share * (b.coefficients - a.coefficients)) for a, b in zip(lens.sags, sags)]
+        between = [
+            THBSurface(a.space, a.coefficients + share * (b.coefficients - a.coefficients))
+            for a, b in zip(lens.sags, sags)
+        ]
         try:
-            return lens.with_sags(between), f"the optimised lens cannot exist ({wrong}): of the level's changes {share:.2g} are kept"
+            return lens.with_sags(
+                between
+            ), f"the optimised lens cannot exist ({wrong}): of the level's changes {share:.2g} are kept"
         except ValueError:
             continue
     return lens, f"the optimised lens cannot exist ({wrong}): none of the level's changes are kept"
@@ -229,4 +256,6 @@ def _with_sags(lens: Lens, sags: Sequence[THBSurface]) -> Lens:
     try:
         return lens.with_sags(sags)
     except ValueError as error:
-        raise NumericalError(f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces") from None
+        raise NumericalError(
+            f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces"
+        ) from None

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 
 class Objective:
-    """Loss and gradient for one mesh, screen and set of rays; call it with the THB coefficients of every sag, front first.
+    """Loss and gradient for one mesh, screen and set of rays; call it with the THB coefficients of every sag,
+    front first.
 
     target : irradiance on the screen's pixels without margin, W/mm^2.
     """
@@ -53,12 +54,19 @@ class Objective:
         self._norm = backend.dr.opaque(backend.Float, 1.0 / np.square(measured).sum())
         self._charge = backend.dr.opaque(backend.Float, lost_flux_weight / scale)
         self._dark = dark_flux_weight
-        self._reward = backend.array((measured.T > 0) * (dark_flux_weight / measured.sum())) if dark_flux_weight else None
+        self._reward = (
+            backend.array((measured.T > 0) * (dark_flux_weight / measured.sum()))
+            if dark_flux_weight
+            else None
+        )
         self.evaluations = 0
         self.fit = np.nan
 
-    def __call__(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[NDArray[np.float64]]]:
-        """Return (loss, its gradient by each sag's coefficients); `fit` keeps ||E - T|| / ||T|| of the call."""
+    def __call__(
+        self, coefficients: Sequence[NDArray[np.float64]]
+    ) -> tuple[float, list[NDArray[np.float64]]]:
+        """Return (loss, its gradient by each sag's coefficients); `fit` keeps ||E - T|| / ||T|| of the
+        call."""
         loss, hits, _ = self._backward(coefficients)
         gradients = self._tracer.pull_back(hits)
         if self._shape is None:
@@ -81,11 +89,15 @@ class Objective:
         _, hits, _ = self._backward(coefficients)
         return [np.abs(g) for g in self._tracer.pull_back(hits, knots)]
 
-    def curvature(self, coefficients: Sequence[NDArray[np.float64]], count: int, seed: int) -> list[list[NDArray[np.float64]]]:
-        """Return vectors J^T s / ||T|| with random signs s, J the derivative of the measured light by the coefficients.
+    def curvature(
+        self, coefficients: Sequence[NDArray[np.float64]], count: int, seed: int
+    ) -> list[list[NDArray[np.float64]]]:
+        """Return vectors J^T s / ||T|| with random signs s, J the derivative of the measured light by the
+        coefficients.
 
         Their mean square is half the diagonal of the Gauss-Newton Hessian of the fit.
-        Source: C. Bekas, E. Kokiopoulou, Y. Saad, An estimator for the diagonal of a matrix, Appl. Numer. Math. 57 (2007).
+        Source: C. Bekas, E. Kokiopoulou, Y. Saad, An estimator for the diagonal of a matrix, Appl. Numer.
+        Math. 57 (2007).
         """
         dr, rng, out = self._backend.dr, np.random.default_rng(seed), []
         for _ in range(count):

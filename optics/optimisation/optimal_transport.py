@@ -56,7 +56,9 @@ class TransportMap:
     floor: float
 
 
-def transport(density: Density, shape: Sequence[int], aspect: float, source: Density = np.ones) -> TransportMap:
+def transport(
+    density: Density, shape: Sequence[int], aspect: float, source: Density = np.ones
+) -> TransportMap:
     """Return the TransportMap from a source to a density.
 
     density : called with (nx, ny), returns the density's cell means on such a grid over the
@@ -72,12 +74,16 @@ def transport(density: Density, shape: Sequence[int], aspect: float, source: Den
     size = np.array([1.0, 1.0 / aspect])
     v, floor, residual = np.zeros(grids[0]), FLOORS[0], np.inf
     for lower in FLOORS:
-        w, reached = _iterate(v, _smoothed(source(grids[0]), FAINT), _smoothed(density(grids[0]), lower), size)
+        w, reached = _iterate(
+            v, _smoothed(source(grids[0]), FAINT), _smoothed(density(grids[0]), lower), size
+        )
         if lower < floor and reached > FOLLOWS:
             break
         v, floor, residual = w, lower, reached
     for grid in grids[1:]:
-        v, residual = _iterate(_resampled(v, grid), _smoothed(source(grid), FAINT), _smoothed(density(grid), floor), size)
+        v, residual = _iterate(
+            _resampled(v, grid), _smoothed(source(grid), FAINT), _smoothed(density(grid), floor), size
+        )
     gx, gy = _gradient(v, size)
     x, y = ((2 * np.arange(n) + 1) / n - 1 for n in shape)
     tx = np.clip(x[:, None] + 2 * gx / size[0], -1, 1)
@@ -91,7 +97,9 @@ def _iterate(
     """Return (v, residual) after fixed-point steps on one grid; v is the best one met."""
     n = v.shape
     h = size / n
-    spectrum = sum(np.expand_dims((2 * np.cos(np.pi * np.arange(n[d]) / n[d]) - 2) / h[d] ** 2, 1 - d) for d in (0, 1))
+    spectrum = sum(
+        np.expand_dims((2 * np.cos(np.pi * np.arange(n[d]) / n[d]) - 2) / h[d] ** 2, 1 - d) for d in (0, 1)
+    )
     spectrum[0, 0] = 1.0
     x, y = ((np.arange(k) + 0.5) * step for k, step in zip(n, h))
     best, least = v, np.inf
@@ -112,7 +120,9 @@ def _iterate(
     return best, least
 
 
-def _gradient(v: NDArray[np.float64], size: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _gradient(
+    v: NDArray[np.float64], size: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     p = np.pad(v, 1, mode="edge")
     h = size / v.shape
     return (p[2:, 1:-1] - p[:-2, 1:-1]) / (2 * h[0]), (p[1:-1, 2:] - p[1:-1, :-2]) / (2 * h[1])

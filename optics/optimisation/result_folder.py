@@ -40,12 +40,20 @@ def writable_folder(path: Path) -> None:
         with tempfile.TemporaryFile(dir=path) as probe:
             probe.write(b"0")
     except OSError as error:
-        raise UserError(f"cannot write to the result folder {path}: {error.strerror}; choose another with --out") from None
+        raise UserError(
+            f"cannot write to the result folder {path}: {error.strerror}; choose another with --out"
+        ) from None
 
 
 def require_writable(path: Path) -> None:
     """Raise UserError unless a file can be written there, before any work is done."""
-    reason = f"there is no folder {path.parent}" if not path.parent.is_dir() else "it is a folder" if path.is_dir() else ""
+    reason = (
+        f"there is no folder {path.parent}"
+        if not path.parent.is_dir()
+        else "it is a folder"
+        if path.is_dir()
+        else ""
+    )
     try:
         if not reason:
             with tempfile.TemporaryFile(dir=path.parent) as probe:
@@ -77,7 +85,9 @@ class ResultFolder:
         writable_folder(self.figures)
         for name in FILES:
             if (self.path / name).is_dir():
-                raise UserError(f"cannot write {self.path / name}: it is a folder; move it or choose another with --out")
+                raise UserError(
+                    f"cannot write {self.path / name}: it is a folder; move it or choose another with --out"
+                )
 
     def write_problem(self, problem: Problem) -> None:
         """Store the resolved problem and its pictures, so that the folder can be run again."""
@@ -105,7 +115,9 @@ class ResultFolder:
         try:
             return read_lens(self.lens)
         except OSError as error:
-            raise UserError(f"cannot read {self.lens}: {error.strerror}; was the design interrupted?") from None
+            raise UserError(
+                f"cannot read {self.lens}: {error.strerror}; was the design interrupted?"
+            ) from None
         except ValueError as error:
             raise UserError(f"{self.lens}: {error}") from None
 
@@ -148,17 +160,27 @@ class ResultFolder:
             same = data["problem"] == _fingerprint(problem)
             state = _state(data)
         except OSError as error:
-            raise UserError(f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume") from None
+            raise UserError(
+                f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume"
+            ) from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
         last = last_level(problem) + 1
         if same and not 0 <= state.level <= last:
-            raise UserError(f"cannot resume: {path} is damaged (level {state.level} of at most {last}); run without --resume")
+            raise UserError(
+                f"cannot resume: {path} is damaged (level {state.level} of at most {last}); run without "
+                "--resume"
+            )
         count = len(freeforms(problem))
         if same and len(state.sags) != count:
-            raise UserError(f"cannot resume: {path} is damaged ({len(state.sags)} sags instead of {count}); run without --resume")
+            raise UserError(
+                f"cannot resume: {path} is damaged ({len(state.sags)} sags instead of {count}); run without "
+                "--resume"
+            )
         if not same:
-            raise UserError(f"cannot resume: {path} belongs to another problem; run without --resume or change --out")
+            raise UserError(
+                f"cannot resume: {path} belongs to another problem; run without --resume or change --out"
+            )
         return state
 
     def has_checkpoint(self) -> bool:
@@ -181,9 +203,12 @@ def _state(data: dict[str, Any]) -> State:
 
 
 def _fingerprint(problem: Problem) -> str:
-    """Return the text that tells problems apart: their values and what is in the pictures, not where they lie."""
+    """Return the text that tells problems apart: their values and what is in the pictures, not where they
+    lie."""
     parts = {table: getattr(problem, table) for table in ("target", "source")}
     hashed = {
-        table: replace(part, image=hashlib.sha256(Path(part.image).read_bytes()).hexdigest()) for table, part in parts.items() if part.image
+        table: replace(part, image=hashlib.sha256(Path(part.image).read_bytes()).hexdigest())
+        for table, part in parts.items()
+        if part.image
     }
     return problem_to_toml(replace(problem, run=replace(problem.run, threads=0), **hashed))

@@ -1,13 +1,15 @@
-"""What the shape of a lens adds to the loss: roughness, and limits of thickness and curvature that it violates.
+"""What the shape of a lens adds to the loss: roughness, and limits of thickness and curvature that it
+violates.
 
 With the Hessian D^2 of a sag s and of a whole surface z, h the larger half-width, means over the rectangle:
 
     roughness          h^2 mean |D^2 s|^2                      (the bending energy of a thin plate)
-    curvature          mean max(0, R |D^2 z| - 1)^2            (R the least radius; |D^2 z| bounds both principal ones)
-    thickness          mean max(0, 1 - gap / t)^2              (t the least thickness; gap between equal relative positions)
+    curvature          mean max(0, R |D^2 z| - 1)^2            (R the least radius; |D^2 z| bounds both
+    principal ones) thickness          mean max(0, 1 - gap / t)^2              (t the least thickness; gap
+    between equal relative positions)
 
-Means are taken by Simpson's rule on every knot span: curvatures of cubics are greatest at the knots, which it sees.
-R and t are taken 2 % larger (STRICTER).  The parameters of the sags are x and y in mm.
+Means are taken by Simpson's rule on every knot span: curvatures of cubics are greatest at the knots, which it
+sees. R and t are taken 2 % larger (STRICTER).  The parameters of the sags are x and y in mm.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ShapeWeights:
-    """Weights of roughness and violated limits, and the limits: least radius of curvature and thickness, mm (0: none)."""
+    """Weights of roughness and violated limits, and the limits: least radius of curvature and thickness, mm
+    (0: none)."""
 
     roughness: float = 0.0
     limits: float = 0.0
@@ -77,13 +80,23 @@ class ShapePenalty:
         norm = np.sqrt(sum(HESSIAN.count(d) * h**2 for d, h in hessian.items()))
         excess = np.maximum(radius * norm - 1, 0)
         for d, h in hessian.items():
-            pull = 2 * weight * samples.mean * excess * radius * HESSIAN.count(d) * h / np.where(norm > 0, norm, 1)
+            pull = (
+                2
+                * weight
+                * samples.mean
+                * excess
+                * radius
+                * HESSIAN.count(d)
+                * h
+                / np.where(norm > 0, norm, 1)
+            )
             slope += samples.pulled(pull, d)
         return weight * float((samples.mean * excess**2).sum())
 
 
 class _Samples:
-    """Values of a sag at the points of Simpson's rule, as products of sparse matrices with its tensor-product net."""
+    """Values of a sag at the points of Simpson's rule, as products of sparse matrices with its tensor-product
+    net."""
 
     def __init__(self, surface: FreeformSurface) -> None:
         self.embedding = surface.sag.space.embedding
@@ -107,7 +120,11 @@ class _Gap:
 
     def __init__(self, lens: Lens) -> None:
         finest = max((s.space.embedding for s in lens.sags), key=lambda e: e.kv_u.dim * e.kv_v.dim)
-        half = next(s.half_width for s in (lens.front, lens.rear) if s.sag is not None and s.sag.space.embedding is finest)
+        half = next(
+            s.half_width
+            for s in (lens.front, lens.rear)
+            if s.sag is not None and s.sag.space.embedding is finest
+        )
         (x, wx), (y, wy) = (_simpson(kv) for kv in (finest.kv_u, finest.kv_v))
         s, t = x / half[0], y / half[1]
         self._mean = np.outer(wx, wy)
@@ -120,9 +137,13 @@ class _Gap:
                 e = surface.sag.space.embedding
                 self._parts.append((sign, e.kv_u.collocation(px), e.kv_v.collocation(py)))
 
-    def violation(self, nets: Sequence[Floats], slopes: Sequence[Floats], least: float, weight: float) -> float:
+    def violation(
+        self, nets: Sequence[Floats], slopes: Sequence[Floats], least: float, weight: float
+    ) -> float:
         """Add weight times the gradient to `slopes` and return the mean of max(0, 1 - gap / least)^2."""
-        gap = self._fixed + sum(sign * tensor_apply(a, b, net) for (sign, a, b), net in zip(self._parts, nets))
+        gap = self._fixed + sum(
+            sign * tensor_apply(a, b, net) for (sign, a, b), net in zip(self._parts, nets)
+        )
         short = np.maximum(1 - gap / least, 0)
         for (sign, a, b), slope in zip(self._parts, slopes):
             slope += tensor_apply(a.T, b.T, -2 * weight * sign / least * self._mean * short)

@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from optics.target import Screen
 
 MOST_RAYS = 40_000_000  # at once
-COARSER, COARSE_PIXELS, COARSE_ITERATIONS = 4, 16, 20  # of a first pass on the last level, which carries light to islands in the dark
+COARSER, COARSE_PIXELS, COARSE_ITERATIONS = (
+    4,
+    16,
+    20,
+)  # of a first pass on the last level, which carries light to islands in the dark
 MARGIN = 8  # dark pixels around the target
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
 
@@ -24,7 +28,8 @@ PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per kn
 class Stage:
     """Pixels and rays of one level.
 
-    final : the last one, with the window of the problem; the others take wide windows, which move light from afar.
+    final : the last one, with the window of the problem; the others take wide windows, which move light from
+        afar.
     """
 
     level: int
@@ -62,12 +67,18 @@ def last_level(problem: Problem) -> int:
 
 
 def stages(problem: Problem, moved: bool) -> list[Stage]:
-    """Return the Stage of every level that is optimised; moved : the design starts from an optimal-transport map."""
+    """Return the Stage of every level that is optimised; moved : the design starts from an optimal-transport
+    map."""
     out = []
     last = last_level(problem)
     for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
-        if moved and level == last and iterations > 1 and min(problem.target.pixels) >= COARSER * COARSE_PIXELS * problem.optimizer.merge:
+        if (
+            moved
+            and level == last
+            and iterations > 1
+            and min(problem.target.pixels) >= COARSER * COARSE_PIXELS * problem.optimizer.merge
+        ):
             coarser = COARSER * problem.optimizer.merge
             out.append(_stage(problem, level, min(COARSE_ITERATIONS, iterations), coarser, False))
         out.append(_stage(problem, level, iterations, _coarsening(problem, level), level == last))
@@ -77,10 +88,13 @@ def stages(problem: Problem, moved: bool) -> list[Stage]:
 def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
     screen = target_screen(problem, coarsening, MARGIN)
     spans = _spans(problem, level)
-    rays = tuple(max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans))
+    rays = tuple(
+        max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans)
+    )
     if rays[0] * rays[1] > MOST_RAYS:
         raise UserError(
-            f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most machines; "
+            f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most "
+            "machines; "
             "use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
         )
     return Stage(level, iterations, screen, rays, final)
@@ -89,7 +103,8 @@ def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final
 def _spans(problem: Problem, level: int) -> list[int]:
     """Return the knot spans in x and y of the finest free surface on a level."""
     return [
-        max(n << min(level, f.max_level) for n, f in zip(row, freeforms(problem))) for row in zip(*(f.spans for f in freeforms(problem)))
+        max(n << min(level, f.max_level) for n, f in zip(row, freeforms(problem)))
+        for row in zip(*(f.spans for f in freeforms(problem)))
     ]
 
 

@@ -63,8 +63,8 @@ def first_state(problem: Problem, lens: Lens, moved: bool) -> State:
 def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
     """Return the State that optimises the sags of an earlier design on the last level, on their own meshes.
 
-    A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the optimiser
-    averages the sags with their mirror images.
+    A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the
+    optimiser averages the sags with their mirror images.
 
     Raises
     ------
@@ -81,11 +81,14 @@ def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
         if own.sag is not None and other.sag is not None:
             same = same and all(
                 a.degree == b.degree and np.array_equal(a.knots, b.knots)
-                for a, b in zip((own.sag.space.kv_u, own.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v))
+                for a, b in zip(
+                    (own.sag.space.kv_u, own.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v)
+                )
             )
         if not same or (own.sag is None and other.sag is not None):
             raise UserError(
-                f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or spans; "
+                f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or "
+                "spans; "
                 f"make lens.{name} equal to its problem.toml"
             )
     return State(last_level(problem), tuple(sags), begun=True)

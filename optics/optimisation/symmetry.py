@@ -26,7 +26,9 @@ def mirror_axes(target: NDArray[np.float64], profile: Profile) -> tuple[int, ...
     """
     images = [target] if profile.light is None else [target, profile.light]
     return tuple(
-        axis for axis in (0, 1) if all(np.abs(image - np.flip(image, 1 - axis)).max() <= TOLERANCE * image.max() for image in images)
+        axis
+        for axis in (0, 1)
+        if all(np.abs(image - np.flip(image, 1 - axis)).max() <= TOLERANCE * image.max() for image in images)
     )
 
 
@@ -63,7 +65,8 @@ def _averaged(values: NDArray[np.float64], permutations: Sequence[NDArray[np.int
 
 
 def _mirrored(rows: NDArray[np.int64], axis: int, spans: int, extra: int) -> NDArray[np.int64] | None:
-    """Return where the mirror image of every [level, i, j] stands among the rows, None where one is missing."""
+    """Return where the mirror image of every [level, i, j] stands among the rows, None where one is
+    missing."""
     images = rows.copy()
     images[:, 1 + axis] = (spans << rows[:, 0]) + extra - 1 - rows[:, 1 + axis]
     order, place = (np.lexsort(r.T[::-1]) for r in (rows, images))

@@ -40,7 +40,9 @@ LEAST_CELLS, MOST_CELLS = 64, 512
 MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
 RAYS_PER_CELL = 4
 INSIDE = 0.97  # of z_freedom
-HALVINGS = 20  # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
+HALVINGS = (
+    20  # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
+)
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there
 LEAST_WEIGHT = 1e-3  # of cells without light
 STEEPEST = 0.15  # least z of the normal's vector: steeper slopes are not asked for
@@ -53,7 +55,8 @@ class Bundle:
     """Light at the rear surface, on a grid of cells.
 
     x, y : (nx,), (ny,) cell centres, mm.  direction : three arrays (nx, ny), unit vectors inside the lens.
-    emitted : called with (nx, ny), returns the density of flux on such a grid.  weight : (nx, ny), of the slopes in a fit.
+    emitted : called with (nx, ny), returns the density of flux on such a grid.  weight : (nx, ny), of the
+        slopes in a fit.
     """
 
     x: Floats
@@ -66,20 +69,25 @@ class Bundle:
 class TransportStart:
     """Rear slopes that send the light of a source without extent to the target.
 
-    A Lambertian source is taken as a point in its middle.  `fit` gives the sag with these slopes in any THB space.
+    A Lambertian source is taken as a point in its middle.  `fit` gives the sag with these slopes in any THB
+    space.
     parallel : the rays are parallel inside the lens.
     """
 
     def __init__(self, problem: Problem, lens: Lens, light: Floats, backend: Backend) -> None:
         self._problem, self._lens = problem, lens
         screen = target_screen(problem)
-        self._lit, self._centre, self._half = _lit_part(target_irradiance(light, screen, problem.target.placing, 1.0), screen)
+        self._lit, self._centre, self._half = _lit_part(
+            target_irradiance(light, screen, problem.target.placing, 1.0), screen
+        )
         self._cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
         self._bound = INSIDE * problem.lens.rear.freeform.z_freedom
         self.reach, self.crosses = 0.0, False
         self._bundle: Bundle
         self._slopes: list[Floats]
-        self.parallel = problem.source.kind == "collimated" and lens.front.sag is None and lens.front.conic.is_plane
+        self.parallel = (
+            problem.source.kind == "collimated" and lens.front.sag is None and lens.front.conic.is_plane
+        )
         if self.parallel:
             self._shape_parallel()
         else:
@@ -89,7 +97,8 @@ class TransportStart:
     def fit(self, space: THBSpace) -> THBSurface:
         """Return the sag in a THB space over x, y in mm; `reach` keeps the greatest |c| it asked for.
 
-        A sag that exceeds z_freedom or crosses the front is scaled down, which moves the light part of the way.
+        A sag that exceeds z_freedom or crosses the front is scaled down, which moves the light part of the
+        way.
         """
         bundle = self._bundle
         sag = fit_slopes(space, bundle.x, bundle.y, *self._slopes, bundle.weight)
@@ -104,9 +113,12 @@ class TransportStart:
         return THBSurface(space, kept)
 
     def misfit(self, sag: THBSurface) -> Floats:
-        """Return the sum over every leaf cell of the squared deviation of a sag's slopes from those asked for, (n_cells,)."""
+        """Return the sum over every leaf cell of the squared deviation of a sag's slopes from those asked
+        for, (n_cells,)."""
         bundle, (zx, zy) = self._bundle, self._slopes
-        deviation = (sag.grid(bundle.x, bundle.y, (1, 0)) - zx) ** 2 + (sag.grid(bundle.x, bundle.y, (0, 1)) - zy) ** 2
+        deviation = (sag.grid(bundle.x, bundle.y, (1, 0)) - zx) ** 2 + (
+            sag.grid(bundle.x, bundle.y, (0, 1)) - zy
+        ) ** 2
         return summed_over_cells(sag.space, bundle.x, bundle.y, bundle.weight * deviation)
 
     @property
@@ -116,7 +128,8 @@ class TransportStart:
 
     @property
     def note(self) -> str:
-        """A sentence for the user where z_freedom or the thickness is too small for the transport map, or ""."""
+        """A sentence for the user where z_freedom or the thickness is too small for the transport map, or
+        ""."""
         if self.within:
             return ""
         asked = f"the transport map asks for a sag of +-{self.reach:.3g} mm"
@@ -124,7 +137,10 @@ class TransportStart:
             return f"{asked}, more than the lens is wide: are the units right, is the target within reach?"
         if self.crosses:
             return f"{asked}, which would bring the rear to the front; raise lens.thickness for better light"
-        return f"{asked}, more than z_freedom allows; raise lens.rear.freeform.z_freedom above {self.reach / INSIDE:.3g} for better light"
+        return (
+            f"{asked}, more than z_freedom allows; raise lens.rear.freeform.z_freedom above "
+            f"{self.reach / INSIDE:.3g} for better light"
+        )
 
     def _shape_parallel(self) -> None:
         """Find the slopes for parallel rays: density and directions do not depend on the rear's shape."""
@@ -147,7 +163,8 @@ class TransportStart:
         self._slopes = self._above_conic(lens.rear, slopes)
 
     def _shape_traced(self, backend: Backend) -> None:
-        """Find the slopes for rays that spread inside the lens, on the sag's own mesh refined once or twice."""
+        """Find the slopes for rays that spread inside the lens, on the sag's own mesh refined once or
+        twice."""
         lens = self._lens
         space = lens.rear.sag.space
         for level in range(min(2, self._problem.lens.rear.freeform.max_level)):
@@ -158,7 +175,9 @@ class TransportStart:
             self._bundle = _traced_bundle(backend, self._problem, lens, self._cells)
             x, y = self._bundle.x, self._bundle.y
             slopes, sound = self._snell(
-                self._bundle, self._arrival(self._bundle, lens.rear.half_width), lens.thickness + lens.rear.grid(x, y)
+                self._bundle,
+                self._arrival(self._bundle, lens.rear.half_width),
+                lens.thickness + lens.rear.grid(x, y),
             )
             sound &= self._bundle.weight > LEAST_WEIGHT
             self._slopes = [np.where(sound, s, 0.0) for s in self._above_conic(lens.rear, slopes)]
@@ -166,7 +185,8 @@ class TransportStart:
             sag = self.fit(space)
 
     def _arrival(self, bundle: Bundle, half: Sequence[float]) -> tuple[Floats, Floats]:
-        """Return the target coordinates (mm, or degrees in the far field) to which transport sends the bundle's cells."""
+        """Return the target coordinates (mm, or degrees in the far field) to which transport sends the
+        bundle's cells."""
 
         def density(grid: tuple[int, ...]) -> Floats:
             pixels = min(grid[0], self._lit.shape[1]), min(grid[1], self._lit.shape[0])
@@ -176,8 +196,11 @@ class TransportStart:
         found = transport(density, self._cells, aspect, bundle.emitted)
         return self._centre[0] + self._half[0] * found.tx, self._centre[1] + self._half[1] * found.ty
 
-    def _snell(self, bundle: Bundle, arrival: Sequence[Floats], height: Floats) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
-        """Return the slopes (zx, zy) that refract the bundle towards the arrival points, and where they are not too steep.
+    def _snell(
+        self, bundle: Bundle, arrival: Sequence[Floats], height: Floats
+    ) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
+        """Return the slopes (zx, zy) that refract the bundle towards the arrival points, and where they are
+        not too steep.
 
         The normal lies along n d_in - d_out.
         """
@@ -185,7 +208,11 @@ class TransportStart:
             dx, dy = (np.tan(np.radians(a)) for a in arrival)
             dz = np.ones_like(dx)
         else:
-            dx, dy, dz = arrival[0] - bundle.x[:, None], arrival[1] - bundle.y[None, :], self._problem.target_z - height
+            dx, dy, dz = (
+                arrival[0] - bundle.x[:, None],
+                arrival[1] - bundle.y[None, :],
+                self._problem.target_z - height,
+            )
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         normal = [self._lens.index * a - d / length for a, d in zip(bundle.direction, (dx, dy, dz))]
         sound = normal[2] > STEEPEST
@@ -204,7 +231,9 @@ def _traced_bundle(backend: Backend, problem: Problem, lens: Lens, cells: Sequen
         problem = replace(problem, source=replace(source, kind="point", exponent=1.0))
     rays = problem_rays(problem, [RAYS_PER_CELL * n + 1 for n in cells])
     with backend.dr.suspend_grad():
-        hits, direction, flux = Tracer(backend, lens, rays, problem.target_z).at_rear([sag.coefficients for sag in lens.sags])
+        hits, direction, flux = Tracer(backend, lens, rays, problem.target_z).at_rear(
+            [sag.coefficients for sag in lens.sags]
+        )
 
     def density(grid: Sequence[int], carried: object) -> Floats:
         screen = Screen(lens.rear.half_width, (grid[0], grid[1]))
@@ -216,7 +245,12 @@ def _traced_bundle(backend: Backend, problem: Problem, lens: Lens, cells: Sequen
     nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
     mean = [(density(cells, flux * d) / np.where(dark, 1.0, emitted))[nearest] for d in direction]
     weight = np.where(dark, 0.0, np.minimum(emitted / emitted.mean(), 1.0))
-    return Bundle(*_centres(lens.rear.half_width, cells), mean, lambda grid: density(grid, flux), np.maximum(weight, LEAST_WEIGHT))
+    return Bundle(
+        *_centres(lens.rear.half_width, cells),
+        mean,
+        lambda grid: density(grid, flux),
+        np.maximum(weight, LEAST_WEIGHT),
+    )
 
 
 def _centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:
@@ -225,7 +259,8 @@ def _centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Float
 
 
 def _lit_part(image: Floats, screen: Screen) -> tuple[Floats, tuple[float, float], tuple[float, float]]:
-    """Return the least rectangle of an irradiance that holds all light but for DARK of the greatest, its centre and half-widths, mm."""
+    """Return the least rectangle of an irradiance that holds all light but for DARK of the greatest, its
+    centre and half-widths, mm."""
     bright = image > DARK * image.max()
     rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
     (hx, hy), (r0, r1, c0, c1) = screen.half_width, (rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
@@ -242,18 +277,23 @@ def _integrated(zx: Floats, zy: Floats, x: Floats, y: Floats) -> Floats:
     """
     i, j = len(x) // 2, len(y) // 2
     along = np.concatenate([[0.0], np.cumsum((zx[1:, j] + zx[:-1, j]) / 2 * np.diff(x))])
-    across = np.concatenate([np.zeros((len(x), 1)), np.cumsum((zy[:, 1:] + zy[:, :-1]) / 2 * np.diff(y), axis=1)], axis=1)
+    across = np.concatenate(
+        [np.zeros((len(x), 1)), np.cumsum((zy[:, 1:] + zy[:, :-1]) / 2 * np.diff(y), axis=1)], axis=1
+    )
     return (along - along[i])[:, None] + across - across[:, j : j + 1]
 
 
 def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, weight: Floats) -> THBSurface:
     """Return the THB surface over x, y in mm whose slopes fit (zx, zy) on a grid best.
 
-    weight : (nx, ny), of the squares.  Least squares by conjugate gradients in the multilevel system.  The constant that slopes
+    weight : (nx, ny), of the squares.  Least squares by conjugate gradients in the multilevel system.  The
+        constant that slopes
     leave open is chosen so that the greatest and the least coefficient are opposite.
     """
     basis, embedding = MultilevelBasis(space), space.embedding
-    (a0, a1), (b0, b1) = ((kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((embedding.kv_u, x), (embedding.kv_v, y)))
+    (a0, a1), (b0, b1) = (
+        (kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((embedding.kv_u, x), (embedding.kv_v, y))
+    )
     a0t, a1t, b0t, b1t = (m.T.tocsr() for m in (a0, a1, b0, b1))
 
     def transposed(gx: Floats, gy: Floats) -> Floats:

@@ -34,7 +34,10 @@ def manufacture_rows(found: Manufacturability, wavelength: float) -> list[Row]:
 
 def as_data(found: Manufacturability) -> dict[str, Any]:
     """Return the figures as plain data for JSON; an infinite number is None."""
-    thicknesses = {name: _bound_data(getattr(found, name)) for name in ("thickness", "centre_thickness", "edge_thickness")}
+    thicknesses = {
+        name: _bound_data(getattr(found, name))
+        for name in ("thickness", "centre_thickness", "edge_thickness")
+    }
     return {
         **{f"{name}_mm": data for name, data in thicknesses.items()},
         **{name: _surface_data(surface) for name, surface in found.surfaces.items()},
@@ -58,7 +61,12 @@ def places(heights: HeightRange) -> str:
 def _surface_rows(name: str, surface: SurfaceFigures, wavelength: float) -> Iterator[Row]:
     yield f"greatest slope of the {name}", surface.slope.value, "degrees", place(surface.slope)
     for side, radius in (("concave", surface.concave), ("convex", surface.convex)):
-        yield f"least {side} radius of the {name}", radius.value, "mm", place(radius) if isfinite(radius.value) else f"nowhere {side}"
+        yield (
+            f"least {side} radius of the {name}",
+            radius.value,
+            "mm",
+            place(radius) if isfinite(radius.value) else f"nowhere {side}",
+        )
     yield f"range of heights of the {name}", surface.heights.value, "mm", places(surface.heights)
     if surface.departure is not None:
         yield f"range of the sag of the {name}", surface.departure.value, "mm", places(surface.departure)
@@ -78,7 +86,9 @@ def _surface_data(surface: SurfaceFigures) -> dict[str, Any]:
         "convex_radius_mm": _bound_data(surface.convex),
         "heights_mm": _range_data(surface.heights),
         "sag_mm": None if surface.departure is None else _range_data(surface.departure),
-        "feature": None if feature is None else {"level": feature.level, "span_mm": list(feature.span), "size_mm": list(feature.size)},
+        "feature": None
+        if feature is None
+        else {"level": feature.level, "span_mm": list(feature.span), "size_mm": list(feature.size)},
         "area_mm2": surface.area,
         "area_error_mm2": surface.area_error,
     }

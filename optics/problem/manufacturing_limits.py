@@ -16,12 +16,17 @@ if TYPE_CHECKING:
     from thbcad.certified import Enclosure
     from thbcad.lens import HeightRange, Manufacturability, SurfaceFigures
 
-THICKNESSES = {"thickness": "thickness", "centre_thickness": "centre thickness", "edge_thickness": "edge thickness"}
+THICKNESSES = {
+    "thickness": "thickness",
+    "centre_thickness": "centre thickness",
+    "edge_thickness": "edge thickness",
+}
 
 
 @dataclass(frozen=True)
 class Miss:
-    """How far a figure lies on the wrong side of limits.`key`: at most `most`, surely `least`; both are 0 within the limit.
+    """How far a figure lies on the wrong side of limits.`key`: at most `most`, surely `least`; both are 0
+    within the limit.
 
     side : "short of" or "beyond"
     """
@@ -38,21 +43,32 @@ class Miss:
 def require_limits(problem: Problem) -> None:
     """Raise UserError where a limit needs a key that is missing."""
     if isfinite(problem.limits.mass) and not problem.lens.density:
-        raise UserError(f"limits.mass of {problem.limits.mass:g} g needs lens.density, the density in g/cm^3, which is 0 (unknown)")
+        raise UserError(
+            f"limits.mass of {problem.limits.mass:g} g needs lens.density, the density in g/cm^3, which is "
+            "0 (unknown)"
+        )
 
 
 def limit_checks(problem: Problem, found: Manufacturability) -> list[Check]:
-    """Return by how much the lens may miss each of the problem's limits, from certified bounds (the mass by quadrature), with the place."""
-    return [Check(f"{m.figure} {m.side} limits.{m.key}{m.where}", m.most, 0, m.unit) for m in _misses(problem, found)]
+    """Return by how much the lens may miss each of the problem's limits, from certified bounds (the mass by
+    quadrature), with the place."""
+    return [
+        Check(f"{m.figure} {m.side} limits.{m.key}{m.where}", m.most, 0, m.unit)
+        for m in _misses(problem, found)
+    ]
 
 
 def limit_advice(problem: Problem, lens: Lens) -> list[str]:
-    """Return a sentence for every limit that the lens misses without its sags, and for levels too fine for limits.feature."""
+    """Return a sentence for every limit that the lens misses without its sags, and for levels too fine for
+    limits.feature."""
     if problem.limits == type(problem.limits)():
         return []
     bare = Lens(replace(lens.front, sag=None), replace(lens.rear, sag=None), lens.thickness, lens.index)
     missed = [m for m in _misses(problem, manufacturability(bare)) if m.least > 0]
-    sentences = [f"before optimisation the {m.figure} is {m.least:.4g} {m.unit} {m.side} limits.{m.key}{m.where}" for m in missed]
+    sentences = [
+        f"before optimisation the {m.figure} is {m.least:.4g} {m.unit} {m.side} limits.{m.key}{m.where}"
+        for m in missed
+    ]
     return sentences + list(_feature_advice(problem))
 
 
@@ -76,28 +92,40 @@ def _free_misses(name: str, surface: SurfaceFigures, limits: Limits, wavelength:
         least = min((surface.concave, surface.convex), key=lambda radius: radius.lower)
         yield _short(f"radius of the {name}", "radius", limits.radius, least)
     if limits.concave_radius:
-        yield _short(f"concave radius of the {name}", "concave_radius", limits.concave_radius, surface.concave)
+        yield _short(
+            f"concave radius of the {name}", "concave_radius", limits.concave_radius, surface.concave
+        )
     if limits.feature and surface.feature is not None:
         amount = max(0.0, limits.feature - surface.feature.wavelengths(wavelength))
         where = f", on level {surface.feature.level}"
-        yield Miss(f"smallest feature of the {name}", "short of", "feature", amount, amount, "wavelengths", where)
+        yield Miss(
+            f"smallest feature of the {name}", "short of", "feature", amount, amount, "wavelengths", where
+        )
 
 
 def _height_misses(name: str, surface: SurfaceFigures, limits: Limits) -> Iterator[Miss]:
     """Yield the limits that hold for every surface."""
     if limits.slope < 90:
-        yield _beyond(f"slope of the {name}", "slope", limits.slope, surface.slope, "degrees", place(surface.slope))
+        yield _beyond(
+            f"slope of the {name}", "slope", limits.slope, surface.slope, "degrees", place(surface.slope)
+        )
     if isfinite(limits.sag_range):
         where = places(surface.heights)
-        yield _beyond(f"range of heights of the {name}", "sag_range", limits.sag_range, surface.heights, "mm", where)
+        yield _beyond(
+            f"range of heights of the {name}", "sag_range", limits.sag_range, surface.heights, "mm", where
+        )
 
 
 def _short(figure: str, key: str, limit: float, found: Enclosure) -> Miss:
     most, least = (max(0.0, limit - number) for number in (found.lower, found.upper))
-    return Miss(figure, "short of", key, most, least, "mm", f", {place(found)}" if isfinite(found.value) else "")
+    return Miss(
+        figure, "short of", key, most, least, "mm", f", {place(found)}" if isfinite(found.value) else ""
+    )
 
 
-def _beyond(figure: str, key: str, limit: float, found: Enclosure | HeightRange, unit: str, where: str) -> Miss:
+def _beyond(
+    figure: str, key: str, limit: float, found: Enclosure | HeightRange, unit: str, where: str
+) -> Miss:
     most, least = (max(0.0, number - limit) for number in (found.upper, found.lower))
     return Miss(figure, "beyond", key, most, least, unit, f", {where}")
 
@@ -109,9 +137,19 @@ def _feature_advice(problem: Problem) -> Iterator[str]:
         free = spec.freeform
         if not limit or free is None:
             continue
-        coarsest = min(free.degree * 2 * h / n for h, n in zip(spec.half_width, free.spans)) * NM_PER_MM / problem.source.wavelength
+        coarsest = (
+            min(free.degree * 2 * h / n for h, n in zip(spec.half_width, free.spans))
+            * NM_PER_MM
+            / problem.source.wavelength
+        )
         if coarsest < limit:
-            yield f"limits.feature is {limit:g} wavelengths, but level 0 of lens.{name}.freeform has {coarsest:.4g}: take fewer spans"
+            yield (
+                f"limits.feature is {limit:g} wavelengths, but level 0 of lens.{name}.freeform has "
+                f"{coarsest:.4g}: take fewer spans"
+            )
         elif coarsest / 2**free.max_level < limit:
             most = floor(log2(coarsest / limit))
-            yield f"limits.feature holds up to level {most}, but lens.{name}.freeform.max_level is {free.max_level}"
+            yield (
+                f"limits.feature holds up to level {most}, but lens.{name}.freeform.max_level is "
+                f"{free.max_level}"
+            )

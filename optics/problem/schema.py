@@ -27,16 +27,29 @@ LEAST_MERGED = 4  # pixels each way that merging leaves
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    kind: str = option(choices=("collimated", "lambertian", "point"), note="parallel rays along +z, a glowing area, or a point")
+    kind: str = option(
+        choices=("collimated", "lambertian", "point"),
+        note="parallel rays along +z, a glowing area, or a point",
+    )
     half_width: tuple[float, float] = option((0.0, 0.0), low=0, note="mm; a point has none")
     distance: float = option(2.0, low=0, note="mm from the source plane to the front vertex")
     flux: float = option(1.0, above=0, note="W")
-    profile: str = option("uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse")
-    sigma: tuple[float, float] = option((0.5, 0.5), above=0, note="of the gaussian profile, relative to half_width")
-    image: str = option("", note="picture file of the profile image, linear light, relative to the problem file", picture=True)
-    half_angle: float = option(90.0, above=0, high=90, note="degrees, of the cone that a lambertian or a point source lights")
+    profile: str = option(
+        "uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse"
+    )
+    sigma: tuple[float, float] = option(
+        (0.5, 0.5), above=0, note="of the gaussian profile, relative to half_width"
+    )
+    image: str = option(
+        "", note="picture file of the profile image, linear light, relative to the problem file", picture=True
+    )
+    half_angle: float = option(
+        90.0, above=0, high=90, note="degrees, of the cone that a lambertian or a point source lights"
+    )
     exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
-    wavelength: float = option(550.0, above=0, note="nm; the report and limits.feature compare the lens's features with it")
+    wavelength: float = option(
+        550.0, above=0, note="nm; the report and limits.feature compare the lens's features with it"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,16 +63,22 @@ class Freeform:
 @dataclass(frozen=True, kw_only=True)
 class Front:
     half_width: tuple[float, float] = option(above=0, note="mm")
-    radius: float = option(math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane")
+    radius: float = option(
+        math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane"
+    )
     conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
-    freeform: Freeform | None = option(None, note="with the keys of lens.rear.freeform: a front that is free too")
+    freeform: Freeform | None = option(
+        None, note="with the keys of lens.rear.freeform: a front that is free too"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rear:
     half_width: tuple[float, float] = option(above=0, note="mm")
     freeform: Freeform = option(Freeform())
-    radius: float = option(math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane")
+    radius: float = option(
+        math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane"
+    )
     conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
 
 
@@ -75,12 +94,20 @@ class LensSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    kind: str = option(choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula")
+    kind: str = option(
+        choices=("image", "tophat", "function"), note="a picture, a region of uniform light, or a formula"
+    )
     image: str = option("", note="picture file, relative to the problem file; of kind image", picture=True)
     formula: str = option("", note="light at x, y from -1 to 1 over the target, y upward; of kind function")
-    shape: str = option("rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat")
-    lit: tuple[float, float] = option((0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's")
-    distance: float = option(above=0, infinite=True, note="mm from the rear vertex to the target plane; inf is the far field")
+    shape: str = option(
+        "rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat"
+    )
+    lit: tuple[float, float] = option(
+        (0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's"
+    )
+    distance: float = option(
+        above=0, infinite=True, note="mm from the rear vertex to the target plane; inf is the far field"
+    )
     half_width: tuple[float, float] = option(above=0, note="mm; degrees in the far field")
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
@@ -88,13 +115,16 @@ class Target:
 
     @property
     def placing(self) -> str:
-        """How the light is laid on the pixels: `fit` for pictures; regions and formulas are made on the pixels themselves."""
+        """How the light is laid on the pixels: `fit` for pictures; regions and formulas are made on the
+        pixels themselves."""
         return self.fit if self.kind == "image" else "stretch"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Optimizer:
-    iterations: tuple[int, ...] = option((60,), low=1, high=100_000, note="L-BFGS iterations per level; the last number goes on")
+    iterations: tuple[int, ...] = option(
+        (60,), low=1, high=100_000, note="L-BFGS iterations per level; the last number goes on"
+    )
     memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
     start: str = option(
         "transport",
@@ -102,15 +132,28 @@ class Optimizer:
         note="transport gives way to flat where rays spread in the lens and the map asks for too much sag",
     )
     window: str = option(
-        "pixel", choices=("pixel", "bspline", "gaussian"), note="measurement window; pixel is for the last level, bspline before"
+        "pixel",
+        choices=("pixel", "bspline", "gaussian"),
+        note="measurement window; pixel is for the last level, bspline before",
     )
-    blur: float = option(0.3, low=0.05, high=0.5, note="pixels, of the pixel window: the half-width of the bump that smooths it")
-    window_degree: int = option(2, low=1, high=5, note="of the B-spline window, which is window_degree + 1 pixels wide")
+    blur: float = option(
+        0.3,
+        low=0.05,
+        high=0.5,
+        note="pixels, of the pixel window: the half-width of the bump that smooths it",
+    )
+    window_degree: int = option(
+        2, low=1, high=5, note="of the B-spline window, which is window_degree + 1 pixels wide"
+    )
     sigma: float = option(1.0, low=0.3, high=2.5, note="pixels, of the Gaussian window")
-    merge: int = option(1, low=1, high=64, note="pixels merged in each direction; more for light that is blurred anyway")
+    merge: int = option(
+        1, low=1, high=64, note="pixels merged in each direction; more for light that is blurred anyway"
+    )
     rays_per_pixel: float = option(4.0, low=0.5, high=16, note="in each direction, of merged pixels")
     lost_flux_weight: float = option(100.0, low=0, note="charge for light beside the target")
-    dark_flux_weight: float = option(0.0, low=0, note="charge for light that does not reach the lit part of the target")
+    dark_flux_weight: float = option(
+        0.0, low=0, note="charge for light that does not reach the lit part of the target"
+    )
     roughness_weight: float = option(0.0, low=0, note="charge for the sags' bending energy")
 
 
@@ -120,16 +163,28 @@ class Limits:
     centre_thickness: float = option(0.0, low=0, note="mm, least thickness on the axis; 0 is none")
     edge_thickness: float = option(0.0, low=0, note="mm, least thickness at the rim; 0 is none")
     radius: float = option(0.0, low=0, note="mm, least radius of curvature of the free surfaces; 0 is none")
-    concave_radius: float = option(0.0, low=0, note="mm, the same where they are hollow, as the tool must fit in; 0 is none")
-    slope: float = option(90.0, above=0, high=90, note="degrees, greatest slope of a surface against the plane; 90 is none")
-    sag_range: float = option(math.inf, above=0, infinite=True, note="mm, greatest difference in height on a surface; inf is none")
-    feature: float = option(0.0, low=0, note="wavelengths, least size of what a single coefficient shapes; 0 is none")
-    mass: float = option(math.inf, above=0, infinite=True, note="g, greatest mass; needs lens.density; inf is none")
+    concave_radius: float = option(
+        0.0, low=0, note="mm, the same where they are hollow, as the tool must fit in; 0 is none"
+    )
+    slope: float = option(
+        90.0, above=0, high=90, note="degrees, greatest slope of a surface against the plane; 90 is none"
+    )
+    sag_range: float = option(
+        math.inf, above=0, infinite=True, note="mm, greatest difference in height on a surface; inf is none"
+    )
+    feature: float = option(
+        0.0, low=0, note="wavelengths, least size of what a single coefficient shapes; 0 is none"
+    )
+    mass: float = option(
+        math.inf, above=0, infinite=True, note="g, greatest mass; needs lens.density; inf is none"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    indicator: str = option("vertex", choices=("vertex", "slope", "decrease"), note="of the cells that need refinement")
+    indicator: str = option(
+        "vertex", choices=("vertex", "slope", "decrease"), note="of the cells that need refinement"
+    )
     alpha: tuple[float, ...] = option(
         (0.1,), low=0, note="cells above alpha times the mean are refined, per level; the last number goes on"
     )
@@ -139,7 +194,9 @@ class Refinement:
 class Verify:
     rays: int = option(257, low=8, high=2049, note="rays per direction of the independent trace")
     surface: float = option(1e-10, above=0, note="mm, limit of the STEP face's deviation")
-    landing: float = option(1e-8, above=0, note="mm (degrees in the far field), limit of the landing points' deviation")
+    landing: float = option(
+        1e-8, above=0, note="mm (degrees in the far field), limit of the landing points' deviation"
+    )
     irradiance: float = option(1e-6, above=0, note="limit of the relative difference of the irradiance")
     volume: float = option(1e-6, above=0, note="limit of the relative difference of the volume")
 
@@ -154,9 +211,13 @@ class Export:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    seed: int = option(0, low=0, note="of the fresh rays of the metrics and of the random signs that scale the variables")
+    seed: int = option(
+        0, low=0, note="of the fresh rays of the metrics and of the random signs that scale the variables"
+    )
     threads: int = option(0, low=0, high=1024, note="0 uses all cores; 1 repeats a run bit for bit")
-    precision: str = option("double", choices=("double", "single"), note="of the optimisation; metrics are always double")
+    precision: str = option(
+        "double", choices=("double", "single"), note="of the optimisation; metrics are always double"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,23 +285,33 @@ def _require_partners(problem: Problem) -> None:
     if source.kind == "point" and source.distance == 0:
         raise UserError("source.distance must be greater than 0 for a point, which would lie in the lens")
     if source.kind != "point" and min(source.half_width) <= 0:
-        raise UserError(f"source.half_width must be greater than 0 for a {source.kind} source, got {list(source.half_width)}")
+        raise UserError(
+            f"source.half_width must be greater than 0 for a {source.kind} source, got "
+            f"{list(source.half_width)}"
+        )
     if source.kind == "point" and source.profile != "uniform":
         raise UserError(f"source.profile is that of an area, a point has none; got {source.profile!r}")
     if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:
-        raise UserError(f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; take a smaller source.half_width")
+        raise UserError(
+            f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; take a smaller "
+            "source.half_width"
+        )
     if problem.optimizer.merge > 1 and min(target.pixels) < LEAST_MERGED * problem.optimizer.merge:
         raise UserError(
-            f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {problem.optimizer.merge} of {min(target.pixels)}"
+            f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got "
+            f"{problem.optimizer.merge} of {min(target.pixels)}"
         )
     free = [f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f]
     most = problem.lens.thickness + sum(f.z_freedom for f in free)
     if problem.limits.thickness > most:
         raise UserError(
-            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, got {problem.limits.thickness:g}"
+            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, got "
+            f"{problem.limits.thickness:g}"
         )
     if math.isinf(target.distance) and max(target.half_width) >= 90:
-        raise UserError(f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}")
+        raise UserError(
+            f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
+        )
 
 
 def per_level(values: Sequence[Number], level: int) -> Number:

@@ -32,8 +32,17 @@ def option(
     infinite: bool = False,
     picture: bool = False,
 ) -> Any:
-    """Return a field with a default (or none: the key is required), its limits and a note; `picture` marks paths of pictures."""
-    limits = {"choices": choices, "low": low, "high": high, "above": above, "note": note, "infinite": infinite, "picture": picture}
+    """Return a field with a default (or none: the key is required), its limits and a note; `picture` marks
+    paths of pictures."""
+    limits = {
+        "choices": choices,
+        "low": low,
+        "high": high,
+        "above": above,
+        "note": note,
+        "infinite": infinite,
+        "picture": picture,
+    }
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
 
@@ -80,7 +89,9 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
         if limits["picture"] and "\0" in value:
             raise UserError(f"{key} must not hold a zero character")
         if limits["choices"] and value not in limits["choices"]:
-            raise UserError(f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}")
+            raise UserError(
+                f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}"
+            )
         return value
     wanted = "a whole number" if hint is int else "a number"
     if isinstance(value, bool) or not isinstance(value, int if hint is int else (int, float)):

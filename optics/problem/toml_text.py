@@ -50,7 +50,9 @@ def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
 
 def _remark(limits: Mapping[str, Any]) -> str:
     """Return the comment of a key: its note and its choices."""
-    choices = " or ".join(map(repr, limits["choices"])) if limits["choices"] and len(limits["choices"]) > 1 else ""
+    choices = (
+        " or ".join(map(repr, limits["choices"])) if limits["choices"] and len(limits["choices"]) > 1 else ""
+    )
     words = "; ".join(w for w in (limits["note"], choices) if w)
     return f"  # {words}" if words else ""
 

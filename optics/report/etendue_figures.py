@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 def bound_figure(bound: ImageBound, screen: Screen) -> bytes:
-    """Return the light asked for, the best light that images of the source make, and one of these images, on the same scale."""
+    """Return the light asked for, the best light that images of the source make, and one of these images, on
+    the same scale."""
     unit = "degrees" if screen.angular else "mm"
     top, (hx, hy) = float(bound.target.max()), screen.half_width
     # the image of the source in the middle of a target
@@ -30,7 +31,9 @@ def bound_figure(bound: ImageBound, screen: Screen) -> bytes:
     ]
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained", sharey=True)
     for own, (title, image) in zip(axes, pictures):
-        shown = own.imshow(image, cmap="gray", vmin=0, vmax=1, extent=(-hx, hx, -hy, hy), interpolation="nearest")
+        shown = own.imshow(
+            image, cmap="gray", vmin=0, vmax=1, extent=(-hx, hx, -hy, hy), interpolation="nearest"
+        )
         own.set_title(title, fontsize=10)
         own.set_xlabel(f"x / {unit}")
     axes[0].set_ylabel(f"y / {unit}")

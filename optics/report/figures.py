@@ -30,7 +30,11 @@ ROOM = {"left": 0.17, "right": 0.95, "bottom": 0.12, "top": 0.94}  # of the figu
 
 
 def draw_all(
-    problem: Problem, lens: Lens, measurement: Measurement, history: Sequence[Row], paths: Mapping[str, Sequence[RayPath]]
+    problem: Problem,
+    lens: Lens,
+    measurement: Measurement,
+    history: Sequence[Row],
+    paths: Mapping[str, Sequence[RayPath]],
 ) -> dict[str, tuple[str, bytes]]:
     """Return {name: (caption, PNG bytes)} of every figure, in the order of the report.
 
@@ -49,7 +53,10 @@ def draw_all(
 
     return {
         "target": ("The light asked for.", picture(target, label, "gray", 0, top)),
-        "irradiance": ("The light that the lens makes (fresh rays, box pixels).", picture(light, label, "gray", 0, top)),
+        "irradiance": (
+            "The light that the lens makes (fresh rays, box pixels).",
+            picture(light, label, "gray", 0, top),
+        ),
         "error": ("Made minus asked for.", picture(error, label, "RdBu_r", -reach, reach)),
         "irradiance_02": (
             f"{kind.capitalize()} to the power 0.2: stray light and faint detail.",
@@ -60,7 +67,10 @@ def draw_all(
             f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
             for k, (name, fan) in enumerate(paths.items(), 1)
         },
-        "loss": ("Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.", _loss(history)),
+        "loss": (
+            "Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.",
+            _loss(history),
+        ),
     }
 
 
@@ -92,11 +102,23 @@ def _axes(unit: str = "mm") -> tuple[Figure, Axes]:
 
 
 def plane_figure(
-    data: NDArray[np.float64], half_width: tuple[float, float], unit: str, label: str, colours: str, limits: tuple[float, float]
+    data: NDArray[np.float64],
+    half_width: tuple[float, float],
+    unit: str,
+    label: str,
+    colours: str,
+    limits: tuple[float, float],
 ) -> bytes:
     """Return an image over a rectangle as a picture with axes and a scale."""
     figure, axes = _axes(unit)
-    shown = axes.imshow(data, cmap=colours, vmin=limits[0], vmax=limits[1], extent=_extent(half_width), interpolation="nearest")
+    shown = axes.imshow(
+        data,
+        cmap=colours,
+        vmin=limits[0],
+        vmax=limits[1],
+        extent=_extent(half_width),
+        interpolation="nearest",
+    )
     figure.colorbar(shown, label=label)
     return png_bytes(figure)
 
@@ -107,7 +129,10 @@ def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
     for prefix, name, surface in (("", "rear", lens.rear), ("front_", "front", lens.front)):
         if surface.sag is not None:
             out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
-            out[f"{prefix}mesh"] = (f"Hierarchical mesh of the {name} surface: leaf cells by level.", _mesh(surface))
+            out[f"{prefix}mesh"] = (
+                f"Hierarchical mesh of the {name} surface: leaf cells by level.",
+                _mesh(surface),
+            )
     return out
 
 
@@ -127,14 +152,20 @@ def _mesh(surface: FreeformSurface) -> bytes:
         h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
         for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
     )
-    loops = np.stack([np.stack([x0, y0], 1), np.stack([x1, y0], 1), np.stack([x1, y1], 1), np.stack([x0, y1], 1)], 1)
+    loops = np.stack(
+        [np.stack([x0, y0], 1), np.stack([x1, y0], 1), np.stack([x1, y1], 1), np.stack([x0, y1], 1)], 1
+    )
     figure, axes = _axes()
     colours = plt.get_cmap("viridis")(cells[:, 0] / max(1, space.levels - 1))
-    axes.add_collection(LineCollection(np.concatenate([loops, loops[:, :1]], 1), colors=colours, linewidths=0.3))
+    axes.add_collection(
+        LineCollection(np.concatenate([loops, loops[:, :1]], 1), colors=colours, linewidths=0.3)
+    )
     axes.set_xlim(-hx, hx)
     axes.set_ylim(-hy, hy)
     axes.set_aspect("equal")
-    axes.set_title(f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9)
+    axes.set_title(
+        f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9
+    )
     return png_bytes(figure)
 
 
@@ -147,10 +178,18 @@ def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
         outline.append(np.stack([vertex + surface(np.zeros_like(y), y), y], axis=1))
     section = np.concatenate(outline)
     axes.fill(*section.T, facecolor="0.92", edgecolor="0.3", lw=1)
-    low, high = (f(np.concatenate([section] + [path.points[:1, [2, 1]] for path in fan]), axis=0) for f in (np.min, np.max))
+    low, high = (
+        f(np.concatenate([section] + [path.points[:1, [2, 1]] for path in fan]), axis=0)
+        for f in (np.min, np.max)
+    )
     margin = 0.4 * (high - low).max()
     for path in fan:
-        axes.plot(path.points[:, 2], path.points[:, 1], lw=0.8, color="tab:green" if path.fate.endswith("on_target") else "tab:red")
+        axes.plot(
+            path.points[:, 2],
+            path.points[:, 1],
+            lw=0.8,
+            color="tab:green" if path.fate.endswith("on_target") else "tab:red",
+        )
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_aspect("equal")

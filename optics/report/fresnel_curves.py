@@ -16,7 +16,8 @@ STEPS = 1800  # of the angle, 0.05 degrees
 
 
 def fresnel_figure(backend: Backend, index: float) -> bytes:
-    """Return the transmittances T_s, T_p and T_u against the angle of incidence as a picture; T_u is the tracer's own.
+    """Return the transmittances T_s, T_p and T_u against the angle of incidence as a picture; T_u is the
+    tracer's own.
 
     index : of the lens, in air.
     """
@@ -27,7 +28,9 @@ def fresnel_figure(backend: Backend, index: float) -> bytes:
         senkrecht, parallel = transmittances(before, behind, angle)
         own.plot(degrees, senkrecht, "--", lw=1.1, label="$T_s$")
         own.plot(degrees, parallel, "-.", lw=1.1, label="$T_p$")
-        own.plot(degrees, traced_transmittance(backend, before, behind, angle), "k", lw=1.4, label="$T_u$, traced")
+        own.plot(
+            degrees, traced_transmittance(backend, before, behind, angle), "k", lw=1.4, label="$T_u$, traced"
+        )
         critical = critical_angle(before, behind)
         title = f"{'into' if critical is None else 'out of'} the lens, {before:g} to {behind:g}"
         if critical is not None:

@@ -15,9 +15,12 @@ if TYPE_CHECKING:
 
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}
-h1{font-weight:600} table{border-collapse:collapse;margin:1rem 0} td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}
-td.n{text-align:right;font-variant-numeric:tabular-nums} .bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
-.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(24rem,1fr));gap:1rem} figure{margin:0} img{width:100%}
+h1{font-weight:600} table{border-collapse:collapse;margin:1rem 0}
+td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}
+td.n{text-align:right;font-variant-numeric:tabular-nums}
+.bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
+.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(24rem,1fr));gap:1rem}
+figure{margin:0} img{width:100%}
 figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overflow:auto}
 """
 
@@ -26,7 +29,8 @@ figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overfl
 class Report:
     """What a report shows.
 
-    metrics : figures by name.  verification : as `optics.checks.verification`.  manufacture : rows (name, value, unit, place).
+    metrics : figures by name.  verification : as `optics.checks.verification`.  manufacture : rows (name,
+        value, unit, place).
     pictures : (caption, PNG bytes) by name.  limit : a sentence on what etendue allows.
     """
 
@@ -46,7 +50,11 @@ def report_html(report: Report, problem_text: str) -> str:
         f"<figcaption>{escape(caption)}</figcaption></figure>"
         for caption, png in report.pictures.values()
     )
-    verdict = '<span class="good">every check passed</span>' if verification["ok"] else '<span class="bad">a check failed</span>'
+    verdict = (
+        '<span class="good">every check passed</span>'
+        if verification["ok"]
+        else '<span class="bad">a check failed</span>'
+    )
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
         f"<h1>{title}</h1><p>{_summary(metrics)}{_told(report.limit)}</p>"
@@ -60,9 +68,12 @@ def report_html(report: Report, problem_text: str) -> str:
 
 def _summary(metrics: dict[str, Any]) -> str:
     return (
-        f"Relative error {metrics['rel_l2']:.1%}, {metrics['efficiency']:.1%} of the source flux inside the target "
-        f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), {metrics['stray']:.2%} stray; "
-        f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, {metrics['wall_s']['total']:.1f} s."
+        f"Relative error {metrics['rel_l2']:.1%}, {metrics['efficiency']:.1%} of the source flux inside the "
+        "target "
+        f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), {metrics['stray']:.2%} "
+        "stray; "
+        f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
+        f"{metrics['wall_s']['total']:.1f} s."
         f"{_other_ways(metrics.get('nonsequential_w'))}"
     )
 
@@ -72,12 +83,16 @@ def _told(limit: str | None) -> str:
 
 
 def _other_ways(flux: dict[str, float] | None) -> str:
-    """Return whether the sequential tracer suffices, a sentence; nothing where that was not traced or no light arrives."""
+    """Return whether the sequential tracer suffices, a sentence; nothing where that was not traced or no
+    light arrives."""
     if not flux or not flux["lit"]:
         return ""
     other = 1 - flux["lit_direct"] / flux["lit"]
     verdict = "suffices" if other <= NEGLIGIBLE else "does not suffice"
-    return f" {other:.2%} of the light on the lit pixels comes by other ways than front and rear: the sequential tracer {verdict}."
+    return (
+        f" {other:.2%} of the light on the lit pixels comes by other ways than front and rear: the "
+        f"sequential tracer {verdict}."
+    )
 
 
 def _metric_table(metrics: dict[str, Any]) -> str:
@@ -92,7 +107,8 @@ def _metric_table(metrics: dict[str, Any]) -> str:
 
 def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
     cells = (
-        f'<tr><td>{escape(name)}</td><td class="n">{value:.6g}</td><td>{escape(unit)}</td><td>{escape(place)}</td></tr>'
+        f"<tr><td>{escape(name)}</td><td "
+        f'class="n">{value:.6g}</td><td>{escape(unit)}</td><td>{escape(place)}</td></tr>'
         for name, value, unit, place in rows
     )
     return f"<table>{''.join(cells)}</table>"

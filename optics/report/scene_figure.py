@@ -29,8 +29,12 @@ if TYPE_CHECKING:
 
 BUNDLE = (8, 8)  # rays
 RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where the scene is seen
-CLEAR = 1.7  # half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
-SHORT, LONG = CLEAR / np.tan(np.radians(MOST_TURN)), 3.0  # the same half-widths: other throws are drawn longer or shorter
+# half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
+CLEAR = 1.7
+SHORT, LONG = (
+    CLEAR / np.tan(np.radians(MOST_TURN)),
+    3.0,
+)  # the same half-widths: other throws are drawn longer or shorter
 FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
 FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
 BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
@@ -43,7 +47,8 @@ AIM, LOST, GLOW, INK = "#d08400", "#c0392b", "#f5b301", "0.25"
 class Scene:
     """Where things are, mm, and how they are projected.
 
-    turn : (3, 3), rows right, up and towards the viewer.  lens : (3, 2), least and greatest corner of the box around it.
+    turn : (3, 3), rows right, up and towards the viewer.  lens : (3, 2), least and greatest corner of the box
+        around it.
     source : (3, n), outline.  target : (3, 4), corners, or (3, 0) for the far field.
     squeeze : how many times the way behind the lens is drawn shorter than it is (below 1: longer).
     """
@@ -67,7 +72,8 @@ class Scene:
 
 
 def scene_paths(backend: Backend, problem: Problem, lens: Lens) -> list[RayPath]:
-    """Return the paths of some 64 rays of the source, of the stronger part at every face, to the target or its direction.
+    """Return the paths of some 64 rays of the source, of the stronger part at every face, to the target or
+    its direction.
 
     backend : of double precision.
     """
@@ -77,7 +83,9 @@ def scene_paths(backend: Backend, problem: Problem, lens: Lens) -> list[RayPath]
     plane = TargetPlane(problem.target_z, problem.target.half_width)
     if isinf(problem.target_z):
         plane = TargetPlane(lens.thickness + FAR * max(lens.rear.half_width), (np.inf, np.inf))
-    return trace_paths(backend, lens, SourceRays(rays.origin, rays.direction, np.ones(rays.origin.shape[1])), plane)
+    return trace_paths(
+        backend, lens, SourceRays(rays.origin, rays.direction, np.ones(rays.origin.shape[1])), plane
+    )
 
 
 def scene_view(problem: Problem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:
@@ -117,19 +125,29 @@ def placed(problem: Problem, faces: Sequence[Face]) -> Scene:
     before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if kind == "collimated" else -source.distance
     around = np.linspace(0, 2 * np.pi, 65) if source.profile == "round" else np.pi / 4 * np.arange(1, 10, 2)
     size = 1.0 if source.profile == "round" else np.sqrt(2)
-    extent = np.minimum(source.half_width, BESIDE * faces[0].points[:2].max(axis=(1, 2))) if kind == "collimated" else source.half_width
-    outline = np.stack([*(h * size * f(around) for h, f in zip(extent, (np.cos, np.sin))), np.full(around.size, before)])
+    extent = (
+        np.minimum(source.half_width, BESIDE * faces[0].points[:2].max(axis=(1, 2)))
+        if kind == "collimated"
+        else source.half_width
+    )
+    outline = np.stack(
+        [*(h * size * f(around) for h, f in zip(extent, (np.cos, np.sin))), np.full(around.size, before)]
+    )
     if isinf(problem.target_z):
         return Scene(oblique(-LEAST_TURN, RISE), box, outline, np.zeros((3, 0)), 1.0)
     hx, hy = problem.target.half_width
     corners = np.array([[-hx, hx, hx, -hx], [-hy, -hy, hy, hy], [problem.target_z] * 4])
     throw, width = problem.target_z - box[2, 1], hx + box[0, 1]
-    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[FACTORS * throw >= SHORT * width].min(initial=FACTORS[-1])
+    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
+        FACTORS * throw >= SHORT * width
+    ].min(initial=FACTORS[-1])
     turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
     return Scene(oblique(-turn, RISE), box, outline, corners, squeeze)
 
 
-def _draw(axes: Axes, scene: Scene, faces: Sequence[Face], irradiance: Array, paths: Sequence[RayPath]) -> None:
+def _draw(
+    axes: Axes, scene: Scene, faces: Sequence[Face], irradiance: Array, paths: Sequence[RayPath]
+) -> None:
     """Draw everything, what is nearer above what is farther."""
     _rays(axes, scene, paths)
     _source(axes, scene)
@@ -178,7 +196,9 @@ def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:
     """Draw the light on the target's plane."""
     (x, y), z = scene.target[:2, 2], scene.target[2, 0]
     origin, right, up = scene(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [z, z, z]])).T
-    place = Affine2D(np.array([[*column, 0.0] for column in (right - origin, up - origin)] + [[*origin, 1.0]]).T)
+    place = Affine2D(
+        np.array([[*column, 0.0] for column in (right - origin, up - origin)] + [[*origin, 1.0]]).T
+    )
     top = float(np.quantile(irradiance, 0.999)) or 1.0
     axes.imshow(
         irradiance,

@@ -27,7 +27,9 @@ TURNS = {  # rows: right, up and towards the viewer, as directions in the lens f
     "from the front, x to the left": np.diag([-1.0, 1.0, -1.0]),
     OBLIQUE: oblique(32, 24),
 }
-PLACES = [(left, bottom, 0.5, 0.45) for bottom in (0.525, 0.05) for left in (0.0, 0.5)]  # of the axes, relative to the picture
+PLACES = [
+    (left, bottom, 0.5, 0.45) for bottom in (0.525, 0.05) for left in (0.0, 0.5)
+]  # of the axes, relative to the picture
 
 
 def solid_views(lens: Lens) -> bytes:
@@ -41,7 +43,9 @@ def solid_views(lens: Lens) -> bytes:
     faces, steeper = solid_faces(lens)
     points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
     boxes = {name: [f(turn[:2] @ points, axis=1) for f in (np.min, np.max)] for name, turn in TURNS.items()}
-    reach = max((0.53 if name == OBLIQUE else 0.64) * np.ptp(box, axis=0).max() for name, box in boxes.items())
+    reach = max(
+        (0.53 if name == OBLIQUE else 0.64) * np.ptp(box, axis=0).max() for name, box in boxes.items()
+    )
     figure = plt.figure(figsize=(8.4, 8.6))
     for place, (name, turn) in zip(PLACES, TURNS.items()):
         axes = figure.add_axes(place, frameon=False, xticks=[], yticks=[])
@@ -56,10 +60,19 @@ def solid_views(lens: Lens) -> bytes:
 
 
 def draw_solid(axes: Axes, faces: Sequence[Face], view: View, alpha: float = 1.0) -> None:
-    """Draw the faces, the outline of the whole and those edges that are not hidden.  alpha : opacity of the faces."""
+    """Draw the faces, the outline of the whole and those edges that are not hidden.  alpha : opacity of the
+    faces."""
     depth, image = rendered(faces, view)
     axes.imshow(image, origin="lower", extent=view.extent, interpolation="bilinear", alpha=alpha, zorder=2)
-    axes.contour(np.isfinite(depth), levels=[0.5], colors=INK, linewidths=0.9, origin="lower", extent=view.extent, zorder=2)
+    axes.contour(
+        np.isfinite(depth),
+        levels=[0.5],
+        colors=INK,
+        linewidths=0.9,
+        origin="lower",
+        extent=view.extent,
+        zorder=2,
+    )
     lines = []
     for face in faces[2:]:
         for line in (face.points[:, :, 0], face.points[:, :, -1], face.points[:, 0], face.points[:, -1]):
@@ -75,10 +88,20 @@ def _dimensions(axes: Axes, box: Sequence[Array], reach: float, height: bool) ->
     gap = 0.07 * reach
     arrow = {"arrowstyle": "<->", "lw": 0.8, "color": INK, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (left, bottom - gap), (right, bottom - gap), arrowprops=arrow)
-    axes.text((left + right) / 2, bottom - 1.4 * gap, f"{right - left:.2f} mm", ha="center", va="top", fontsize=9)
+    axes.text(
+        (left + right) / 2, bottom - 1.4 * gap, f"{right - left:.2f} mm", ha="center", va="top", fontsize=9
+    )
     if height:
         axes.annotate("", (left - gap, bottom), (left - gap, top), arrowprops=arrow)
-        axes.text(left - 1.4 * gap, (bottom + top) / 2, f"{top - bottom:.2f} mm", ha="right", va="center", rotation=90, fontsize=9)
+        axes.text(
+            left - 1.4 * gap,
+            (bottom + top) / 2,
+            f"{top - bottom:.2f} mm",
+            ha="right",
+            va="center",
+            rotation=90,
+            fontsize=9,
+        )
 
 
 def _names(axes: Axes, faces: Sequence[Face], turn: Array) -> None:
@@ -86,7 +109,9 @@ def _names(axes: Axes, faces: Sequence[Face], turn: Array) -> None:
     for face in faces:
         middle = (slice(None), *(n // 2 for n in face.points.shape[1:]))
         if turn[2] @ face.normals[middle] > 0.1:
-            axes.text(*(turn[:2] @ face.points[middle]), face.name, ha="center", va="center", fontsize=8, bbox=LABEL)
+            axes.text(
+                *(turn[:2] @ face.points[middle]), face.name, ha="center", va="center", fontsize=8, bbox=LABEL
+            )
 
 
 def _text(lens: Lens, steeper: dict[str, float]) -> str:
@@ -94,5 +119,11 @@ def _text(lens: Lens, steeper: dict[str, float]) -> str:
     front, rear = (f"{2 * s.half_width[0]:g} x {2 * s.half_width[1]:g} mm" for s in (lens.front, lens.rear))
     sizes = f"front and rear {front}" if front == rear else f"front {front}, rear {rear}"
     middle = lens.thickness + lens.rear(0, 0)[0] - lens.front(0, 0)[0]
-    drawn = [f"relief of the {name} shaded {factor:g} times as steep as it is" for name, factor in steeper.items() if factor > 1]
-    return "\n".join([f"{sizes}, {middle:.2f} mm thick in the middle; outlines and dimensions are true", *drawn])
+    drawn = [
+        f"relief of the {name} shaded {factor:g} times as steep as it is"
+        for name, factor in steeper.items()
+        if factor > 1
+    ]
+    return "\n".join(
+        [f"{sizes}, {middle:.2f} mm thick in the middle; outlines and dimensions are true", *drawn]
+    )

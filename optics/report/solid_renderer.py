@@ -58,12 +58,15 @@ class View:
 
     def pixels(self, seen: Array) -> NDArray[np.int64]:
         """Return the number of the pixel of every turned point (3, n), (n,)."""
-        column, row = ((seen[:2] + (self.reach - self.centre)[:, None]) * (PIXELS / (2 * self.reach))).astype(np.int64)
+        column, row = ((seen[:2] + (self.reach - self.centre)[:, None]) * (PIXELS / (2 * self.reach))).astype(
+            np.int64
+        )
         return row * PIXELS + column
 
 
 def oblique(turn: float, rise: float) -> Array:
-    """Return the turn of a view on the rear from `turn` degrees to the right and `rise` degrees above, (3, 3)."""
+    """Return the turn of a view on the rear from `turn` degrees to the right and `rise` degrees above, (3,
+    3)."""
     a, b = np.deg2rad([turn, rise])
     right = np.array([np.cos(a), 0.0, -np.sin(a)])
     toward = np.array([np.cos(b) * np.sin(a), np.sin(b), np.cos(b) * np.cos(a)])
@@ -71,9 +74,13 @@ def oblique(turn: float, rise: float) -> Array:
 
 
 def solid_faces(lens: Lens) -> tuple[list[Face], dict[str, float]]:
-    """Return the six faces, front and rear first, and by how much the relief of those two is steeper than it is."""
+    """Return the six faces, front and rear first, and by how much the relief of those two is steeper than it
+    is."""
     faces, steeper = [], {}
-    for name, surface, vertex, side in (("front", lens.front, 0.0, -1), ("rear", lens.rear, lens.thickness, 1)):
+    for name, surface, vertex, side in (
+        ("front", lens.front, 0.0, -1),
+        ("rear", lens.rear, lens.thickness, 1),
+    ):
         x, y = _positions(surface)
         slopes = [surface.grid(x, y, order) for order in ((1, 0), (0, 1))]
         smooth = [_linear(slope, x, y) for slope in slopes]
@@ -82,12 +89,15 @@ def solid_faces(lens: Lens) -> tuple[list[Face], dict[str, float]]:
         steeper[name] = float(FACTORS[FACTORS * usual < STEEP].max(initial=1.0)) if relief else 1.0
         drawn = [flat + steeper[name] * (slope - flat) for slope, flat in zip(slopes, smooth)]
         points = np.stack([*np.meshgrid(x, y, indexing="ij"), vertex + surface.grid(x, y)])
-        faces.append(Face(name, points, _unit(-side * drawn[0], -side * drawn[1], np.full_like(drawn[0], side)), GLASS))
+        faces.append(
+            Face(name, points, _unit(-side * drawn[0], -side * drawn[1], np.full_like(drawn[0], side)), GLASS)
+        )
     return faces + _edges(*faces), steeper
 
 
 def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
-    """Return the depth of the nearest point of every pixel, -inf for none, (PIXELS, PIXELS), and its colour, (PIXELS, PIXELS, 4)."""
+    """Return the depth of the nearest point of every pixel, -inf for none, (PIXELS, PIXELS), and its colour,
+    (PIXELS, PIXELS, 4)."""
     depth, image = np.full(PIXELS**2, -np.inf), np.zeros((PIXELS**2, 4))
     for face in faces:
         normals = view.turn @ face.normals.reshape(3, -1)
@@ -103,7 +113,8 @@ def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
 
 
 def _positions(surface: FreeformSurface) -> list[Array]:
-    """Return x and y of samples: equal steps of a length that grows, at every place, as the steepest of the lines across it."""
+    """Return x and y of samples: equal steps of a length that grows, at every place, as the steepest of the
+    lines across it."""
     even = [np.linspace(-h, h, SAMPLES) for h in surface.half_width]
     z, found = surface.grid(*even), []
     for axis, a in enumerate(even):
@@ -124,7 +135,12 @@ def _edges(front: Face, rear: Face) -> list[Face]:
     size = np.ptp(np.concatenate([front.points, rear.points], axis=1), axis=(1, 2))
     w = np.linspace(0, 1, 2 + int(SAMPLES * size[2] / size.max()))
     edges = []
-    for name, rim, sign in (("-y", np.s_[:, :, :1], 1), ("+x", np.s_[:, -1:], 1), ("+y", np.s_[:, :, -1:], -1), ("-x", np.s_[:, :1], -1)):
+    for name, rim, sign in (
+        ("-y", np.s_[:, :, :1], 1),
+        ("+x", np.s_[:, -1:], 1),
+        ("+y", np.s_[:, :, -1:], -1),
+        ("-x", np.s_[:, :1], -1),
+    ):
         low, high = (face.points[rim].reshape(3, -1, 1) for face in (front, rear))
         points = (1 - w) * low + w * high
         normals = sign * np.cross(np.gradient(points, axis=1), high - low, axis=0)
@@ -138,7 +154,8 @@ def _unit(x: Array, y: Array, z: Array) -> Array:
 
 
 def _closed(depth: Array, image: Array, step: float) -> tuple[Array, Array]:
-    """Return depth and image without the pixels that steep samples leave open: those take what is beside them."""
+    """Return depth and image without the pixels that steep samples leave open: those take what is beside
+    them."""
     with np.errstate(invalid="ignore"):
         holes = grey_closing(depth, 3) - depth > step
     at = tuple(distance_transform_edt(holes, return_distances=False, return_indices=True))

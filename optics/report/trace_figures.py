@@ -34,7 +34,14 @@ def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> byte
     colour = next(iter(sections.values()))[0].points[1]
     for own, (name, (section, reach)) in zip(axes, sections.items()):
         lit = section.flux > 0
-        shown = own.scatter(section.points[1][lit], section.points[3][lit], c=colour[lit], s=0.5, cmap="viridis", rasterized=True)
+        shown = own.scatter(
+            section.points[1][lit],
+            section.points[3][lit],
+            c=colour[lit],
+            s=0.5,
+            cmap="viridis",
+            rasterized=True,
+        )
         own.set_xlim(-reach, reach)
         own.set_xlabel("y / mm")
         own.set_ylabel("q = n sin(angle to the axis)")

@@ -17,7 +17,10 @@ DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
 
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
-PRECISIONS = {"double": ("Float64", np.float64, 1e-10), "single": ("Float32", np.float32, 2e-6)}  # and resolution
+PRECISIONS = {
+    "double": ("Float64", np.float64, 1e-10),
+    "single": ("Float32", np.float32, 2e-6),
+}  # and resolution
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,8 @@ class Backend:
 
     @property
     def Packet(self) -> type[DrArray]:
-        """Array type of four numbers that lie side by side in memory and are read, written or added to together."""
+        """Array type of four numbers that lie side by side in memory and are read, written or added to
+        together."""
         types = self.dr.llvm.ad
         return types.Array4f64 if self.dtype is np.float64 else types.Array4f
 
@@ -46,7 +50,8 @@ class Backend:
         """Return numbers as a flat Dr.Jit array.
 
         Dr.Jit takes numpy's memory as it is.  Its kernels read whole packets, past the end of it, and are
-        compiled anew for every alignment; so the numbers are laid into a longer buffer, from the start of a packet.
+        compiled anew for every alignment; so the numbers are laid into a longer buffer, from the start of a
+        packet.
         """
         flat = np.ravel(values)
         buffer = np.zeros(len(flat) + 2 * PACKET, dtype=self.dtype)

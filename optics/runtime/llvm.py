@@ -82,14 +82,19 @@ def llvm_library(environment: Mapping[str, str] = os.environ, folders: Sequence[
         if version is None:
             raise UserError(f"DRJIT_LIBLLVM_PATH = {named} is not an LLVM library; unset it or {REMEDY}")
         if version < OLDEST:
-            raise UserError(f"DRJIT_LIBLLVM_PATH = {named} is LLVM {version}, which Dr.Jit cannot use; unset it or {REMEDY}")
+            raise UserError(
+                f"DRJIT_LIBLLVM_PATH = {named} is LLVM {version}, which Dr.Jit cannot use; unset it or "
+                f"{REMEDY}"
+            )
         return named
     found = candidates(folders)
     if not found:
         raise UserError(f"no LLVM library was found; {REMEDY}")
     path, version = max(found.items(), key=lambda item: item[1])
     if version < OLDEST:
-        raise UserError(f"the newest LLVM library found is version {version} ({path}), too old for Dr.Jit; {REMEDY}")
+        raise UserError(
+            f"the newest LLVM library found is version {version} ({path}), too old for Dr.Jit; {REMEDY}"
+        )
     return path
 
 

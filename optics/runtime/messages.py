@@ -16,5 +16,7 @@ def check_lines(checked: dict[str, Any]) -> list[str]:
     lines = []
     for c in checked["checks"]:
         word = "ok    " if c["ok"] else "FAILED"
-        lines.append(f"{word} {c['name']}: {c['value']:.3g} {c['unit']}".rstrip() + f" (at most {c['limit']:g})")
+        lines.append(
+            f"{word} {c['name']}: {c['value']:.3g} {c['unit']}".rstrip() + f" (at most {c['limit']:g})"
+        )
     return lines

@@ -30,7 +30,14 @@ class Row:
     def plain(self) -> dict[str, str | float | bool | None]:
         """Return the row as data."""
         limit = None if self.limit is None else f"{self.sense} {self.limit:g}"
-        return {"name": self.name, "value": self.value, "unit": self.unit, "reference": self.reference, "limit": limit, "ok": self.ok}
+        return {
+            "name": self.name,
+            "value": self.value,
+            "unit": self.unit,
+            "reference": self.reference,
+            "limit": limit,
+            "ok": self.ok,
+        }
 
 
 def machine() -> str:
@@ -60,5 +67,8 @@ def table(rows: Sequence[Row]) -> list[str]:
     lines = [f"{'figure':<66} {'value':>12} {'unit':<6} {'limit':<10} {'ok':<4} reference"]
     for row in rows:
         limit = "" if row.limit is None else f"{row.sense} {row.limit:g}"
-        lines.append(f"{row.name:<66} {row.value:>12.4g} {row.unit:<6} {limit:<10} {'yes' if row.ok else 'NO':<4} {row.reference}")
+        lines.append(
+            f"{row.name:<66} {row.value:>12.4g} {row.unit:<6} {limit:<10} {'yes' if row.ok else 'NO':<4} "
+            f"{row.reference}"
+        )
     return lines

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 class Profile:
     """How light spreads over the rectangle of a source: density relative to its mean.
 
-    kind : "uniform"; "round", uniform over the inscribed ellipse; "gaussian", cut off at the rectangle; "image"
+    kind : "uniform"; "round", uniform over the inscribed ellipse; "gaussian", cut off at the rectangle;
+        "image"
     sigma : of the Gaussian, relative to half_width
     light : of the image, (rows, columns) linear, row 0 at +y; constant on every pixel
     """

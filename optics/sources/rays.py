@@ -31,7 +31,8 @@ Floats = NDArray[np.float64]
 class Rays:
     """Rays in any direction towards +z.
 
-    origin, direction : (3, n) float, mm and unit vectors.  ray_flux : W, (n,) float, or one number for all rays.
+    origin, direction : (3, n) float, mm and unit vectors.  ray_flux : W, (n,) float, or one number for all
+        rays.
     """
 
     origin: Floats
@@ -62,12 +63,21 @@ def beam_rays(beam: Beam, lens: Lens) -> Rays:
 
 
 def lambertian_parts(
-    half_width: Sequence[float], distance: float, flux: float, half_angle: float, profile: Profile, count: int, seed: int, most: int
+    half_width: Sequence[float],
+    distance: float,
+    flux: float,
+    half_angle: float,
+    profile: Profile,
+    count: int,
+    seed: int,
+    most: int,
 ) -> Iterator[Rays]:
     """Yield the rays of a Lambertian source in parts of at most `most`.
 
-    half_width : mm, of the rectangle (or of the ellipse in it, for the profile "round") in the plane z = -distance.
-    half_angle : degrees, of the cone that is lit.  count : of rays, a multiple of four.  seed : of the scrambling.
+    half_width : mm, of the rectangle (or of the ellipse in it, for the profile "round") in the plane z =
+        -distance.
+    half_angle : degrees, of the cone that is lit.  count : of rays, a multiple of four.  seed : of the
+        scrambling.
     """
     from scipy.special import erf, erfinv
     from scipy.stats import qmc
@@ -82,17 +92,28 @@ def lambertian_parts(
             s, t = concentric(s, t)
         p, q = (r * sin(radians(half_angle)) for r in concentric(a, b))
         if profile.kind == "gaussian":
-            s, t = (np.sqrt(2) * w * erfinv(r * erf(1 / (np.sqrt(2) * w))) for r, w in zip((s, t), profile.sigma))
+            s, t = (
+                np.sqrt(2) * w * erfinv(r * erf(1 / (np.sqrt(2) * w))) for r, w in zip((s, t), profile.sigma)
+            )
         origin = np.stack([s * half_width[0], t * half_width[1], np.full(size, -distance)])
         direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-        origin, direction = (np.concatenate([v * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1) for v in (origin, direction))
+        origin, direction = (
+            np.concatenate([v * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1) for v in (origin, direction)
+        )
         each: float | Floats = flux / count
         if profile.kind == "image":
             each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
         yield Rays(origin, direction, each)
 
 
-def point_rays(distance: float, flux: float, half_angle: float, exponent: float, counts: Sequence[int], shift: Sequence[float]) -> Rays:
+def point_rays(
+    distance: float,
+    flux: float,
+    half_angle: float,
+    exponent: float,
+    counts: Sequence[int],
+    shift: Sequence[float],
+) -> Rays:
     """Return the rays of a point at z = -distance with intensity ~ cos(theta)^exponent within a cone.
 
     half_angle : degrees.  counts : (n, m) directions, a grid on which every cell has the same solid angle.
@@ -100,7 +121,9 @@ def point_rays(distance: float, flux: float, half_angle: float, exponent: float,
     """
     a, b = ((2 * np.arange(n) + 1 - n + 2 * s) / n for n, s in zip(counts, shift))  # exact mirror images
     p, q = concentric(*(r.ravel() for r in np.meshgrid(a, b, indexing="ij")))
-    rise = (1 - cos(radians(half_angle))) * (p * p + q * q)  # 1 - cos(theta), in proportion to the solid angle
+    rise = (1 - cos(radians(half_angle))) * (
+        p * p + q * q
+    )  # 1 - cos(theta), in proportion to the solid angle
     share = np.sqrt((2 - rise) * (1 - cos(radians(half_angle))))  # sin(theta) / r
     direction = np.stack([p * share, q * share, 1 - rise])
     intensity = (1 - rise) ** exponent

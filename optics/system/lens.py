@@ -62,7 +62,9 @@ def source_profile(problem: Problem) -> Profile:
     return Profile(source.profile, source.sigma, light)
 
 
-def problem_rays(problem: Problem, counts: Sequence[int], fresh: np.random.Generator | None = None) -> Beam | Rays:
+def problem_rays(
+    problem: Problem, counts: Sequence[int], fresh: np.random.Generator | None = None
+) -> Beam | Rays:
     """Return the rays of the problem's source, those of a collimated one only where they meet the lens.
 
     counts : (nx, ny); of the rays of a Lambertian source the product counts, rounded to a power of two.
@@ -78,20 +80,29 @@ def ray_parts(
     source, profile = problem.source, source_profile(problem)
     shift = (0.0, 0.0) if fresh is None else fresh.uniform(-0.5, 0.5, 2)
     if source.kind == "collimated":
-        yield from collimated_beam(source.half_width, source.flux, problem.lens.front.half_width, counts, shift, profile).slices(most)
+        yield from collimated_beam(
+            source.half_width, source.flux, problem.lens.front.half_width, counts, shift, profile
+        ).slices(most)
     elif source.kind == "point":
-        yield from point_rays(source.distance, source.flux, source.half_angle, source.exponent, counts, shift).slices(most)
+        yield from point_rays(
+            source.distance, source.flux, source.half_angle, source.exponent, counts, shift
+        ).slices(most)
     else:
         count = 1 << max(2, round(log2(counts[0] * counts[1])))
         seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
-        yield from lambertian_parts(source.half_width, source.distance, source.flux, source.half_angle, profile, count, seed, most)
+        yield from lambertian_parts(
+            source.half_width, source.distance, source.flux, source.half_angle, profile, count, seed, most
+        )
 
 
 def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
     """Return a surface of the prescription, with a sag of zeros on the level-0 mesh where it is free."""
     sag = None
     if spec.freeform is not None:
-        kv = [KnotVector.uniform(spec.freeform.degree, n, -h, h) for n, h in zip(spec.freeform.spans, spec.half_width)]
+        kv = [
+            KnotVector.uniform(spec.freeform.degree, n, -h, h)
+            for n, h in zip(spec.freeform.spans, spec.half_width)
+        ]
         space = THBSpace(*kv)
         sag = THBSurface(space, np.zeros(space.dim))
     try:
@@ -107,7 +118,8 @@ def target_screen(problem: Problem, coarsening: int = 1, margin: int = 0) -> Scr
 
 
 def target_light(problem: Problem) -> NDArray[np.float64]:
-    """Return the target as linear light: a picture at its own resolution, a region or a formula on the target's pixels.
+    """Return the target as linear light: a picture at its own resolution, a region or a formula on the
+    target's pixels.
 
     Raises
     ------
@@ -145,7 +157,8 @@ def require_reachable(problem: Problem, light: NDArray[np.float64]) -> None:
     needed, most = np.degrees(np.arctan(max(aside) / target.distance)), np.degrees(np.arccos(1 / lens.index))
     if needed >= most:
         raise UserError(
-            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index {lens.index:g} bends rays by less "
+            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
+            f"{lens.index:g} bends rays by less "
             f"than {most:.1f} degrees; make target.half_width smaller or target.distance larger"
         )
 
@@ -162,17 +175,24 @@ def require_place(problem: Problem, lens: Lens) -> None:
     front = min(0.0, float(lens.front.conic(x, y)))
     if source.kind == "lambertian" and front <= -source.distance:
         raise UserError(
-            f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm and the front reaches "
+            f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm and "
+            "the front reaches "
             f"to z = {front:.4g} mm there; make source.distance larger or source.half_width smaller"
         )
     freeform = problem.lens.rear.freeform
     top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.z_freedom
     if distance <= top:
-        raise UserError(f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, got {distance:g}")
+        raise UserError(
+            f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, got "
+            f"{distance:g}"
+        )
 
 
-def target_irradiance(light: NDArray[np.float64], screen: Screen, fit: str, flux: float) -> NDArray[np.float64]:
-    """Return the light asked for on a screen's pixels, W/mm^2 (in the far field W per square degree), with the given total flux."""
+def target_irradiance(
+    light: NDArray[np.float64], screen: Screen, fit: str, flux: float
+) -> NDArray[np.float64]:
+    """Return the light asked for on a screen's pixels, W/mm^2 (in the far field W per square degree), with
+    the given total flux."""
     aspect = screen.half_width[0] / screen.half_width[1]
     image = fit_picture(light, screen.pixels, aspect, fit) * screen.projection()
     total = image.sum() * screen.pixel_area

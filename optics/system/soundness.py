@@ -20,7 +20,8 @@ CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1
 
 
 def sound(problem: Problem) -> tuple[NDArray[np.float64], Lens]:
-    """Return the light asked for and the lens before optimisation; UserError where the problem cannot be solved."""
+    """Return the light asked for and the lens before optimisation; UserError where the problem cannot be
+    solved."""
     require_limits(problem)
     light, lens = target_light(problem), base_lens(problem)
     source_profile(problem)
@@ -30,24 +31,29 @@ def sound(problem: Problem) -> tuple[NDArray[np.float64], Lens]:
 
 
 def advice(problem: Problem, lens: Lens) -> list[str]:
-    """Return sentences about settings that do not suit the problem, and limits that the lens misses before optimisation."""
+    """Return sentences about settings that do not suit the problem, and limits that the lens misses before
+    optimisation."""
     options, sentences = problem.optimizer, []
     if problem.source.kind == "lambertian" and (options.window == "pixel" or options.lost_flux_weight > 1):
         sentences.append(
-            'an extended source blurs its light anyway: optimizer.window = "bspline" and lost_flux_weight = 0 suit it better, '
+            'an extended source blurs its light anyway: optimizer.window = "bspline" and lost_flux_weight = '
+            "0 suit it better, "
             "and merged pixels save time (examples/extended.toml)"
         )
     bent = any(not isinf(s.radius) and s.conic != -1 for s in (problem.lens.front, problem.lens.rear))
     thrown = CONIC_SLOPE * problem.target.distance
     if bent and not isinf(thrown) and thrown > problem.verify.landing:
         sentences.append(
-            f"STEP holds conics other than paraboloids as splines, which may move landing points by {thrown:.1g} mm at this distance; "
-            f"verify.landing = {problem.verify.landing:g} mm may be refused then: use conic = -1, or raise it if that will do"
+            "STEP holds conics other than paraboloids as splines, which may move landing points by "
+            f"{thrown:.1g} mm at this distance; "
+            f"verify.landing = {problem.verify.landing:g} mm may be refused then: use conic = -1, or raise "
+            "it if that will do"
         )
     poles = max(graph.coefficients.size for graph in lens.graphs())
     if bent and poles > MANY_POLES:
         sentences.append(
-            f"a conic other than a paraboloid needs {poles:,} poles as a spline, about {poles * STEP_BYTES / 1e6:.0f} MB of STEP: "
+            f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
+            f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: "
             "conic = -1 needs none of its own, a higher lens.rear.freeform.degree fewer"
         )
     return sentences + limit_advice(problem, lens)

@@ -20,7 +20,8 @@ class Skip:
     """One part of the work that a problem may not need.
 
     what : the part.  applies : it is left out.  why : what in the problem allows it, or forbids it.
-    tolerance : relative change of loss and gradient by leaving it out; None where it is not known before tracing.
+    tolerance : relative change of loss and gradient by leaving it out; None where it is not known before
+        tracing.
     """
 
     name: str
@@ -34,7 +35,9 @@ class Skip:
         """One line for people."""
         if not self.applies:
             return f"does not skip {self.what}: {self.why}"
-        return f"skips {self.what}: {self.why}" + ("" if self.tolerance is None else f" (changes less than {self.tolerance:.1g})")
+        return f"skips {self.what}: {self.why}" + (
+            "" if self.tolerance is None else f" (changes less than {self.tolerance:.1g})"
+        )
 
 
 def skips(problem: Problem) -> list[Skip]:
@@ -53,7 +56,11 @@ def _of_rays(problem: Problem) -> list[Skip]:
     parallel = collimated and front.freeform is None and isinf(front.radius)
     wider = collimated and any(s > f for s, f in zip(source.half_width, front.half_width))
     aperture = (
-        "the beam is wider than the lens" if wider else "all of the beam meets the lens" if collimated else "the source lights all around"
+        "the beam is wider than the lens"
+        if wider
+        else "all of the beam meets the lens"
+        if collimated
+        else "the source lights all around"
     )
     return [
         Skip(
@@ -69,7 +76,9 @@ def _of_rays(problem: Problem) -> list[Skip]:
             "converged rays",
             "Newton's steps of rays that have met the surface",
             not parallel,
-            "no steps are taken at all" if parallel else "every ray stops by itself, within the resolution and one more step",
+            "no steps are taken at all"
+            if parallel
+            else "every ray stops by itself, within the resolution and one more step",
         ),
         Skip(
             "first meetings",
@@ -77,7 +86,8 @@ def _of_rays(problem: Problem) -> list[Skip]:
             not parallel,
             "there is no search"
             if parallel
-            else "metrics, verify and trace search; a ray that meets a surface twice may take another meeting",
+            else "metrics, verify and trace search; a ray that meets a surface twice may take another "
+            "meeting",
             None,
         ),
         _edges(problem, parallel),
@@ -88,8 +98,14 @@ def _edges(problem: Problem, parallel: bool) -> Skip:
     source, lens = problem.source, problem.lens
     beam = [min(s, f) for s, f in zip(source.half_width, lens.front.half_width)]
     within = parallel and all(b <= r for b, r in zip(beam, lens.rear.half_width))
-    why = "no parallel ray meets an edge before the rear" if within else "rays may meet an edge: `thbcad trace` tells what these carry"
-    return Skip("edges", "the edges and reflected light", True, f"{why}; light by way of front and rear is unchanged")
+    why = (
+        "no parallel ray meets an edge before the rear"
+        if within
+        else "rays may meet an edge: `thbcad trace` tells what these carry"
+    )
+    return Skip(
+        "edges", "the edges and reflected light", True, f"{why}; light by way of front and rear is unchanged"
+    )
 
 
 def _of_surfaces(problem: Problem) -> list[Skip]:
@@ -111,22 +127,52 @@ def _of_surfaces(problem: Problem) -> list[Skip]:
 
 def _of_measurement(problem: Problem) -> list[Skip]:
     window, sigma = problem.optimizer.window, problem.optimizer.sigma
-    taps = {"pixel": 2, "bspline": problem.optimizer.window_degree + 1, "gaussian": GaussianWindow(sigma).taps}[window]
+    taps = {
+        "pixel": 2,
+        "bspline": problem.optimizer.window_degree + 1,
+        "gaussian": GaussianWindow(sigma).taps,
+    }[window]
     support = "beyond its support the window is zero"
     if window == "gaussian":
-        support = f"the Gaussian is cut off at {GaussianWindow.cut:g} sigma, and the target is measured with the same window"
+        support = (
+            f"the Gaussian is cut off at {GaussianWindow.cut:g} sigma, and the target is measured "
+            "with the same window"
+        )
     return [
-        Skip("camera", "screen and camera", True, "the irradiance is summed from the landing points; a camera would add noise", None),
-        Skip("fresnel", "Fresnel's losses", False, "they are always traced; there is no option to leave them out"),
-        Skip("taps", f"all but {taps} x {taps} pixels around a ray", True, support, gaussian_tail() if window == "gaussian" else ROUNDING),
-        Skip("compilation", "compiling the kernels anew", True, "lens, screen and weights come to them as data, not as constants"),
+        Skip(
+            "camera",
+            "screen and camera",
+            True,
+            "the irradiance is summed from the landing points; a camera would add noise",
+            None,
+        ),
+        Skip(
+            "fresnel",
+            "Fresnel's losses",
+            False,
+            "they are always traced; there is no option to leave them out",
+        ),
+        Skip(
+            "taps",
+            f"all but {taps} x {taps} pixels around a ray",
+            True,
+            support,
+            gaussian_tail() if window == "gaussian" else ROUNDING,
+        ),
+        Skip(
+            "compilation",
+            "compiling the kernels anew",
+            True,
+            "lens, screen and weights come to them as data, not as constants",
+        ),
     ]
 
 
 def gaussian_tail(cut: float = GaussianWindow.cut) -> float:
     """Return a bound of the relative L2 change of an image where the Gaussian window is not cut off.
 
-    The window g lowered to zero at c sigma and rescaled differs from g by 2 m in the L1 norm, m = 1 - erf(c / sqrt 2)
-    + 2 c exp(-c^2 / 2) / sqrt(2 pi) the mass taken away; two directions make 4 m (Young's inequality).
+    The window g lowered to zero at c sigma and rescaled differs from g by 2 m in the L1 norm, m = 1 - erf(c /
+    sqrt 2) + 2 c exp(-c^2 / 2) / sqrt(2 pi) the mass taken away; two directions make 4 m (Young's
+    inequality).
     """
     return 4 * (1 - erf(cut / sqrt(2)) + 2 * cut * exp(-(cut**2) / 2) / sqrt(2 * pi))

@@ -21,7 +21,9 @@ from optics.runtime import UserError
 
 MAX_LENGTH = 2000  # characters
 MAX_DEPTH = 100  # levels of operators and functions within each other
-SUBPOINTS = 8  # per pixel in each direction: the edge of a disk on 160 x 160 pixels is then known to 0.2 % (L2)
+SUBPOINTS = (
+    8  # per pixel in each direction: the edge of a disk on 160 x 160 pixels is then known to 0.2 % (L2)
+)
 BAND_POINTS = 1 << 16  # evaluated together, unless a row of pixels has more
 
 Values = NDArray[np.float64] | np.float64
@@ -41,7 +43,13 @@ FUNCTIONS = {
     "where": (np.where, 3),
 }
 EXTREMES = {"min": np.minimum, "max": np.maximum}  # of two values or more
-OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Pow: operator.pow}
+OPERATORS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
 COMPARISONS = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
@@ -50,15 +58,18 @@ COMPARISONS = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-ALLOWED = f"it takes numbers, {', '.join(NAMES)}, + - * / ^, comparisons and {', '.join([*FUNCTIONS, *EXTREMES])}"
+ALLOWED = (
+    f"it takes numbers, {', '.join(NAMES)}, + - * / ^, comparisons and {', '.join([*FUNCTIONS, *EXTREMES])}"
+)
 STRANGE = re.compile(r"[^\w\s.,+\-*/^()<>=!]", re.ASCII)
 
 
 def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> NDArray[np.float64]:
-    """Return the mean of a formula over every pixel relative to the brightest pixel, (rows, columns), row 0 at +y.
+    """Return the mean of a formula over every pixel relative to the brightest pixel, (rows, columns), row 0
+    at +y.
 
-    The mean is that of subpoints x subpoints midpoints (the midpoint rule).  A formula whose values are mirror symmetric
-    gives light that is so bit for bit.  pixels : (columns, rows).
+    The mean is that of subpoints x subpoints midpoints (the midpoint rule).  A formula whose values are
+    mirror symmetric gives light that is so bit for bit.  pixels : (columns, rows).
 
     Raises
     ------
@@ -68,7 +79,9 @@ def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
     columns, rows = pixels
     x, y = _midpoints(columns * subpoints), -_midpoints(rows * subpoints)
     step = max(1, BAND_POINTS // (subpoints**2 * columns))
-    bands = [_band(tree, x, y[k * subpoints : (k + step) * subpoints], subpoints) for k in range(0, rows, step)]
+    bands = [
+        _band(tree, x, y[k * subpoints : (k + step) * subpoints], subpoints) for k in range(0, rows, step)
+    ]
     light = np.concatenate(bands)
     if not light.any():
         raise UserError("target.formula is 0 everywhere on the target; it asks for no light")
@@ -76,12 +89,16 @@ def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
 
 
 def _midpoints(count: int) -> NDArray[np.float64]:
-    """Return the middles of equal intervals over [-1, 1]; the k-th from either end differ in nothing but their sign."""
+    """Return the middles of equal intervals over [-1, 1]; the k-th from either end differ in nothing but
+    their sign."""
     return np.arange(1 - count, count, 2) / count
 
 
-def _band(tree: ast.expr, x: NDArray[np.float64], y: NDArray[np.float64], subpoints: int) -> NDArray[np.float64]:
-    """Return the mean over the pixels of some rows; x, y : coordinates of the columns and rows of midpoints."""
+def _band(
+    tree: ast.expr, x: NDArray[np.float64], y: NDArray[np.float64], subpoints: int
+) -> NDArray[np.float64]:
+    """Return the mean over the pixels of some rows; x, y : coordinates of the columns and rows of
+    midpoints."""
     along, down = x[None, :], y[:, None]
     places = {"x": along, "y": down, "r": np.hypot(along, down), "pi": np.float64(np.pi)}
     with np.errstate(all="ignore"):
@@ -90,7 +107,8 @@ def _band(tree: ast.expr, x: NDArray[np.float64], y: NDArray[np.float64], subpoi
     if not good.all():
         row, column = np.unravel_index(np.argmin(good), good.shape)
         raise UserError(_complaint(values[row, column], x[column], y[row]))
-    # a share of each, because a sum can overflow; opposite points in pairs, because a + b is b + a but sums of more depend on their order
+    # a share of each, because a sum can overflow; opposite points in pairs, because a + b is b + a but sums
+    # of more depend on their order
     shares = (values / (2 * subpoints) ** 2).reshape(-1, subpoints, len(x) // subpoints, subpoints)
     by_column = (shares + shares[..., ::-1]).sum(axis=3)
     return (by_column + by_column[:, ::-1]).sum(axis=1)
@@ -99,7 +117,10 @@ def _band(tree: ast.expr, x: NDArray[np.float64], y: NDArray[np.float64], subpoi
 def _complaint(value: float, x: float, y: float) -> str:
     place = f"at x = {x:.4g}, y = {y:.4g}"
     if np.isnan(value):
-        return f"target.formula is not a number {place}; look for 0 / 0 and for roots, powers or logarithms of negative values"
+        return (
+            f"target.formula is not a number {place}; look for 0 / 0 and for roots, powers or logarithms "
+            "of negative values"
+        )
     if np.isinf(value):
         return f"target.formula is infinite {place}; light must be finite"
     return f"target.formula is {value:.3g} {place}; light cannot be negative, and max(0, ...) cuts it off"
@@ -143,7 +164,9 @@ def _formula(text: str) -> ast.expr:
             warnings.simplefilter("ignore", DeprecationWarning)  # "2if"
             tree = ast.parse(source, mode="eval").body
     except SyntaxError as error:
-        raise UserError(f"target.formula cannot be understood {_whereabouts(source, error.offset)}; {ALLOWED}") from None
+        raise UserError(
+            f"target.formula cannot be understood {_whereabouts(source, error.offset)}; {ALLOWED}"
+        ) from None
     except (RecursionError, MemoryError):  # which of them, and from what depth on, is Python's choice
         raise UserError(_TOO_DEEP) from None
     for node, depth in _nodes(tree):
@@ -169,12 +192,17 @@ def _brief(code: str) -> str:
 
 
 def _nodes(tree: ast.expr) -> Iterator[tuple[ast.expr, int]]:
-    """Yield every expression but the names of functions, with its depth; a loop, because the tree can be too deep for recursion."""
+    """Yield every expression but the names of functions, with its depth; a loop, because the tree can be too
+    deep for recursion."""
     waiting = [(tree, 1)]
     while waiting:
         node, depth = waiting.pop()
         yield node, depth
-        children = node.args if isinstance(node, ast.Call) else [c for c in ast.iter_child_nodes(node) if isinstance(c, ast.expr)]
+        children = (
+            node.args
+            if isinstance(node, ast.Call)
+            else [c for c in ast.iter_child_nodes(node) if isinstance(c, ast.expr)]
+        )
         waiting += [(child, depth + 1) for child in reversed(children)]
 
 
@@ -215,4 +243,8 @@ def _call_fault(name: str, count: int) -> str:
     if name not in FUNCTIONS:
         return f"unknown function {_brief(name)}; {ALLOWED}"
     wanted = FUNCTIONS[name][1]
-    return "" if count == wanted else f"the function {name} takes {wanted} value{'s' * (wanted > 1)}, got {count}"
+    return (
+        ""
+        if count == wanted
+        else f"the function {name} takes {wanted} value{'s' * (wanted > 1)}, got {count}"
+    )

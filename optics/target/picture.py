@@ -31,7 +31,10 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path) as image:
                 if image.width * image.height > MAX_SOURCE_PIXELS:
-                    raise UserError(f"{path} has {image.width} x {image.height} pixels; make it smaller than {MAX_SOURCE_PIXELS} pixels")
+                    raise UserError(
+                        f"{path} has {image.width} x {image.height} pixels; make it smaller than "
+                        f"{MAX_SOURCE_PIXELS} pixels"
+                    )
                 light = _linear(ImageOps.exif_transpose(image), encoding)
     except (UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as error:
         raise UserError(f"{path} is not a picture that can be read: {error}") from None
@@ -46,7 +49,9 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64
     return light
 
 
-def fit_picture(light: NDArray[np.float64], pixels: tuple[int, int], aspect: float, fit: str = "crop") -> NDArray[np.float64]:
+def fit_picture(
+    light: NDArray[np.float64], pixels: tuple[int, int], aspect: float, fit: str = "crop"
+) -> NDArray[np.float64]:
     """Return the mean light on each of the target's pixels, (rows, columns).
 
     pixels : (columns, rows).  aspect : width / height of the target.
@@ -81,7 +86,9 @@ def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
     if image.mode in DEEP_MODES:
         values = np.asarray(image, dtype=np.float64)
         if values.max() > 65535:
-            raise ValueError("its whole numbers have more than 16 bits; save it with 16 bits or as floating point")
+            raise ValueError(
+                "its whole numbers have more than 16 bits; save it with 16 bits or as floating point"
+            )
         return _decoded(values / 65535, encoding)
     if image.mode == "F":
         return _decoded(np.asarray(image, dtype=np.float64), encoding)

@@ -42,18 +42,25 @@ class Screen:
         return self.pitch[0] * self.pitch[1]
 
     def projection(self) -> NDArray[np.float64]:
-        """Return flux per pixel area of a unit picture, (rows, columns): 1 in a plane, in the far field the solid angle
-        d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v, so that pictures are intensities.
+        """Return flux per pixel area of a unit picture, (rows, columns): 1 in a plane, in the far field the
+        solid angle d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v,
+        so that pictures are intensities.
         """
         if not self.angular:
             return np.ones(self.shape)
-        a, b = (np.tan(np.radians(h * ((2 * np.arange(n) + 1) / n - 1)))[None, :] ** 2 for h, n in zip(self.half_width, self.pixels))
+        a, b = (
+            np.tan(np.radians(h * ((2 * np.arange(n) + 1) / n - 1)))[None, :] ** 2
+            for h, n in zip(self.half_width, self.pixels)
+        )
         return (1 + a) * (1 + b.T) / (1 + a + b.T) ** 1.5
 
     def pixel_map(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""
         px, py = self.pitch
-        return (1 / px, self.half_width[0] / px + self.margin), (-1 / py, self.half_width[1] / py + self.margin)
+        return (1 / px, self.half_width[0] / px + self.margin), (
+            -1 / py,
+            self.half_width[1] / py + self.margin,
+        )
 
     def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image with the dark margin."""

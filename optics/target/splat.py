@@ -27,8 +27,8 @@ class Splat:
     def __call__(self, x: DrArray, y: DrArray, flux: DrArray) -> DrArray:
         """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.
 
-        Rays of a beam run along y first; so do the pixels, for the sake of the cache.  Pixels of a column that lie side by
-        side are added to in packets, several times as fast as one by one.
+        Rays of a beam run along y first; so do the pixels, for the sake of the cache.  Pixels of a column
+        that lie side by side are added to in packets, several times as fast as one by one.
 
         x, y : landing points, mm.  flux : W, zero for rays that do not arrive.
         """
@@ -36,7 +36,9 @@ class Splat:
         screen, taps = self.screen, self.window.taps
         rows, columns = screen.padded
         guard = taps - 1  # pixels around the image for windows that reach over its border
-        packets = -(-(guard + PACKED) // PACKED)  # of a column's pixels, which hold all taps wherever they begin
+        packets = -(
+            -(guard + PACKED) // PACKED
+        )  # of a column's pixels, which hold all taps wherever they begin
         # sizes are opaque, so that every screen runs the same compiled kernel
         stride = -(-(rows + 2 * guard + PACKED) // PACKED)  # packets of a column
         height, width, along = dr.opaque(Float, rows), dr.opaque(Float, columns), dr.opaque(Index, stride)
@@ -70,5 +72,7 @@ class Splat:
         row = [*weights, *[0.0] * (count - len(weights))]
         for bit in (1, 2):
             moved = (by & bit) != 0
-            row = [self.backend.dr.select(moved, row[j - bit] if j >= bit else 0.0, row[j]) for j in range(count)]
+            row = [
+                self.backend.dr.select(moved, row[j - bit] if j >= bit else 0.0, row[j]) for j in range(count)
+            ]
         return row

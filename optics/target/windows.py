@@ -73,7 +73,8 @@ class PixelWindow:
     taps = 2
 
     def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray] | None = None) -> list[DrArray]:
-        """Return the weights of both pixels for a point at distance t past the first centre; their border lies at 1/2."""
+        """Return the weights of both pixels for a point at distance t past the first centre; their border
+        lies at 1/2."""
         s = (t - 0.5) * (1 / self.blur)
         s = 0.5 * (abs(s + 1) - abs(s - 1))  # clipped to [-1, 1]
         square = s * s
@@ -146,7 +147,9 @@ def cardinal_weights(t: DrArray, degree: int) -> list[DrArray]:
     return values
 
 
-def filter_image(image: NDArray[np.float64], window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow) -> NDArray[np.float64]:
+def filter_image(
+    image: NDArray[np.float64], window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow
+) -> NDArray[np.float64]:
     """Return what the window measures of an irradiance that is constant on every pixel, dark outside."""
     response = window.response()
     for axis in (0, 1):

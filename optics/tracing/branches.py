@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from optics.runtime import Backend
     from thbcad.lens import Lens
 
-NEVER, OUTSIDE, FRONT, REAR, EDGE = range(5)  # what a branch in air met last: nothing, a face that it did not pass, the face it left by
+NEVER, OUTSIDE, FRONT, REAR, EDGE = range(
+    5
+)  # what a branch in air met last: nothing, a face that it did not pass, the face it left by
 SOURCE, ENTERED, LEFT, INDIRECT = range(4)  # stages of the direct path: front refracts, rear refracts
 
 
@@ -25,7 +27,8 @@ class SourceRays:
 
     Raises
     ------
-    ValueError : no rays, wrong shapes, numbers that are not finite, directions that are not of length 1, negative flux.
+    ValueError : no rays, wrong shapes, numbers that are not finite, directions that are not of length 1,
+        negative flux.
     """
 
     origin: NDArray[np.float64]
@@ -71,13 +74,17 @@ class Branches:
     def start(cls, rays: SourceRays) -> Branches:
         n = len(rays.flux)
         none = np.zeros(n, dtype=np.int8)
-        return cls(rays.origin, rays.direction, rays.flux, np.arange(n), none > 0, none + NEVER, none + SOURCE)
+        return cls(
+            rays.origin, rays.direction, rays.flux, np.arange(n), none > 0, none + NEVER, none + SOURCE
+        )
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> Branches:
         return Branches(*(getattr(self, f.name)[..., chosen] for f in fields(self)))
 
     def __add__(self, other: Branches) -> Branches:
-        return Branches(*(np.concatenate([getattr(b, f.name) for b in (self, other)], axis=-1) for f in fields(self)))
+        return Branches(
+            *(np.concatenate([getattr(b, f.name) for b in (self, other)], axis=-1) for f in fields(self))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +111,9 @@ class ClosedLens:
     def meet(self, branches: Branches) -> Meetings:
         """Return the first meetings of branches."""
         backend, dr = self._backend, self._backend.dr
-        origin, direction = (tuple(backend.array(a) for a in v) for v in (branches.origin, branches.direction))
+        origin, direction = (
+            tuple(backend.array(a) for a in v) for v in (branches.origin, branches.direction)
+        )
         rays = Rays(origin, direction, backend.array(branches.inside) > 0)
         path, normal, face = backend.Float(dr.inf), (backend.Float(0),) * 3, backend.Float(NEVER)
         for kind, one in zip((FRONT, REAR, EDGE, EDGE, EDGE, EDGE), self._faces):
@@ -140,8 +149,16 @@ def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
     face, inside, stage = meetings.face, branches.inside, branches.stage
     passed = meetings.transmittance * branches.flux
     left = np.where(inside, face, branches.left)
-    after = np.where((stage == SOURCE) & (face == FRONT), ENTERED, np.where((stage == ENTERED) & (face == REAR), LEFT, INDIRECT))
-    refracted = Branches(meetings.point, meetings.refracted, passed, branches.ray, ~inside, left, after.astype(np.int8))
+    after = np.where(
+        (stage == SOURCE) & (face == FRONT),
+        ENTERED,
+        np.where((stage == ENTERED) & (face == REAR), LEFT, INDIRECT),
+    )
+    refracted = Branches(
+        meetings.point, meetings.refracted, passed, branches.ray, ~inside, left, after.astype(np.int8)
+    )
     left = np.where(branches.left == NEVER, OUTSIDE, branches.left)
     indirect = np.full_like(stage, INDIRECT)
-    return refracted, Branches(meetings.point, meetings.reflected, branches.flux - passed, branches.ray, inside, left, indirect)
+    return refracted, Branches(
+        meetings.point, meetings.reflected, branches.flux - passed, branches.ray, inside, left, indirect
+    )

@@ -67,7 +67,14 @@ class KnownHits:
     the rear surface carry hit = False.
     """
 
-    def __init__(self, backend: Backend, beam: Beam, conic: Conic, half_width: tuple[float, float], knots: Sequence[KnotVector]) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        beam: Beam,
+        conic: Conic,
+        half_width: tuple[float, float],
+        knots: Sequence[KnotVector],
+    ) -> None:
         self._backend = backend
         self.shape = len(beam.x), len(beam.y)
         self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
@@ -90,21 +97,29 @@ class KnownHits:
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
         return Hits(self._x, self._y, z, zx, zy, dr.ones(dr.mask_t(self._x), 1), self._hit, leaves, dr)
 
-    def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
+    def pull_back(
+        self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None
+    ) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
-        (a0, a1), (b0, b1) = self._matrices if knots is None else [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
+        (a0, a1), (b0, b1) = (
+            self._matrices
+            if knots is None
+            else [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
+        )
         gz, gx, gy = (g.reshape(self.shape) for g in gradients)
         return a0.T @ (_columns(b0.T, gz) + _columns(b1.T, gy)) + a1.T @ _columns(b0.T, gx)
 
 
 class SearchedHits:
-    """Rays in any direction: the meeting point is found by Newton's method on the ray parameter, within brackets.
+    """Rays in any direction: the meeting point is found by Newton's method on the ray parameter, within
+    brackets.
 
     A ray can meet the surface only where it is above the rectangle, from t_0 to t_1.  There
     f(t) = surface height - ray height falls through zero.  Newton's steps from the conic's meeting
     point are taken while they stay within the bracket of f's signs, otherwise the bracket is halved;
     a ray with f(t_0) < 0 or f(t_1) > 0 misses.  Of several meetings one is found, as a rule the first; with
-    `sure` the way of rays flatter than the surface is steep is sampled for it.  Without knots the surface is the conic alone.
+    `sure` the way of rays flatter than the surface is steep is sampled for it.  Without knots the surface is
+    the conic alone.
     """
 
     steps, samples = 100, 32
@@ -127,7 +142,8 @@ class SearchedHits:
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
 
     def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
-        """Return the Hits of rays; z of the origins counts from the vertex.  net : of the sag, where there is one."""
+        """Return the Hits of rays; z of the origins counts from the vertex.  net : of the sag, where there is
+        one."""
         dr = self._backend.dr
         top, steepest = self._top, self._slope
         if self._table is not None:
@@ -150,13 +166,18 @@ class SearchedHits:
         dr.enable_grad(*leaves)
         return self._attached(origin, direction, t, (x, y), jet, speed, found, hit, leaves)
 
-    def pull_back(self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
+    def pull_back(
+        self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None
+    ) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
         table = self._table if knots is None else PolynomialTable(self._backend, knots)
         return table.pull_back(*self._points, gradients)
 
-    def _search(self, o: list[DrArray], d: list[DrArray], top: float, steepest: float) -> tuple[DrArray, DrArray, DrArray, DrArray]:
-        """Return (ray parameter, t_0, t_1, whether the search came to an end: what is not on the surface then misses it).
+    def _search(
+        self, o: list[DrArray], d: list[DrArray], top: float, steepest: float
+    ) -> tuple[DrArray, DrArray, DrArray, DrArray]:
+        """Return (ray parameter, t_0, t_1, whether the search came to an end: what is not on the surface then
+        misses it).
 
         top : mm, the surface lies below.  steepest : no slope of the surface is greater.
         """
@@ -164,7 +185,9 @@ class SearchedHits:
         tolerance = self.settled * self._resolution(o)
         first, last = self._span(o, d, dr.opaque(self._backend.Float, top))
 
-        def step(t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray) -> tuple[DrArray, ...]:
+        def step(
+            t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
+        ) -> tuple[DrArray, ...]:
             jet = self._surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
             residual = jet[0] - (o[2] + t * d[2])
             newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])  # not a number on a tangent ray
@@ -177,7 +200,9 @@ class SearchedHits:
             t = dr.select((newton > low) & (newton < high), newton, dr.select(settled, t, halved))
             return t, low, high, known, active & ~settled & (low < high), count + 1
 
-        def goes_on(t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray) -> DrArray:
+        def goes_on(
+            t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
+        ) -> DrArray:
             return active & (count < self.steps)
 
         t = conic_distance(self._backend, self._conic, o, d)
@@ -188,13 +213,16 @@ class SearchedHits:
             low, high, known = self._first_change(o, d, first, last, steepest)
             t = dr.select((t > low) & (t < high), t, 0.5 * (low + high))
         t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
-        t, _, _, _, active, _ = dr.while_loop((t, low, high, known, first < last, count), goes_on, step, mode="symbolic")
+        t, _, _, _, active, _ = dr.while_loop(
+            (t, low, high, known, first < last, count), goes_on, step, mode="symbolic"
+        )
         return t, first, last, ~active & dr.isfinite(sum(o) + sum(d))
 
     def _first_change(
         self, o: list[DrArray], d: list[DrArray], first: DrArray, last: DrArray, steepest: float
     ) -> tuple[DrArray, DrArray, DrArray]:
-        """Return (low, high, known signs) around the first fall of f through zero, for rays that may meet the surface twice."""
+        """Return (low, high, known signs) around the first fall of f through zero, for rays that may meet the
+        surface twice."""
         dr = self._backend.dr
         steepest = dr.opaque(self._backend.Float, steepest)
         doubtful = (first < last) & (steepest * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2])
@@ -211,7 +239,11 @@ class SearchedHits:
 
         high, _, passed = dr.while_loop((first, none, first > last), goes_on, march, mode="symbolic")
         passed &= doubtful
-        return dr.select(passed, high - step, first), dr.select(passed, high, last), dr.select(passed, 3, none)
+        return (
+            dr.select(passed, high - step, first),
+            dr.select(passed, high, last),
+            dr.select(passed, 3, none),
+        )
 
     def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
         """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
@@ -228,26 +260,45 @@ class SearchedHits:
         return first, dr.select(dr.isinf(last), -1, last)  # rays straight down
 
     def _resolution(self, origin: Sequence[DrArray]) -> DrArray:
-        """Return mm within which a height counts as the surface's, in proportion to the lens and the ray's coordinates."""
+        """Return mm within which a height counts as the surface's, in proportion to the lens and the ray's
+        coordinates."""
         return self._unit + self._backend.resolution * sum(abs(a) for a in origin)
 
     def _attached(
-        self, origin: Vector, direction: Vector, t: DrArray, point: Sequence[DrArray], jet: Sequence[DrArray],
-        speed: DrArray, found: DrArray, hit: DrArray, leaves: tuple[DrArray, ...],
-    ) -> Hits:  # fmt: skip
-        """Return Hits that carry the derivatives by the leaves and by the rays: one more Newton step, of length zero."""
+        self,
+        origin: Vector,
+        direction: Vector,
+        t: DrArray,
+        point: Sequence[DrArray],
+        jet: Sequence[DrArray],
+        speed: DrArray,
+        found: DrArray,
+        hit: DrArray,
+        leaves: tuple[DrArray, ...],
+    ) -> Hits:
+        """Return Hits that carry the derivatives by the leaves and by the rays: one more Newton step, of
+        length zero."""
         z, zx, zy, zxx, zxy, zyy = jet
         own_z, own_zx, own_zy = leaves or (z, zx, zy)
         x, y = (o + t * d for o, d in zip(origin[:2], direction[:2]))
         dz = origin[2] + t * direction[2] - (point_z := self._backend.dr.detach(origin[2] + t * direction[2]))
         dx, dy = x - point[0], y - point[1]
-        dt = (own_z - z + zx * dx + zy * dy - dz) / self._backend.dr.select(speed > 0, speed, 1)  # none enters along the surface
+        dt = (own_z - z + zx * dx + zy * dy - dz) / self._backend.dr.select(
+            speed > 0, speed, 1
+        )  # none enters along the surface
         x, y = x + direction[0] * dt, y + direction[1] * dt
         dx, dy = x - point[0], y - point[1]
         return Hits(
-            x, y, point_z + dz + direction[2] * dt, own_zx + zxx * dx + zxy * dy, own_zy + zxy * dx + zyy * dy, found, hit, leaves,
+            x,
+            y,
+            point_z + dz + direction[2] * dt,
+            own_zx + zxx * dx + zxy * dy,
+            own_zy + zxy * dx + zyy * dy,
+            found,
+            hit,
+            leaves,
             self._backend.dr,
-        )  # fmt: skip
+        )
 
     def _clip(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray]:
         dr, (hx, hy) = self._backend.dr, self._half_width
@@ -259,15 +310,20 @@ class SearchedHits:
 
 
 def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:
-    """Return a bound of a spline's derivative along the first direction: the greatest |p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1))|."""
+    """Return a bound of a spline's derivative along the first direction: the greatest |p (c_(i+1) - c_i) /
+    (t_(i+p+1) - t_(i+1))|."""
     widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
     return float(np.abs(kv.degree * np.diff(net, axis=0) / widths[:, None]).max())
 
 
-def conic_distance(backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]) -> DrArray:
-    """Return the ray parameter at which rays meet a conic from the side of -z; the closest approach where they miss it.
+def conic_distance(
+    backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]
+) -> DrArray:
+    """Return the ray parameter at which rays meet a conic from the side of -z; the closest approach where
+    they miss it.
 
-    With F = c (x^2 + y^2 + (1 + K) z^2) - 2 z the ray has F = A t^2 + 2 B t + C; the wanted root is the falling one.
+    With F = c (x^2 + y^2 + (1 + K) z^2) - 2 z the ray has F = A t^2 + 2 B t + C; the wanted root is the
+    falling one.
     """
     dr = backend.dr
     c, k = (dr.opaque(backend.Float, v) for v in (1.0 / conic.radius, 1.0 + conic.constant))
@@ -280,7 +336,9 @@ def conic_distance(backend: Backend, conic: Conic, origin: Sequence[DrArray], di
     return dr.select(b < 0, f / dr.select(b < 0, falling, 1), -(b + root) / dr.select(a == 0, 1, a))
 
 
-def conic_jet(backend: Backend, conic: Conic, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
+def conic_jet(
+    backend: Backend, conic: Conic, x: DrArray, y: DrArray
+) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
     """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
     dr, Float = backend.dr, backend.Float
     # opaque, so that every conic runs the same compiled kernel
@@ -288,7 +346,14 @@ def conic_jet(backend: Backend, conic: Conic, x: DrArray, y: DrArray) -> tuple[D
     r2 = x * x + y * y
     inverse = dr.rsqrt(1 - k * r2)
     slope, bend = c * inverse, c * k * inverse * inverse * inverse
-    return c * r2 / (1 + 1 / inverse), slope * x, slope * y, slope + bend * x * x, bend * x * y, slope + bend * y * y
+    return (
+        c * r2 / (1 + 1 / inverse),
+        slope * x,
+        slope * y,
+        slope + bend * x * x,
+        bend * x * y,
+        slope + bend * y * y,
+    )
 
 
 def _value_and_slope(kv: KnotVector, points: NDArray[np.float64]) -> tuple[csr_array, csr_array]:

@@ -123,7 +123,8 @@ class GraphFace:
 
 @dataclass(eq=False)
 class WallFace:
-    """The plane s x = half_width (axis 0) or s y = half_width (axis 1), s = +-1, where the graph faces enclose it."""
+    """The plane s x = half_width (axis 0) or s y = half_width (axis 1), s = +-1, where the graph faces
+    enclose it."""
 
     backend: Backend
     axis: int
@@ -132,7 +133,9 @@ class WallFace:
     graphs: list[GraphFace]
 
     def __post_init__(self) -> None:
-        self._sign, self._half = (self.backend.dr.opaque(self.backend.Float, float(a)) for a in (self.sign, self.half_width))
+        self._sign, self._half = (
+            self.backend.dr.opaque(self.backend.Float, float(a)) for a in (self.sign, self.half_width)
+        )
 
     def meet(self, rays: Rays) -> tuple[DrArray, Jet]:
         """Return (path length, inf where the ray misses, and the outward unit normal)."""
@@ -163,7 +166,11 @@ def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace]:
     sides = [(axis, sign) for axis in (0, 1) for sign in (1.0, -1.0)]
     slanted = [side for side in sides if abs(np.subtract(*rims[side[0]])) > WALL * size]
     graphs += [_edge_face(_Edge(surfaces, *side), size) for side in slanted]
-    walls = [WallFace(backend, axis, sign, min(rims[axis]), graphs) for axis, sign in sides if (axis, sign) not in slanted]
+    walls = [
+        WallFace(backend, axis, sign, min(rims[axis]), graphs)
+        for axis, sign in sides
+        if (axis, sign) not in slanted
+    ]
     return [*graphs, *walls]
 
 
@@ -208,7 +215,13 @@ class _Edge:
         self.backend, self.surfaces, self.axis, self.sign = backend, surfaces, axis, sign
         self.along = [s.half_width[axis] for s in surfaces]
         self.across = [s.half_width[1 - axis] for s in surfaces]
-        numbers = (sign, *self.along, *self.across, self.along[1] - self.along[0], self.across[1] - self.across[0])
+        numbers = (
+            sign,
+            *self.along,
+            *self.across,
+            self.along[1] - self.along[0],
+            self.across[1] - self.across[0],
+        )
         self._numbers = [backend.dr.opaque(backend.Float, float(n)) for n in numbers]
 
     def height(self, x: DrArray, y: DrArray) -> Jet:
@@ -249,10 +262,14 @@ def _surface_face(backend: Backend, surface: _Surface, outward: float, size: flo
 def _edge_face(edge: _Edge, size: float) -> GraphFace:
     step = edge.along[1] - edge.along[0]
     low, high = min(s.low for s in edge.surfaces), max(s.high for s in edge.surfaces)
-    across = min(edge.across) * min(s.cell[1 - edge.axis] / s.half_width[1 - edge.axis] for s in edge.surfaces)
+    across = min(edge.across) * min(
+        s.cell[1 - edge.axis] / s.half_width[1 - edge.axis] for s in edge.surfaces
+    )
     cell = (abs(step) / 2, across) if edge.axis == 0 else (across, abs(step) / 2)
     # where the rear is wider, air lies before the edge, else behind it
-    return GraphFace(edge.backend, edge.height, -float(np.sign(step)), _domain(edge.plan(), low, high, size), cell, size)
+    return GraphFace(
+        edge.backend, edge.height, -float(np.sign(step)), _domain(edge.plan(), low, high, size), cell, size
+    )
 
 
 def _domain(plan: list[list[float]], low: float, high: float, size: float) -> NDArray[np.float64]:

@@ -26,7 +26,8 @@ class Fates:
 
     beside_lens : never met the lens.  reflected_outside : reflected, never entered.
     on_target, off_target : left by the rear last, met the target rectangle or its plane beside it.
-    edges_on_target, edges_off_target : left by an edge last.  front_on_target, front_off_target : by the front.
+    edges_on_target, edges_off_target : left by an edge last.  front_on_target, front_off_target : by the
+        front.
     back : left, but never reaches the target plane.
     trapped : below the threshold, or too many faces met.  failed : in glass, but no face was found.
     """
@@ -87,7 +88,12 @@ class NonsequentialResult:
 
 
 def trace_nonsequential(
-    backend: Backend, lens: Lens, rays: SourceRays, target: TargetPlane, bounces: int = 64, threshold: float = 1e-4
+    backend: Backend,
+    lens: Lens,
+    rays: SourceRays,
+    target: TargetPlane,
+    bounces: int = 64,
+    threshold: float = 1e-4,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -131,7 +137,9 @@ class RayPath:
     fate: str
 
 
-def trace_paths(backend: Backend, lens: Lens, rays: SourceRays, target: TargetPlane, bounces: int = 64) -> list[RayPath]:
+def trace_paths(
+    backend: Backend, lens: Lens, rays: SourceRays, target: TargetPlane, bounces: int = 64
+) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
     A path ends in the target plane; one that never reaches it ends a lens's thickness after its
@@ -160,14 +168,20 @@ def trace_paths(backend: Backend, lens: Lens, rays: SourceRays, target: TargetPl
     return [RayPath(np.array(row), fate) for row, fate in zip(points, fates)]
 
 
-def _fates(gone: Branches, target: TargetPlane) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return fates of branches that meet no face, their x and y in the target plane, and the mask of those that cross it."""
+def _fates(
+    gone: Branches, target: TargetPlane
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return fates of branches that meet no face, their x and y in the target plane, and the mask of those
+    that cross it."""
     dz = gone.direction[2]
     reaches = (dz > 0) & (gone.origin[2] <= target.z) & ~gone.inside
     t = (target.z - gone.origin[2]) / np.where(reaches, dz, 1.0)
     x, y = gone.origin[:2] + t * gone.direction[:2]
     onto = (abs(x) <= target.half_width[0]) & (abs(y) <= target.half_width[1])
-    on, off = (np.array([FATES.index(name + side) for name in ("front_", "", "edges_")]) for side in ("on_target", "off_target"))
+    on, off = (
+        np.array([FATES.index(name + side) for name in ("front_", "", "edges_")])
+        for side in ("on_target", "off_target")
+    )
     exit_face = np.maximum(gone.left, FRONT) - FRONT
     fate = np.where(reaches, np.where(onto, on[exit_face], off[exit_face]), FATES.index("back"))
     fate = np.where(gone.left == NEVER, FATES.index("beside_lens"), fate)

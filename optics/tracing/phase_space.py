@@ -28,13 +28,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PhaseSpace:
-    """Rays as they cross a plane: points (4, n) of x, y in mm and p, q; flux (n,) in W, zero for rays that do not."""
+    """Rays as they cross a plane: points (4, n) of x, y in mm and p, q; flux (n,) in W, zero for rays that do
+    not."""
 
     points: Array
     flux: Array
 
     def radiance(self, bins: tuple[int, int, int, int], extent: tuple[float, float, float, float]) -> Array:
-        """Return the basic radiance on a grid of bins, W / mm^2 (per unit of p and q): a phase-space detector.
+        """Return the basic radiance on a grid of bins, W / mm^2 (per unit of p and q): a phase-space
+        detector.
 
         extent : half-widths in x, y, p, q of the box |.| <= extent that the bins tile.
         """
@@ -48,7 +50,9 @@ def source_points(rays: Rays) -> Array:
     return np.concatenate([rays.origin[:2], rays.direction[:2]])
 
 
-def at_target(backend: Backend, lens: Lens, points: Array, source_z: float, target_z: float, flux: float | Array = 1.0) -> PhaseSpace:
+def at_target(
+    backend: Backend, lens: Lens, points: Array, source_z: float, target_z: float, flux: float | Array = 1.0
+) -> PhaseSpace:
     """Trace rays through a lens, in sequence, and return them in the plane z = target_z.
 
     points : (4, n) in the plane z = source_z.  flux : W of each ray.
@@ -63,16 +67,24 @@ def at_target(backend: Backend, lens: Lens, points: Array, source_z: float, targ
 
 
 def jacobian_determinants(
-    backend: Backend, lens: Lens, points: Array, extent: tuple[float, float, float, float], source_z: float, target_z: float
+    backend: Backend,
+    lens: Lens,
+    points: Array,
+    extent: tuple[float, float, float, float],
+    source_z: float,
+    target_z: float,
 ) -> Array:
-    """Return the determinants of d(x, y, p, q)_target / d(x, y, p, q)_source at points (4, n), by central differences.
+    """Return the determinants of d(x, y, p, q)_target / d(x, y, p, q)_source at points (4, n), by central
+    differences.
 
     Conservation of etendue makes them 1 (Liouville).  NaN where the ray or a neighbour does not arrive.
 
     extent : size of the source in x, y, p, q; a difference step is 1e-5 of it.
     """
     count, steps = points.shape[1], STEP * np.asarray(extent)
-    moved = np.concatenate([points + sign * step[:, None] for step in np.diag(steps) for sign in (1, -1)], axis=1)
+    moved = np.concatenate(
+        [points + sign * step[:, None] for step in np.diag(steps) for sign in (1, -1)], axis=1
+    )
     there = at_target(backend, lens, moved, source_z, target_z)
     images = there.points.reshape(4, 4, 2, count)  # coordinate, moved along, sign, ray
     jacobian = (images[:, :, 0] - images[:, :, 1]) / (2 * steps[None, :, None])

@@ -13,7 +13,11 @@ STEPS = 80  # of Newton's method or bisection: 53 bisections exhaust a float64
 
 
 def first_crossing(
-    backend: Backend, f: Callable[[DrArray], tuple[DrArray, ...]], interval: tuple[DrArray, DrArray], count: DrArray, own: DrArray
+    backend: Backend,
+    f: Callable[[DrArray], tuple[DrArray, ...]],
+    interval: tuple[DrArray, DrArray],
+    count: DrArray,
+    own: DrArray,
 ) -> tuple[DrArray, DrArray, DrArray]:
     """Return (low, high, found): a bracket of the first place where f goes from negative to not negative.
 
@@ -43,7 +47,9 @@ def first_crossing(
         k = dr.select(on_grid, k + 1, k)
         splits = dr.select(on_grid, 0, dr.select(hump, splits + 1, splits))
         following = dr.select(k >= count, stop, start + k * step)
-        low, base, rise = (dr.select(advance, new, old) for new, old in ((high, low), (value, base), (rate, rise)))
+        low, base, rise = (
+            dr.select(advance, new, old) for new, old in ((high, low), (value, base), (rate, rise))
+        )
         own = dr.select(advance, negative, own)
         high = dr.select(hump, top, dr.select(crossing, high, following))
         return ~crossing & (k <= count), own, low, base, rise, high, k, hump, splits, crossing

@@ -52,7 +52,8 @@ class Landing:
 
 @dataclass(frozen=True, eq=False)
 class _Bundle:
-    """Rays behind the front: origin from the rear vertex (None: known), direction, flux; masks as in `Landing`."""
+    """Rays behind the front: origin from the rear vertex (None: known), direction, flux; masks as in
+    `Landing`."""
 
     origin: Vector | None
     direction: Vector
@@ -66,7 +67,8 @@ class FluxBudget:
     """The source flux by fate, in W; the fates sum to the source flux.
 
     beside_lens : passes beside the front.  front_reflected, rear_reflected : Fresnel losses.
-    missed_rear : meets an edge face instead of the rear surface.  total_internal : totally reflected, or refracted backwards.
+    missed_rear : meets an edge face instead of the rear surface.  total_internal : totally reflected, or
+        refracted backwards.
     unresolved : the search for the front or the rear failed.
     on_target, off_target : leaves the lens and meets the target rectangle or misses it.
     """
@@ -94,10 +96,19 @@ class Tracer:
     lens : Lens.  rays : Beam or Rays.  target_z : mm, inf is the far field.
     soft_rim : share of the half-width within which the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
-    sure : grazing rays are led to the first of several meetings with a rough surface; costs up to twice the time.
+    sure : grazing rays are led to the first of several meetings with a rough surface; costs up to twice the
+        time.
     """
 
-    def __init__(self, backend: Backend, lens: Lens, rays: Beam | Rays, target_z: float, soft_rim: float = 0.0, sure: bool = True) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        lens: Lens,
+        rays: Beam | Rays,
+        target_z: float,
+        soft_rim: float = 0.0,
+        sure: bool = True,
+    ) -> None:
         self._backend, self._lens, self._soft_rim = backend, lens, soft_rim
         dr, Float = backend.dr, backend.Float
         self._emitted = rays.entering
@@ -105,7 +116,9 @@ class Tracer:
         # opaque numbers do not become part of the kernels, which then serve every source and lens
         self._index, self._inverse = dr.opaque(Float, lens.index), dr.opaque(Float, 1 / lens.index)
         self._distance = None if isinf(target_z) else dr.opaque(Float, target_z - lens.thickness)
-        self._flux = dr.opaque(Float, rays.ray_flux) if np.isscalar(rays.ray_flux) else backend.array(rays.ray_flux)
+        self._flux = (
+            dr.opaque(Float, rays.ray_flux) if np.isscalar(rays.ray_flux) else backend.array(rays.ray_flux)
+        )
         self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
         self._front: SearchedHits | None = None
         self._rear: KnownHits | SearchedHits
@@ -118,8 +131,12 @@ class Tracer:
             self._behind = _Bundle(None, direction, entering, True, True)
         else:
             rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
-            self._origin, self._direction = ([backend.array(a) for a in rows] for rows in (rays.origin, rays.direction))
-            self._front = SearchedHits(backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure)
+            self._origin, self._direction = (
+                [backend.array(a) for a in rows] for rows in (rays.origin, rays.direction)
+            )
+            self._front = SearchedHits(
+                backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure
+            )
             self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, _knots(lens.rear), sure)
             if lens.front.sag is None:
                 _, self._behind = self._through_front(None)
@@ -135,7 +152,8 @@ class Tracer:
         return changing, self._landing(hits, behind)
 
     def at_rear(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
-        """Return (Hits of the rear, directions inside the lens, flux inside the lens, zero for rays that miss)."""
+        """Return (Hits of the rear, directions inside the lens, flux inside the lens, zero for rays that
+        miss)."""
         _, hits, behind = self._meet(coefficients)
         return hits, behind.direction, self._backend.dr.select(hits.hit, behind.flux, 0)
 
@@ -148,15 +166,26 @@ class Tracer:
             front, behind = self._through_front(nets[0])
             changing.append(front)
         net = None if self._lens.rear.sag is None else nets[-1]
-        hits = self._rear.meet(net) if isinstance(self._rear, KnownHits) else self._rear.meet(behind.origin, behind.direction, net)
+        hits = (
+            self._rear.meet(net)
+            if isinstance(self._rear, KnownHits)
+            else self._rear.meet(behind.origin, behind.direction, net)
+        )
         if net is not None:
             changing.append(hits)
         return changing, hits, behind
 
-    def pull_back(self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector] | None] | None = None) -> list[NDArray[np.float64]]:
-        """Return the derivative by each sag's coefficients, or by a net over other knots, after `dr.backward`."""
-        self._backend.dr.eval([leaf.grad for h in hits for leaf in h.leaves])  # of all surfaces together: they share most of the way
-        searched = [self._front] * (self._lens.front.sag is not None) + [self._rear] * (self._lens.rear.sag is not None)
+    def pull_back(
+        self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector] | None] | None = None
+    ) -> list[NDArray[np.float64]]:
+        """Return the derivative by each sag's coefficients, or by a net over other knots, after
+        `dr.backward`."""
+        self._backend.dr.eval(
+            [leaf.grad for h in hits for leaf in h.leaves]
+        )  # of all surfaces together: they share most of the way
+        searched = [self._front] * (self._lens.front.sag is not None) + [self._rear] * (
+            self._lens.rear.sag is not None
+        )
         if knots is not None:
             return [s.pull_back(h.gradients(), k) for s, h, k in zip(searched, hits, knots)]
         return [e.adjoint(s.pull_back(h.gradients())) for e, s, h in zip(self._embeddings, searched, hits)]
@@ -191,7 +220,8 @@ class Tracer:
         )
 
     def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:
-        """Return how many rays have each fate; reflected light has none of its own, it splits off rays that go on."""
+        """Return how many rays have each fate; reflected light has none of its own, it splits off rays that
+        go on."""
         dr = self._backend.dr
         every = dr.ones(dr.mask_t(self._backend.Float), self._width)
         decided, met, found = (every & mask for mask in (landing.decided, landing.met, landing.found))
@@ -213,7 +243,9 @@ class Tracer:
         hits = self._front.meet(self._origin, self._direction, net)
         direction, share, _ = refract(self._backend.dr, self._direction, (hits.zx, hits.zy), self._inverse)
         flux = self._backend.dr.select(hits.hit, self._flux * share * self._rim(hits, self._lens.front), 0)
-        return hits, _Bundle((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux, hits.found, hits.hit)
+        return hits, _Bundle(
+            (hits.x, hits.y, hits.z - self._lens.thickness), direction, flux, hits.found, hits.hit
+        )
 
     def _landing(self, hits: Hits, behind: _Bundle) -> Landing:
         dr = self._backend.dr
@@ -228,7 +260,9 @@ class Tracer:
         else:
             travel = (self._distance - hits.z) / dz
             x, y = hits.x + travel * dx, hits.y + travel * dy
-        return Landing(x, y, dx, dy, flux, behind.flux, behind.decided, behind.met, hits.found, hits.hit, forward)
+        return Landing(
+            x, y, dx, dy, flux, behind.flux, behind.decided, behind.met, hits.found, hits.hit, forward
+        )
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
         """Return 1 inside a surface, falling to 0 at its rim by 3 s^2 - 2 s^3."""

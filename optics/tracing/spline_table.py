@@ -54,7 +54,10 @@ class PolynomialTable:
         for a in reversed(range(p)):
             # value and two derivatives in y of the row's polynomial, by Horner's scheme
             row = [0.0] * 3
-            packets = [dr.gather(self._backend.Packet, self._data, first + (a * self._packets + k)) for k in range(self._packets)]
+            packets = [
+                dr.gather(self._backend.Packet, self._data, first + (a * self._packets + k))
+                for k in range(self._packets)
+            ]
             for b in reversed(range(q)):
                 c = packets[b // PACKED][b % PACKED]
                 row = [row[0] * t + c, row[1] * t + row[0], row[2] * t + row[1]]
@@ -69,7 +72,9 @@ class PolynomialTable:
             ]
         return z[0], z[1] * rx, z[2] * ry, 2 * z[3] * (rx * rx), z[4] * (rx * ry), z[5] * (ry * ry)
 
-    def pull_back(self, x: DrArray, y: DrArray, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def pull_back(
+        self, x: DrArray, y: DrArray, gradients: Sequence[NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
         """Return dL/dC, (n_x, n_y), from dL/dz, dL/dzx, dL/dzy at the points."""
         dr, Float = self._backend.dr, self._backend.Float
         gz, gx, gy = (self._backend.array(g) for g in gradients)
@@ -91,7 +96,8 @@ class PolynomialTable:
         return ax.T @ (ay.T @ table.T).T
 
     def _locate(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray]:
-        """Return (index of the cell's first packet, local coordinates in [-1, 1], their derivatives by x and y)."""
+        """Return (index of the cell's first packet, local coordinates in [-1, 1], their derivatives by x and
+        y)."""
         dr, Float = self._backend.dr, self._backend.Float
         cells, local, rates = [], [], []
         for find, middles, per, position in zip(self._find, self._middles, self._rates, (x, y)):
@@ -114,8 +120,9 @@ def _powers(s: DrArray, count: int) -> list[DrArray]:
 def _power_map(kv: KnotVector) -> csr_array:
     """Return the matrix from spline coefficients to coefficients of s^k, s in [-1, 1] on each span.
 
-    Row span * (p + 1) + k holds the k-th derivative at the span's middle, times (h / 2)^k / k!.  About the middle the moduli
-    of the coefficients sum to at most (1 + sqrt 2)^p times the greatest value, about an end to (1 + sqrt 2)^(2 p) times.
+    Row span * (p + 1) + k holds the k-th derivative at the span's middle, times (h / 2)^k / k!.  About the
+    middle the moduli of the coefficients sum to at most (1 + sqrt 2)^p times the greatest value, about an end
+    to (1 + sqrt 2)^(2 p) times.
     """
     p, half = kv.degree, np.diff(kv.breaks) / 2
     middle = (kv.breaks[1:] + kv.breaks[:-1]) / 2

@@ -1,4 +1,5 @@
-"""Checks of a STEP file by programs that are not ours, or share no code with the rest: its text, and OCCT's own rays."""
+"""Checks of a STEP file by programs that are not ours, or share no code with the rest: its text, and OCCT's
+own rays."""
 
 from __future__ import annotations
 
@@ -62,12 +63,18 @@ def stranger_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backe
         *_own_volume(solid, lens),
         *_measures(solid, file.solid),
         Check("rays with another fate by OCCT's intersections with the file", found.mismatched, 0, ""),
-        Check("landing points by OCCT's intersections with the file", found.landing, problem.verify.landing, found.unit),
+        Check(
+            "landing points by OCCT's intersections with the file",
+            found.landing,
+            problem.verify.landing,
+            found.unit,
+        ),
     ]
 
 
 def bare_checks(file: StepFile) -> list[Check]:
-    """Return the Checks of a STEP file of which no lens is at hand: by its text, and by what OCCT reads in it.
+    """Return the Checks of a STEP file of which no lens is at hand: by its text, and by what OCCT reads in
+    it.
 
     Raises
     ------
@@ -76,7 +83,9 @@ def bare_checks(file: StepFile) -> list[Check]:
     solid, state = file.text, file.state
     surfaces = spline_faces(state.shape)
     own = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
-    unequal = sum(differing_numbers(read, surface) for read, surface in zip(surfaces, own)) + abs(len(surfaces) - len(own))
+    unequal = sum(differing_numbers(read, surface) for read, surface in zip(surfaces, own)) + abs(
+        len(surfaces) - len(own)
+    )
     return [
         *_whole(solid),
         Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
@@ -84,13 +93,16 @@ def bare_checks(file: StepFile) -> list[Check]:
         Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
         Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
         Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
-        Check("text of the file: numbers of spline faces that differ from those that OCCT reads", unequal, 0, ""),
+        Check(
+            "text of the file: numbers of spline faces that differ from those that OCCT reads", unequal, 0, ""
+        ),
         *_measures(solid, state),
     ]
 
 
 def _measures(solid: Brep, state: SolidState) -> list[Check]:
-    """Return the checks of volume and area by OCCT against quadrature over the faces of the text, where they are planes and splines."""
+    """Return the checks of volume and area by OCCT against quadrature over the faces of the text, where they
+    are planes and splines."""
     try:
         area = sum(areas(solid))
     except ValueError:  # round faces, or a solid that does not close
@@ -100,8 +112,18 @@ def _measures(solid: Brep, state: SolidState) -> list[Check]:
     except ValueError:  # faces that point inward: OCCT turns them round when it reads
         volume = inf
     return [
-        Check("volume by OCCT against quadrature over the text of the file, relative", abs(state.volume / volume - 1), MEASURE, ""),
-        Check("area by OCCT against quadrature over the text of the file, relative", abs(state.area / area - 1), MEASURE, ""),
+        Check(
+            "volume by OCCT against quadrature over the text of the file, relative",
+            abs(state.volume / volume - 1),
+            MEASURE,
+            "",
+        ),
+        Check(
+            "area by OCCT against quadrature over the text of the file, relative",
+            abs(state.area / area - 1),
+            MEASURE,
+            "",
+        ),
     ]
 
 
@@ -115,12 +137,20 @@ def _whole(solid: Brep) -> list[Check]:
 
 
 def _own_volume(solid: Brep, lens: Lens) -> list[Check]:
-    """Return the check of the volume by quadrature over the faces of the text against the closed form of the lens in memory."""
+    """Return the check of the volume by quadrature over the faces of the text against the closed form of the
+    lens in memory."""
     try:
         off = abs(brep_volume(solid) / lens.volume() - 1)
     except ValueError:  # faces that do not close
         off = inf
-    return [Check("volume by quadrature over the text of the file against the closed form, relative", off, VOLUME, "")]
+    return [
+        Check(
+            "volume by quadrature over the text of the file against the closed form, relative",
+            off,
+            VOLUME,
+            "",
+        )
+    ]
 
 
 def _same(solid: Brep, lens: Lens) -> list[Check]:
@@ -130,27 +160,36 @@ def _same(solid: Brep, lens: Lens) -> list[Check]:
     figures = {
         "front numbers": differing_numbers(solid.faces[optical[0]].surface, own[0]),
         "rear numbers": differing_numbers(solid.faces[optical[1]].surface, own[1]),
-        "edge face numbers": _other_planes(rest, own) if lens.front.half_width == lens.rear.half_width else _other_ruled(rest, own),
+        "edge face numbers": _other_planes(rest, own)
+        if lens.front.half_width == lens.rear.half_width
+        else _other_ruled(rest, own),
         "rims and corners": _loose(solid, own),
     }
-    return [Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "") for name, value in figures.items()]
+    return [
+        Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
+        for name, value in figures.items()
+    ]
 
 
 def _optical(solid: Brep) -> tuple[int, int]:
-    """Return the places of front and rear among the faces: the two splines that are curved both ways, the lower first."""
+    """Return the places of front and rear among the faces: the two splines that are curved both ways, the
+    lower first."""
     heights = {}
     for k, face in enumerate(solid.faces):
         surface = face.surface
         if isinstance(surface, BSplineSurface) and min(surface.kv_u.degree, surface.kv_v.degree) > 1:
             heights[k] = surface(*([(kv.start + kv.stop) / 2] for kv in (surface.kv_u, surface.kv_v)))[0, 2]
     if len(heights) != 2:
-        raise ValueError(f"the file holds {len(heights)} curved spline faces where a lens has 2, front and rear")
+        raise ValueError(
+            f"the file holds {len(heights)} curved spline faces where a lens has 2, front and rear"
+        )
     front, rear = sorted(heights, key=heights.get)
     return front, rear
 
 
 def _other_ruled(faces: Sequence[BrepFace], own: Pair) -> int:
-    """Return how many numbers of the edge faces differ from the four ruled faces between the rims of front and rear."""
+    """Return how many numbers of the edge faces differ from the four ruled faces between the rims of front
+    and rear."""
     off = abs(len(faces) - 4)
     for face, rims in zip(faces, zip(*(_rims(s) for s in own))):
         kv = rims[0][0].merged(rims[1][0])
@@ -177,7 +216,8 @@ def _rims(surface: BSplineSurface) -> list[tuple[KnotVector, Rows]]:
 
 
 def _loose(solid: Brep, own: Pair) -> int:
-    """Return how many spline edges are no rim and no line between corners, and how many ends of edges are no corner."""
+    """Return how many spline edges are no rim and no line between corners, and how many ends of edges are no
+    corner."""
     corners = {_bits(s.coefficients[a, b]) for s in own for a in (0, -1) for b in (0, -1)}
     rims = {_bits(kv.knots) + _bits(poles) for s in own for kv, poles in _rims(s)}
     loose = 0
@@ -206,10 +246,18 @@ def _bits(array: Rows) -> bytes:
     return np.ascontiguousarray(array + 0.0).tobytes()
 
 
-def trace_faces(solid: TopoDS_Shape, rays: tuple[Rows, Rows], index: float, target_z: float, optical: tuple[int, int] = (0, 1)) -> Rows:
-    """Return where rays through the front and the rear of a solid land, (n, 2), by OCCT's intersections; NaN where they do not.
+def trace_faces(
+    solid: TopoDS_Shape,
+    rays: tuple[Rows, Rows],
+    index: float,
+    target_z: float,
+    optical: tuple[int, int] = (0, 1),
+) -> Rows:
+    """Return where rays through the front and the rear of a solid land, (n, 2), by OCCT's intersections; NaN
+    where they do not.
 
-    rays : origins and directions, (n, 3) float each, mm and unit vectors.  target_z : mm, inf is the far field (degrees).
+    rays : origins and directions, (n, 3) float each, mm and unit vectors.  target_z : mm, inf is the far
+        field (degrees).
     optical : places of front and rear among the faces.
     """
     points, directions = (np.array(a, dtype=np.float64) for a in rays)
@@ -223,7 +271,11 @@ def trace_faces(solid: TopoDS_Shape, rays: tuple[Rows, Rows], index: float, targ
     points, directions, lit = points[forward], directions[forward], lit[forward]
     across = directions[:, :2] / directions[:, 2:]
     landing = np.full((len(rays[0]), 2), np.nan)
-    landing[lit] = np.degrees(np.arctan(across)) if isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
+    landing[lit] = (
+        np.degrees(np.arctan(across))
+        if isinf(target_z)
+        else points[:, :2] + (target_z - points[:, 2:]) * across
+    )
     return landing
 
 
@@ -233,4 +285,6 @@ def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, NDArr
     normals, cosine = normals * np.sign(cosine)[:, None], np.abs(cosine)
     square = 1 - eta**2 * (1 - cosine**2)
     passes = square > 0
-    return eta * directions + (np.sqrt(np.where(passes, square, 1.0)) - eta * cosine)[:, None] * normals, passes
+    return eta * directions + (np.sqrt(np.where(passes, square, 1.0)) - eta * cosine)[
+        :, None
+    ] * normals, passes

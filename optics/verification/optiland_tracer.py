@@ -1,12 +1,13 @@
-"""Rays through the faces of a STEP file by optiland, a design program that shares no code with this one or with OCCT.
+"""Rays through the faces of a STEP file by optiland, a design program that shares no code with this one or
+with OCCT.
 
-Its NURBS geometry takes the poles and knots of the file.  It starts Newton's method where a ray crosses the plane z = 0
-of the face's own frame.  A ray that is far to the side when it meets the face starts elsewhere, and the iteration may be
-held at the rim.  So every ray gets a frame near the height at which it first falls through the face, found by sampling
-the face at a few heights along the ray, by optiland too.
+Its NURBS geometry takes the poles and knots of the file.  It starts Newton's method where a ray crosses the
+plane z = 0 of the face's own frame.  A ray that is far to the side when it meets the face starts elsewhere,
+and the iteration may be held at the rim.  So every ray gets a frame near the height at which it first falls
+through the face, found by sampling the face at a few heights along the ray, by optiland too.
 
-Source: optiland 0.6.3, whose intersection follows W. Martin, E. Cohen, R. Fish, P. Shirley, Practical ray tracing of
-trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
+Source: optiland 0.6.3, whose intersection follows W. Martin, E. Cohen, R. Fish, P. Shirley, Practical ray
+tracing of trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
 """
 
 from __future__ import annotations
@@ -63,26 +64,44 @@ def optiland_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backe
     step = file.solid
 
     def by_optiland(rays: Rays) -> ReferenceRays:
-        found = optiland_trace(step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, problem.target_z)
+        found = optiland_trace(
+            step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, problem.target_z
+        )
         return ReferenceRays(found.points, found.flux * rays.ray_flux)
 
     found = compared(problem, lens, backend, RAYS, by_optiland)
     return [
         Check("rays with another fate by optiland's trace of the file", found.mismatched, 0, ""),
-        Check("landing points by optiland's trace of the file", found.landing, problem.verify.landing, found.unit),
-        Check("irradiance by optiland's trace of the file, relative", found.irradiance, problem.verify.irradiance, ""),
+        Check(
+            "landing points by optiland's trace of the file",
+            found.landing,
+            problem.verify.landing,
+            found.unit,
+        ),
+        Check(
+            "irradiance by optiland's trace of the file, relative",
+            found.irradiance,
+            problem.verify.irradiance,
+            "",
+        ),
     ]
 
 
 def optiland_trace(
-    front: BSplineSurface, rear: BSplineSurface, origins: Rows, directions: Rows, index: float, target_z: float
+    front: BSplineSurface,
+    rear: BSplineSurface,
+    origins: Rows,
+    directions: Rows,
+    index: float,
+    target_z: float,
 ) -> ReferenceRays:
-    """Trace rays through two faces to the plane z = target_z by optiland, or to the far field where that is inf.
+    """Trace rays through two faces to the plane z = target_z by optiland, or to the far field where that is
+    inf.
 
     front, rear : poles (x, y, z), mm, x along u and y along v, as `lens_surfaces`.
     origins, directions : (n, 3) float, mm and unit vectors.
-    Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.  The flux is that of rays of 1 W,
-    the mean of both polarisations at each face by optiland's Fresnel amplitudes.
+    Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.  The flux is that of rays of
+    1 W, the mean of both polarisations at each face by optiland's Fresnel amplitudes.
 
     Raises
     ------
@@ -100,7 +119,11 @@ def optiland_trace(
             forward = ways[:, 2] > 0
             points, ways, lit = points[forward], ways[forward], lit[forward]
             across = ways[:, :2] / ways[:, 2:]
-            landing[lit] = np.degrees(np.arctan(across)) if isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
+            landing[lit] = (
+                np.degrees(np.arctan(across))
+                if isinf(target_z)
+                else points[:, :2] + (target_z - points[:, 2:]) * across
+            )
             flux[lit] = weight[forward]
     return ReferenceRays(landing, flux)
 
@@ -143,8 +166,11 @@ def _geometry(surface: BSplineSurface, height: float) -> NurbsGeometry:
     )
 
 
-def _through(surface: BSplineSurface, points: Rows, directions: Rows, indices: tuple[float, float]) -> tuple[Rows, Rows, Rows]:
-    """Return (points, directions, transmittance) of rays behind a face; 0 and NaN for those that do not pass."""
+def _through(
+    surface: BSplineSurface, points: Rows, directions: Rows, indices: tuple[float, float]
+) -> tuple[Rows, Rows, Rows]:
+    """Return (points, directions, transmittance) of rays behind a face; 0 and NaN for those that do not
+    pass."""
     z = surface.coefficients[..., 2]
     heights = np.unique(np.linspace(z.min(), z.max(), HEIGHTS))
     met, onward, share = np.full_like(points, np.nan), np.full_like(points, np.nan), np.zeros(len(points))
@@ -159,7 +185,8 @@ def _through(surface: BSplineSurface, points: Rows, directions: Rows, indices: t
 
 
 def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: Rows) -> NDArray[np.int64]:
-    """Return the number of the first height at which a ray has fallen through a face, (n,) int, -1 for none."""
+    """Return the number of the first height at which a ray has fallen through a face, (n,) int, -1 for
+    none."""
     geometry = _geometry(surface, 0.0)
     low, high = _corners(geometry)
     fallen = np.zeros((len(heights), len(points)), dtype=bool)
@@ -192,7 +219,9 @@ def _meeting(geometry: NurbsGeometry, points: Rows, directions: Rows) -> tuple[R
     return met, meets
 
 
-def _refracted(geometry: NurbsGeometry, points: Rows, directions: Rows, indices: tuple[float, float]) -> tuple[Rows, Rows]:
+def _refracted(
+    geometry: NurbsGeometry, points: Rows, directions: Rows, indices: tuple[float, float]
+) -> tuple[Rows, Rows]:
     """Return (directions, transmittance) behind a face, 0 where totally reflected.
 
     T = n_2 cos(t) / (n_1 cos(i)) (|t_s|^2 + |t_p|^2) / 2, with t_s and t_p from optiland.
@@ -206,7 +235,9 @@ def _refracted(geometry: NurbsGeometry, points: Rows, directions: Rows, indices:
     rays.refract(*normals, *indices)
     onward = np.column_stack([rays.L, rays.M, rays.N])
     before, after = (np.abs(np.einsum("ij,ji->i", a, np.stack(normals))) for a in (directions, onward))
-    jones = JonesFresnel(*map(IdealMaterial, indices)).calculate_matrix(rays, aoi=np.arccos(np.minimum(before, 1.0)))
+    jones = JonesFresnel(*map(IdealMaterial, indices)).calculate_matrix(
+        rays, aoi=np.arccos(np.minimum(before, 1.0))
+    )
     power = (np.abs(jones[:, [0, 1], [0, 1]]) ** 2).mean(axis=1)
     return onward, np.nan_to_num(indices[1] * after / (indices[0] * before) * power)
 

@@ -55,7 +55,8 @@ class ParametricFace:
         self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
 
     def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return parameters where rays first fall through the face, to a sample's width; points, directions : (n, 3).
+        """Return parameters where rays first fall through the face, to a sample's width; points, directions :
+        (n, 3).
 
         x and y are taken as linear in the parameters: a guess that Newton's method corrects.
         Rays parallel to z need no search.
@@ -91,11 +92,18 @@ class ParametricFace:
             low, high = np.where(over, middle, low), np.where(over, high, middle)
         return at((low + high) / 2)[0][:, 0]
 
-    def _way(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _way(
+        self, points: NDArray[np.float64], directions: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the ray parameters at which rays enter and leave the face's box."""
         still = np.abs(directions) < STILL
         speed = np.where(still, 1.0, directions)
-        ends = np.stack([np.where(still, side, (corner - points) / speed) for side, corner in zip((-np.inf, np.inf), self._box)])
+        ends = np.stack(
+            [
+                np.where(still, side, (corner - points) / speed)
+                for side, corner in zip((-np.inf, np.inf), self._box)
+            ]
+        )
         return np.maximum(ends.min(axis=0).max(axis=1), 0.0), ends.max(axis=0).min(axis=1)
 
     def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -104,9 +112,15 @@ class ParametricFace:
 
 
 def trace_step(
-    step: SolidFile, origins: NDArray[np.float64], directions: NDArray[np.float64], flux: ArrayLike, index: float, target_z: float
+    step: SolidFile,
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    flux: ArrayLike,
+    index: float,
+    target_z: float,
 ) -> ReferenceRays:
-    """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field where that is inf.
+    """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field where
+    that is inf.
 
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
@@ -119,7 +133,11 @@ def trace_step(
         weight *= np.where(met, share, 0.0)
     arrives = (weight > 0) & (directions[:, 2] > 0)
     across = directions[:, :2] / np.where(arrives, directions[:, 2], 1.0)[:, None]
-    landing = np.degrees(np.arctan(across)) if np.isinf(target_z) else points[:, :2] + (target_z - points[:, 2:]) * across
+    landing = (
+        np.degrees(np.arctan(across))
+        if np.isinf(target_z)
+        else points[:, :2] + (target_z - points[:, 2:]) * across
+    )
     return ReferenceRays(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
@@ -149,12 +167,15 @@ def _intersect(
 
 
 def _newton(
-    face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64], uv: NDArray[np.float64]
+    face: ParametricFace,
+    points: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    uv: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Return (points, unit normals towards +z, met) by Newton's method from the parameters uv.
 
-    It solves a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray; meetings behind the origin or on the
-    far side of the face do not count.
+    It solves a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray; meetings behind the origin or
+    on the far side of the face do not count.
     """
     helper = np.where(np.abs(directions[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     a = np.cross(directions, helper)
@@ -178,10 +199,16 @@ def _newton(
     if not np.isfinite(s).all():
         raise NumericalError("the independent trace met a degenerate face")
     near = MEETS * face.width
-    return s, normals, (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0)
+    return (
+        s,
+        normals,
+        (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0),
+    )
 
 
-def _refract(directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _refract(
+    directions: NDArray[np.float64], normals: NDArray[np.float64], eta: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (directions, transmittance) by the vector form of Snell's law; T = 0 where totally reflected."""
     cos_i = _dot(directions, normals)
     square = 1 - eta**2 * (1 - cos_i**2)

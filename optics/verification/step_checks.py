@@ -41,7 +41,12 @@ def verify(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> li
         Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
         Check("free edges", step.free_edges, 0, ""),
         Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
-        Check("file differs from a fresh export of the lens by this version", int(file.path.read_bytes() != fresh), 0, ""),
+        Check(
+            "file differs from a fresh export of the lens by this version",
+            int(file.path.read_bytes() != fresh),
+            0,
+            "",
+        ),
         Check("shell not closed", int(not step.closed), 0, ""),
         Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
     ]
@@ -51,9 +56,26 @@ def verify(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> li
         off = abs(solid_volume(step.shape, FINE_VOLUME) / volume - 1)
     checks.append(Check("volume by OCCT against the closed form, relative", off, limits.volume, ""))
     for name, read, own in zip(("front", "rear"), (step.front, step.rear), lens_surfaces(lens)):
-        checks.append(Check(f"{name} poles and knots that differ from the lens in memory", differing_numbers(read, own), 0, ""))
-    for name, read, surface, vertex in (("front", step.front, lens.front, 0.0), ("rear", step.rear, lens.rear, lens.thickness)):
-        checks.append(Check(f"{name} face against the lens in memory", surface_deviation(read, surface, vertex), limits.surface, "mm"))
+        checks.append(
+            Check(
+                f"{name} poles and knots that differ from the lens in memory",
+                differing_numbers(read, own),
+                0,
+                "",
+            )
+        )
+    for name, read, surface, vertex in (
+        ("front", step.front, lens.front, 0.0),
+        ("rear", step.rear, lens.rear, lens.thickness),
+    ):
+        checks.append(
+            Check(
+                f"{name} face against the lens in memory",
+                surface_deviation(read, surface, vertex),
+                limits.surface,
+                "mm",
+            )
+        )
 
     def by_scipy(rays: Rays) -> ReferenceRays:
         return trace_step(step, rays.origin.T, rays.direction.T, rays.ray_flux, lens.index, problem.target_z)
@@ -89,7 +111,8 @@ def _samples(kv: KnotVector) -> NDArray[np.float64]:
 
 
 def differing_numbers(read: BSplineSurface | NURBSSurface | None, own: BSplineSurface) -> int:
-    """Return how many coordinates and knots of a face differ from those in memory; all of them where their number does."""
+    """Return how many coordinates and knots of a face differ from those in memory; all of them where their
+    number does."""
     everything = own.coefficients.size + len(own.kv_u.knots) + len(own.kv_v.knots)
     if not isinstance(read, BSplineSurface) or read.coefficients.shape != own.coefficients.shape:
         return everything

@@ -1,4 +1,5 @@
-"""The same rays by the optimiser's tracer and by another: how far their landing points, fates and irradiance are apart."""
+"""The same rays by the optimiser's tracer and by another: how far their landing points, fates and irradiance
+are apart."""
 
 from __future__ import annotations
 
@@ -25,8 +26,10 @@ if TYPE_CHECKING:
 class Comparison:
     """How far two traces are apart.
 
-    landing : mm, degrees in the far field; the greatest error of a coordinate on the target, inf where no ray lands there
-    irradiance : relative L2 difference on the target's pixels.  mismatched : rays that arrive in one of them only
+    landing : mm, degrees in the far field; the greatest error of a coordinate on the target, inf where no ray
+        lands there
+    irradiance : relative L2 difference on the target's pixels.  mismatched : rays that arrive in one of them
+        only
     unit : of landing
     """
 
@@ -36,8 +39,15 @@ class Comparison:
     unit: str
 
 
-def compared(problem: Problem, lens: Lens, backend: Backend, counts: Sequence[int], other: Callable[[Rays], ReferenceRays]) -> Comparison:
-    """Trace rays of the problem's source through the lens in memory and by `other`, and return their Comparison.
+def compared(
+    problem: Problem,
+    lens: Lens,
+    backend: Backend,
+    counts: Sequence[int],
+    other: Callable[[Rays], ReferenceRays],
+) -> Comparison:
+    """Trace rays of the problem's source through the lens in memory and by `other`, and return their
+    Comparison.
 
     backend : of double precision.  counts : of rays, as in `problem_rays`.
     other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
@@ -46,11 +56,14 @@ def compared(problem: Problem, lens: Lens, backend: Backend, counts: Sequence[in
     _, landing = Tracer(backend, lens, rays, problem.target_z).trace([sag.coefficients for sag in lens.sags])
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
     found, screen = other(beam_rays(rays, lens) if isinstance(rays, Beam) else rays), target_screen(problem)
-    # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by far
+    # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by
+    # far
     both = (flux > 0) & (found.flux > 0) & (np.abs(points) <= screen.half_width).all(axis=1)
     error = float(np.abs(points[both] - found.points[both]).max()) if both.any() else np.inf
     unit = "degrees" if screen.angular else "mm"
-    difference = _difference(*(deposit(p, f, screen) for p, f in ((points, flux), (found.points, found.flux))))
+    difference = _difference(
+        *(deposit(p, f, screen) for p, f in ((points, flux), (found.points, found.flux)))
+    )
     return Comparison(error, difference, int(((flux > 0) != (found.flux > 0)).sum()), unit)
 
 

@@ -53,13 +53,19 @@ def toml_text(values):
     for key, value in values.items():
         table, _, name = key.rpartition(".")
         rows.setdefault(table, []).append(f"{name} = {toml_value(value)}")
-    return "".join((f"[{table}]\n" if table else "") + "\n".join(lines) + "\n" for table, lines in rows.items())
+    return "".join(
+        (f"[{table}]\n" if table else "") + "\n".join(lines) + "\n" for table, lines in rows.items()
+    )
 
 
 def toml_value(value):
     """Return a value as TOML; strings are escaped to ASCII."""
     if isinstance(value, str):
-        return '"' + "".join(c if " " <= c <= "~" and c not in '"\\' else f"\\U{ord(c):08x}" for c in value) + '"'
+        return (
+            '"'
+            + "".join(c if " " <= c <= "~" and c not in '"\\' else f"\\U{ord(c):08x}" for c in value)
+            + '"'
+        )
     if isinstance(value, dict):
         return "{" + ", ".join(f"{toml_value(k)} = {toml_value(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
@@ -84,27 +90,40 @@ def small_space(half_width=(10.0, 10.0), degree=3, refined=True):
     space = THBSpace(*(KnotVector.uniform(degree, 4, -h, h) for h in half_width))
     if not refined:
         return space
-    return space.refine({0: [(i, j) for i in range(4) for j in range(3)]}).refine({1: [(2, 3), (2, 2), (3, 3), (3, 2), (0, 0)]})
+    return space.refine({0: [(i, j) for i in range(4) for j in range(3)]}).refine(
+        {1: [(2, 3), (2, 2), (3, 3), (3, 2), (0, 0)]}
+    )
 
 
-def small_lens(front=PLANE, rear=PARABOLOID, sag=None, rear_half_width=(10.0, 10.0), thickness=6.0, space=None):
+def small_lens(
+    front=PLANE, rear=PARABOLOID, sag=None, rear_half_width=(10.0, 10.0), thickness=6.0, space=None
+):
     """Return a lens of index 1.5 and half-width 10 mm; sag : coefficients on `space`, or None for zeros."""
     space = space or small_space(rear_half_width)
     sag = THBSurface(space, np.zeros(space.dim) if sag is None else sag)
-    return Lens(FreeformSurface((10.0, 10.0), front), FreeformSurface(rear_half_width, rear, sag), thickness, 1.5)
+    return Lens(
+        FreeformSurface((10.0, 10.0), front), FreeformSurface(rear_half_width, rear, sag), thickness, 1.5
+    )
 
 
 def hollow_lens(rear=None, front=None, spans=(2, 2)):
-    """Return the lens of thesis Table 6.3, in whose hollow front a source of 1 mm glows 2 mm before the vertex.
+    """Return the lens of thesis Table 6.3, in whose hollow front a source of 1 mm glows 2 mm before the
+    vertex.
 
-    rear, front : functions of a space that give the sag's coefficients on it; None is a sag of zeros on the rear, none on the front.
+    rear, front : functions of a space that give the sag's coefficients on it; None is a sag of zeros on the
+        rear, none on the front.
     """
-    rear_space, front_space = (THBSpace(*(KnotVector.uniform(3, n, -h, h) for n in spans)) for h in (8.0, 5.0))
+    rear_space, front_space = (
+        THBSpace(*(KnotVector.uniform(3, n, -h, h) for n in spans)) for h in (8.0, 5.0)
+    )
     sags = [
         THBSurface(rear_space, np.zeros(rear_space.dim) if rear is None else rear(rear_space)),
         None if front is None else THBSurface(front_space, front(front_space)),
     ]
-    surfaces = (FreeformSurface((5.0, 5.0), Conic(-5.0, -1.0), sags[1]), FreeformSurface((8.0, 8.0), Conic(-10.0, -1.0), sags[0]))
+    surfaces = (
+        FreeformSurface((5.0, 5.0), Conic(-5.0, -1.0), sags[1]),
+        FreeformSurface((8.0, 8.0), Conic(-10.0, -1.0), sags[0]),
+    )
     return Lens(*surfaces, 5.0, 1.5)
 
 

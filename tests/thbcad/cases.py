@@ -53,7 +53,8 @@ def insertions(draw, kv, size=6):
 
 
 def seeds():
-    """Seeds of numpy's generator: hypothesis picks and shrinks one number, the generator makes a rich example of it."""
+    """Seeds of numpy's generator: hypothesis picks and shrinks one number, the generator makes a rich example
+    of it."""
     return st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
 
@@ -67,9 +68,11 @@ def random_knot_vector(rng, degree, max_spans, scale=1.0):
 
 @st.composite
 def refined_spaces(draw, start, min_steps=1, max_steps=5, deepest=3):
-    """(space, refined): `start` = (space, refined) after random steps; refined holds one set of cells per level.
+    """(space, refined): `start` = (space, refined) after random steps; refined holds one set of cells per
+    level.
 
-    Each step refines what is left of a rectangle of cells of one level, in one case of three less a few cells.
+    Each step refines what is left of a rectangle of cells of one level, in one case of three less a few
+    cells.
     """
     space, refined = start[0], [set(cells) for cells in start[1]]
     rng, steps = draw(seeds()), draw(st.integers(min_steps, max_steps))
@@ -128,19 +131,24 @@ def points(draw, space, size=6):
 
 @st.composite
 def surfaces(draw, half_width=None, conics=True):
-    """Freeform surfaces with or without a refined sag of degree 3 or 4: planes, paraboloids and, unless refused, other conics.
+    """Freeform surfaces with or without a refined sag of degree 3 or 4: planes, paraboloids and, unless
+    refused, other conics.
 
     The others are gentle and small, because their splines to 1e-11 mm have many control points.
     """
     half = half_width or tuple(draw(st.floats(0.5, 4)) for _ in range(2))
     reach = np.hypot(*half)
     general = [(-2.7, (6.1, -8.7)), (0.0, (-9.3,))] if conics else []
-    constant, ratios = draw(st.sampled_from([(-1.0, (3.1, -4.7, 40.0)), (draw(st.floats(-4, 4)), (np.inf,)), *general]))
+    constant, ratios = draw(
+        st.sampled_from([(-1.0, (3.1, -4.7, 40.0)), (draw(st.floats(-4, 4)), (np.inf,)), *general])
+    )
     radius = float(draw(st.sampled_from(ratios)) * reach)
     net = None
     if draw(st.booleans()):
         rng = draw(seeds())
-        kvs = (random_knot_vector(rng, rng.integers(3, 5), 4, draw(st.sampled_from(SCALES))) for _ in range(2))
+        kvs = (
+            random_knot_vector(rng, rng.integers(3, 5), 4, draw(st.sampled_from(SCALES))) for _ in range(2)
+        )
         space, _ = draw(refined_spaces((THBSpace(*kvs), []), 0, 3, deepest=2))
         values = 0.02 * reach * rng.uniform(-1, 1, space.dim)
         values[: len(AWKWARD)] = AWKWARD[: space.dim]

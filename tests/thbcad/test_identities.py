@@ -1,4 +1,5 @@
-"""Identities that tie the operators together: order does not matter, maps of the parameters do not matter, powers are held."""
+"""Identities that tie the operators together: order does not matter, maps of the parameters do not matter,
+powers are held."""
 
 from math import comb
 
@@ -7,7 +8,16 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 
 from oracles.spline_definitions import gamma
-from tests.thbcad.cases import coefficients, hierarchies, insertions, knot_vectors, parameters, points, seeds, spaces
+from tests.thbcad.cases import (
+    coefficients,
+    hierarchies,
+    insertions,
+    knot_vectors,
+    parameters,
+    points,
+    seeds,
+    spaces,
+)
 from thbcad import BSplineSurface, KnotVector, THBSpace, THBSurface, quasi_interpolate
 
 TIGHT = 1e-13  # polar forms: a few roundings per degree on numbers up to 1
@@ -19,14 +29,18 @@ def mapped(kv, scale, shift):
 
 @given(knot_vectors(scales=(1.0,)), st.sampled_from([(2.0, 0.0), (0.25, 3.0), (1024.0, -512.0)]), st.data())
 def test_functions_do_not_depend_on_affine_maps(kv, affine, data):
-    """Scales by powers of two and shifts by small whole numbers keep every knot exact: equal to the last bits; derivatives scale."""
+    """Scales by powers of two and shifts by small whole numbers keep every knot exact: equal to the last
+    bits; derivatives scale."""
     scale, shift = affine
     u = data.draw(parameters(kv))
     u = np.round(u * 64) / 64  # exact under the map, too
     u = np.clip(u, kv.start, kv.stop)
     other = mapped(kv, scale, shift)
     for order in range(min(kv.degree, 3) + 1):
-        a, b = kv.collocation(u, order).toarray(), other.collocation(scale * u + shift, order).toarray() * scale**order
+        a, b = (
+            kv.collocation(u, order).toarray(),
+            other.collocation(scale * u + shift, order).toarray() * scale**order,
+        )
         assert np.allclose(a, b, rtol=1e-12, atol=TIGHT * np.abs(a).max(initial=1))
 
 
@@ -137,7 +151,8 @@ def test_marsden_identity(kv):
 
 @pytest.mark.parametrize("degree", range(1, 11))
 def test_binomial_rows_of_uniform_two_scale_relations(degree):
-    """Far from the ends a uniform B-spline splits with the weights C(p + 1, k) / 2^p, as Lane and Riesenfeld found."""
+    """Far from the ends a uniform B-spline splits with the weights C(p + 1, k) / 2^p, as Lane and Riesenfeld
+    found."""
     kv = KnotVector.uniform(degree, 4 * degree + 4)
     finer = kv.bisect()
     column = kv.prolongation(finer).toarray()[:, kv.dim // 2]

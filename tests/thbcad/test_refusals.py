@@ -1,4 +1,5 @@
-"""What all classes and verbs refuse alike: other types, complex numbers, bad orders and numbers; and copies of all nouns."""
+"""What all classes and verbs refuse alike: other types, complex numbers, bad orders and numbers; and copies
+of all nouns."""
 
 import copy
 import pickle
@@ -61,7 +62,9 @@ def arrays(noun):
 
 @pytest.mark.parametrize("noun", NOUNS, ids=lambda noun: type(noun).__name__)
 @pytest.mark.parametrize(
-    "again", [copy.copy, copy.deepcopy, lambda noun: pickle.loads(pickle.dumps(noun))], ids=["copy", "deepcopy", "pickle"]
+    "again",
+    [copy.copy, copy.deepcopy, lambda noun: pickle.loads(pickle.dumps(noun))],
+    ids=["copy", "deepcopy", "pickle"],
 )
 def test_copies_are_read_only_and_have_no_caches(noun, again):
     for cache in ("breaks", "homogeneous", "cells"):  # fill them
@@ -103,14 +106,26 @@ def test_nouns_need_knot_vectors_and_spaces(bad):
         (lambda: KV.prolongation(None), "finer must be a KnotVector, got NoneType"),
         (lambda: KV.restriction(3), "coarser must be a KnotVector, got int"),
         (lambda: KV.merged(None), "other must be a KnotVector"),
-        (lambda: PeriodicKnotVector.uniform(3, 4).prolongation(KV), "finer must be a PeriodicKnotVector, got KnotVector"),
-        (lambda: write_surface(FREEFORM, "x"), "surface must be a THBSurface or BSplineSurface or NURBSSurface, got FreeformSurface"),
+        (
+            lambda: PeriodicKnotVector.uniform(3, 4).prolongation(KV),
+            "finer must be a PeriodicKnotVector, got KnotVector",
+        ),
+        (
+            lambda: write_surface(FREEFORM, "x"),
+            "surface must be a THBSurface or BSplineSurface or NURBSSurface, got FreeformSurface",
+        ),
         (lambda: write_lens(SHEET, "x"), "lens must be a Lens, got BSplineSurface"),
         (lambda: write_step(SHEET, "x"), "lens must be a Lens, got BSplineSurface"),
         (lambda: Lens(SHEET, FREEFORM, 1.0, 1.5), "front must be a FreeformSurface, got BSplineSurface"),
         (lambda: FreeformSurface((8, 8), 60.0), "conic must be a Conic, got float"),
-        (lambda: FreeformSurface((8, 8), sag=SHEET), "sag must be a THBSurface or NoneType, got BSplineSurface"),
-        (lambda: FreeformSurface((8, 8)).to_parameters(np.zeros(1), np.zeros(1)), "a surface without sag has no spline parameters"),
+        (
+            lambda: FreeformSurface((8, 8), sag=SHEET),
+            "sag must be a THBSurface or NoneType, got BSplineSurface",
+        ),
+        (
+            lambda: FreeformSurface((8, 8)).to_parameters(np.zeros(1), np.zeros(1)),
+            "a surface without sag has no spline parameters",
+        ),
         (lambda: least_squares(SPACE, ([0.5], [0.5], [1.0])), "samples must be a Samples, got tuple"),
         (lambda: least_squares(KV, GRID), "space must be a THBSpace, got KnotVector"),
         (lambda: fit(KV, GRID, 1.0), "space must be a THBSpace, got KnotVector"),
@@ -128,7 +143,10 @@ def test_nouns_need_knot_vectors_and_spaces(bad):
         (lambda: NURBSSurface.from_bspline(SAG), "surface must be a BSplineSurface, got THBSurface"),
         (lambda: KV.segment(None, 1.0), "start must be a number, got None"),
         (lambda: KV.rescaled(0.0, "a"), "stop must be a finite number, got a"),
-        (lambda: THBSpace(KnotVector.uniform(1, 10**5), KnotVector.uniform(1, 10**5)), "at most 10000000 cells on level 0, got 100000 x"),
+        (
+            lambda: THBSpace(KnotVector.uniform(1, 10**5), KnotVector.uniform(1, 10**5)),
+            "at most 10000000 cells on level 0, got 100000 x",
+        ),
     ],
 )
 def test_other_types_and_sizes_are_refused(call, message):
@@ -142,7 +160,10 @@ def test_patches_may_come_one_by_one():
 
 
 def test_conics_take_lists():
-    assert Conic(10.0)([1.0, 2.0], [2.0, 0.0]).tolist() == Conic(10.0)(np.array([1.0, 2.0]), np.array([2.0, 0.0])).tolist()
+    assert (
+        Conic(10.0)([1.0, 2.0], [2.0, 0.0]).tolist()
+        == Conic(10.0)(np.array([1.0, 2.0]), np.array([2.0, 0.0])).tolist()
+    )
 
 
 # ---- arrays ----
@@ -192,7 +213,9 @@ def test_knots_beyond_1e300_are_refused(noun):
 # ---- orders and numbers ----
 
 
-@pytest.mark.parametrize("derivative", [(1, 2, 3), (0,), 1, None, (), "ab", (0, -1), (0.5, 0), (None, 0), (True, 0)], ids=repr)
+@pytest.mark.parametrize(
+    "derivative", [(1, 2, 3), (0,), 1, None, (), "ab", (0, -1), (0.5, 0), (None, 0), (True, 0)], ids=repr
+)
 def test_orders_are_refused(derivative):
     u = np.array([0.5])
     for call in (

@@ -1,4 +1,5 @@
-"""Against exact rational arithmetic: degrees, deep levels, graded knots, offsets, and long walks of refinement and coarsening."""
+"""Against exact rational arithmetic: degrees, deep levels, graded knots, offsets, and long walks of
+refinement and coarsening."""
 
 from itertools import islice
 
@@ -33,7 +34,8 @@ def test_the_twin_is_the_spline_by_definition(data):
     u, v = data.draw(points(space))
     surface = THBSurface(space, data.draw(coefficients(space.dim)))
     twin, definition = ExactTHB(surface), DefinitionTHB(space.kv_u, space.kv_v, refined)
-    # 4 roundings per inserted knot in the definition, 5 per degree in its evaluation, and the kernel's own count
+    # 4 roundings per inserted knot in the definition, 5 per degree in its evaluation, and the kernel's own
+    # count
     bound = 4 * sum(len(k) for k in definition.knots) + 5 * sum(definition.degrees) + roundings(space)
     exact = np.array([float(twin(a, b)[0]) for a, b in zip(u.tolist(), v.tolist())])
     assert abs(definition.collocation(u, v) @ surface.coefficients - exact).max() <= float(gamma(bound))
@@ -42,7 +44,11 @@ def test_the_twin_is_the_spline_by_definition(data):
 # ---- the table of `thbcad bench stability`, every third case ----
 
 
-@pytest.mark.parametrize(("name", "cases"), [(name, cases) for name, cases, _ in STRESSES], ids=lambda x: x if isinstance(x, str) else "")
+@pytest.mark.parametrize(
+    ("name", "cases"),
+    [(name, cases) for name, cases, _ in STRESSES],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
 def test_errors_stay_below_their_number_of_roundings(name, cases):
     rng = np.random.default_rng(7)
     for case in islice(cases(rng), 0, None, 7 if name.startswith("span") else 3):
@@ -52,7 +58,8 @@ def test_errors_stay_below_their_number_of_roundings(name, cases):
 
 @pytest.mark.parametrize("depth", [0, 4, 9, 20])
 def test_derivatives_in_coarse_cells_beside_deep_ones(depth):
-    """At a coarse cell in the columns of deep ones; up to level 8 the tensor-product form costs a factor of 2 for each level."""
+    """At a coarse cell in the columns of deep ones; up to level 8 the tensor-product form costs a factor of 2
+    for each level."""
     kv = KnotVector.uniform(3, 8)
     space = corner(kv, kv, depth, 4)
     surface = THBSurface(space, np.random.default_rng(1).uniform(-1, 1, space.dim))
@@ -79,14 +86,18 @@ def test_what_cannot_be_restored_is_named():
     space = THBSpace(kv, KnotVector.uniform(1, 1))
     coarser = space.refine({0: [(i, 0) for i in range(8) if i not in (2, 3)]})
     finer = coarser.refine({0: [(2, 0), (3, 0)]})
-    with pytest.raises(ValueError, match=r"function \(8, 0\) of level 0 cannot be restored in float64: .* make more cells whole"):
+    with pytest.raises(
+        ValueError,
+        match=r"function \(8, 0\) of level 0 cannot be restored in float64: .* make more cells whole",
+    ):
         finer.restriction(coarser)
     assert projection_defect(space, finer)[0] < 1e-14
 
 
 @pytest.mark.parametrize("degree", range(1, 11))
 def test_restriction_inverts_prolongation(degree):
-    """To the row sums of |Q|, on spans of ratios up to 4: `thbcad bench stability` shows what steeper grading does from degree 4 on."""
+    """To the row sums of |Q|, on spans of ratios up to 4: `thbcad bench stability` shows what steeper grading
+    does from degree 4 on."""
     rng = np.random.default_rng(degree)
     space = THBSpace(*(clamped(degree, random_breaks(rng, degree + 3)) for _ in range(2)))
     finer = space.refine({0: np.argwhere(np.ones((degree + 2, degree + 2)))})
@@ -101,7 +112,8 @@ def test_restriction_inverts_prolongation(degree):
 @settings(max_examples=200)
 @given(st.integers(1, 3), st.integers(1, 3), seeds())
 def test_short_walks(p, q, rng):
-    """Refine keeps the surface; coarsen then gives back space and coefficients; functions are non-negative and sum to one."""
+    """Refine keeps the surface; coarsen then gives back space and coefficients; functions are non-negative
+    and sum to one."""
     space = THBSpace(clamped(p, random_breaks(rng, p + 2)), clamped(q, random_breaks(rng, q + 2)))
     surface = THBSurface(space, rng.uniform(-1, 1, space.dim))
     for _ in range(2):
@@ -123,8 +135,8 @@ def test_short_walks(p, q, rng):
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 5])
 def test_a_long_walk_changes_the_surface_only_where_cells_are_made_whole(degree):
-    """Thirty steps with new detail in each.  Refining changes it nowhere; coarsening only where one space has a function that the
-    other lacks."""
+    """Thirty steps with new detail in each.  Refining changes it nowhere; coarsening only where one space has
+    a function that the other lacks."""
     rng = np.random.default_rng(degree)
     kvs = [clamped(degree, random_breaks(rng, degree + 4)) for _ in range(2)]
     surface = THBSurface(space := THBSpace(*kvs), rng.uniform(-1, 1, space.dim))
@@ -159,8 +171,16 @@ def touched(space, other, u, v):
 @pytest.mark.parametrize(
     ("kv", "level", "sentence"),
     [
-        (KnotVector.uniform(3, 1, 1e6, 1e6 + 1e-3), 23, "level 24 is too deep: neighbouring knots coincide in float64"),
-        (KnotVector.uniform(3, 8, 1e6, 1e6 + 1e-6), 10, "level 11 is too deep: neighbouring knots coincide in float64"),
+        (
+            KnotVector.uniform(3, 1, 1e6, 1e6 + 1e-3),
+            23,
+            "level 24 is too deep: neighbouring knots coincide in float64",
+        ),
+        (
+            KnotVector.uniform(3, 8, 1e6, 1e6 + 1e-6),
+            10,
+            "level 11 is too deep: neighbouring knots coincide in float64",
+        ),
         (KnotVector.uniform(3, 8), 24, "level must be an integer from 0 to 23, got 24"),
         (KnotVector.uniform(1, 256), 23, "cells cannot be counted in 64 bits"),
     ],
@@ -192,6 +212,11 @@ def test_restriction_over_many_levels_is_exact_or_refused():
         space = space.refine({level: block})
         if level % 3 == 2:
             q = space.restriction(base)
-            assert abs(q @ base.prolongation(space) - np.eye(base.dim)).max() <= 10 * np.finfo(float).eps * abs(q).sum(axis=1).max()
-    with pytest.raises(ValueError, match=r"cannot be restored at once in float64: the operator has norm .*e.12"):
+            assert (
+                abs(q @ base.prolongation(space) - np.eye(base.dim)).max()
+                <= 10 * np.finfo(float).eps * abs(q).sum(axis=1).max()
+            )
+    with pytest.raises(
+        ValueError, match=r"cannot be restored at once in float64: the operator has norm .*e.12"
+    ):
         space.restriction(base)

@@ -1,4 +1,5 @@
-"""The numbers of chapter 3 of the thesis (A. N. M. Heemels, Composing Light, TU Delft), corrected where the print errs.
+"""The numbers of chapter 3 of the thesis (A. N. M. Heemels, Composing Light, TU Delft), corrected where the
+print errs.
 
 Its example knot vector {0, 0, 0, 0.25, 0.5, 0.75, 1, 1, 1} has degree 2 (printed: 3).
 """
@@ -24,7 +25,8 @@ CELLS = [(0, 0), (1, 2)]  # [0, 0.25] x [0, 0.25] and [0.25, 0.5] x [0.5, 0.75]
 
 
 def strips(*refined):
-    """A one-dimensional space: strips of the square over one span in v; for each level the spans in u that are cut."""
+    """A one-dimensional space: strips of the square over one span in v; for each level the spans in u that
+    are cut."""
     space = THBSpace(KNOTS, KnotVector.uniform(1, 1))
     for level, spans in enumerate(refined):
         space = space.refine({level: [(i, j) for i in spans for j in range(2**level)]})
@@ -32,7 +34,8 @@ def strips(*refined):
 
 
 def over_v(space):
-    """(dim, functions of u): sums over the functions (level, i, j) with the same level and i; and these (level, i)."""
+    """(dim, functions of u): sums over the functions (level, i, j) with the same level and i; and these
+    (level, i)."""
     pairs, group = np.unique(space.functions[:, :2], axis=0, return_inverse=True)
     return 1.0 * (group.ravel()[:, None] == np.arange(len(pairs))), pairs.tolist()
 
@@ -57,12 +60,15 @@ def test_figure_3_3(degree):
     for row, x in zip(got, u):
         values, sizes = cox_de_boor(breaks, degree, x)
         assert len(row) == len(values) == 3 - degree
-        assert all(abs(Fraction(a) - b) <= gamma(5 * degree) * s for a, b, s in zip(row.tolist(), values, sizes))
+        assert all(
+            abs(Fraction(a) - b) <= gamma(5 * degree) * s for a, b, s in zip(row.tolist(), values, sizes)
+        )
 
 
 @given(st.integers(1, 6), st.integers(1, 20))
 def test_counts_of_functions_and_spans(degree, spans):
-    """Knots u_0 ... u_m carry N = m - p functions, and a uniform vector has the spacing 1 / (N - p) (the print: one less)."""
+    """Knots u_0 ... u_m carry N = m - p functions, and a uniform vector has the spacing 1 / (N - p) (the
+    print: one less)."""
     kv = KnotVector.uniform(degree, spans)
     assert kv.dim == (len(kv.knots) - 1) - degree
     assert np.diff(kv.breaks) == pytest.approx(1 / (kv.dim - degree))
@@ -92,8 +98,11 @@ def test_new_control_points_3_23():
     surface, r = BSplineSurface(KNOTS, KNOTS, net), KNOTS.prolongation(KNOTS.insert(0.4)).T.toarray()
     finer, u = surface.insert([0.4]), np.linspace(0, 1, 23)
     assert finer.coefficients.shape == (7, 6, 3)
-    assert abs(finer.coefficients - np.einsum("ij,ikd->jkd", r, net)).max() <= float(2 * gamma(2))  # the same two products and sum
-    # convex combinations: 5 p roundings per direction, 3 products and sums each; on both sides, and those of R
+    assert abs(finer.coefficients - np.einsum("ij,ikd->jkd", r, net)).max() <= float(
+        2 * gamma(2)
+    )  # the same two products and sum
+    # convex combinations: 5 p roundings per direction, 3 products and sums each; on both sides, and those of
+    # R
     assert abs(finer.grid(u, u) - surface.grid(u, u)).max() <= float(gamma(2 * (2 * 10 + 6) + 12))
 
 
@@ -111,7 +120,8 @@ def test_over_refinement_of_figure_3_6():
 
 
 def test_cells_alone_of_figure_3_6():
-    """The corner cell brings 4 functions for 1; the inner cell none until it is cut twice or joined by its neighbours."""
+    """The corner cell brings 4 functions for 1; the inner cell none until it is cut twice or joined by its
+    neighbours."""
     both = SQUARE.refine({0: CELLS})
     assert (len(both.cells), both.dim) == (16 + 6, 36 + 3)
     assert both.dim == SQUARE.refine({0: CELLS[:1]}).dim
@@ -132,14 +142,19 @@ def intervals(draw, spans):
     return start, draw(st.integers(start + 1, spans))
 
 
-@given(st.integers(1, 4), st.integers(1, 7).flatmap(lambda n: st.tuples(st.just(n), intervals(n), intervals(n))))
+@given(
+    st.integers(1, 4), st.integers(1, 7).flatmap(lambda n: st.tuples(st.just(n), intervals(n), intervals(n)))
+)
 def test_functions_that_a_block_of_cells_adds(degree, case):
-    """A block of a x b cells holds f(a) f(b) functions, f(k) = max(0, k - p + p e) with e ends of the domain; bisection doubles k."""
+    """A block of a x b cells holds f(a) f(b) functions, f(k) = max(0, k - p + p e) with e ends of the domain;
+    bisection doubles k."""
     spans, *sides = case
     kv = KnotVector.uniform(degree, spans)
     space = THBSpace(kv, kv)
     ends = [degree * ((start == 0) + (stop == spans)) for start, stop in sides]
-    fine, coarse = ([max(0, k * (stop - start) - degree + e) for (start, stop), e in zip(sides, ends)] for k in (2, 1))
+    fine, coarse = (
+        [max(0, k * (stop - start) - degree + e) for (start, stop), e in zip(sides, ends)] for k in (2, 1)
+    )
     finer = space.refine({0: [(i, j) for i in range(*sides[0]) for j in range(*sides[1])]})
     assert finer.dim - space.dim == fine[0] * fine[1] - coarse[0] * coarse[1]
 
@@ -148,7 +163,8 @@ def test_functions_that_a_block_of_cells_adds(degree, case):
 
 
 def test_two_levels_3_25_to_3_28():
-    """Bisection of the non-empty spans, and its matrix as a product of single insertions; all numbers are dyadic, so all is exact."""
+    """Bisection of the non-empty spans, and its matrix as a product of single insertions; all numbers are
+    dyadic, so all is exact."""
     finer = KNOTS.bisect()
     assert finer.knots.tolist() == [0, 0, 0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1, 1, 1]
     assert (KNOTS.dim, finer.dim) == (6, 10)
@@ -195,7 +211,8 @@ def test_the_hierarchical_basis_exceeds_one():
     space, u = strips([0, 1]), np.r_[np.linspace(0, 1, 1001), 0.3]
     values = space.collocation(u, np.full_like(u, 0.4)).toarray()
     hierarchical = (values @ space.hierarchical().toarray()).sum(axis=1)
-    # 5 p roundings in each univariate value, their product, exact weights, and sums of 20 functions and 6 B-splines; sums are below 2
+    # 5 p roundings in each univariate value, their product, exact weights, and sums of 20 functions and 6
+    # B-splines; sums are below 2
     tolerance = float(2 * gamma(10 + 5 + 1 + 20 + 6))
     assert abs(values.sum(axis=1) - 1).max() <= tolerance
     assert hierarchical[-1] == pytest.approx(1.6, abs=tolerance)
@@ -211,7 +228,8 @@ def test_refinement_without_new_functions():
 
 
 def test_masks_are_two_dimensional_3_37_to_3_39():
-    """On [0, 0.5] x [0, 0.5] the printed one-dimensional masks lose the ones of a net of ones; entry by entry they stay."""
+    """On [0, 0.5] x [0, 0.5] the printed one-dimensional masks lose the ones of a net of ones; entry by entry
+    they stay."""
     r = KNOTS.prolongation(KNOTS.bisect()).toarray()
     x = np.arange(10) < 4  # the functions of level 1 with support in [0, 0.5]
     refined, ones = r @ np.ones((6, 6)) @ r.T, np.ones((10, 10))
@@ -245,18 +263,30 @@ def test_uniform_degrees_of_freedom():
 
 def test_the_example_draws_and_counts(tmp_path):
     done = subprocess.run(
-        [sys.executable, ROOT / "examples/splines.py", tmp_path / "new"], cwd=tmp_path, capture_output=True, text=True, check=True
+        [sys.executable, ROOT / "examples/splines.py", tmp_path / "new"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert done.stdout.splitlines() == [
         "functions: 36 42 49 39 43 43",
         "largest sum: truncated basis 1.000000, hierarchical basis 1.600000",
     ]
     pictures = sorted((tmp_path / "new").iterdir())
-    assert [p.name for p in pictures] == ["basis.png", "insertion.png", "refinement.png", "surface.png", "truncation.png"]
+    assert [p.name for p in pictures] == [
+        "basis.png",
+        "insertion.png",
+        "refinement.png",
+        "surface.png",
+        "truncation.png",
+    ]
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and p.stat().st_size > 10_000 for p in pictures)
 
 
 def test_the_pictures_of_the_page_are_those_of_the_example():
     shown = re.findall(r"\]\((\S+\.png)\)", (ROOT / "docs/chapter3.md").read_text("utf-8"))
-    assert {(ROOT / "docs" / link).resolve() for link in shown} == {p.resolve() for p in (ROOT / "examples/splines").glob("*.png")}
+    assert {(ROOT / "docs" / link).resolve() for link in shown} == {
+        p.resolve() for p in (ROOT / "examples/splines").glob("*.png")
+    }
     assert len(shown) == 5

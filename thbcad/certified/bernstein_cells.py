@@ -1,4 +1,5 @@
-"""Derivatives of a graph z(x, y) as Bernstein coefficients on its cells, with bounds of their rounding errors.
+"""Derivatives of a graph z(x, y) as Bernstein coefficients on its cells, with bounds of their rounding
+errors.
 
 Derivatives are differences of the spline coefficients as they are given; all that follows takes means
 with non-negative weights.  The error of n roundings is then at most n 2^-53 times the greatest
@@ -65,12 +66,18 @@ class Cells:
             low, high = cells.box.copy(), cells.box.copy()
             low[1, axis] = high[0, axis] = cells.box[0, axis] + (cells.box[1, axis] - cells.box[0, axis]) / 2
             error = cells.error + rounding(degree + 1, cells.magnitude)
-            cells = replace(cells, coefficients=np.concatenate(halves, -1), box=np.concatenate([low, high], -1), error=error)
+            cells = replace(
+                cells,
+                coefficients=np.concatenate(halves, -1),
+                box=np.concatenate([low, high], -1),
+                error=error,
+            )
         return cells
 
 
 def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
-    """Yield the partial derivatives of a scalar graph on all its cells, elevated to one degree, strip by strip.
+    """Yield the partial derivatives of a scalar graph on all its cells, elevated to one degree, strip by
+    strip.
 
     Raises
     ------
@@ -83,9 +90,13 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
     magnitude = np.max([[np.abs(net).max() for net, _ in row] for row in rows], axis=0)
     if not (magnitude < GREATEST).all():
         most = np.nan_to_num(magnitude, nan=np.inf).max()
-        raise ValueError(f"bounds need derivatives {derivatives} with coefficients below {GREATEST:g}, got {most:.3g}")
+        raise ValueError(
+            f"bounds need derivatives {derivatives} with coefficients below {GREATEST:g}, got {most:.3g}"
+        )
     by_axis = tuple(zip(*derivatives))
-    p, q = (max(kv.degree - min(orders), 0) for kv, orders in zip((patches[0].kv_u, patches[0].kv_v), by_axis))
+    p, q = (
+        max(kv.degree - min(orders), 0) for kv, orders in zip((patches[0].kv_u, patches[0].kv_v), by_axis)
+    )
     error = np.max([[e for _, e in row] for row in rows], axis=0) + rounding(_roundings(p, q), magnitude)
     extraction = cache(_extraction)
     for patch, row in zip(patches, rows):
@@ -94,9 +105,21 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
         b = [extraction(patch.kv_v, order, q) for order in by_axis[1]]
         step = max(1, STRIP // patch.kv_v.spans)
         for first in range(0, patch.kv_u.spans, step):
-            tables = [tensor_apply(x[first * (p + 1) : (first + step) * (p + 1)], y, net) for x, y, net in zip(a, b, nets)]
-            coefficients = np.stack(tables).reshape(len(nets), -1, p + 1, patch.kv_v.spans, q + 1).transpose(0, 2, 4, 1, 3)
-            yield Cells(coefficients.reshape(len(nets), p + 1, q + 1, -1), _boxes(patch, first, step), magnitude, error)
+            tables = [
+                tensor_apply(x[first * (p + 1) : (first + step) * (p + 1)], y, net)
+                for x, y, net in zip(a, b, nets)
+            ]
+            coefficients = (
+                np.stack(tables)
+                .reshape(len(nets), -1, p + 1, patch.kv_v.spans, q + 1)
+                .transpose(0, 2, 4, 1, 3)
+            )
+            yield Cells(
+                coefficients.reshape(len(nets), p + 1, q + 1, -1),
+                _boxes(patch, first, step),
+                magnitude,
+                error,
+            )
 
 
 def rounding(count: int, size: Array | float) -> Array | float:
@@ -105,7 +128,8 @@ def rounding(count: int, size: Array | float) -> Array | float:
 
 
 def whole_graph(graph: Graph) -> BSplineSurface | THBSurface | tuple[BSplineSurface, ...]:
-    """Return a surface itself and patches as a tuple, which can be gone through twice; raise ValueError for anything else."""
+    """Return a surface itself and patches as a tuple, which can be gone through twice; raise ValueError for
+    anything else."""
     if isinstance(graph, BSplineSurface | THBSurface):
         return graph
     patches = tuple(graph) if isinstance(graph, Iterable) else (graph,)
@@ -124,7 +148,9 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
         patches, error = [graph] if isinstance(graph, BSplineSurface) else list(whole_graph(graph)), 0.0
     for patch in patches:
         if patch.coefficients.ndim != 2:
-            raise ValueError(f"bounds need scalar coefficients, got a net of shape {patch.coefficients.shape}")
+            raise ValueError(
+                f"bounds need scalar coefficients, got a net of shape {patch.coefficients.shape}"
+            )
     degrees = {(patch.kv_u.degree, patch.kv_v.degree) for patch in patches}
     if len(degrees) != 1:
         raise ValueError(f"bounds need one or more patches of equal degrees, got degrees {sorted(degrees)}")
@@ -138,7 +164,8 @@ def _boxes(patch: BSplineSurface, first: int, step: int) -> Array:
 
 
 def _differentiated(patch: BSplineSurface, orders: Orders, error: float) -> tuple[Array, float]:
-    """Return the coefficients of a derivative, c_i' = p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1)) in u and v, and their error."""
+    """Return the coefficients of a derivative, c_i' = p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1)) in u and v,
+    and their error."""
     net = patch.coefficients
     for kv, order in zip((patch.kv_u, patch.kv_v), orders):
         if order > kv.degree:
@@ -157,19 +184,24 @@ def _differentiated(patch: BSplineSurface, orders: Orders, error: float) -> tupl
 
 
 def _extraction(kv: KnotVector, order: int, degree: int) -> csr_array:
-    """Return the operator from the coefficients of a derivative to Bernstein coefficients of a degree on every span."""
+    """Return the operator from the coefficients of a derivative to Bernstein coefficients of a degree on
+    every span."""
     if order > kv.degree:
         return csr_array((kv.spans * (degree + 1), kv.dim))
     p, knots = kv.degree - order, kv.knots[order : len(kv.knots) - order]
     span = np.flatnonzero(np.diff(knots) > 0)
     rows = bezier_rows(knots[span + np.arange(1 - p, p + 1)[:, None]])
-    return band_matrix(np.repeat(span - p, degree + 1), (_elevation(p, degree) @ rows).reshape(-1, p + 1), len(knots) - p - 1)
+    return band_matrix(
+        np.repeat(span - p, degree + 1), (_elevation(p, degree) @ rows).reshape(-1, p + 1), len(knots) - p - 1
+    )
 
 
 def _elevation(p: int, degree: int) -> Array:
     """Return the degree elevation of Bernstein coefficients, (degree + 1, p + 1)."""
     rest = degree - p
-    weights = [[comb(p, j) * comb(rest, i - j) if i >= j else 0 for j in range(p + 1)] for i in range(degree + 1)]
+    weights = [
+        [comb(p, j) * comb(rest, i - j) if i >= j else 0 for j in range(p + 1)] for i in range(degree + 1)
+    ]
     return np.array(weights) / [[comb(degree, i)] for i in range(degree + 1)]
 
 
@@ -179,5 +211,6 @@ def _along(axis: int, matrix: Array, block: Array) -> Array:
 
 
 def _roundings(p: int, q: int) -> int:
-    """Return the roundings of two products with polar forms of degrees p, q: 5 per factor, the elevation and the sums."""
+    """Return the roundings of two products with polar forms of degrees p, q: 5 per factor, the elevation and
+    the sums."""
     return 8 * (p + q + 2)

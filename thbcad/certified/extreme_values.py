@@ -5,7 +5,8 @@ function of the vector is therefore nowhere greater than its greatest value at t
 and at the four corners it takes its value there.  Both bounds meet with the square of the cell
 size: branch and bound drops the cells that cannot hold the greatest value and quarters the others.
 
-The bounds hold in floating point: what rounding does to the coefficients comes with them, see `thbcad.bernstein`.
+The bounds hold in floating point: what rounding does to the coefficients comes with them, see
+`thbcad.bernstein`.
 
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14.
 """
@@ -67,10 +68,14 @@ def minimum(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9) 
     ------
     ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
-    return _negative(greatest((cells.negated() for cells in bernstein(graph, (derivative,))), _value, tolerance))
+    return _negative(
+        greatest((cells.negated() for cells in bernstein(graph, (derivative,))), _value, tolerance)
+    )
 
 
-def value_range(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9) -> tuple[Enclosure, Enclosure]:
+def value_range(
+    graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e-9
+) -> tuple[Enclosure, Enclosure]:
     """Return certified bounds of the least and of the greatest value of d^(a+b) z / dx^a dy^b.
 
     The search ends as in `minimum`.  A derivative that jumps at a knot counts with both its values.
@@ -83,7 +88,9 @@ def value_range(graph: Graph, derivative: Orders = (0, 0), tolerance: float = 1e
     return minimum(graph, derivative, tolerance), greatest(bernstein(graph, (derivative,)), _value, tolerance)
 
 
-def greatest(pieces: Iterable[Cells], assess: Callable[[Cells, float], Assessment], tolerance: float) -> Enclosure:
+def greatest(
+    pieces: Iterable[Cells], assess: Callable[[Cells, float], Assessment], tolerance: float
+) -> Enclosure:
     """Return bounds of the greatest value of a function of the vectors, by branch and bound.
 
     assess : (cells, best value so far) -> Assessment
@@ -115,7 +122,8 @@ def greatest(pieces: Iterable[Cells], assess: Callable[[Cells, float], Assessmen
 
 
 def corners(values: Array) -> Array:
-    """Return the corners (0, 0), (0, 1), (1, 0), (1, 1) of coefficients (..., p + 1, q + 1, n), as (..., 4, n)."""
+    """Return the corners (0, 0), (0, 1), (1, 0), (1, 1) of coefficients (..., p + 1, q + 1, n), as (..., 4,
+    n)."""
     return values[..., [0, 0, -1, -1], [0, -1, 0, -1], :]
 
 
@@ -132,7 +140,10 @@ def _best_corner(cells: Cells, found: Assessment) -> tuple[float, float, float, 
 
 
 def _joined(pieces: list[Cells]) -> Cells:
-    coefficients, box = (np.concatenate([getattr(cells, name) for cells in pieces], axis=-1) for name in ("coefficients", "box"))
+    coefficients, box = (
+        np.concatenate([getattr(cells, name) for cells in pieces], axis=-1)
+        for name in ("coefficients", "box")
+    )
     return replace(pieces[0], coefficients=coefficients, box=box)
 
 

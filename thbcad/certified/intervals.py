@@ -1,10 +1,11 @@
 """Enclosures of splines over rectangles, and the proof that a function is positive on a set of boxes.
 
-On a rectangle within one cell a polynomial lies between its least and greatest Bernstein coefficient there, which are polar forms at
-the ends of the rectangle.  A rectangle that meets several cells is cut along the knots, so that derivatives may jump there.
+On a rectangle within one cell a polynomial lies between its least and greatest Bernstein coefficient there,
+which are polar forms at the ends of the rectangle.  A rectangle that meets several cells is cut along the
+knots, so that derivatives may jump there.
 
-Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to
-Interval Analysis, chapters 5 and 6.
+Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14; R. E. Moore, R. B. Kearfott, M. J. Cloud,
+Introduction to Interval Analysis, chapters 5 and 6.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ Rows = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Numbers between `low` and `high`, (n,) float each, with the arithmetic of intervals (not rounded outward)."""
+    """Numbers between `low` and `high`, (n,) float each, with the arithmetic of intervals (not rounded
+    outward)."""
 
     low: Array
     high: Array
@@ -57,21 +59,39 @@ class Interval:
         return Interval(np.clip(self.low, low, high), np.clip(self.high, low, high))
 
 
-def range_over(surface: BSplineSurface, u: Interval, v: Interval, orders: tuple[int, int] = (0, 0)) -> Interval:
-    """Return bounds of a value or derivative (orders 0 and 1) of a scalar surface over rectangles u x v inside its domain.
+def range_over(
+    surface: BSplineSurface, u: Interval, v: Interval, orders: tuple[int, int] = (0, 0)
+) -> Interval:
+    """Return bounds of a value or derivative (orders 0 and 1) of a scalar surface over rectangles u x v
+    inside its domain.
 
-    They are the least and the greatest Bernstein coefficient on the rectangles, rounding included, and meet as these shrink.
+    They are the least and the greatest Bernstein coefficient on the rectangles, rounding included, and meet
+    as these shrink.
     """
     low, high = np.full(len(u.low), np.inf), np.full(len(u.low), -np.inf)
     (first_u, count_u), (first_v, count_v) = _spans(surface.kv_u, u), _spans(surface.kv_v, v)
     pieces = np.repeat(np.arange(len(low)), count_u * count_v)
-    number = np.arange(len(pieces)) - np.repeat(np.cumsum(count_u * count_v) - count_u * count_v, count_u * count_v)
+    number = np.arange(len(pieces)) - np.repeat(
+        np.cumsum(count_u * count_v) - count_u * count_v, count_u * count_v
+    )
     for first in range(0, len(pieces), STRIP):
         owner, k = pieces[first : first + STRIP], number[first : first + STRIP]
-        start_u, a = _restricted(surface.kv_u, Interval(u.low[owner], u.high[owner]), first_u[owner] + k // count_v[owner], orders[0])
-        start_v, b = _restricted(surface.kv_v, Interval(v.low[owner], v.high[owner]), first_v[owner] + k % count_v[owner], orders[1])
+        start_u, a = _restricted(
+            surface.kv_u,
+            Interval(u.low[owner], u.high[owner]),
+            first_u[owner] + k // count_v[owner],
+            orders[0],
+        )
+        start_v, b = _restricted(
+            surface.kv_v,
+            Interval(v.low[owner], v.high[owner]),
+            first_v[owner] + k % count_v[owner],
+            orders[1],
+        )
         p, q = surface.kv_u.degree, surface.kv_v.degree
-        net = surface.coefficients[start_u[:, None, None] + np.arange(p + 1)[:, None], start_v[:, None, None] + np.arange(q + 1)]
+        net = surface.coefficients[
+            start_u[:, None, None] + np.arange(p + 1)[:, None], start_v[:, None, None] + np.arange(q + 1)
+        ]
         coefficients = np.matmul(np.matmul(a, net), b.transpose(0, 2, 1)).reshape(len(owner), -1)
         size = abs(a).sum(axis=2).max(axis=1) * abs(net).max(axis=(1, 2)) * abs(b).sum(axis=2).max(axis=1)
         error = rounding(8 * (p + q + 2), size)
@@ -83,7 +103,8 @@ def range_over(surface: BSplineSurface, u: Interval, v: Interval, orders: tuple[
 def positive(
     lower: Callable[[Interval, Interval], Array], value: Callable[[Array, Array], Array], boxes: Array
 ) -> tuple[bool, Array | None]:
-    """Return (True, None) where bounds prove a function positive on boxes, (False, point) where it is not at a point (2,).
+    """Return (True, None) where bounds prove a function positive on boxes, (False, point) where it is not at
+    a point (2,).
 
     After 2^15 boxes without proof or counterexample it returns (False, None).
 
@@ -121,14 +142,17 @@ def _spans(kv: KnotVector, x: Interval) -> tuple[Rows, Rows]:
 
 
 def _restricted(kv: KnotVector, x: Interval, span: Rows, order: int) -> tuple[Rows, Array]:
-    """Return (first, rows): rows @ c[first : first + p + 1] are the Bernstein coefficients of a derivative on parts of intervals in a span.
+    """Return (first, rows): rows @ c[first : first + p + 1] are the Bernstein coefficients of a derivative on
+    parts of intervals in a span.
 
     rows : (n, p + 1 - order, p + 1) float
     """
     p = kv.degree
     ends = np.stack([np.maximum(x.low, kv.breaks[span]), np.minimum(x.high, kv.breaks[span + 1])], axis=1)
     degree = p - order
-    pattern = np.arange(p) >= degree - np.arange(degree + 1)[:, None]  # coefficient k is the polar form at degree - k times the low end
+    pattern = (
+        np.arange(p) >= degree - np.arange(degree + 1)[:, None]
+    )  # coefficient k is the polar form at degree - k times the low end
     mu = np.searchsorted(kv.knots, kv.breaks[span], "right") - 1
     arguments = ends[:, pattern.astype(int)].reshape(-1, p)
     rows = blossom_rows(kv.knots, p, np.repeat(mu, degree + 1), arguments, order)

@@ -77,7 +77,9 @@ def least_radii(graph: Graph, tolerance: float = 1e-6) -> LeastRadii:
 
 def _radius(curvature: Enclosure) -> Enclosure:
     """Return the enclosure of 1 / k, infinite for k <= 0."""
-    lower, upper, value = (1 / k if k > 0 else np.inf for k in (curvature.upper, curvature.lower, curvature.value))
+    lower, upper, value = (
+        1 / k if k > 0 else np.inf for k in (curvature.upper, curvature.lower, curvature.value)
+    )
     if curvature.upper > 0:
         lower = float(np.nextafter(lower, 0))
     return Enclosure(lower, float(np.nextafter(upper, np.inf)), value, curvature.u, curvature.v)
@@ -110,12 +112,21 @@ def _greater_curvature(z_x: Array, z_y: Array, z_xx: Array, z_xy: Array, z_yy: A
     w = np.sqrt(1 + z_x**2 + z_y**2)
     share = 1 / (w * (w + 1))
     s_xx, s_xy, s_yy = 1 - share * z_x**2, -share * z_x * z_y, 1 - share * z_y**2
-    b_xx, b_xy, b_yx, b_yy = s_xx * z_xx + s_xy * z_xy, s_xx * z_xy + s_xy * z_yy, s_xy * z_xx + s_yy * z_xy, s_xy * z_xy + s_yy * z_yy
-    return _greater_eigenvalue(b_xx * s_xx + b_xy * s_xy, b_xx * s_xy + b_xy * s_yy, b_yx * s_xy + b_yy * s_yy) / w
+    b_xx, b_xy, b_yx, b_yy = (
+        s_xx * z_xx + s_xy * z_xy,
+        s_xx * z_xy + s_xy * z_yy,
+        s_xy * z_xx + s_yy * z_xy,
+        s_xy * z_xy + s_yy * z_yy,
+    )
+    return (
+        _greater_eigenvalue(b_xx * s_xx + b_xy * s_xy, b_xx * s_xy + b_xy * s_yy, b_yx * s_xy + b_yy * s_yy)
+        / w
+    )
 
 
 def _upper(derivatives: Array, kappa: float, slope_error: float, error: float) -> Array:
-    """Return the bound of max(k, 0) on every cell; `error` is that of the Hessian and of sums of its entries."""
+    """Return the bound of max(k, 0) on every cell; `error` is that of the Hessian and of sums of its
+    entries."""
     z_x, z_y, z_xx, z_xy, z_yy = derivatives
     x, y = z_x.mean(axis=(0, 1)), z_y.mean(axis=(0, 1))
     w = np.sqrt(1 + x**2 + y**2)
@@ -124,7 +135,10 @@ def _upper(derivatives: Array, kappa: float, slope_error: float, error: float) -
     c_xx = z_xx - kappa * (stretched * (1 + x**2) + 2 * w * x * dx)
     c_xy = z_xy - kappa * (stretched * (x * y) + w * (x * dy + y * dx))
     c_yy = z_yy - kappa * (stretched * (1 + y**2) + 2 * w * y * dy)
-    mu, nu = (_greater_eigenvalue(*entries).max(axis=(0, 1)) + error for entries in ((c_xx, c_xy, c_yy), (z_xx, z_xy, z_yy)))
+    mu, nu = (
+        _greater_eigenvalue(*entries).max(axis=(0, 1)) + error
+        for entries in ((c_xx, c_xy, c_yy), (z_xx, z_xy, z_yy))
+    )
     away = np.hypot(dx, dy).max(axis=(0, 1)) * (1 + ROUNDINGS * EPS) + slope_error
     steep = np.hypot(z_x, z_y).max(axis=(0, 1)) + slope_error
     least_w = np.hypot(1, np.maximum(np.hypot(x, y) * (1 - ROUNDINGS * EPS) - away, 0))

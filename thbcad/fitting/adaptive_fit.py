@@ -52,8 +52,11 @@ class Fit:
     history: tuple[Step, ...]
 
 
-def fit(space: THBSpace, target: Function | Samples, tolerance: float, max_level: int = 6, smoothing: float = 0.0) -> Fit:
-    """Return a spline of this space, refined where needed, that differs from the target by at most `tolerance`.
+def fit(
+    space: THBSpace, target: Function | Samples, tolerance: float, max_level: int = 6, smoothing: float = 0.0
+) -> Fit:
+    """Return a spline of this space, refined where needed, that differs from the target by at most
+    `tolerance`.
 
     Fits by least squares, measures the error on every leaf cell, refines the cells above the
     tolerance together with their neighbours (`surroundings`), and so on.
@@ -105,7 +108,8 @@ def _refined(
     tolerance: float,
     max_level: int,
 ) -> Fit:
-    """Return the fit: approximate, measure the error of every leaf cell, refine, until there is an outcome."""
+    """Return the fit: approximate, measure the error of every leaf cell, refine, until there is an
+    outcome."""
     best = surface = approximate(space)
     history, below = [], []
     while True:
@@ -129,7 +133,8 @@ def _refined(
 
 
 def _finer(space: THBSpace, cells: NDArray[np.int64]) -> THBSpace | None:
-    """Return the space with the surroundings of the cells refined; None where they would be too short for float64."""
+    """Return the space with the surroundings of the cells refined; None where they would be too short for
+    float64."""
     try:
         return space.refine(surroundings(space, cells))
     except ValueError:
@@ -137,7 +142,8 @@ def _finer(space: THBSpace, cells: NDArray[np.int64]) -> THBSpace | None:
 
 
 def _outcome(error: float, below: list[float], tolerance: float) -> Outcome | None:
-    """Return the outcome, or None to go on; below : the error of every fit on the cells that may be refined."""
+    """Return the outcome, or None to go on; below : the error of every fit on the cells that may be
+    refined."""
     if error <= tolerance:
         return "reached"
     if below[-1] <= tolerance:
@@ -148,16 +154,20 @@ def _outcome(error: float, below: list[float], tolerance: float) -> Outcome | No
 
 
 def surroundings(space: THBSpace, cells: NDArray[np.int64]) -> dict[int, NDArray[np.int64]]:
-    """Return {level: cells}: the leaf cells, not finer, that meet the (p // 2, q // 2) neighbours of given leaf cells.
+    """Return {level: cells}: the leaf cells, not finer, that meet the (p // 2, q // 2) neighbours of given
+    leaf cells.
 
-    cells : (n, 3) int [level, i, j].  Refining them makes room for functions of the next level around every given cell.
+    cells : (n, 3) int [level, i, j].  Refining them makes room for functions of the next level around every
+        given cell.
     """
     found = []
     for level in np.unique(cells[:, 0]).tolist():
         here = cells[cells[:, 0] == level, 1:]
         reach = [np.arange(-(kv.degree // 2), kv.degree // 2 + 1) for kv in (space.kv_u, space.kv_v)]
         ring = (here[:, None] + np.stack(np.meshgrid(*reach), axis=-1).reshape(1, -1, 2)).reshape(-1, 2)
-        ring = np.unique(np.clip(ring, 0, [(kv.spans << level) - 1 for kv in (space.kv_u, space.kv_v)]), axis=0)
+        ring = np.unique(
+            np.clip(ring, 0, [(kv.spans << level) - 1 for kv in (space.kv_u, space.kv_v)]), axis=0
+        )
         centres = (axis.value(level + 1, 2 * k + 1) for axis, k in zip(space.axes, ring.T))
         leaves = space.cells[np.unique(space.locate(*centres))]
         found.append(leaves[leaves[:, 0] <= level])

@@ -11,7 +11,8 @@ from thbcad.hierarchy import THBSpace
 def cell_points(
     space: THBSpace, shares_u: NDArray[np.float64], shares_v: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (u, v), each (cells, n_u n_v): the points at the given shares of every cell's sides, u first, then v."""
+    """Return (u, v), each (cells, n_u n_v): the points at the given shares of every cell's sides, u first,
+    then v."""
     u0, u1, v0, v1 = space.boxes.T[:, :, None]
     u, v = u0 + (u1 - u0) * shares_u, v0 + (v1 - v0) * shares_v
     return np.repeat(u, len(shares_v), axis=1), np.tile(v, len(shares_u))

@@ -47,12 +47,23 @@ class Samples:
 
     def __post_init__(self) -> None:
         n = np.shape(self.values)[:1]
-        arrays = {"u": self.u, "v": self.v, "values": self.values, "weights": np.ones(n) if self.weights is None else self.weights}
+        arrays = {
+            "u": self.u,
+            "v": self.v,
+            "values": self.values,
+            "weights": np.ones(n) if self.weights is None else self.weights,
+        }
         for name, given in arrays.items():
             array = read_only(given)
-            if array.shape[:1] != n or 0 in array.shape[1:] or not 1 <= array.ndim <= (2 if name == "values" else 1):
+            if (
+                array.shape[:1] != n
+                or 0 in array.shape[1:]
+                or not 1 <= array.ndim <= (2 if name == "values" else 1)
+            ):
                 shapes = ", ".join(f"{key} {np.shape(x)}" for key, x in arrays.items())
-                raise ValueError(f"samples need u (n,), v (n,), values (n,) or (n, d), weights (n,), got shapes {shapes}")
+                raise ValueError(
+                    f"samples need u (n,), v (n,), values (n,) or (n, d), weights (n,), got shapes {shapes}"
+                )
             bad = ~np.isfinite(array)
             if bad.any():
                 raise ValueError(f"{name}[{int(np.nonzero(bad)[0][0])}] is not finite")
@@ -70,8 +81,13 @@ class Samples:
             require_real(x)
         u, v, values = (np.asarray(x, dtype=np.float64) for x in (u, v, values))
         if u.ndim != 1 or v.ndim != 1 or values.shape[:2] != (len(u), len(v)):
-            raise ValueError(f"a height map over u {u.shape} and v {v.shape} needs values (n_u, n_v), got shape {values.shape}")
-        return cls(np.repeat(u, len(v)), np.tile(v, len(u)), values.reshape(u.size * v.size, *values.shape[2:]))
+            raise ValueError(
+                f"a height map over u {u.shape} and v {v.shape} needs values (n_u, n_v), got shape "
+                f"{values.shape}"
+            )
+        return cls(
+            np.repeat(u, len(v)), np.tile(v, len(u)), values.reshape(u.size * v.size, *values.shape[2:])
+        )
 
     def __getitem__(self, chosen: slice | NDArray) -> Samples:
         """Return some of the samples."""
@@ -112,7 +128,8 @@ def least_squares(space: THBSpace, samples: Samples, smoothing: float = 0.0) -> 
 
 
 def thin_plate(space: THBSpace) -> csr_array:
-    """Return the energy matrix E, csr_array (dim, dim), with c^T E c = integral of (s_uu^2 + 2 s_uv^2 + s_vv^2) du dv.
+    """Return the energy matrix E, csr_array (dim, dim), with c^T E c = integral of (s_uu^2 + 2 s_uv^2 +
+    s_vv^2) du dv.
 
     Gauss quadrature with p + 1 and q + 1 points on every leaf cell, which is exact.
     """
@@ -131,21 +148,26 @@ def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> tuple[S
         empty = np.flatnonzero(diagonal == 0)
         raise Underdetermined(
             f"{len(empty)} of {space.dim} functions have no sample in their support, the first is function "
-            f"{empty[0]} (level, i, j) = {tuple(space.functions[empty[0]].tolist())}; add samples there, refine less, or smooth"
+            f"{empty[0]} (level, i, j) = {tuple(space.functions[empty[0]].tolist())}; add samples there, "
+            "refine less, or smooth"
         )
     scale = 1 / np.sqrt(diagonal)
     rounding = space.dim * EPS
-    # the shift keeps the pivots of a singular matrix from being exactly zero; the second solve makes up for it
+    # the shift keeps the pivots of a singular matrix from being exactly zero; the second solve makes up for
+    # it
     scaled = csc_array(diags_array(scale) @ normal @ diags_array(scale) + rounding * eye_array(space.dim))
     lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     weak = np.random.default_rng(0).standard_normal(space.dim)
-    for _ in range(2):  # inverse iteration: towards the eigenvector of the least eigenvalue, which is 1 / |weak|
+    for _ in range(
+        2
+    ):  # inverse iteration: towards the eigenvector of the least eigenvalue, which is 1 / |weak|
         weak = lu.solve(weak / np.linalg.norm(weak))
     if np.linalg.norm(weak) * 2 * rounding >= 1:
         k = int(np.argmax(np.abs(weak)))
         advice = f"choose another smoothing than {smoothing:g}" if smoothing else "smooth"
         raise Underdetermined(
-            f"the samples do not determine function {k} (level, i, j) = {tuple(space.functions[k].tolist())} apart from "
+            f"the samples do not determine function {k} (level, i, j) = "
+            f"{tuple(space.functions[k].tolist())} apart from "
             f"its neighbours; add samples near it, refine less, or {advice}"
         )
     return lu, scale

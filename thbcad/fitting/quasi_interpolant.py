@@ -35,8 +35,8 @@ def quasi_interpolate(space: THBSpace, function: Function) -> THBSurface:
     """Return the hierarchical quasi-interpolant of a function: equal to it if it lies in the space.
 
     A coefficient has a rounding error of about 1e-16 times the norm of its functional: where a
-    function keeps only one leaf cell of its own level, 3e3 for degree 3 and 5e8 for degree 5 (uniform knots).  From
-    degree 7 on, `least_squares` is the more accurate.
+    function keeps only one leaf cell of its own level, 3e3 for degree 3 and 5e8 for degree 5 (uniform knots).
+     From degree 7 on, `least_squares` is the more accurate.
 
     Parameters
     ----------
@@ -63,11 +63,16 @@ def quasi_interpolation(space: THBSpace) -> tuple[NDArray[np.float64], NDArray[n
     sample_u, sample_v = (np.broadcast_to(x, used.shape)[used] for x in (u[:, :, None], v[:, None, :]))
     weights = (weights_u[:, :, None] * weights_v[:, None, :])[used]
     ends = np.r_[0, np.cumsum(used.sum(axis=(1, 2)))]
-    return sample_u, sample_v, csr_array((weights, np.arange(len(weights)), ends), shape=(space.dim, len(weights)))
+    return (
+        sample_u,
+        sample_v,
+        csr_array((weights, np.arange(len(weights)), ends), shape=(space.dim, len(weights))),
+    )
 
 
 def _level_functionals(space: THBSpace, level: int) -> list[NDArray[np.float64]]:
-    """Return points and weights in u, points and weights in v of the active functions of a level, (n, 2 p + 1) each."""
+    """Return points and weights in u, points and weights in v of the active functions of a level, (n, 2 p +
+    1) each."""
     functions = space.functions[space.functions[:, 0] == level, 1:]
     tables, rows = [], []
     for axis, index in zip(space.axes, functions.T):
@@ -102,13 +107,18 @@ def _axis_functionals(axis: DyadicAxis, level: int, index: NDArray[np.int64]) ->
     for size in np.unique(last - first) + p + 1:
         here = last - first + p + 1 == size
         at = owner[here], interval[here]
-        x, w = _functionals(axis.knots(level, first[here, None] + np.arange(-p, size + 1)), p, index[at[0]] - first[here] + p)
+        x, w = _functionals(
+            axis.knots(level, first[here, None] + np.arange(-p, size + 1)), p, index[at[0]] - first[here] + p
+        )
         points[*at, :size], weights[*at, :size], norms[at] = x, w, abs(w).sum(axis=1)
     return _AxisFunctionals(norms, points, weights)
 
 
-def _functionals(knots: NDArray[np.float64], p: int, target: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points and weights, (n, m) each, on [t_p, t_m] for rows of m + p + 1 knots; `target` numbers the m B-splines of a row."""
+def _functionals(
+    knots: NDArray[np.float64], p: int, target: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points and weights, (n, m) each, on [t_p, t_m] for rows of m + p + 1 knots; `target` numbers the
+    m B-splines of a row."""
     n, m = len(knots), knots.shape[1] - p - 1
     rows = np.arange(n)[:, None]
     clamped = np.clip(knots, knots[:, p : p + 1], knots[:, m : m + 1])
@@ -117,7 +127,9 @@ def _functionals(knots: NDArray[np.float64], p: int, target: NDArray[np.int64]) 
     near = np.stack([knots[rows, span + offset].ravel() for offset in range(1 - p, p + 1)])
     values = blossom(near, np.broadcast_to(points.reshape(-1, 1), (n * m, p)))
     matrix = np.zeros((n, m, m))  # [row, B-spline, point]
-    matrix[rows[:, :, None], span[:, :, None] - p + np.arange(p + 1), np.arange(m)[:, None]] = values.reshape(n, m, p + 1)
+    matrix[rows[:, :, None], span[:, :, None] - p + np.arange(p + 1), np.arange(m)[:, None]] = values.reshape(
+        n, m, p + 1
+    )
     unit = np.zeros((n, m, 1))
     unit[np.arange(n), target] = 1
     return points, np.linalg.solve(matrix, unit)[:, :, 0]

@@ -54,7 +54,8 @@ def _neighbourhood(domains: Domains, level: int, pairs: Integers, coarse: int) -
 
 
 def _parents_range(axis: DyadicAxis, level: int, spans: Integers) -> tuple[Integers, Integers]:
-    """Return (first, steps): the spans of level - 1 that meet the supports of all functions acting on each span of a level."""
+    """Return (first, steps): the spans of level - 1 that meet the supports of all functions acting on each
+    span of a level."""
     first = axis.acting(level, spans)
     low = axis.support(level, first)[0] >> 1
     high = (axis.support(level, first + axis.degree)[1] - 1) >> 1

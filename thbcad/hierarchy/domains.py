@@ -95,13 +95,18 @@ class Domains:
 
     def within(self, finer: Domains) -> bool:
         """Return whether all cells that are refined here are refined in `finer` too."""
-        return all(np.isin(keys, finer.refined(level), assume_unique=True).all() for level, keys in enumerate(self._refined))
+        return all(
+            np.isin(keys, finer.refined(level), assume_unique=True).all()
+            for level, keys in enumerate(self._refined)
+        )
 
     def _counts(self, level: int) -> tuple[int, int]:
         """Return the numbers of cells of a level in u and in v; refuse those whose keys overflow."""
         n_u, n_v = (axis.spans(level) for axis in self.axes)
         if n_u * n_v >= 1 << 63:
-            raise ValueError(f"level {level} is too deep: its {n_u} x {n_v} cells cannot be counted in 64 bits")
+            raise ValueError(
+                f"level {level} is too deep: its {n_u} x {n_v} cells cannot be counted in 64 bits"
+            )
         return n_u, n_v
 
     def _parents(self, level: int, keys: Integers) -> Integers:
@@ -110,7 +115,11 @@ class Domains:
         return (i >> 1) * self.axes[1].spans(level - 1) + (j >> 1)
 
     def _require_leaves(self, level: int, keys: Integers) -> None:
-        orphan = ~np.isin(self._parents(level, keys), self.refined(level - 1)) if level else np.zeros(0, dtype=bool)
+        orphan = (
+            ~np.isin(self._parents(level, keys), self.refined(level - 1))
+            if level
+            else np.zeros(0, dtype=bool)
+        )
         if orphan.any():
             i, j = self.pairs(level, keys[orphan][:1])[0]
             raise ValueError(f"cell ({i}, {j}) of level {level} does not exist: its parent is not refined")
@@ -128,7 +137,9 @@ class Domains:
             deep = np.isin(keys, self._parents(level + 1, refined[level + 1]))
             if deep.any():
                 i, j = self.pairs(level, keys[deep][:1])[0]
-                raise ValueError(f"cell ({i}, {j}) of level {level} has children that are refined; coarsen them first")
+                raise ValueError(
+                    f"cell ({i}, {j}) of level {level} has children that are refined; coarsen them first"
+                )
 
 
 def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
@@ -142,7 +153,10 @@ def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
         if array.size == 0:
             continue
         if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
-            raise ValueError(f"cells of level {level} must be pairs (i, j) of integers, got {array.dtype} of shape {array.shape}")
+            raise ValueError(
+                f"cells of level {level} must be pairs (i, j) of integers, got {array.dtype} of shape "
+                f"{array.shape}"
+            )
         if array.max() > np.iinfo(np.int64).max:
             raise ValueError(f"cells of level {level} must be pairs (i, j) below 2^63, got {array.max()}")
         checked[int(level)] = array.astype(np.int64)

@@ -45,7 +45,8 @@ class Nets:
 
     @cached_property
     def steps(self) -> tuple[csr_array, ...]:
-        """Two-scale relations S_l, csr_array (sizes[l], sizes[l - 1]) with read-only entries, from l = 1 on."""
+        """Two-scale relations S_l, csr_array (sizes[l], sizes[l - 1]) with read-only entries, from l = 1
+        on."""
         steps = tuple(_two_scale(a, b) for a, b in zip(self.hierarchy, self.hierarchy[1:]))
         for step in steps:
             locked(step.data)
@@ -78,7 +79,9 @@ class Nets:
         net = None
         for number, rows in enumerate(positions):
             shape = self.sizes[number], int(starts[-1])
-            place = csr_array((np.ones(len(rows)), (rows, np.arange(starts[number], starts[number + 1]))), shape=shape)
+            place = csr_array(
+                (np.ones(len(rows)), (rows, np.arange(starts[number], starts[number + 1]))), shape=shape
+            )
             if number:
                 step = self.steps[number - 1]
                 place = place + (without_rows(step, rows) if truncated else step) @ net
@@ -86,7 +89,8 @@ class Nets:
             yield net
 
     def onto_active(self, operators: Iterable[csr_array]) -> csr_array:
-        """Return the rows of the active functions, csr_array (dim, n), of operators onto the nets, csr_array (sizes[l], n) each."""
+        """Return the rows of the active functions, csr_array (dim, n), of operators onto the nets, csr_array
+        (sizes[l], n) each."""
         return csr_array(vstack([net[rows] for net, rows in zip(operators, self.active)], format="csr"))
 
 
@@ -103,8 +107,12 @@ def without_rows(matrix: csr_array, rows: Integers) -> csr_array:
 def _two_scale(coarse: Level, fine: Level) -> csr_array:
     """Return the operator from the functions on Omega_(l-1) to those on Omega_l."""
     number, width = fine.number, len(coarse.distinct[1])
-    by_u, by_v = (axis.two_scale(number, fine.distinct[d], coarse.distinct[d]) for d, axis in enumerate(fine.axes))
-    (at_u, n_u), (at_v, n_v) = ((by.indptr[place], np.diff(by.indptr)[place]) for by, place in zip((by_u, by_v), fine.places))
+    by_u, by_v = (
+        axis.two_scale(number, fine.distinct[d], coarse.distinct[d]) for d, axis in enumerate(fine.axes)
+    )
+    (at_u, n_u), (at_v, n_v) = (
+        (by.indptr[place], np.diff(by.indptr)[place]) for by, place in zip((by_u, by_v), fine.places)
+    )
     count = n_u * n_v
     row = np.repeat(np.arange(len(count)), count)
     rank = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
@@ -114,4 +122,6 @@ def _two_scale(coarse: Level, fine: Level) -> csr_array:
     keys = by_u.indices[k_u].astype(np.int64) * width + by_v.indices[k_v]
     columns = np.searchsorted(coarse.keys, keys)
     indptr = np.concatenate([[0], np.cumsum(count)])
-    return csr_array((by_u.data[k_u] * by_v.data[k_v], columns, indptr), shape=(len(fine.keys), len(coarse.keys)))
+    return csr_array(
+        (by_u.data[k_u] * by_v.data[k_v], columns, indptr), shape=(len(fine.keys), len(coarse.keys))
+    )

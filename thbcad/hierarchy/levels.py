@@ -35,7 +35,9 @@ class DyadicAxis:
         self._multiplicity = multiplicity
         self._surplus = np.r_[0, np.cumsum(multiplicity - 1)]
         breaks = knot_vector.breaks
-        self.roughness = 1 + float(np.abs(breaks).max() / np.diff(breaks).min())  # the largest number in units of the shortest span
+        self.roughness = 1 + float(
+            np.abs(breaks).max() / np.diff(breaks).min()
+        )  # the largest number in units of the shortest span
 
     def spans(self, level: int) -> int:
         """Return the number of non-empty spans of a level."""
@@ -83,7 +85,8 @@ class DyadicAxis:
         return self.knots(level, self.acting(level, spans) + offsets[:, None])
 
     def two_scale(self, level: int, functions: Integers, coarser: Integers) -> csr_array:
-        """Return the rows `functions` and columns `coarser` of the refinement operator from level - 1 to a level.
+        """Return the rows `functions` and columns `coarser` of the refinement operator from level - 1 to a
+        level.
 
         Row j holds the polar form at the knots t_(j+1) ... t_(j+p) of the finer level (thesis 3.30-3.35).
         """
@@ -129,14 +132,17 @@ class DyadicAxis:
         if len(near):
             u, settled = u[near], span[near]
             settled -= u < self.value(level, settled)
-            settled += (settled + 1 < self.spans(level)) & (u >= self.value(level, np.minimum(settled + 1, self.spans(level))))
+            settled += (settled + 1 < self.spans(level)) & (
+                u >= self.value(level, np.minimum(settled + 1, self.spans(level)))
+            )
             span[near] = np.maximum(settled, 0)
         return span
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One level: the cells of Omega_l and the functions that act on them, read-only rows, all in order of i, then j.
+    """One level: the cells of Omega_l and the functions that act on them, read-only rows, all in order of i,
+    then j.
 
     cells : (n, 2) int, cells (i, j) of Omega_l
     refined : (n,) bool, the cell is refined
@@ -171,7 +177,8 @@ class Level:
         return locked(np.stack([row[place] for row, place in zip(self.distinct, self.places)], axis=1))
 
     def find(self, functions: Integers) -> Integers:
-        """Return the positions of functions (i, j) among the acting ones, -1 where they do not act; functions : (..., 2) int."""
+        """Return the positions of functions (i, j) among the acting ones, -1 where they do not act; functions
+        : (..., 2) int."""
         place, known = zip(*(_position(row, functions[..., d]) for d, row in enumerate(self.distinct)))
         at, found = _position(self.keys, place[0] * len(self.distinct[1]) + place[1])
         return np.where(found & known[0] & known[1], at, -1)
@@ -184,7 +191,9 @@ class Level:
         return heads[:, :, None] + np.arange(self.axes[1].degree + 1)
 
 
-def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers, refined: NDArray[np.bool_]) -> Level:
+def make_level(
+    number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers, refined: NDArray[np.bool_]
+) -> Level:
     """Return the level with these cells.
 
     With incidences B between spans and functions, B_u^T M B_v counts the cells in the support
@@ -198,7 +207,9 @@ def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers
         head, tail = axis.support(number, own)
         ones = np.ones(acting.size, dtype=np.int32)
         start = np.arange(len(spans) + 1) * acting.shape[1]
-        incidences.append(csr_array((ones, np.searchsorted(own, acting).ravel(), start), shape=(len(spans), len(own))))
+        incidences.append(
+            csr_array((ones, np.searchsorted(own, acting).ravel(), start), shape=(len(spans), len(own)))
+        )
         distinct.append(locked(own))
         areas.append(tail - head)
         places.append(place)
@@ -212,7 +223,9 @@ def make_level(number: int, axes: tuple[DyadicAxis, DyadicAxis], cells: Integers
     supported = count.data & 255 == area
     active = supported & (count.data >> 8 < area)
     keys = a * len(distinct[1]) + b
-    return Level(number, axes, locked(cells), locked(refined), tuple(distinct), *map(locked, (keys, supported, active)))
+    return Level(
+        number, axes, locked(cells), locked(refined), tuple(distinct), *map(locked, (keys, supported, active))
+    )
 
 
 def numbered(pairs: list[Integers]) -> Integers:

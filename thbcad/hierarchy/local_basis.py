@@ -27,15 +27,20 @@ class LocalBasis:
 
     def __init__(self, hierarchy: Sequence[Level]) -> None:
         starts = np.cumsum([0] + [len(level.keys) for level in hierarchy])
-        self.blocks = locked(np.concatenate([level.blocks(level.leaves) + start for level, start in zip(hierarchy, starts)]))
-        self._knots = tuple(np.concatenate([_knots_around(level, d) for level in hierarchy], axis=1) for d in (0, 1))
+        self.blocks = locked(
+            np.concatenate([level.blocks(level.leaves) + start for level, start in zip(hierarchy, starts)])
+        )
+        self._knots = tuple(
+            np.concatenate([_knots_around(level, d) for level in hierarchy], axis=1) for d in (0, 1)
+        )
 
     def values(
         self, cell: Integers, u: NDArray[np.float64], v: NDArray[np.float64], derivative: tuple[int, int]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the functions in u, (n, p + 1), and in v, (n, q + 1), that act at points of leaf cells.
 
-        cell : (n,) int, numbers of leaf cells.  u, v : (n,) float, points in them.  derivative : orders in u and in v.
+        cell : (n,) int, numbers of leaf cells.  u, v : (n,) float, points in them.  derivative : orders in u
+            and in v.
         """
         return tuple(
             blossom(knots[:, cell], np.broadcast_to(x[:, None], (len(x), len(knots) // 2)), order)
@@ -43,7 +48,8 @@ class LocalBasis:
         )
 
     def bernstein(self, net: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells, p + 1, q + 1, ...)."""
+        """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells,
+        p + 1, q + 1, ...)."""
         by_u, by_v = (bezier_rows(knots) for knots in self._knots)
         return np.einsum("cki,cij...,clj->ckl...", by_u, net, by_v, optimize=True)
 

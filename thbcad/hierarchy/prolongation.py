@@ -17,11 +17,14 @@ from thbcad.hierarchy.level_nets import Nets
 
 def prolongation(coarser: Nets, finer: Nets) -> csr_array:
     """Return P from the coarser to the finer space."""
-    own = [fine.find(coarse.functions[coarse.active]) for coarse, fine in zip(coarser.hierarchy, finer.hierarchy)]
+    own = [
+        fine.find(coarse.functions[coarse.active]) for coarse, fine in zip(coarser.hierarchy, finer.hierarchy)
+    ]
     own += [np.zeros(0, dtype=np.int64)] * (len(finer.sizes) - len(own))
     return finer.onto_active(finer.operators(own))
 
 
 def hierarchical(nets: Nets) -> csr_array:
-    """Return the change from coefficients by the hierarchical (not truncated) B-splines to those by the truncated ones."""
+    """Return the change from coefficients by the hierarchical (not truncated) B-splines to those by the
+    truncated ones."""
     return nets.onto_active(nets.operators(nets.active, truncated=False))

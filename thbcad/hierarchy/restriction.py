@@ -48,10 +48,14 @@ def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:
 
 
 def require_restored(operator: csr_array) -> None:
-    """Raise ValueError when the steps of a restriction, multiplied, leave fewer than four digits: its rounding error is |Q| EPS."""
+    """Raise ValueError when the steps of a restriction, multiplied, leave fewer than four digits: its
+    rounding error is |Q| EPS."""
     norm = abs(operator).sum(axis=1).max(initial=0)
     if not norm <= GREATEST_NORM:
-        raise ValueError(f"the levels cannot be restored at once in float64: the operator has norm {norm:.2g}; restrict to fewer levels")
+        raise ValueError(
+            f"the levels cannot be restored at once in float64: the operator has norm {norm:.2g}; restrict "
+            "to fewer levels"
+        )
 
 
 def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_array:
@@ -62,22 +66,29 @@ def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_ar
         distinct, inverse = np.unique(functions[:, d], return_inverse=True)
         tables.append(_inverses(axis, coarse.number, distinct))
         rows.append(inverse)
-    choice, norm = least_norm(whole_cells(coarse, functions), *(table.norms[row] for table, row in zip(tables, rows)))
+    choice, norm = least_norm(
+        whole_cells(coarse, functions), *(table.norms[row] for table, row in zip(tables, rows))
+    )
     if not np.isfinite(norm).all():
         i, j = functions[~np.isfinite(norm)][0]
         raise ValueError(
             f"function ({i}, {j}) of level {coarse.number} cannot be restored in float64: "
             "the knots around its whole cells are too unequal; make more cells whole"
         )
-    (first_u, by_u), (first_v, by_v) = ((t.first[r, c], t.weights[r, c]) for t, r, c in zip(tables, rows, choice))
+    (first_u, by_u), (first_v, by_v) = (
+        (t.first[r, c], t.weights[r, c]) for t, r, c in zip(tables, rows, choice)
+    )
     owner, a, b = np.nonzero((by_u != 0)[:, :, None] & (by_v != 0)[:, None, :])
     columns = fine.find(np.stack([first_u[owner] + a, first_v[owner] + b], axis=1))
-    return csr_array((by_u[owner, a] * by_v[owner, b], (owner, columns)), shape=(len(functions), len(fine.keys)))
+    return csr_array(
+        (by_u[owner, a] * by_v[owner, b], (owner, columns)), shape=(len(functions), len(fine.keys))
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Inverses:
-    """Functionals of n B-splines of a level on all intervals of their supports, in terms of the next level's coefficients."""
+    """Functionals of n B-splines of a level on all intervals of their supports, in terms of the next level's
+    coefficients."""
 
     norms: NDArray[np.float64]  # (n, m), inf where the support has no such interval
     first: Integers  # (n, m), the first B-spline of the next level
@@ -85,7 +96,8 @@ class _Inverses:
 
 
 def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
-    """Return the functionals of distinct B-splines of a level: rows of pseudo-inverses of two-scale relations."""
+    """Return the functionals of distinct B-splines of a level: rows of pseudo-inverses of two-scale
+    relations."""
     p = axis.degree
     head, tail = axis.support(level, functions)
     start, stop = intervals(p + 1).T
@@ -106,8 +118,11 @@ def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
     return _Inverses(norms, first, weights)
 
 
-def _two_scale_blocks(axis: DyadicAxis, level: int, fine: Integers, coarse: Integers, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the blocks of the two-scale relation that start at rows `fine` and columns `coarse`, (n, *shape)."""
+def _two_scale_blocks(
+    axis: DyadicAxis, level: int, fine: Integers, coarse: Integers, shape: tuple[int, int]
+) -> NDArray[np.float64]:
+    """Return the blocks of the two-scale relation that start at rows `fine` and columns `coarse`, (n,
+    *shape)."""
     all_rows, all_columns = (np.unique(at[:, None] + np.arange(n)) for at, n in zip((fine, coarse), shape))
     step = axis.two_scale(level + 1, all_rows, all_columns)
     wanted = np.searchsorted(all_rows, fine[:, None] + np.arange(shape[0]))
@@ -120,8 +135,11 @@ def _two_scale_blocks(axis: DyadicAxis, level: int, fine: Integers, coarse: Inte
     return blocks
 
 
-def _inverse_rows(blocks: NDArray[np.float64], target: Integers) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return row `target` of the pseudo-inverse of every block and its norm, (n, r, c) and (n,) -> (n, r) and (n,), by QR.
+def _inverse_rows(
+    blocks: NDArray[np.float64], target: Integers
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return row `target` of the pseudo-inverse of every block and its norm, (n, r, c) and (n,) -> (n, r) and
+    (n,), by QR.
 
     Columns are scaled to a maximum of 1: on graded knots they differ by many orders of magnitude.
     The norm is inf where it would leave fewer than four digits.

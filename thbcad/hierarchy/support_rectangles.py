@@ -17,7 +17,8 @@ from thbcad.hierarchy.levels import Integers, Level
 def least_norm(
     leaves: NDArray[np.bool_], norms_u: NDArray[np.float64], norms_v: NDArray[np.float64]
 ) -> tuple[Integers, NDArray[np.float64]]:
-    """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2, n), and the norms, (n,).
+    """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2,
+    n), and the norms, (n,).
 
     leaves : (n, p + 1, q + 1), which cells of the supports are leaf cells
     norms_u, norms_v : (n, intervals), of the functionals in one direction; inf for those that do not serve
@@ -39,7 +40,8 @@ def least_norm(
 
 
 def whole_cells(level: Level, functions: Integers) -> NDArray[np.bool_]:
-    """Return which cells of the supports of functions of a level are its leaf cells, (n, 2) int -> (n, p + 1, q + 1)."""
+    """Return which cells of the supports of functions of a level are its leaf cells, (n, 2) int -> (n, p + 1,
+    q + 1)."""
     sides = []
     for d, axis in enumerate(level.axes):
         head, tail = axis.support(level.number, functions[:, d])

@@ -53,10 +53,13 @@ class Embedding:
         (self.kv_u, _), (self.kv_v, _) = self._chain[-1]
         if self.kv_u.dim * self.kv_v.dim > MOST_POINTS:
             raise ValueError(
-                f"the tensor-product form needs {self.kv_u.dim} x {self.kv_v.dim} control points, more than {MOST_POINTS}; "
+                f"the tensor-product form needs {self.kv_u.dim} x {self.kv_v.dim} control points, more than "
+                f"{MOST_POINTS}; "
                 "use to_patches, or evaluate the THB surface itself"
             )
-        self.supported = tuple(self._positions(level, level.functions[level.supported]) for level in hierarchy)
+        self.supported = tuple(
+            self._positions(level, level.functions[level.supported]) for level in hierarchy
+        )
         self.active = tuple(self._positions(level, level.functions[level.active]) for level in hierarchy)
         self.dim = sum(len(rows) for rows in self.active)
 
@@ -78,7 +81,10 @@ class Embedding:
     @cached_property
     def steps(self) -> list[tuple[csr_array, csr_array]]:
         """One-dimensional refinement operators (P_u, P_v) from W_(l-1) to W_l."""
-        return [tuple(a.prolongation(b) for (a, _), (b, _) in zip(*pair)) for pair in zip(self._chain, self._chain[1:])]
+        return [
+            tuple(a.prolongation(b) for (a, _), (b, _) in zip(*pair))
+            for pair in zip(self._chain, self._chain[1:])
+        ]
 
     def refined(self, number: int, net: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return P_u net P_v^T, a net of W_(number - 1) in W_number."""

@@ -77,7 +77,9 @@ class THBSpace:
     def refined(self) -> tuple[Integers, ...]:
         """Refined cells: one read-only (n, 2) int array of (i, j) for each level but the last."""
         d = self._domains
-        return tuple(read_only(d.pairs(level, d.refined(level)), np.int64) for level in range(self.levels - 1))
+        return tuple(
+            read_only(d.pairs(level, d.refined(level)), np.int64) for level in range(self.levels - 1)
+        )
 
     @cached_property
     def cells(self) -> Integers:
@@ -99,7 +101,13 @@ class THBSpace:
         """Leaf cells as parameter intervals, (n, 4) float [u0, u1, v0, v1]: the hierarchical mesh."""
         rows = []
         for level in self.hierarchy:
-            rows.append([axis.value(level.number, level.leaves[:, d] + k) for d, axis in enumerate(level.axes) for k in (0, 1)])
+            rows.append(
+                [
+                    axis.value(level.number, level.leaves[:, d] + k)
+                    for d, axis in enumerate(level.axes)
+                    for k in (0, 1)
+                ]
+            )
         return read_only(np.concatenate(rows, axis=1).T)
 
     @cached_property
@@ -194,8 +202,9 @@ class THBSpace:
 
         Raises
         ------
-        ValueError : this space is not a refinement of `coarser`; or the knots are so unequal around the few whole
-            cells of a function that float64 cannot restore its coefficient; or the norms of many levels multiply beyond 1e12.
+        ValueError : this space is not a refinement of `coarser`; or the knots are so unequal around the few
+            whole cells of a function that float64 cannot restore its coefficient; or the norms of many levels
+            multiply beyond 1e12.
         """
         if not isinstance(coarser, THBSpace):
             raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
@@ -211,7 +220,8 @@ class THBSpace:
         return csr_array(operator)
 
     def hierarchical(self) -> csr_array:
-        """Return H, csr_array (dim, dim): truncated coefficients H @ c of the spline with hierarchical coefficients c.
+        """Return H, csr_array (dim, dim): truncated coefficients H @ c of the spline with hierarchical
+        coefficients c.
 
         The hierarchical basis (HB-splines) has the same functions, not truncated; it spans the same space.
         Source: R. Kraft, Adaptive and linearly independent multilevel B-splines (1997); thesis 3.3.3.
@@ -240,7 +250,8 @@ class THBSpace:
 
     @cached_property
     def admissibility(self) -> int:
-        """The least class m of admissibility: the functions on any leaf cell belong to at most m successive levels."""
+        """The least class m of admissibility: the functions on any leaf cell belong to at most m successive
+        levels."""
         acting = self.incidence()
         coarsest = np.minimum.reduceat(self.functions[acting.indices, 0], acting.indptr[:-1])
         return int((self.cells[:, 0] - coarsest).max()) + 1
@@ -250,7 +261,8 @@ class THBSpace:
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+            non-negative integer.
         """
         by_u, by_v, cell = self.local_values(u, v, derivative)
         values = by_u[:, :, None] * by_v[:, None, :]
@@ -259,11 +271,13 @@ class THBSpace:
     def local_values(
         self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], Integers]:
-        """Return the local B-splines in u, (n, p + 1), in v, (n, q + 1), and the leaf cell of every point, (n,) int.
+        """Return the local B-splines in u, (n, p + 1), in v, (n, q + 1), and the leaf cell of every point,
+        (n,) int.
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+            non-negative integer.
         """
         u, v = self._points(u, v)
         orders, cell = require_orders(derivative), self._quadtree.locate(u, v)
@@ -281,12 +295,15 @@ class THBSpace:
         for d, kv in enumerate((self.kv_u, self.kv_v)):
             sizes *= kv.dim + sum(len(np.unique(level.cells[level.refined, d])) for level in self.hierarchy)
             local *= kv.degree + 1
-            spread = max(spread, float(np.diff(kv.breaks).max() / np.diff(kv.breaks).min()) * 2 ** (self.levels - 1))
+            spread = max(
+                spread, float(np.diff(kv.breaks).max() / np.diff(kv.breaks).min()) * 2 ** (self.levels - 1)
+            )
         return spread <= 256 and sizes <= len(self.cells) * local
 
     def _require_nested(self, finer: THBSpace) -> None:
         if not isinstance(finer, THBSpace) or not all(
-            a.degree == b.degree and np.array_equal(a.knots, b.knots) for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
+            a.degree == b.degree and np.array_equal(a.knots, b.knots)
+            for a, b in ((self.kv_u, finer.kv_u), (self.kv_v, finer.kv_v))
         ):
             raise ValueError("the finer space must be a THBSpace over the same two knot vectors")
         if not self._domains.within(finer._domains):

@@ -2,14 +2,15 @@
 
     V = sum over faces of 1/3 (integral of (X - O) . n dA),    O the mean of the vertices.
 
-Of a spline face X(u, v) the integrand (X - O) . (X_u x X_v) is a polynomial of degree 3 p - 1 on every span: Gauss quadrature is
-exact.  On a plane face (X - O) . n is constant; its area is half of n . (integral of X x dX) around its loops, which is exact for
-lines and splines.  The area of a spline face is the integral of |X_u x X_v|, of which two numbers of nodes tell the error.
+Of a spline face X(u, v) the integrand (X - O) . (X_u x X_v) is a polynomial of degree 3 p - 1 on every span:
+Gauss quadrature is exact.  On a plane face (X - O) . n is constant; its area is half of n . (integral of X x
+dX) around its loops, which is exact for lines and splines.  The area of a spline face is the integral of |X_u
+x X_v|, of which two numbers of nodes tell the error.
 
 Faces are planes, or splines that are not rational and end at the four sides of their own rectangle.
 
-Source: R. N. Goldman, Area of planar polygons and volume of polyhedra, Graphics Gems II (1991); G. H. Golub and J. H. Welsch,
-Calculation of Gauss quadrature rules, Math. Comp. 23 (1969).
+Source: R. N. Goldman, Area of planar polygons and volume of polyhedra, Graphics Gems II (1991); G. H. Golub
+and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23 (1969).
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def volume(brep: Brep) -> float:
 
     Raises
     ------
-    ValueError : edges that do not border two faces, a face that is neither a plane nor a whole spline, or a solid inside out.
+    ValueError : edges that do not border two faces, a face that is neither a plane nor a whole spline, or a
+        solid inside out.
     """
     edges = _edges(brep)
     origin = np.mean([edge.ends for edge in brep.edges], axis=(0, 1))
@@ -47,7 +49,8 @@ def volume(brep: Brep) -> float:
 
 
 def areas(brep: Brep) -> tuple[float, ...]:
-    """Return the areas of the faces, in their order, in the unit of length squared; relative errors are below 1e-10.
+    """Return the areas of the faces, in their order, in the unit of length squared; relative errors are below
+    1e-10.
 
     Raises
     ------
@@ -58,15 +61,21 @@ def areas(brep: Brep) -> tuple[float, ...]:
 
 
 def _edges(brep: Brep) -> dict[int, BrepEdge]:
-    """Return the edges by number; raise ValueError unless the solid is closed and its faces can be measured."""
+    """Return the edges by number; raise ValueError unless the solid is closed and its faces can be
+    measured."""
     if brep.unpaired or brep.gaps:
-        raise ValueError(f"the solid must be closed, got {brep.unpaired} edges that do not border two faces and {brep.gaps} gaps")
+        raise ValueError(
+            f"the solid must be closed, got {brep.unpaired} edges that do not border two faces and "
+            f"{brep.gaps} gaps"
+        )
     edges = {edge.number: edge for edge in brep.edges}
     for face in brep.faces:
         if isinstance(face.surface, BSplineSurface):
             _require_whole(face, edges)
         elif face.plane is None:
-            raise ValueError(f"face #{face.number} must be a plane or a spline that is not rational, got {face.kind}")
+            raise ValueError(
+                f"face #{face.number} must be a plane or a spline that is not rational, got {face.kind}"
+            )
     return edges
 
 
@@ -82,7 +91,8 @@ def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
 
 
 def _covers(edge: BrepEdge, kv: KnotVector, poles: Array) -> bool:
-    """Return whether an edge is the spline (kv, poles), of which it may lack some knots, run along either way."""
+    """Return whether an edge is the spline (kv, poles), of which it may lack some knots, run along either
+    way."""
     own, points = edge.kv or KnotVector(1, [0.0, 0.0, 1.0, 1.0]), _poles(edge)
     if _same(poles[[0, -1]], points[[-1, 0]]):
         own, points = KnotVector(own.degree, 0.0 - own.knots[::-1]), points[::-1]
@@ -98,7 +108,8 @@ def _same(a: Array, b: Array) -> bool:
 
 
 def _poles(edge: BrepEdge) -> Array:
-    """Return the poles of an edge, along its curve; raise ValueError for a curve that is neither a line nor a whole spline."""
+    """Return the poles of an edge, along its curve; raise ValueError for a curve that is neither a line nor a
+    whole spline."""
     if edge.poles is None:
         raise ValueError(f"edge #{edge.number} must be a line or a spline")
     if edge.kv is None:
@@ -115,7 +126,9 @@ def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Array) -> float
         return float((point - origin) @ normal / np.linalg.norm(normal)) * _plane_area(face, edges)
     surface = BSplineSurface(face.surface.kv_u, face.surface.kv_v, face.surface.coefficients - origin)
     nodes = tuple(3 * kv.degree // 2 + 1 for kv in (surface.kv_u, surface.kv_v))
-    return sum(float(wu @ np.einsum("ijk,ijk->ij", x, normal) @ wv) for wu, wv, x, normal in _normals(surface, nodes))
+    return sum(
+        float(wu @ np.einsum("ijk,ijk->ij", x, normal) @ wv) for wu, wv, x, normal in _normals(surface, nodes)
+    )
 
 
 def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
@@ -124,11 +137,15 @@ def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
     surface, before, more = face.surface, np.inf, 2
     while more <= MOST_NODES:
         nodes = tuple(min(kv.degree + more, MOST_NODES) for kv in (surface.kv_u, surface.kv_v))
-        found = sum(float(wu @ np.linalg.norm(normal, axis=2) @ wv) for wu, wv, _, normal in _normals(surface, nodes))
+        found = sum(
+            float(wu @ np.linalg.norm(normal, axis=2) @ wv) for wu, wv, _, normal in _normals(surface, nodes)
+        )
         if abs(found - before) <= ACCURACY * found:
             return found
         before, more = found, more + max(2, more // 2)
-    raise ValueError(f"the area of face #{face.number} cannot be found to {ACCURACY:g} with {MOST_NODES} nodes per span")
+    raise ValueError(
+        f"the area of face #{face.number} cannot be found to {ACCURACY:g} with {MOST_NODES} nodes per span"
+    )
 
 
 def _plane_area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:

@@ -37,7 +37,9 @@ def require_schema(data: object, schema: str, version: int, kind: str) -> dict[s
     if not isinstance(data, dict) or data.get("schema") != schema:
         raise ValueError(f"not a {kind} file: its schema is not {schema!r}")
     if data.get("version") != version:
-        raise ValueError(f"{kind} file version {data.get('version')!r} is unknown, this program reads version {version}")
+        raise ValueError(
+            f"{kind} file version {data.get('version')!r} is unknown, this program reads version {version}"
+        )
     return data
 
 

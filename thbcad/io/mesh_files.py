@@ -19,17 +19,20 @@ TYPES = (
     '<?xml version="1.0" encoding="UTF-8"?>\n'
     '<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
     '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
-    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>\n'
+    '<Default Extension="model" '
+    'ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>\n'
 )
 RELATIONS = (
     '<?xml version="1.0" encoding="UTF-8"?>\n'
     '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
-    '<Relationship Target="/3D/3dmodel.model" Id="rel0" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>'
+    '<Relationship Target="/3D/3dmodel.model" Id="rel0" '
+    'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>'
     "</Relationships>\n"
 )
 MODEL = (
     '<?xml version="1.0" encoding="UTF-8"?>\n'
-    '<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
+    '<model unit="millimeter" xml:lang="en-US" '
+    'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
     '<metadata name="Title">lens</metadata><metadata name="Application">thbcad</metadata>'
     '<resources><object id="1" name="lens" type="model"><mesh><vertices>\n',
     "</vertices><triangles>\n",
@@ -48,7 +51,9 @@ def stl_bytes(mesh: Tessellation) -> bytes:
     _require_single(mesh)
     corners = mesh.vertices[mesh.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    facets = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    facets = np.zeros(
+        len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+    )
     facets["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     facets["corners"] = corners
     head = f"thbcad lens, mm, chord error at most {mesh.chord:.3g} mm".encode().ljust(80)
@@ -72,7 +77,11 @@ def threemf_bytes(mesh: Tessellation) -> bytes:
     model.write(MODEL[2].encode())
     package = io.BytesIO()
     with zipfile.ZipFile(package, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in (("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS), ("3D/3dmodel.model", model.getvalue())):
+        for name, data in (
+            ("[Content_Types].xml", TYPES),
+            ("_rels/.rels", RELATIONS),
+            ("3D/3dmodel.model", model.getvalue()),
+        ):
             entry = zipfile.ZipInfo(name, STAMP)
             entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 3
             archive.writestr(entry, data)
@@ -91,7 +100,8 @@ def obj_bytes(mesh: Tessellation) -> bytes:
 def ply_bytes(mesh: Tessellation) -> bytes:
     """Return a binary PLY file with float64 coordinates, mm."""
     head = (
-        f"ply\nformat binary_little_endian 1.0\ncomment thbcad lens, mm, chord error at most {mesh.chord:.3g} mm\n"
+        "ply\nformat binary_little_endian 1.0\ncomment thbcad lens, mm, chord error at most "
+        f"{mesh.chord:.3g} mm\n"
         f"element vertex {len(mesh.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
         f"element face {len(mesh.triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
     )

@@ -18,8 +18,8 @@ UNCOVERED = 1e-9  # of the area of a surface
 def patched_deviation(path: str | Path, lens: Lens) -> float:
     """Return the greatest distance in z between front and rear of a STEP file and those of the lens, mm.
 
-    Every spline face of degree 2 or more both ways is compared with the nearer surface, in every knot span at the
-    extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
+    Every spline face of degree 2 or more both ways is compared with the nearer surface, in every knot span at
+    the extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
 
     Raises
     ------
@@ -36,8 +36,12 @@ def patched_deviation(path: str | Path, lens: Lens) -> float:
             net = spline.grid(*(lobatto_nodes(kv.breaks, kv.degree) for kv in (spline.kv_u, spline.kv_v)))
             points[_nearer(lens, net[len(net) // 2, net.shape[1] // 2])].append(net)
     greatest = 0.0
-    for name, surface, vertex, nets in zip(("front", "rear"), (lens.front, lens.rear), (0.0, lens.thickness), points):
-        covered = sum(float(np.prod(net[-1, -1, :2] - net[0, 0, :2])) for net in nets) / (4 * np.prod(surface.half_width))
+    for name, surface, vertex, nets in zip(
+        ("front", "rear"), (lens.front, lens.rear), (0.0, lens.thickness), points
+    ):
+        covered = sum(float(np.prod(net[-1, -1, :2] - net[0, 0, :2])) for net in nets) / (
+            4 * np.prod(surface.half_width)
+        )
         if abs(covered - 1) > UNCOVERED:
             raise ValueError(f"the faces of {path} must cover the {name} once, got {covered:.9g} of its area")
         x, y, z = np.concatenate([net.reshape(-1, 3) for net in nets]).T
@@ -48,7 +52,9 @@ def patched_deviation(path: str | Path, lens: Lens) -> float:
 def _nearer(lens: Lens, point: NDArray[np.float64]) -> int:
     """Return 0 where a point, (3,), is nearer to the front in z, 1 where it is nearer to the rear."""
     distances = [
-        abs(vertex + surface(*point[:2])[0] - point[2]) if (abs(point[:2]) <= surface.half_width).all() else np.inf
+        abs(vertex + surface(*point[:2])[0] - point[2])
+        if (abs(point[:2]) <= surface.half_width).all()
+        else np.inf
         for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness))
     ]
     return int(np.argmin(distances))

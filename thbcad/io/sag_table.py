@@ -1,4 +1,5 @@
-"""Tables of a surface on a grid: sags with derivatives for Zemax OpticStudio, points with normals for diamond turning.
+"""Tables of a surface on a grid: sags with derivatives for Zemax OpticStudio, points with normals for diamond
+turning.
 
 Source: Zemax OpticStudio user guide, Grid Sag surface, importing grid data.
 """
@@ -20,9 +21,11 @@ ORDERS = ((0, 0), (1, 0), (0, 1), (1, 1))
 
 
 def table_size(surface: FreeformSurface) -> tuple[int, int]:
-    """Return the points in x and y whose distance is at most the least knot span of the surface, both rims included.
+    """Return the points in x and y whose distance is at most the least knot span of the surface, both rims
+    included.
 
-    Where all spans are multiples of the least one, bicubic interpolation of the table gives a cubic surface back.
+    Where all spans are multiples of the least one, bicubic interpolation of the table gives a cubic surface
+    back.
 
     Raises
     ------
@@ -33,7 +36,9 @@ def table_size(surface: FreeformSurface) -> tuple[int, int]:
     spans = [(kv.stop - kv.start) / np.diff(kv.breaks).min() for kv in (graph.kv_u, graph.kv_v)]
     nx, ny = (max(int(np.ceil(min(s, MOST_POINTS) * (1 - 1e-9))) + 1, LEAST_POINTS) for s in spans)
     if nx * ny > MOST_POINTS:
-        raise ValueError(f"a table at the least knot span needs {nx:,} x {ny:,} points, more than {MOST_POINTS:,}")
+        raise ValueError(
+            f"a table at the least knot span needs {nx:,} x {ny:,} points, more than {MOST_POINTS:,}"
+        )
     return nx, ny
 
 
@@ -78,7 +83,9 @@ def cloud_text(surface: FreeformSurface, vertex: float, upwards: bool, size: tup
     return text.getvalue()
 
 
-def _lines(surface: FreeformSurface, size: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lines(
+    surface: FreeformSurface, size: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return x and y of the grid."""
     for name, n in zip(("nx", "ny"), size):
         require_integer(name, n, LEAST_POINTS)

@@ -17,7 +17,9 @@ from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 Entities = Mapping[int, Entity]
 COORDINATES = r"\s*+,\s*+".join([f"({REAL})"] * 3)
-POINT = re.compile(rf"CARTESIAN_POINT\s*+\(\s*+{STRING}\s*+,\s*+\(\s*+{COORDINATES}\s*+\)\s*+\)\s*+", re.ASCII)
+POINT = re.compile(
+    rf"CARTESIAN_POINT\s*+\(\s*+{STRING}\s*+,\s*+\(\s*+{COORDINATES}\s*+\)\s*+\)\s*+", re.ASCII
+)
 PLACED = ("MAPPED_ITEM", "ITEM_DEFINED_TRANSFORMATION", "CARTESIAN_TRANSFORMATION_OPERATOR_3D")
 OTHER_SOLIDS = ("BREP_WITH_VOIDS", "FACETED_BREP", "SHELL_BASED_SURFACE_MODEL")
 MILLIMETRE = "MILLI METRE"
@@ -27,9 +29,11 @@ MILLIMETRE = "MILLI METRE"
 class BrepFace:
     """An ADVANCED_FACE: its number in the file and the type of its surface.
 
-    surface : where it is a spline, else None.  plane : where it is one, a point and the normal, (2, 3) float, else None.
+    surface : where it is a spline, else None.  plane : where it is one, a point and the normal, (2, 3) float,
+        else None.
     outward : whether the normal of the surface points out of the solid.
-    loops : around the face, seen from outside to the left: edges by number, each with whether it is passed along its curve.
+    loops : around the face, seen from outside to the left: edges by number, each with whether it is passed
+        along its curve.
     """
 
     number: int
@@ -44,7 +48,8 @@ class BrepFace:
 class BrepEdge:
     """An EDGE_CURVE: ends (2, 3) float, in the direction of its curve.
 
-    kv, poles : knots and poles (n, 3) float of a spline.  A line has no knots; its poles are its point and one a vector on.
+    kv, poles : knots and poles (n, 3) float of a spline.  A line has no knots; its poles are its point and
+        one a vector on.
     Both are None for other curves.
     """
 
@@ -58,7 +63,8 @@ class BrepEdge:
 class Brep:
     """The one solid of a STEP file, in its unit of length.
 
-    name : of the product.  unit : of length, "MILLI METRE" in files of this package.  faces : in the order of the shell.
+    name : of the product.  unit : of length, "MILLI METRE" in files of this package.  faces : in the order of
+        the shell.
     unpaired : how many edges do not border two faces, once in each direction.
     gaps : how many edges do not begin where the edge before them around a face ends.
     """
@@ -77,7 +83,8 @@ def read_brep(path: str | Path) -> Brep:
     Raises
     ------
     OSError : the file cannot be read.
-    ValueError : as `read_part21`; not one solid, moved by a placement, or an entity of it that is not as ISO 10303-42 wants it.
+    ValueError : as `read_part21`; not one solid, moved by a placement, or an entity of it that is not as ISO
+        10303-42 wants it.
     """
     entities = read_part21(path)
     try:
@@ -108,7 +115,8 @@ def brep(entities: Entities) -> Brep:
 
 
 def length_unit(entities: Entities) -> str:
-    """Return the unit of length in which the solid is given: "MILLI METRE", "METRE", or the name of a converted unit.
+    """Return the unit of length in which the solid is given: "MILLI METRE", "METRE", or the name of a
+    converted unit.
 
     Raises
     ------
@@ -119,19 +127,30 @@ def length_unit(entities: Entities) -> str:
         _, items, context = shape.parameters("ADVANCED_BREP_SHAPE_REPRESENTATION", 3)
         if solid in _list(items, shape):
             (units,) = _entity(entities, context, shape).parameters("GLOBAL_UNIT_ASSIGNED_CONTEXT", 1)
-            lengths = [u for u in (_entity(entities, k, shape) for k in _list(units, shape)) if "LENGTH_UNIT" in u.parts]
+            lengths = [
+                u
+                for u in (_entity(entities, k, shape) for k in _list(units, shape))
+                if "LENGTH_UNIT" in u.parts
+            ]
             if len(lengths) != 1:
-                raise ValueError(f"the representation #{shape.number} must have one unit of length, got {len(lengths)}")
+                raise ValueError(
+                    f"the representation #{shape.number} must have one unit of length, got {len(lengths)}"
+                )
             if "CONVERSION_BASED_UNIT" in lengths[0].parts:
                 return _text(lengths[0].parameters("CONVERSION_BASED_UNIT", 2)[0], lengths[0])
-            return " ".join(_text(part, lengths[0]) for part in lengths[0].parameters("SI_UNIT", 2) if part is not None)
+            return " ".join(
+                _text(part, lengths[0]) for part in lengths[0].parameters("SI_UNIT", 2) if part is not None
+            )
     raise ValueError(f"the solid #{solid} stands in no ADVANCED_BREP_SHAPE_REPRESENTATION")
 
 
 def _solid(entities: Entities) -> Entity:
     solids, others = having(entities, "MANIFOLD_SOLID_BREP"), [k for k in OTHER_SOLIDS if having(entities, k)]
     if len(solids) != 1 or others:
-        raise ValueError(f"the file must hold one MANIFOLD_SOLID_BREP, got {len(solids)}{''.join(f' and a {k}' for k in others)}")
+        raise ValueError(
+            "the file must hold one MANIFOLD_SOLID_BREP, got "
+            f"{len(solids)}{''.join(f' and a {k}' for k in others)}"
+        )
     return solids[0]
 
 
@@ -162,7 +181,10 @@ def _loops(entities: Entities, face: Entity) -> list[list[tuple[int, bool]]]:
 
 def _gaps(entities: Entities, loop: list[tuple[int, bool]]) -> int:
     """Return how many edges of a loop do not begin at the vertex where the one before ends."""
-    ends = [entities[number].parameters("EDGE_CURVE", 5)[1:3][:: 1 if forwards else -1] for number, forwards in loop]
+    ends = [
+        entities[number].parameters("EDGE_CURVE", 5)[1:3][:: 1 if forwards else -1]
+        for number, forwards in loop
+    ]
     return sum(before[1] != after[0] for before, after in zip(ends[-1:] + ends[:-1], ends))
 
 
@@ -173,7 +195,9 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
         row = _spline_row(surface, "SURFACE", 13)
         knots = _knots(surface, row[1], row[8], row[10]), _knots(surface, row[2], row[9], row[11])
         net = _net(row[3], knots, surface)
-        poles = _points(entities, [k for line in net for k in line], surface).reshape(knots[0].dim, knots[1].dim, 3)
+        poles = _points(entities, [k for line in net for k in line], surface).reshape(
+            knots[0].dim, knots[1].dim, 3
+        )
         spline = BSplineSurface(*knots, poles)
         if "RATIONAL_B_SPLINE_SURFACE" in surface.parts:
             weights = _net(surface.parameters("RATIONAL_B_SPLINE_SURFACE", 1)[0], knots, surface)
@@ -182,7 +206,11 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
         place = _entity(entities, surface.parameters("PLANE", 2)[1], surface)
         _, point, axis, _ = place.parameters("AXIS2_PLACEMENT_3D", 4)
         plane = np.stack([_points(entities, [point], place)[0], _direction(entities, axis, place)])
-    along = {k: _flag(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k]) for loop in _loops(entities, face) for k, _ in loop}
+    along = {
+        k: _flag(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k])
+        for loop in _loops(entities, face)
+        for k, _ in loop
+    }
     loops = tuple(tuple((k, forwards == along[k]) for k, forwards in loop) for loop in _loops(entities, face))
     outward = _flag(face.parameters("ADVANCED_FACE", 4)[3], face)
     return BrepFace(face.number, " ".join(surface.parts), spline, plane, outward, loops)
@@ -193,7 +221,10 @@ def _edge(entities: Entities, edge: Entity) -> BrepEdge:
     vertices = [_entity(entities, k, edge) for k in ((start, stop) if _flag(along, edge) else (stop, start))]
     ends = _points(entities, [v.parameters("VERTEX_POINT", 2)[1] for v in vertices], edge)
     curve = _entity(entities, curve, edge)
-    for kind in {"SURFACE_CURVE", "SEAM_CURVE"} & curve.parts.keys():  # a curve with its images in the faces' parameters
+    for kind in {
+        "SURFACE_CURVE",
+        "SEAM_CURVE",
+    } & curve.parts.keys():  # a curve with its images in the faces' parameters
         curve = _entity(entities, curve.parameters(kind, 4)[1], curve)
     if "LINE" in curve.parts:
         _, point, vector = curve.parameters("LINE", 3)
@@ -207,7 +238,9 @@ def _edge(entities: Entities, edge: Entity) -> BrepEdge:
     row = _spline_row(curve, "CURVE", 9)
     kv, poles = _knots(curve, row[1], row[6], row[7]), _list(row[2], curve)
     if len(poles) != kv.dim:
-        raise ValueError(f"STEP entity #{curve.number} must have {kv.dim} poles by its knots, got {len(poles)}")
+        raise ValueError(
+            f"STEP entity #{curve.number} must have {kv.dim} poles by its knots, got {len(poles)}"
+        )
     return BrepEdge(edge.number, ends, kv, _points(entities, poles, curve))
 
 
@@ -227,7 +260,9 @@ def _spline_row(entity: Entity, what: str, count: int) -> list[Value]:
     if base in entity.parts:
         row = [None, *entity.parts[base], *row]
     if len(row) != count:
-        raise ValueError(f"STEP entity #{entity.number}: {with_knots} must have {count} parameters, got {len(row)}")
+        raise ValueError(
+            f"STEP entity #{entity.number}: {with_knots} must have {count} parameters, got {len(row)}"
+        )
     return row
 
 
@@ -236,7 +271,9 @@ def _knots(entity: Entity, degree: Value, times: Value, values: Value) -> KnotVe
     times, knots = _list(times, entity), _reals(values, entity)
     # no knot occurs more often than degree + 1 times, so that repeating them takes little memory
     if not all(type(t) is int and 1 <= t <= 11 for t in [degree, *times]) or len(times) != len(knots):
-        raise ValueError(f"STEP entity #{entity.number} must have as many multiplicities, from 1 to 11, as knots")
+        raise ValueError(
+            f"STEP entity #{entity.number} must have as many multiplicities, from 1 to 11, as knots"
+        )
     try:
         return KnotVector(degree, np.repeat(knots, times))
     except ValueError as error:
@@ -249,7 +286,10 @@ def _net(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[list
     wanted, widths = (knots[0].dim, knots[1].dim), {len(line) for line in rows}
     if len(rows) != wanted[0] or widths != {wanted[1]}:
         found = f"{len(rows)} x {' or '.join(map(str, sorted(widths)[:3]))}"
-        raise ValueError(f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got {found}")
+        raise ValueError(
+            f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got "
+            f"{found}"
+        )
     return rows
 
 
@@ -259,17 +299,25 @@ def _points(entities: Entities, references: Sequence[Value], user: Entity) -> ND
     found = [POINT.fullmatch(point.text) for point in points]
     if not all(found):
         bad = points[found.index(None)]
-        raise ValueError(f"STEP entity #{bad.number} must be a CARTESIAN_POINT of three reals, got {bad.text[:60]!r}")
-    rows = np.fromiter(map(float, chain.from_iterable(p.groups() for p in found)), np.float64, 3 * len(found)).reshape(-1, 3)
+        raise ValueError(
+            f"STEP entity #{bad.number} must be a CARTESIAN_POINT of three reals, got {bad.text[:60]!r}"
+        )
+    rows = np.fromiter(
+        map(float, chain.from_iterable(p.groups() for p in found)), np.float64, 3 * len(found)
+    ).reshape(-1, 3)
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
-        raise ValueError(f"STEP entity #{points[int(np.argmin(finite))].number} has a coordinate that float64 cannot hold")
+        raise ValueError(
+            f"STEP entity #{points[int(np.argmin(finite))].number} has a coordinate that float64 cannot hold"
+        )
     return rows
 
 
 def _entity(entities: Entities, value: Value, user: Entity) -> Entity:
     if not isinstance(value, Reference) or value not in entities:
-        raise ValueError(f"STEP entity #{user.number} must refer to an entity of the file, got {str(value)[:40]}")
+        raise ValueError(
+            f"STEP entity #{user.number} must refer to an entity of the file, got {str(value)[:40]}"
+        )
     return entities[value]
 
 

@@ -1,7 +1,8 @@
-"""The text of STEP files: entities and their parameters, by ISO 10303-21 (the clear text encoding), without OCCT.
+"""The text of STEP files: entities and their parameters, by ISO 10303-21 (the clear text encoding), without
+OCCT.
 
-A file is split into entities by one regular expression; the parameters of an entity are read when they are asked for.
-Nothing in the file is executed, and sizes are checked before memory is taken.
+A file is split into entities by one regular expression; the parameters of an entity are read when they are
+asked for. Nothing in the file is executed, and sizes are checked before memory is taken.
 """
 
 from __future__ import annotations
@@ -19,9 +20,13 @@ NUMBER = r"\d{1,15}+(?!\d)"
 REAL = r"[+-]?\d++\.\d*+(?:E[+-]?\d++)?"
 STRING = r"'(?:[^']|'')*+'"
 
-# a statement ends with ";", but not within a string; "++" and "*+" never step back, so that no damaged text takes long
+# a statement ends with ";", but not within a string; "++" and "*+" never step back, so that no damaged text
+# takes long
 STATEMENT = rf"(?:[^';]++|{STRING})++;\s*+"
-HEAD = re.compile(rf"\s*+ISO-10303-21\s*+;\s*+HEADER\s*+;\s*+(?:(?!ENDSEC\b){STATEMENT})*+ENDSEC\s*+;\s*+DATA\s*+;\s*+", re.ASCII)
+HEAD = re.compile(
+    rf"\s*+ISO-10303-21\s*+;\s*+HEADER\s*+;\s*+(?:(?!ENDSEC\b){STATEMENT})*+ENDSEC\s*+;\s*+DATA\s*+;\s*+",
+    re.ASCII,
+)
 ENTITY = re.compile(rf"#({NUMBER})\s*+=\s*+((?:[^';]++|{STRING})++);\s*+", re.ASCII)
 TAIL = re.compile(r"ENDSEC\s*+;\s*+END-ISO-10303-21\s*+;\s*+", re.ASCII)
 COMMENT = re.compile(rf"({STRING})|/\*.*?\*/", re.DOTALL)
@@ -73,7 +78,8 @@ class Entity:
 
     @cached_property
     def parts(self) -> dict[str, list[Value]]:
-        """The parameters of every type that the entity has: one, or several of a complex entity `( A(...) B(...) )`.
+        """The parameters of every type that the entity has: one, or several of a complex entity
+        `( A(...) B(...) )`.
 
         Raises
         ------
@@ -85,9 +91,13 @@ class Entity:
         """Return the parameters under a keyword; raise ValueError for another type or number of them."""
         found = self.parts.get(keyword)
         if found is None:
-            raise ValueError(f"STEP entity #{self.number} must be a {keyword}, got {' and '.join(self.parts)[:80]}")
+            raise ValueError(
+                f"STEP entity #{self.number} must be a {keyword}, got {' and '.join(self.parts)[:80]}"
+            )
         if len(found) != count:
-            raise ValueError(f"STEP entity #{self.number}: {keyword} must have {count} parameters, got {len(found)}")
+            raise ValueError(
+                f"STEP entity #{self.number}: {keyword} must have {count} parameters, got {len(found)}"
+            )
         return found
 
 
@@ -97,7 +107,8 @@ def read_part21(path: str | Path) -> dict[int, Entity]:
     Raises
     ------
     OSError : the file cannot be read.
-    ValueError : it is no STEP file, not whole, larger than 256 MiB or 4,000,000 entities, or refers to entities that it does not hold.
+    ValueError : it is no STEP file, not whole, larger than 256 MiB or 4,000,000 entities, or refers to
+        entities that it does not hold.
     """
     path = Path(path)
     if path.exists() and not path.is_file():
@@ -206,4 +217,7 @@ class _Parser:
         return token.lastgroup, token[token.lastgroup]
 
     def _wrong(self) -> ValueError:
-        return ValueError(f"STEP entity #{self._number} does not follow the grammar at character {self._place}: {self._text[:60]!r}")
+        return ValueError(
+            f"STEP entity #{self._number} does not follow the grammar at character {self._place}: "
+            f"{self._text[:60]!r}"
+        )

@@ -48,7 +48,12 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
         net, extra = surface.coefficients, {"kind": "bspline"}
     else:
         net, extra = surface.points, {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
-    return head | extra | _knots_to_dict(surface.kv_u, surface.kv_v) | {"shape": list(net.shape), "coefficients": net.ravel().tolist()}
+    return (
+        head
+        | extra
+        | _knots_to_dict(surface.kv_u, surface.kv_v)
+        | {"shape": list(net.shape), "coefficients": net.ravel().tolist()}
+    )
 
 
 def surface_from_dict(data: object) -> Surface:
@@ -66,7 +71,9 @@ def surface_from_dict(data: object) -> Surface:
         if kind == "bspline":
             return BSplineSurface(*_knots_from_dict(table), net)
         if kind == "nurbs":
-            return NURBSSurface(*_knots_from_dict(table), net, _shaped(table, "weights", a_list(table, "shape")[:2]))
+            return NURBSSurface(
+                *_knots_from_dict(table), net, _shaped(table, "weights", a_list(table, "shape")[:2])
+            )
         raise ValueError(f"the surface file's kind must be 'thb', 'bspline' or 'nurbs', got {kind!r}")
     except KeyError as error:
         raise ValueError(f"the surface file lacks the key {error}") from None
@@ -76,7 +83,10 @@ def sag_to_dict(sag: THBSurface) -> dict[str, Any]:
     """Return a THB surface as plain data."""
     space = sag.space
     refined = [cells.tolist() for cells in space.refined]
-    return _knots_to_dict(space.kv_u, space.kv_v) | {"refined": refined, "coefficients": sag.coefficients.ravel().tolist()}
+    return _knots_to_dict(space.kv_u, space.kv_v) | {
+        "refined": refined,
+        "coefficients": sag.coefficients.ravel().tolist(),
+    }
 
 
 def sag_from_dict(data: dict[str, Any]) -> THBSurface:
@@ -96,7 +106,9 @@ def _knots_to_dict(kv_u: KnotVector, kv_v: KnotVector) -> dict[str, Any]:
 def _knots_from_dict(data: dict[str, Any]) -> tuple[KnotVector, KnotVector]:
     degrees, knots = a_list(data, "degree"), a_list(data, "knots")
     if len(degrees) != 2 or len(knots) != 2:
-        raise ValueError(f"a surface has 2 degrees and 2 knot vectors, the file has {len(degrees)} and {len(knots)}")
+        raise ValueError(
+            f"a surface has 2 degrees and 2 knot vectors, the file has {len(degrees)} and {len(knots)}"
+        )
     kv_u, kv_v = (KnotVector(p, a_row(t, "knots")) for p, t in zip(degrees, knots))
     return kv_u, kv_v
 
@@ -104,7 +116,9 @@ def _knots_from_dict(data: dict[str, Any]) -> tuple[KnotVector, KnotVector]:
 def _space_from_dict(data: dict[str, Any]) -> THBSpace:
     kv_u, kv_v = _knots_from_dict(data)
     if kv_u.spans * kv_v.spans > MOST_CELLS:
-        raise ValueError(f"the surface has {kv_u.spans} x {kv_v.spans} cells on level 0, more than {MOST_CELLS}")
+        raise ValueError(
+            f"the surface has {kv_u.spans} x {kv_v.spans} cells on level 0, more than {MOST_CELLS}"
+        )
     space = THBSpace(kv_u, kv_v)
     for level, cells in enumerate(a_list(data, "refined")):
         space = space.refine({level: cells})

@@ -1,27 +1,34 @@
-"""Proof that the ruled edges of a lens cross neither its surfaces nor each other, where front and rear differ in size.
+"""Proof that the ruled edges of a lens cross neither its surfaces nor each other, where front and rear differ
+in size.
 
-An edge joins points of equal relative position of the two rims.  Seen from the rim of one surface G, its base, at x = A, with the
-other rim at x = A - d, the half-width B in y, e more in the other rim, and the distance gap(t) of the rims in z, it lies
+An edge joins points of equal relative position of the two rims.  Seen from the rim of one surface G, its
+base, at x = A, with the other rim at x = A - d, the half-width B in y, e more in the other rim, and the
+distance gap(t) of the rims in z, it lies
 
     g(t, w) = G(A, t B) + w gap(t) - G(A - w d, t (B + w e)),    -1 <= t <= 1, 0 <= w <= 1,
 
-above the base (G is the front, or the rear turned over).  It meets the base at its rim alone where g / w > 0, at w = 0 in the limit,
+above the base (G is the front, or the rear turned over).  It meets the base at its rim alone where g / w > 0,
+at w = 0 in the limit,
 
     g / w = gap(t) + mean over 0..w of d G_x - t e G_y.
 
-This is asked where d > 0, and at w = 0 where d = 0: such an edge lies in a plane, and its Jacobian, B g_w at either rim, is linear in
-w, so that the ruling folds nowhere if it does not at the two rims.  Where d < 0 the edge lies beside the base.
+This is asked where d > 0, and at w = 0 where d = 0: such an edge lies in a plane, and its Jacobian, B g_w at
+either rim, is linear in w, so that the ruling folds nowhere if it does not at the two rims.  Where d < 0 the
+edge lies beside the base.
 
-Two edges that meet at a corner lie in one plan only where the front is the larger surface in one direction and the rear in the other:
-else a half-width tells w.  There, with half-widths a(w) that grow and b(w) that fall, the points of equal (x, y) are
+Two edges that meet at a corner lie in one plan only where the front is the larger surface in one direction
+and the rear in the other: else a half-width tells w.  There, with half-widths a(w) that grow and b(w) that
+fall, the points of equal (x, y) are
 
     (s a(w'), b(w')) at w' and (a(w), t b(w)) at w < w',    s = a(w) / a(w'), t = b(w') / b(w),
 
 and the second must lie below the first.  Front and rear, compared at equal (x, y), complete the proof.
 
-Boxes of (t, w) or (w, w') are quartered until a bound proves each, a point in one disproves it, or the budget is spent.
+Boxes of (t, w) or (w, w') are quartered until a bound proves each, a point in one disproves it, or the budget
+is spent.
 
-Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, chapters 5 and 6 (mean value form).
+Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, chapters 5 and 6 (mean
+value form).
 """
 
 from __future__ import annotations
@@ -56,7 +63,9 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
     ValueError : a crossing, with the place and the amount, or one that is neither found nor excluded.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
-    if least > (1 + SLACK) * sum(abs(step) * max(_steepest(g, axis) for g in graphs) for axis, step in enumerate(growth) if step):
+    if least > (1 + SLACK) * sum(
+        abs(step) * max(_steepest(g, axis) for g in graphs) for axis, step in enumerate(growth) if step
+    ):
         return  # every condition holds then
     _require_order(graphs, thickness)
     gap = gap_graph(*graphs, thickness)
@@ -93,7 +102,8 @@ class _EdgeOverBase:
         return self.base.kv_u.stop - w * self.d, t * (self.base.kv_v.stop + w * self.e)
 
     def lower(self, t: Interval, w: Interval) -> Array:
-        """Return bounds of g / w on boxes that touch w = 0, of g on others, and inf on those beside the base; t keeps its sign in a box."""
+        """Return bounds of g / w on boxes that touch w = 0, of g on others, and inf on those beside the base;
+        t keeps its sign in a box."""
         base, gap, b = self.base, self.gap, self.base.kv_v.stop
         rim = Interval(*[np.full_like(t.low, base.kv_u.stop)] * 2)
         end = Interval(*[np.full_like(t.low, gap.kv_u.stop)] * 2)
@@ -109,10 +119,16 @@ class _EdgeOverBase:
         )
         near = np.where(abs(t.low) < abs(t.high), t.low, t.high)
         centre = (t.low + t.high) / 2, (w.low + w.high) / 2
-        whole = self._inside(*centre)  # else from the corner that lies over the base if any point of the box does
+        whole = self._inside(
+            *centre
+        )  # else from the corner that lies over the base if any point of the box does
         at = np.where(whole, centre[0], near), np.where(whole, centre[1], w.low)
         reach = [np.where(whole, 0.5, 1.0) * (side.high - side.low) for side in (t, w)]
-        value = np.where(self._inside(*at), self(*at) * at[1], np.inf) - by_t.magnitude * reach[0] - by_w.magnitude * reach[1]
+        value = (
+            np.where(self._inside(*at), self(*at) * at[1], np.inf)
+            - by_t.magnitude * reach[0]
+            - by_w.magnitude * reach[1]
+        )
         count = 8 * (base.kv_u.degree + base.kv_v.degree + 4)
         value = value - rounding(count, abs(base.coefficients).max() + abs(gap.coefficients).max())
         return np.where(w.low > 0, value, np.where(self._inside(near, w.low), by_w.low, np.inf))
@@ -124,7 +140,8 @@ class _EdgeOverBase:
 
 @dataclass(frozen=True, eq=False)
 class _Corner:
-    """The distance in z of two edges at a corner at high x and y, where a(w) grows by `da` and b(w) falls by `db`."""
+    """The distance in z of two edges at a corner at high x and y, where a(w) grows by `da` and b(w) falls by
+    `db`."""
 
     front: BSplineSurface
     gap: BSplineSurface
@@ -144,7 +161,8 @@ class _Corner:
         return self.front.kv_u.stop + w * self.da, self.front.kv_v.stop - later * self.db
 
     def lower(self, w: Interval, later: Interval) -> Array:
-        """Return bounds that are positive only where the distance is, or the distance over later - w; inf on boxes with w >= later."""
+        """Return bounds that are positive only where the distance is, or the distance over later - w; inf on
+        boxes with w >= later."""
         (a, b), (c, d) = ([Interval(x, x) for x in self._ends(g, w.low)] for g in (self.front, self.gap))
         ones = np.ones_like(w.low)
         nearest, farthest = self._relative(w.high, later.low), self._relative(w.low, later.high)
@@ -152,7 +170,9 @@ class _Corner:
         high = range_over(self.front, s * a, b) + later * range_over(self.gap, s * c, d)
         low = range_over(self.front, a, t * b) + w * range_over(self.gap, c, t * d)
         s, t = Interval(s.low, ones), Interval(t.low, ones)  # from the corner on
-        by_s = range_over(self.front, s * a, b, (1, 0)) * a + later * range_over(self.gap, s * c, d, (1, 0)) * c
+        by_s = (
+            range_over(self.front, s * a, b, (1, 0)) * a + later * range_over(self.gap, s * c, d, (1, 0)) * c
+        )
         by_t = range_over(self.front, a, t * b, (0, 1)) * b + w * range_over(self.gap, c, t * d, (0, 1)) * d
         x, y = a + later.scaled(self.da), b - w.scaled(self.db)
         ratio = range_over(self.gap, c, d) - by_s * Interval(self.da / x.high, self.da / x.low)
@@ -162,7 +182,9 @@ class _Corner:
     def _relative(self, w: Array, later: Array) -> tuple[Array, Array]:
         """Return s and t of the module."""
         a, b = self._ends(self.front, w)
-        return np.minimum(1, (a + w * self.da) / (a + later * self.da)), np.minimum(1, (b - later * self.db) / (b - w * self.db))
+        return np.minimum(1, (a + w * self.da) / (a + later * self.da)), np.minimum(
+            1, (b - later * self.db) / (b - w * self.db)
+        )
 
     @staticmethod
     def _ends(graph: BSplineSurface, like: Array) -> tuple[Array, Array]:
@@ -176,7 +198,8 @@ def _require_order(graphs: Pair, thickness: float) -> None:
     if least.lower <= 0:
         amount = abs(min(least.value, 0.0))
         raise ValueError(
-            f"front and rear {'cross' if amount else 'touch'}: at x = {least.u:.6g}, y = {least.v:.6g} mm the rear lies {amount:.6g} mm "
+            f"front and rear {'cross' if amount else 'touch'}: at x = {least.u:.6g}, y = {least.v:.6g} mm "
+            f"the rear lies {amount:.6g} mm "
             f"before the front; raise lens.thickness by more than {amount:.6g} mm or change the radii"
         )
 
@@ -199,19 +222,29 @@ def _require_edge(graphs: Pair, gap: BSplineSurface, side: tuple[int, int, int])
     name, surface = f"{'-+'[sign > 0]}{'xy'[axis]}", ("front", "rear")[base]
     if point is None:
         raise ValueError(_undecided(f"the ruled edge at {name} crosses the {surface}"))
-    t, w = (np.append(a.ravel(), x) for a, x in zip(np.meshgrid(np.r_[SAMPLES - 1, 1 - SAMPLES], SAMPLES), point))
+    t, w = (
+        np.append(a.ravel(), x) for a, x in zip(np.meshgrid(np.r_[SAMPLES - 1, 1 - SAMPLES], SAMPLES), point)
+    )
     height = edge(t, w)
-    height, raised, k = height * w, -height.min(), int(np.argmin(np.where(np.isfinite(height), height * w, np.inf)))
+    height, raised, k = (
+        height * w,
+        -height.min(),
+        int(np.argmin(np.where(np.isfinite(height), height * w, np.inf))),
+    )
     raise ValueError(
-        f"the ruled edge at {name} crosses the {surface}: at {_where(edge.place(t[k], w[k]), axis, (sign, 1))} it lies "
+        f"the ruled edge at {name} crosses the {surface}: at "
+        f"{_where(edge.place(t[k], w[k]), axis, (sign, 1))} it lies "
         f"{max(0.0, -height[k]):.6g} mm {('before', 'behind')[base]} it; {_remedy(raised)}"
     )
 
 
 def _require_corner(graphs: Pair, gap: BSplineSurface, axis: int, signs: tuple[int, int]) -> None:
-    """Raise ValueError unless two edges that meet at a corner are proven not to cross; `axis` is the one in which the rear is larger."""
+    """Raise ValueError unless two edges that meet at a corner are proven not to cross; `axis` is the one in
+    which the rear is larger."""
     front, rear = (_oriented(g, axis, signs) for g in graphs)
-    corner = _Corner(front, _oriented(gap, axis, signs), rear.kv_u.stop - front.kv_u.stop, front.kv_v.stop - rear.kv_v.stop)
+    corner = _Corner(
+        front, _oriented(gap, axis, signs), rear.kv_u.stop - front.kv_u.stop, front.kv_v.stop - rear.kv_v.stop
+    )
     proven, point = positive(corner.lower, corner, np.array([[[0.0], [0.0]], [[1.0], [1.0]]]))
     if proven:
         return
@@ -221,16 +254,23 @@ def _require_corner(graphs: Pair, gap: BSplineSurface, axis: int, signs: tuple[i
     w, later = (np.append(a.ravel(), x) for a, x in zip(np.meshgrid(SAMPLES, SAMPLES), point))
     height = corner(w, later)
     k = int(np.argmin(height))
-    raise ValueError(f"the ruled edges at {names} cross at {_where(corner.place(w[k], later[k]), axis, signs)}; {_remedy(-height[k])}")
+    raise ValueError(
+        f"the ruled edges at {names} cross at {_where(corner.place(w[k], later[k]), axis, signs)}; "
+        f"{_remedy(-height[k])}"
+    )
 
 
 def _remedy(amount: float) -> str:
-    return f"raise lens.thickness by more than {max(0.0, amount):.6g} mm or make front and rear more alike in size"
+    return (
+        f"raise lens.thickness by more than {max(0.0, amount):.6g} mm or make front and rear more alike "
+        "in size"
+    )
 
 
 def _undecided(what: str) -> str:
     return (
-        f"it is undecided whether {what}: they come too close for a proof; raise lens.thickness or make front and rear more alike in size"
+        f"it is undecided whether {what}: they come too close for a proof; raise lens.thickness or make "
+        "front and rear more alike in size"
     )
 
 
@@ -248,17 +288,21 @@ def _steepest(graph: BSplineSurface, axis: int) -> float:
 
 
 def _segment(graph: BSplineSurface, half: list[float]) -> BSplineSurface:
-    """Return the graph over a smaller rectangle, which ends at a knot where one lies there but for rounding."""
+    """Return the graph over a smaller rectangle, which ends at a knot where one lies there but for
+    rounding."""
     operators = []
     for kv, h in zip((graph.kv_u, graph.kv_v), half):
         near = [kv.breaks[np.argmin(abs(kv.breaks - end))] for end in (-h, h)]
-        operators.append(kv.segment(*(float(b) if abs(b - end) <= NEAR * h else end for b, end in zip(near, (-h, h)))))
+        operators.append(
+            kv.segment(*(float(b) if abs(b - end) <= NEAR * h else end for b, end in zip(near, (-h, h))))
+        )
     (kv_u, a), (kv_v, b) = operators
     return BSplineSurface(kv_u, kv_v, tensor_apply(a, b, graph.coefficients))
 
 
 def _oriented(graph: BSplineSurface, axis: int, signs: tuple[int, int]) -> BSplineSurface:
-    """Return the graph in coordinates of which the first runs along `axis`, mirrored in those whose sign is -1."""
+    """Return the graph in coordinates of which the first runs along `axis`, mirrored in those whose sign is
+    -1."""
     vectors, net = [graph.kv_u, graph.kv_v], graph.coefficients
     if axis:
         vectors, net = vectors[::-1], net.T

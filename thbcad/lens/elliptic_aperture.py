@@ -74,7 +74,8 @@ class Ellipse:
 
 
 def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Ellipse:
-    """Return the ellipse of an aperture that both surfaces reach; a Lens has proven that the rear lies behind the front there.
+    """Return the ellipse of an aperture that both surfaces reach; a Lens has proven that the rear lies behind
+    the front there.
 
     Raises
     ------
@@ -84,7 +85,10 @@ def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Ellipse:
     ellipse = Ellipse(semi_axes)
     for name, surface in (("front", lens.front), ("rear", lens.rear)):
         if any(s > h for s, h in zip(ellipse.semi_axes, surface.half_width)):
-            raise ValueError(f"semi_axes must be at most the {name}'s half-widths {surface.half_width} mm, got {ellipse.semi_axes}")
+            raise ValueError(
+                f"semi_axes must be at most the {name}'s half-widths {surface.half_width} mm, got "
+                f"{ellipse.semi_axes}"
+            )
     return ellipse
 
 
@@ -107,8 +111,8 @@ def aperture_volume(lens: Lens, semi_axes: tuple[float, float]) -> float:
 def ellipse_integral(graph: BSplineSurface, ellipse: Ellipse) -> float:
     """Return the integral of a scalar spline z(x, y) over the inside of an ellipse within its rectangle.
 
-    A Gauss rule with n = p + q + 8 nodes on pieces of at most a quarter turn errs by less than 1e-14 of the size of
-    each harmonic, of which the last is number p + q + 2.
+    A Gauss rule with n = p + q + 8 nodes on pieces of at most a quarter turn errs by less than 1e-14 of the
+    size of each harmonic, of which the last is number p + q + 2.
 
     Source: P. Davis, P. Rabinowitz, Methods of Numerical Integration, 2.7 (remainder of the Gauss rule).
     """
@@ -125,6 +129,8 @@ def ellipse_integral(graph: BSplineSurface, ellipse: Ellipse) -> float:
     return float(weights @ (values * x * (b / a)))
 
 
-def inside(graph: BSplineSurface, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def inside(
+    graph: BSplineSurface, x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points of the rim, those that rounding put beside the rectangle of the graph moved onto it."""
     return tuple(np.clip(row, kv.start, kv.stop) for row, kv in ((x, graph.kv_u), (y, graph.kv_v)))

@@ -42,7 +42,10 @@ class Flange:
             require_number(f"flange {name}", getattr(self, name), least=least, finite=True)
             object.__setattr__(self, name, float(getattr(self, name)))
         if self.high - self.low < LEAST:
-            raise ValueError(f"flange high must be at least {LEAST:g} mm above flange low = {self.low:.9g} mm, got {self.high:.9g} mm")
+            raise ValueError(
+                f"flange high must be at least {LEAST:g} mm above flange low = {self.low:.9g} mm, got "
+                f"{self.high:.9g} mm"
+            )
 
     def rectangle(self, lens: Lens) -> tuple[float, float]:
         """Return the half-widths of the outline round a rectangular lens, mm."""
@@ -56,7 +59,8 @@ class Flange:
 def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> None:
     """Refuse a flange that meets front or rear: the front's rim must lie below it, the rear's rim above it.
 
-    The heights of the rims are certified on the rectangle; round an aperture, those of the rim's splines are (`fitted_curve`).
+    The heights of the rims are certified on the rectangle; round an aperture, those of the rim's splines are
+    (`fitted_curve`).
 
     Raises
     ------
@@ -68,9 +72,15 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
     top = max(value_range(curve)[1].upper for curve in _rims(front, lens, semi_axes))
     bottom = lens.thickness + min(value_range(curve)[0].lower for curve in _rims(rear, lens, semi_axes))
     if flange.low < top + LEAST:
-        raise ValueError(f"flange low must lie above the front's rim, which reaches up to z = {top:.9g} mm, got {flange.low:.9g} mm")
+        raise ValueError(
+            f"flange low must lie above the front's rim, which reaches up to z = {top:.9g} mm, got "
+            f"{flange.low:.9g} mm"
+        )
     if flange.high > bottom - LEAST:
-        raise ValueError(f"flange high must lie below the rear's rim, which reaches down to z = {bottom:.9g} mm, got {flange.high:.9g} mm")
+        raise ValueError(
+            f"flange high must lie below the rear's rim, which reaches down to z = {bottom:.9g} mm, got "
+            f"{flange.high:.9g} mm"
+        )
 
 
 def _rims(graph: BSplineSurface, lens: Lens, semi_axes: tuple[float, float] | None) -> list[BSplineSurface]:
@@ -85,7 +95,8 @@ def _rims(graph: BSplineSurface, lens: Lens, semi_axes: tuple[float, float] | No
 
 
 def ruled_edges(lens: Lens) -> list[BSplineSurface]:
-    """Return the four edges of a rectangular lens, at low y, high x, high y, low x, with poles (x, y, z) in mm.
+    """Return the four edges of a rectangular lens, at low y, high x, high y, low x, with poles (x, y, z) in
+    mm.
 
     Their parameters are x or y in the rear's rectangle and 0 (front) to 1 (rear).
     """
@@ -96,7 +107,11 @@ def ruled_edges(lens: Lens) -> list[BSplineSurface]:
         vectors = [s.kv_u if along_x else s.kv_v for s in surfaces]
         rims = [s.coefficients[:, row] if along_x else s.coefficients[row] for s in surfaces]
         kv = vectors[0].merged(vectors[1])
-        edges.append(BSplineSurface(kv, UNIT, np.stack([own.prolongation(kv) @ rim for own, rim in zip(vectors, rims)], axis=1)))
+        edges.append(
+            BSplineSurface(
+                kv, UNIT, np.stack([own.prolongation(kv) @ rim for own, rim in zip(vectors, rims)], axis=1)
+            )
+        )
     return edges
 
 
@@ -134,6 +149,8 @@ def _inside(lens: Lens, flange: Flange) -> float:
             v = (low + share * (high - low))[:, None]
             place, along, up = front + v * (rear - front), slope + v * (other - slope), rear - front
             x, y, _ = place.T
-            form = (x * along[:, 1] - y * along[:, 0]) * up[:, 2] - (x * up[:, 1] - y * up[:, 0]) * along[:, 2]
+            form = (x * along[:, 1] - y * along[:, 0]) * up[:, 2] - (x * up[:, 1] - y * up[:, 0]) * along[
+                :, 2
+            ]
             total += sign * weight * float((weights * (high - low)) @ form) / 2
     return total

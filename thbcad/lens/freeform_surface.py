@@ -34,7 +34,8 @@ class FreeformSurface:
 
     Raises
     ------
-    ValueError : half-widths that are not positive, a sag that is not scalar, a conic that ends within the rectangle.
+    ValueError : half-widths that are not positive, a sag that is not scalar, a conic that ends within the
+        rectangle.
     """
 
     half_width: tuple[float, float]
@@ -50,7 +51,9 @@ class FreeformSurface:
         object.__setattr__(self, "half_width", h)
         self.conic.require(h)
 
-    def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def __call__(
+        self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> NDArray[np.float64]:
         """Return z or a partial derivative at scattered points, (n,).
 
         Raises
@@ -91,11 +94,15 @@ class FreeformSurface:
             a = np.atleast_1d(np.asarray(a, dtype=np.float64))
             bad = ~(np.abs(a) <= h * (1 + RIM))
             if bad.any():
-                raise ValueError(f"{name} = {a[bad].flat[0]} mm lies outside the surface, whose half-width is {h} mm")
+                raise ValueError(
+                    f"{name} = {a[bad].flat[0]} mm lies outside the surface, whose half-width is {h} mm"
+                )
             rows.append(np.clip(a, -h, h))
         return rows[0], rows[1]
 
-    def to_parameters(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def to_parameters(
+        self, x: NDArray[np.float64], y: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the spline parameters (u, v) of positions (x, y).
 
         Raises
@@ -125,7 +132,9 @@ class FreeformSurface:
 
     def _scale(self) -> tuple[float, float]:
         space = self.sag.space
-        return tuple((kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.half_width))
+        return tuple(
+            (kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.half_width)
+        )
 
     def _chain(self, derivative: tuple[int, int]) -> float:
         su, sv = self._scale()
@@ -165,10 +174,14 @@ class Lens:
         rims = " and ".join(f"{'-+'[end > 0]}{axis}" for end, half, axis in ends if abs(end) == half)
         remedy = f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
         if rims and not amount:
-            return f"the rims touch: at x = {least.u:.6g}, y = {least.v:.6g} mm the lens has no thickness at its edges {rims}; {remedy}"
+            return (
+                f"the rims touch: at x = {least.u:.6g}, y = {least.v:.6g} mm the lens has no thickness "
+                f"at its edges {rims}; {remedy}"
+            )
         return (
             f"the surfaces {'cross' if amount else 'touch'}: at x = {least.u:.6g}, y = {least.v:.6g} mm"
-            f" the rear lies {amount:.6g} mm before the front{f', at the edges {rims}' if rims else ''}; {remedy}"
+            f" the rear lies {amount:.6g} mm before the front{f', at the edges {rims}' if rims else ''}; "
+            f"{remedy}"
         )
 
     def least_thickness(self) -> Enclosure:
@@ -193,8 +206,13 @@ class Lens:
     @cached_property
     def _graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
         spaces = [f.sag.space for f in (self.front, self.rear) if f.sag is not None]
-        default = 3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5  # other conics need fewer knots then
-        common = tuple(max((kv.degree for kv in row), default=default) for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces]))
+        default = (
+            3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5
+        )  # other conics need fewer knots then
+        common = tuple(
+            max((kv.degree for kv in row), default=default)
+            for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces])
+        )
         graphs = self.front.graph(common), self.rear.graph(common)
         return graphs[0].elevated(common), graphs[1].elevated(common)
 

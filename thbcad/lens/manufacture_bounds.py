@@ -1,10 +1,11 @@
 """What a workshop asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
 
-Extremes come as certified enclosures of the spline graphs of `Lens.graphs`, which are the surfaces that the CAD files
-hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Volume and areas come by Gauss quadrature.
+Extremes come as certified enclosures of the spline graphs of `Lens.graphs`, which are the surfaces that the
+CAD files hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Volume and areas come
+by Gauss quadrature.
 
-Concave and convex are meant as seen from the air, where the tool works: a front is concave where z bends towards -z,
-a rear where it bends towards +z.
+Concave and convex are meant as seen from the air, where the tool works: a front is concave where z bends
+towards -z, a rear where it bends towards +z.
 """
 
 from __future__ import annotations
@@ -101,7 +102,8 @@ class SurfaceFigures:
 
 @dataclass(frozen=True)
 class Manufacturability:
-    """Figures of a lens; thicknesses in mm, in z between points of equal relative position, with the place on the rear.
+    """Figures of a lens; thicknesses in mm, in z between points of equal relative position, with the place on
+    the rear.
 
     thickness : the least anywhere.  edge_thickness : the least at the rim.  centre_thickness : at x = y = 0
     volume : mm^3.  density : g/cm^3 or None
@@ -134,8 +136,8 @@ def mass(volume: float, density: float) -> float:
 def manufacturability(lens: Lens, density: float | None = None) -> Manufacturability:
     """Return the figures of a lens for the workshop.
 
-    Bounds of heights differ by 1e-8 of the greatest, those of slopes and radii by 1e-5, or more where a whole curve or
-    face holds the extreme.
+    Bounds of heights differ by 1e-8 of the greatest, those of slopes and radii by 1e-5, or more where a whole
+    curve or face holds the extreme.
 
     density : g/cm^3, None is unknown
 
@@ -160,10 +162,11 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
 
 
 def area(graph: BSplineSurface) -> tuple[float, float]:
-    """Return the area of a graph z(x, y) and an estimate of its error, in the square of the unit of x, y and z.
+    """Return the area of a graph z(x, y) and an estimate of its error, in the square of the unit of x, y and
+    z.
 
-    The integral of sqrt(1 + z_x^2 + z_y^2) by Gauss quadrature with p + 1 points on every span, at least 32 spans
-    per direction; the estimate is the change from p points.
+    The integral of sqrt(1 + z_x^2 + z_y^2) by Gauss quadrature with p + 1 points on every span, at least 32
+    spans per direction; the estimate is the change from p points.
     """
     p = max(graph.kv_u.degree, graph.kv_v.degree)
     fewer, value = (_area(graph, n) for n in (p, p + 1))
@@ -192,20 +195,26 @@ def _quadrature(kv: KnotVector, points: int) -> tuple[NDArray[np.float64], NDArr
 def _figures(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceFigures:
     radii = least_radii(graph, BENDING)
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
-    departure = None if surface.sag is None else HeightRange(*value_range(_sag_graph(surface), tolerance=HEIGHT))
+    departure = (
+        None if surface.sag is None else HeightRange(*value_range(_sag_graph(surface), tolerance=HEIGHT))
+    )
     heights = HeightRange(*value_range(graph, tolerance=HEIGHT))
-    return SurfaceFigures(_slope_angle(graph), concave, convex, heights, departure, _feature(surface), *area(graph))
+    return SurfaceFigures(
+        _slope_angle(graph), concave, convex, heights, departure, _feature(surface), *area(graph)
+    )
 
 
 def _slope_angle(graph: BSplineSurface) -> Enclosure:
-    """Return the greatest slope in degrees; the arctangent and the product with 180 / pi round by less than 4 EPS."""
+    """Return the greatest slope in degrees; the arctangent and the product with 180 / pi round by less than 4
+    EPS."""
     found = greatest_slope(graph, BENDING)
     lower, value, upper = (float(np.degrees(np.arctan(s))) for s in (found.lower, found.value, found.upper))
     return replace(found, lower=lower * (1 - 4 * EPS), value=value, upper=min(upper * (1 + 4 * EPS), 90.0))
 
 
 def _at_centre(gap: BSplineSurface) -> Enclosure:
-    """Return the gap at x = y = 0, a mean of coefficients after 5 roundings per degree of each factor, and the sums."""
+    """Return the gap at x = y = 0, a mean of coefficients after 5 roundings per degree of each factor, and
+    the sums."""
     a, b = (kv.collocation([0.0]) for kv in (gap.kv_u, gap.kv_v))
     value = float((a @ gap.coefficients @ b.T.toarray()).item())
     error = float(rounding(8 * (gap.kv_u.degree + gap.kv_v.degree + 2), np.abs(gap.coefficients).max()))
@@ -226,7 +235,9 @@ def _at_rim(gap: BSplineSurface) -> Enclosure:
 def _sag_graph(surface: FreeformSurface) -> BSplineSurface:
     """Return the sag alone over the rectangle of its surface, mm."""
     sag = surface.sag.to_bspline()
-    return BSplineSurface(*(kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width)), sag.coefficients)
+    return BSplineSurface(
+        *(kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width)), sag.coefficients
+    )
 
 
 def _feature(surface: FreeformSurface) -> Feature | None:
@@ -237,5 +248,7 @@ def _feature(surface: FreeformSurface) -> Feature | None:
     boxes = space.boxes[np.isin(space.cells[:, 0], levels)]
     knots = space.kv_u, space.kv_v
     shortest = (boxes[:, 1::2] - boxes[:, ::2]).min(axis=0)
-    span = tuple(float(s) * 2 * h / (kv.stop - kv.start) for s, h, kv in zip(shortest, surface.half_width, knots))
+    span = tuple(
+        float(s) * 2 * h / (kv.stop - kv.start) for s, h, kv in zip(shortest, surface.half_width, knots)
+    )
     return Feature(int(levels.max()), span, tuple(kv.degree * s for kv, s in zip(knots, span)))

@@ -22,8 +22,9 @@ class Product:
 
     Raises
     ------
-    ValueError : a text that is no string of one line of at most 500 characters or has a blank at an end; an empty name; a density below 0;
-        an index that is not positive; a density or an index without a material.
+    ValueError : a text that is no string of one line of at most 500 characters or has a blank at an end; an
+        empty name; a density below 0; an index that is not positive; a density or an index without a
+        material.
     """
 
     name: str = "lens"
@@ -44,11 +45,15 @@ class Product:
             require_number("index", self.index, above=0.0, finite=True)
             object.__setattr__(self, "index", float(self.index))
         if not self.material and (self.density or self.index is not None):
-            raise ValueError(f"material must be named for a density or an index, got {self.density:g} g/cm^3 and index {self.index}")
+            raise ValueError(
+                f"material must be named for a density or an index, got {self.density:g} g/cm^3 and index "
+                f"{self.index}"
+            )
 
 
 def require_line(key: str, text: object) -> None:
-    """Raise ValueError unless the text is one line of at most 500 characters, none of them control characters or blanks at its ends."""
+    """Raise ValueError unless the text is one line of at most 500 characters, none of them control characters
+    or blanks at its ends."""
     if not isinstance(text, str):
         raise ValueError(f"{key} must be a string, got {type(text).__name__}")
     if text != text.strip():
@@ -57,9 +62,14 @@ def require_line(key: str, text: object) -> None:
         raise ValueError(f"{key} must have at most {LONGEST} characters, got {len(text)}")
     bad = [c for c in text if unicodedata.category(c) in FORBIDDEN]
     if bad:
-        raise ValueError(f"{key} must be one line without control characters, got {bad[0]!r} in {text[:60]!r}")
+        raise ValueError(
+            f"{key} must be one line without control characters, got {bad[0]!r} in {text[:60]!r}"
+        )
 
 
 def one_line(text: str) -> str:
-    """Return a text as `require_line` wants it: blanks for control characters and line breaks, cut at 500 characters."""
-    return " ".join("".join(" " if unicodedata.category(c) in FORBIDDEN else c for c in text).split())[:LONGEST].rstrip()
+    """Return a text as `require_line` wants it: blanks for control characters and line breaks, cut at 500
+    characters."""
+    return " ".join("".join(" " if unicodedata.category(c) in FORBIDDEN else c for c in text).split())[
+        :LONGEST
+    ].rstrip()

@@ -1,4 +1,5 @@
-"""Smooth curves that no spline holds, as splines within 1e-9 mm: the rim of an elliptic aperture, level lines of ruled edges.
+"""Smooth curves that no spline holds, as splines within 1e-9 mm: the rim of an elliptic aperture, level lines
+of ruled edges.
 
 The curves have a known number of derivatives where they cross knot lines.  With knots of the same smoothness
 there, interpolation at the Greville points converges with order 6 on the pieces.
@@ -24,8 +25,11 @@ MOST_SPANS = 100_000
 Array = NDArray[np.float64]
 
 
-def fitted_curve(curve: Callable[[Array], Array], breaks: Array, counts: NDArray[np.int64]) -> tuple[KnotVector, Array]:
-    """Return knots and poles (n, d) of a spline of degree 5 that stays within 1e-9 of a curve at eight places in every span.
+def fitted_curve(
+    curve: Callable[[Array], Array], breaks: Array, counts: NDArray[np.int64]
+) -> tuple[KnotVector, Array]:
+    """Return knots and poles (n, d) of a spline of degree 5 that stays within 1e-9 of a curve at eight places
+    in every span.
 
     curve : function of t, (n,), that returns (n, d)
     breaks : (m,) float, increasing, where derivatives may jump
@@ -48,12 +52,16 @@ def fitted_curve(curve: Callable[[Array], Array], breaks: Array, counts: NDArray
             return kv, spline.c
         middles = breaks[:-1][failing] + np.diff(breaks)[failing] / 2
         order = np.argsort(np.r_[breaks, middles])
-        breaks, counts = np.r_[breaks, middles][order], np.r_[counts, np.ones(len(middles), dtype=np.int64)][order]
+        breaks, counts = (
+            np.r_[breaks, middles][order],
+            np.r_[counts, np.ones(len(middles), dtype=np.int64)][order],
+        )
     raise ValueError(f"the curve needs more than {MOST_SPANS} spans for {TOLERANCE:g} mm")
 
 
 def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotVector, Array]:
-    """Return knots and poles (x, y, z), (n, 3), of a graph above half an ellipse, t in [0, pi] (half 0) or [pi, 2 pi] (half 1), mm.
+    """Return knots and poles (x, y, z), (n, 3), of a graph above half an ellipse, t in [0, pi] (half 0) or
+    [pi, 2 pi] (half 1), mm.
 
     Raises
     ------
@@ -76,8 +84,11 @@ def kinks(kv: KnotVector) -> tuple[Array, NDArray[np.int64]]:
     return values, np.clip(DEGREE - kv.degree + repeats, 1, DEGREE)
 
 
-def _crossings(graph: BSplineSurface, ellipse: Ellipse, start: float, stop: float) -> tuple[Array, NDArray[np.int64]]:
-    """Return the angles from start to stop at which the rim crosses knot lines, and how often each must be a knot."""
+def _crossings(
+    graph: BSplineSurface, ellipse: Ellipse, start: float, stop: float
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return the angles from start to stop at which the rim crosses knot lines, and how often each must be a
+    knot."""
     lines, counts = zip(*(kinks(kv) for kv in (graph.kv_u, graph.kv_v)))
     angles, line = ellipse.crossings(*lines)
     counts = np.concatenate(counts)[line]

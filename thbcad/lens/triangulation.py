@@ -12,7 +12,8 @@ size they are plane and one row is exact but for the chords of the rims; else th
 (1 - w) F(u) + w R(u) with M_ww = 0 and M_uw <= |R' - F'|, and the same bound, taken of vectors, says
 how many rows they need.
 
-Source: D. Filip, R. Magedson, R. Markot, Surface algorithms using bounds on derivatives, CAGD 3 (1986), theorem 1.
+Source: D. Filip, R. Magedson, R. Markot, Surface algorithms using bounds on derivatives, CAGD 3 (1986),
+theorem 1.
 """
 
 from __future__ import annotations
@@ -42,8 +43,10 @@ class Tessellation:
 
     vertices : (n, 3) float, mm
     triangles : (t, 3) int, vertex numbers; the front comes first, then the rear, then the edges
-    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges at low y, high x, high y, low x
-    chord : float, mm, bound of the distance of any point of the mesh from its face; on front and rear also of the error in z
+    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges at low y, high x, high y,
+        low x
+    chord : float, mm, bound of the distance of any point of the mesh from its face; on front and rear also of
+        the error in z
     """
 
     vertices: Array
@@ -76,17 +79,28 @@ def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
     gap = gap_graph(front, rear, lens.thickness)
     added = ALLOWANCE + (_rounding(surfaces) if single else 0.0)
     if added > chord / 2:
-        raise ValueError(f"chord must be at least {2 * added:.2g} mm, as rounding moves vertices by {added:.2g} mm, got {chord:g}")
+        raise ValueError(
+            f"chord must be at least {2 * added:.2g} mm, as rounding moves vertices by {added:.2g} mm, got "
+            f"{chord:g}"
+        )
     bends = np.maximum(*(_bounds(_heights(s), ((2, 0), (1, 1), (0, 2)), gap) for s in surfaces))
     u, v, bound = _positions(bends, gap, chord - added)
     rows, edge_bound = _rows(lens, gap, bends, (u, v), chord - added)
     count = 4 * (len(u) - 1) * (len(v) - 1) + 4 * rows * (len(u) + len(v) - 2)
     if count > MOST_TRIANGLES:
-        raise ValueError(f"a chord error of {chord:g} mm needs {count:,} triangles, more than {MOST_TRIANGLES:,}; allow a greater one")
+        raise ValueError(
+            f"a chord error of {chord:g} mm needs {count:,} triangles, more than {MOST_TRIANGLES:,}; allow "
+            "a greater one"
+        )
     vertices = _vertices([s.grid(u, v) for s in surfaces], rows, single)
     triangles, faces = _triangles(len(u) - 1, len(v) - 1, rows)
-    if single and any((vertices[triangles[:, k]] == vertices[triangles[:, k - 1]]).all(axis=1).any() for k in range(3)):
-        raise ValueError("two vertices of the mesh lie closer than float32 tells apart; allow a greater chord error or use float64")
+    if single and any(
+        (vertices[triangles[:, k]] == vertices[triangles[:, k - 1]]).all(axis=1).any() for k in range(3)
+    ):
+        raise ValueError(
+            "two vertices of the mesh lie closer than float32 tells apart; allow a greater chord error or "
+            "use float64"
+        )
     return Tessellation(vertices, triangles, faces, max(bound, edge_bound) + added)
 
 
@@ -95,15 +109,22 @@ def _heights(surface: BSplineSurface) -> BSplineSurface:
 
 
 def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Array:
-    """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells u, cells v)."""
-    found = [np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)]
+    """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells
+    u, cells v)."""
+    found = [
+        np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)
+    ]
     own = np.concatenate(found, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
-    i, j = (np.searchsorted(kv.breaks, fine.breaks[:-1], "right") - 1 for kv, fine in ((graph.kv_u, mesh.kv_u), (graph.kv_v, mesh.kv_v)))
+    i, j = (
+        np.searchsorted(kv.breaks, fine.breaks[:-1], "right") - 1
+        for kv, fine in ((graph.kv_u, mesh.kv_u), (graph.kv_v, mesh.kv_v))
+    )
     return own[:, i[:, None], j[None, :]]
 
 
 def _rounding(surfaces: tuple[BSplineSurface, BSplineSurface]) -> float:
-    """Return by how much float32 vertices move a point from its face, in z on front and rear: half a unit d of x, y and z each."""
+    """Return by how much float32 vertices move a point from its face, in z on front and rear: half a unit d
+    of x, y and z each."""
     size = max(float(np.abs(s.coefficients).max()) for s in surfaces)
     factors = [3**0.5]
     for s in surfaces:
@@ -117,7 +138,8 @@ def _rounding(surfaces: tuple[BSplineSurface, BSplineSurface]) -> float:
 def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array, Array, float]:
     """Return parameters u and v of the grid lines, and the bound that the cells then keep.
 
-    As 2 h k M_uv <= (h^2 + k^2) M_uv, h^2 (M_uu + M_uv) <= 4 chord and k^2 (M_vv + M_uv) <= 4 chord are enough.
+    As 2 h k M_uv <= (h^2 + k^2) M_uv, h^2 (M_uu + M_uv) <= 4 chord and k^2 (M_vv + M_uv) <= 4 chord are
+    enough.
     """
     uu, uv, vv = bends
     needs = (uu + uv).max(axis=1), (vv + uv).max(axis=0)
@@ -126,16 +148,23 @@ def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array,
         width = np.diff(kv.breaks)
         parts = np.ceil(np.clip(width * np.sqrt(need / (4 * chord)), 1, MOST_TRIANGLES))
         if parts.sum() > MOST_TRIANGLES:
-            raise ValueError(f"a chord error of {chord:g} mm needs more than {MOST_TRIANGLES:,} triangles; allow a greater one")
+            raise ValueError(
+                f"a chord error of {chord:g} mm needs more than {MOST_TRIANGLES:,} triangles; allow a "
+                "greater one"
+            )
         parts = parts.astype(np.int64)
-        share = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(parts, parts)
+        share = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(
+            parts, parts
+        )
         lines.append(np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * share, kv.stop))
         steps.append(width / parts)
     h, k = steps[0][:, None], steps[1][None, :]
     return lines[0], lines[1], float((h * h * uu + 2 * h * k * uv + k * k * vv).max()) / 8
 
 
-def _rows(lens: Lens, gap: BSplineSurface, bends: Array, lines: tuple[Array, Array], chord: float) -> tuple[int, float]:
+def _rows(
+    lens: Lens, gap: BSplineSurface, bends: Array, lines: tuple[Array, Array], chord: float
+) -> tuple[int, float]:
     """Return how many rows of triangles the ruled edges need, and the bound that they then keep.
 
     `_positions` leaves h^2 M_uu / 8 <= chord / 2; rows of height 1 / n add h |R' - F'| / (4 n).
@@ -186,6 +215,8 @@ def _triangles(nu: int, nv: int, rows: int) -> tuple[NDArray[np.int64], NDArray[
     return triangles, np.concatenate([np.repeat([FRONT, REAR], len(rear)), side])
 
 
-def _halves(a: NDArray[np.int64], b: NDArray[np.int64], c: NDArray[np.int64], d: NDArray[np.int64]) -> NDArray[np.int64]:
+def _halves(
+    a: NDArray[np.int64], b: NDArray[np.int64], c: NDArray[np.int64], d: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Return the triangles a b c and a c d of the quadrangles a b c d, alternating, (2 n, 3)."""
     return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)

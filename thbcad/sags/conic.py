@@ -101,7 +101,9 @@ class Conic:
         w = 1 + q * (x * x + y * y)
         g = {(0, 0): np.sqrt(w)}
         scaled = {}
-        for i, j in [(0, j) for j in range(1, b + 1)] + [(i, j) for i in range(1, a + 1) for j in range(b + 1)]:
+        for i, j in [(0, j) for j in range(1, b + 1)] + [
+            (i, j) for i in range(1, a + 1) for j in range(b + 1)
+        ]:
             # the identity in t for the first column, in s for all others
             k, along, before, twice = (i, x, (i - 1, j), (i - 2, j)) if i else (j, y, (i, j - 1), (i, j - 2))
             total = (3 - 2 * k) * along * g[before] + (3 - k) * g.get(twice, 0.0)
@@ -125,7 +127,8 @@ class Conic:
         order : int n >= 2.  x : (n_x + 1,) float, y : (n_y + 1,) float, increasing, mm.
         Returns (n_x, n_y) float, mm^(1 - n).
 
-        Source: NIST Digital Library of Mathematical Functions 18.12.4 (generating function), with 18.7.9 and 18.9.19.
+        Source: NIST Digital Library of Mathematical Functions 18.12.4 (generating function), with 18.7.9 and
+        18.9.19.
         """
         require_order(order)
         if order < 2:
@@ -136,11 +139,16 @@ class Conic:
         if self.constant >= -1:
             far, high = far[:, None], high[None, :]
             w = 1 - (1 + self.constant) * (far**2 + high**2) / self.radius**2
-            # the terms are all positive; what matters is the rounding of w, at most 8 EPS / w of it, in w^(1/2 - n)
+            # the terms are all positive; what matters is the rounding of w, at most 8 EPS / w of it, in
+            # w^(1/2 - n)
             return abs(self(far, high, (order, 0))) * (1 + 16 * order * EPS / w)
-        return self._hyperboloid_bound(order, (near[:, None], far[:, None]), (low[None, :], high[None, :])) * (1 + 16 * order * EPS)
+        return self._hyperboloid_bound(
+            order, (near[:, None], far[:, None]), (low[None, :], high[None, :])
+        ) * (1 + 16 * order * EPS)
 
-    def _hyperboloid_bound(self, n: int, x: tuple[Coordinate, Coordinate], y: tuple[Coordinate, Coordinate]) -> Coordinate:
+    def _hyperboloid_bound(
+        self, n: int, x: tuple[Coordinate, Coordinate], y: tuple[Coordinate, Coordinate]
+    ) -> Coordinate:
         """Return the bound for K < -1 where |x| and |y| lie between the given numbers."""
         b2 = -(1 + self.constant) / self.radius**2
         (near, far), (low, high) = (tuple(b2 * a**2 for a in pair) for pair in (x, y))
@@ -151,10 +159,18 @@ class Conic:
         places = [first, last, *(np.clip(root, first, last) for root in slope.deriv().roots())]
         # n^4 is a bound of the second derivative of P and of the growth of rounding errors in its first
         steepest = np.max([abs(slope(place)) for place in places], axis=0) + 2 * n**4 * EPS
-        return factorial(n - 2) / abs(self.radius) * b2 ** (n / 2 - 1) * height * (height + near) ** (-(n + 1) / 2) * steepest
+        return (
+            factorial(n - 2)
+            / abs(self.radius)
+            * b2 ** (n / 2 - 1)
+            * height
+            * (height + near) ** (-(n + 1) / 2)
+            * steepest
+        )
 
     def rounding(self, x: ArrayLike, y: ArrayLike) -> float:
-        """Return a bound of the rounding errors of the values on the rectangle that the rows x and y span, mm.
+        """Return a bound of the rounding errors of the values on the rectangle that the rows x and y span,
+        mm.
 
         The error of the root g is at most that of its argument, 4 EPS |1 - g^2|, over 2 g; the
         other operations add up to 6 EPS.  Both are greatest in the farthest corner.
@@ -188,7 +204,12 @@ def meridian(conic: Conic, radius: float) -> NURBSCurve:
     square = 1 - (1 + conic.constant) * (radius / conic.radius) ** 2
     if square < 0:
         limit = abs(conic.radius) / np.sqrt(1 + conic.constant)
-        raise ValueError(f"the conic (radius {conic.radius}, K {conic.constant}) ends at r = {limit:.6g} mm, before r = {radius:.6g} mm")
+        raise ValueError(
+            f"the conic (radius {conic.radius}, K {conic.constant}) ends at r = {limit:.6g} mm, before r = "
+            f"{radius:.6g} mm"
+        )
     share = 1 + np.sqrt(square)
     points = [[0.0, 0.0], [radius / share, 0.0], [radius, radius**2 / (conic.radius * share)]]
-    return NURBSCurve(KnotVector(2, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.array(points), np.array([1.0, 1.0, 2 / share]))
+    return NURBSCurve(
+        KnotVector(2, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.array(points), np.array([1.0, 1.0, 2 / share])
+    )

@@ -24,7 +24,9 @@ def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
     return sum(kv.knots[a : a + kv.dim] * kv.knots[b : b + kv.dim] for a, b in pairs) / len(pairs)
 
 
-def conic_graph(conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None) -> BSplineSurface:
+def conic_graph(
+    conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None
+) -> BSplineSurface:
     """Return conic + sag as one BSplineSurface, on the given knots, refined where the conic needs it.
 
     Planes and paraboloids are exact but for rounding and keep the knots, other conics are within 1e-11 mm.
@@ -69,7 +71,9 @@ def graph_poles(graph: BSplineSurface, vertex: float, domain: BSplineSurface) ->
 def _aligned(kv: KnotVector, target: KnotVector) -> KnotVector:
     """Return `kv` mapped onto the interval of `target`; knots that agree but for rounding become equal."""
     mapped = kv.rescaled(target.start, target.stop).knots
-    near = target.breaks[np.clip(np.searchsorted(target.breaks, mapped - 1e-12 * target.stop), 0, target.spans)]
+    near = target.breaks[
+        np.clip(np.searchsorted(target.breaks, mapped - 1e-12 * target.stop), 0, target.spans)
+    ]
     return KnotVector(kv.degree, np.where(np.abs(near - mapped) < 1e-12 * target.stop, near, mapped))
 
 
@@ -82,7 +86,9 @@ def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> 
         both = mine.merged(other)
         target.append(both)
         nets.append([own.prolongation(both) for own in (other, mine)])
-    heights = [tensor_apply(nets[0][k], nets[1][k], graph.coefficients) for k, graph in enumerate((front, rear))]
+    heights = [
+        tensor_apply(nets[0][k], nets[1][k], graph.coefficients) for k, graph in enumerate((front, rear))
+    ]
     return BSplineSurface(*target, thickness + heights[1] - heights[0])
 
 

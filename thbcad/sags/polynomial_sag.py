@@ -4,8 +4,9 @@ Every sag is kept in tensor-product Chebyshev polynomials, in which values, deri
 are well conditioned.  `thbcad.approximation.approximated` turns it into a spline: exactly, but for
 rounding, where the degrees of the spline suffice.
 
-Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3 and 4; V. Lakshminarayanan
-and A. Fleck, Zernike polynomials: a guide, J. Mod. Opt. 58 (2011), for the OSA/ANSI convention.
+Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3 and 4; V.
+Lakshminarayanan and A. Fleck, Zernike polynomials: a guide, J. Mod. Opt. 58 (2011), for the OSA/ANSI
+convention.
 """
 
 from __future__ import annotations
@@ -19,7 +20,16 @@ from numpy.polynomial import chebyshev, legendre
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import eval_jacobi
 
-from thbcad.checks import EPS, half_widths, read_only, rebuilt, require_integer, require_number, require_order, require_orders
+from thbcad.checks import (
+    EPS,
+    half_widths,
+    read_only,
+    rebuilt,
+    require_integer,
+    require_number,
+    require_order,
+    require_orders,
+)
 from thbcad.sags.proven_approximation import cell_maxima, lebesgue_bound, lobatto_nodes, node_slack
 
 
@@ -58,8 +68,11 @@ class PolynomialSag:
         return cls(half_width, _coefficients(legendre.leggrid2d(s, t, a)))
 
     @classmethod
-    def zernike(cls, half_width: tuple[float, float], radius: float, terms: Mapping[tuple[int, int], float]) -> PolynomialSag:
-        """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may reach beyond the disk.
+    def zernike(
+        cls, half_width: tuple[float, float], radius: float, terms: Mapping[tuple[int, int], float]
+    ) -> PolynomialSag:
+        """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may reach beyond the
+        disk.
 
         terms : {(n, m): a_nm in mm}, see `zernike`; ``osa_orders(j)`` gives the (n, m) of an OSA/ANSI index j
         radius : float, mm, the radius of the disk on which the terms are orthogonal
@@ -67,7 +80,10 @@ class PolynomialSag:
         require_number("radius", radius, above=0, finite=True)
         nodes = chebyshev.chebpts1(1 + max((n for n, _ in terms), default=0))
         s, t = (h / radius * nodes for h in half_width)
-        values = sum((a * zernike(n, m, s[:, None], t[None, :]) for (n, m), a in terms.items()), np.zeros((len(nodes),) * 2))
+        values = sum(
+            (a * zernike(n, m, s[:, None], t[None, :]) for (n, m), a in terms.items()),
+            np.zeros((len(nodes),) * 2),
+        )
         return cls(half_width, _coefficients(values))
 
     def __str__(self) -> str:
@@ -86,7 +102,9 @@ class PolynomialSag:
             c = chebyshev.chebder(c, int(order), scl=1 / self.half_width[axis], axis=axis)
         return PolynomialSag(self.half_width, c)
 
-    def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def __call__(
+        self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> NDArray[np.float64]:
         """Return z or a derivative at scattered points, (n,)."""
         own = self.derivative(*require_orders(derivative))
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) / h for a, h in zip((x, y), self.half_width))
@@ -95,7 +113,10 @@ class PolynomialSag:
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return z or a derivative on the grid x x y, (len(x), len(y))."""
         own = self.derivative(*require_orders(derivative))
-        by_x, by_y = (chebyshev.chebvander(np.asarray(a) / h, n) for a, h, n in zip((x, y), self.half_width, own.degrees))
+        by_x, by_y = (
+            chebyshev.chebvander(np.asarray(a) / h, n)
+            for a, h, n in zip((x, y), self.half_width, own.degrees)
+        )
         return by_x @ own.coefficients @ by_y.T
 
     def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
@@ -112,7 +133,8 @@ class PolynomialSag:
         own = self.derivative(*orders)
         p, q = (max(n, 1) for n in own.degrees)
         at_nodes = cell_maxima(own.grid(lobatto_nodes(x, p), lobatto_nodes(y, q)), (p, q))
-        # coefficients of derivatives are sums of multiples >= 0 of those of z: rounding errs relative to the sums of the sizes
+        # coefficients of derivatives are sums of multiples >= 0 of those of z: rounding errs relative to the
+        # sums of the sizes
         sizes = PolynomialSag(self.half_width, abs(self.coefficients)).derivative(*orders)
         allowance = 2 * self._roundings() * sizes.coefficients.sum()
         slack = node_slack(x, p)[:, None] * node_slack(y, q)[None, :]
@@ -126,18 +148,23 @@ class PolynomialSag:
     def _roundings(self) -> float:
         """Return the rounding error of `grid` for coefficients whose sizes add up to 1.
 
-        The three-term recurrence errs by 3/2 m^2 roundings in T_m, the division x / h by m^2 more, the sums by m + 2.
+        The three-term recurrence errs by 3/2 m^2 roundings in T_m, the division x / h by m^2 more, the sums
+        by m + 2.
         """
         return sum(1.5 * m * m + m + 2 for m in self.degrees) * EPS
 
     def _require_inside(self, x: ArrayLike, y: ArrayLike) -> None:
         for name, a, h in zip("xy", (x, y), self.half_width):
             if abs(np.asarray(a)).max() > h:
-                raise ValueError(f"{name} must lie within the half-width {h} mm of the sag, got {abs(np.asarray(a)).max()} mm")
+                raise ValueError(
+                    f"{name} must lie within the half-width {h} mm of the sag, got "
+                    f"{abs(np.asarray(a)).max()} mm"
+                )
 
 
 def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-    """Return the Zernike polynomial of degree n and azimuthal frequency m, of mean square 1 over the unit disk.
+    """Return the Zernike polynomial of degree n and azimuthal frequency m, of mean square 1 over the unit
+    disk.
 
     With x = rho cos(theta), y = rho sin(theta) and the radial polynomial R, R(1) = 1,
 
@@ -166,6 +193,7 @@ def osa_orders(j: int) -> tuple[int, int]:
 
 
 def _coefficients(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Chebyshev coefficients of the polynomial with these values at the Chebyshev points, of the same shape."""
+    """Return the Chebyshev coefficients of the polynomial with these values at the Chebyshev points, of the
+    same shape."""
     by_x, by_y = (chebyshev.chebvander(chebyshev.chebpts1(n), n - 1) for n in values.shape)
     return np.linalg.solve(by_y, np.linalg.solve(by_x, values).T).T

@@ -31,14 +31,16 @@ BLOCK = 1 << 18  # values at a time
 
 
 class BoundedFunction(Protocol):
-    """A function f(x, y), mm, with bounds of its derivatives and of its rounding errors; `str` of it names it in messages."""
+    """A function f(x, y), mm, with bounds of its derivatives and of its rounding errors; `str` of it names it
+    in messages."""
 
     def grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values on the grid x x y, (len(x), len(y))."""
         ...
 
     def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """Return bounds of |d^order f| along an axis on the cells between the breaks x and y, (len(x) - 1, len(y) - 1)."""
+        """Return bounds of |d^order f| along an axis on the cells between the breaks x and y, (len(x) - 1,
+        len(y) - 1)."""
         ...
 
     def rounding(self, x: ArrayLike, y: ArrayLike) -> float:
@@ -56,7 +58,8 @@ class Approximation:
 
 @dataclass(frozen=True, eq=False)
 class CellBounds:
-    """Proven bounds of |f - s| on every cell, (spans_u, spans_v), mm, and their parts r_x and r_y of the same shape.
+    """Proven bounds of |f - s| on every cell, (spans_u, spans_v), mm, and their parts r_x and r_y of the same
+    shape.
 
     rounding : float, the part of `total` that stands for rounding errors.
     """
@@ -68,7 +71,8 @@ class CellBounds:
 
 
 def lebesgue_bound(degree: int) -> float:
-    """Return a bound of the Lebesgue constant of interpolation at the `lobatto_nodes`, equal to it for odd degrees.
+    """Return a bound of the Lebesgue constant of interpolation at the `lobatto_nodes`, equal to it for odd
+    degrees.
 
     Lambda_p <= 1/p sum_(k=0..p-1) cot((2k + 1) pi / (4 p)).
     """
@@ -76,7 +80,8 @@ def lebesgue_bound(degree: int) -> float:
 
 
 def lobatto_nodes(breaks: ArrayLike, degree: int) -> NDArray[np.float64]:
-    """Return the extrema of the Chebyshev polynomial of a degree on every interval, (intervals degree + 1,), increasing.
+    """Return the extrema of the Chebyshev polynomial of a degree on every interval, (intervals degree + 1,),
+    increasing.
 
     Neighbours share the break between them.
     """
@@ -86,7 +91,8 @@ def lobatto_nodes(breaks: ArrayLike, degree: int) -> NDArray[np.float64]:
 
 
 def cell_maxima(values: NDArray[np.float64], degrees: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the greatest size among the values at the nodes of every cell; values are (cells_x p + 1, cells_y q + 1)."""
+    """Return the greatest size among the values at the nodes of every cell; values are (cells_x p + 1,
+    cells_y q + 1)."""
     sizes = abs(values)
     for p in degrees:
         inner = sizes[:-1].reshape(-1, p, sizes.shape[1]).max(axis=1)
@@ -105,20 +111,30 @@ def node_slack(breaks: ArrayLike, degree: int) -> NDArray[np.float64]:
 
 
 def error_bounds(function: BoundedFunction, surface: BSplineSurface) -> CellBounds:
-    """Return proven bounds of |f - s| on every cell of any scalar spline surface, rounding errors included."""
+    """Return proven bounds of |f - s| on every cell of any scalar spline surface, rounding errors
+    included."""
     kv_x, kv_y = surface.kv_u, surface.kv_v
     p, q = kv_x.degree, kv_y.degree
     remainder_x = _remainder(kv_x)[:, None] * function.derivative_bound(p + 1, 0, kv_x.breaks, kv_y.breaks)
     remainder_y = _remainder(kv_y)[None, :] * function.derivative_bound(q + 1, 1, kv_x.breaks, kv_y.breaks)
     # values of the spline: 5 p roundings in a basis function and p + 1 in the sum, in x and in y
-    rounding = function.rounding(kv_x.breaks, kv_y.breaks) + (3 * (p + q) + 1) * EPS * abs(surface.coefficients).max()
+    rounding = (
+        function.rounding(kv_x.breaks, kv_y.breaks)
+        + (3 * (p + q) + 1) * EPS * abs(surface.coefficients).max()
+    )
     slack = node_slack(kv_x.breaks, p)[:, None] * node_slack(kv_y.breaks, q)[None, :]
     growth = lebesgue_bound(p) * lebesgue_bound(q)
-    total = remainder_x + lebesgue_bound(p) * remainder_y + growth * (_greatest_at_nodes(function, surface) + rounding)
+    total = (
+        remainder_x
+        + lebesgue_bound(p) * remainder_y
+        + growth * (_greatest_at_nodes(function, surface) + rounding)
+    )
     return CellBounds(slack * total, remainder_x, remainder_y, float(growth * rounding))
 
 
-def approximated(function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, tolerance: float) -> Approximation:
+def approximated(
+    function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, tolerance: float
+) -> Approximation:
     """Return a spline whose distance from the function is proven to be at most `tolerance`, mm.
 
     It interpolates at the Greville abscissae; spans are bisected until the bound holds.  The knots of
@@ -143,7 +159,8 @@ def approximated(function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, 
         kv_x, kv_y = finer
         if max(kv_x.dim, kv_y.dim) > MOST_CONTROL_POINTS:
             raise ValueError(
-                f"{function} cannot be written as a spline to {tolerance:g} mm with {MOST_CONTROL_POINTS} control points per direction; "
+                f"{function} cannot be written as a spline to {tolerance:g} mm with {MOST_CONTROL_POINTS} "
+                "control points per direction; "
                 "use a higher degree or a larger tolerance"
             )
 
@@ -170,8 +187,11 @@ def _greatest_at_nodes(function: BoundedFunction, surface: BSplineSurface) -> ND
     return np.concatenate(out)
 
 
-def _graded(function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, tolerance: float) -> tuple[KnotVector, KnotVector]:
-    """Return the knot vectors with spans bisected until the expected error at the nodes takes half the tolerance in each direction."""
+def _graded(
+    function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, tolerance: float
+) -> tuple[KnotVector, KnotVector]:
+    """Return the knot vectors with spans bisected until the expected error at the nodes takes half the
+    tolerance in each direction."""
     growth = lebesgue_bound(kv_x.degree) * lebesgue_bound(kv_y.degree)
     finer = []
     for axis, kv in enumerate((kv_x, kv_y)):
@@ -186,11 +206,16 @@ def _graded(function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, toler
     return finer[0], finer[1]
 
 
-def _bisected_where_failing(bounds: CellBounds, kv_x: KnotVector, kv_y: KnotVector, tolerance: float) -> tuple[KnotVector, KnotVector]:
-    """Return the knot vectors with the spans of the failing cells bisected in x, y or both: where more than a third is expected."""
+def _bisected_where_failing(
+    bounds: CellBounds, kv_x: KnotVector, kv_y: KnotVector, tolerance: float
+) -> tuple[KnotVector, KnotVector]:
+    """Return the knot vectors with the spans of the failing cells bisected in x, y or both: where more than a
+    third is expected."""
     failing = bounds.total > tolerance
     in_x, in_y = bounds.remainder_x * _expected_share(kv_x), bounds.remainder_y * _expected_share(kv_y)
-    return _bisected(kv_x, (failing & (2 * in_x >= in_y)).any(axis=1)), _bisected(kv_y, (failing & (2 * in_y >= in_x)).any(axis=0))
+    return _bisected(kv_x, (failing & (2 * in_x >= in_y)).any(axis=1)), _bisected(
+        kv_y, (failing & (2 * in_y >= in_x)).any(axis=0)
+    )
 
 
 def _bisected(kv: KnotVector, spans: NDArray[np.bool_]) -> KnotVector:
@@ -207,7 +232,8 @@ def _remainder(kv: KnotVector) -> NDArray[np.float64]:
 def _expected_share(kv: KnotVector) -> float:
     """Return how many times the remainder r spline interpolation is expected to err.
 
-    On equal spans the error is f^(n) h^n / n! times the Bernoulli polynomial of degree n = p + 1, of size 2 (h / (2 pi))^n.
+    On equal spans the error is f^(n) h^n / n! times the Bernoulli polynomial of degree n = p + 1, of size 2
+    (h / (2 pi))^n.
     """
     n = kv.degree + 1
     return 0.5 * (2 / np.pi) ** n * factorial(n)

@@ -40,12 +40,15 @@ class BSplineSurface:
 
     __reduce__ = rebuilt
 
-    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def __call__(
+        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+            non-negative integer.
         """
         u, v = points(u, v)
         derivative = require_orders(derivative)
@@ -58,7 +61,9 @@ class BSplineSurface:
     @cached_property
     def _scattered(self) -> NdBSpline:
         """The same spline in scipy, whose compiled loop over points is the fastest at hand."""
-        return NdBSpline((self.kv_u.knots, self.kv_v.knots), self.coefficients, (self.kv_u.degree, self.kv_v.degree))
+        return NdBSpline(
+            (self.kv_u.knots, self.kv_v.knots), self.coefficients, (self.kv_u.degree, self.kv_v.degree)
+        )
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
@@ -79,7 +84,11 @@ class BSplineSurface:
         ValueError : as `KnotVector.insert`.
         """
         kv_u, kv_v = self.kv_u.insert(knots_u), self.kv_v.insert(knots_v)
-        return BSplineSurface(kv_u, kv_v, tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients))
+        return BSplineSurface(
+            kv_u,
+            kv_v,
+            tensor_apply(self.kv_u.prolongation(kv_u), self.kv_v.prolongation(kv_v), self.coefficients),
+        )
 
     def elevated(self, degrees: tuple[int, int]) -> BSplineSurface:
         """Return the same surface with (at least) the given degrees in u and in v.

@@ -80,7 +80,8 @@ def remove_knots(kv: KnotVector, coefficients: ArrayLike, tolerance: float) -> R
 
 
 def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRemoval:
-    """Return a surface on as few of its knots as the search finds, with bound = max_ij |C - P_u D P_v^T|_ij <= tolerance.
+    """Return a surface on as few of its knots as the search finds, with bound = max_ij |C - P_u D P_v^T|_ij
+    <= tolerance.
 
     Removal in u uses up to half of the tolerance, removal in v what is left.
 
@@ -103,11 +104,13 @@ def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRe
 
 
 def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return for each interior break the least max_i |c - P d|_i over all d, one copy of it removed, (spans - 1,).
+    """Return for each interior break the least max_i |c - P d|_i over all d, one copy of it removed, (spans -
+    1,).
 
     P of one inserted knot z has two bidiagonal entries a_i, 1 - a_i per row, and one vector y with y P = 0:
 
-        a_i = (z - t_i) / (t_(i+p+1) - t_i),   y_(i+1) (1 - a_(i+1)) = -y_i a_i;   error = |y c| / sum_i |y_i|.
+        a_i = (z - t_i) / (t_(i+p+1) - t_i),   y_(i+1) (1 - a_(i+1)) = -y_i a_i;   error = |y c| / sum_i
+        |y_i|.
 
     coefficients : (dim,) or (dim, d); Euclidean norm over d.
     """
@@ -145,7 +148,8 @@ def _thinned(kv: KnotVector, net: Net, tolerance: float) -> _Fit:
 
 
 def _most(kv: KnotVector, net: Net, tolerance: float, best: _Fit, order: NDArray[np.float64]) -> _Fit:
-    """Return the fit without one copy of the first k breaks of `order`, for the greatest k that bisection finds."""
+    """Return the fit without one copy of the first k breaks of `order`, for the greatest k that bisection
+    finds."""
     start, low, high = best.kv, 0, len(order) + 1
     while high - low > 1:
         k = (low + high) // 2
@@ -174,7 +178,8 @@ def _swept(kv: KnotVector, net: Net, tolerance: float, best: _Fit) -> _Fit:
 
 
 def _fit(kv: KnotVector, net: Net, own: KnotVector, breaks: NDArray[np.float64]) -> _Fit:
-    """Return the least-squares fit to the net over `kv` on the knots `own` without one copy of each of the breaks."""
+    """Return the least-squares fit to the net over `kv` on the knots `own` without one copy of each of the
+    breaks."""
     coarser = KnotVector(kv.degree, np.delete(own.knots, np.searchsorted(own.knots, breaks, "right") - 1))
     p = coarser.prolongation(kv)
     d = banded_least_squares(p, kv.degree, net.reshape(kv.dim, -1))
@@ -190,5 +195,6 @@ def _distance(net: Net, other: Net) -> float:
 
 
 def _power_of_two(net: NDArray[np.float64]) -> float:
-    """Return the power of two that makes the greatest size 1 to 2: squares of the scaled net keep its digits."""
+    """Return the power of two that makes the greatest size 1 to 2: squares of the scaled net keep its
+    digits."""
     return float(np.ldexp(1.0, np.frexp(abs(net).max())[1] - 1))

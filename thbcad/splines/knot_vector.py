@@ -47,13 +47,19 @@ class KnotVector:
         require_degree(p)
         t = read_only(self.knots)
         if t.ndim != 1 or len(t) < 2 * p + 2:
-            raise ValueError(f"knots must be one row of at least 2 * degree + 2 = {2 * p + 2} numbers, got shape {t.shape}")
+            raise ValueError(
+                f"knots must be one row of at least 2 * degree + 2 = {2 * p + 2} numbers, got shape {t.shape}"
+            )
         require_sorted(t)
         if t[p] != t[0] or t[-p - 1] != t[-1] or t[0] == t[-1]:
-            raise ValueError(f"the first and the last {p + 1} knots must be equal (clamped) and differ from each other")
+            raise ValueError(
+                f"the first and the last {p + 1} knots must be equal (clamped) and differ from each other"
+            )
         same = t[1 : -p - 1] == t[p + 1 : -1]
         if same.any():
-            raise ValueError(f"knot {t[1 : -p - 1][same][0]} occurs more than degree = {p} times in the interior")
+            raise ValueError(
+                f"knot {t[1 : -p - 1][same][0]} occurs more than degree = {p} times in the interior"
+            )
         object.__setattr__(self, "degree", int(p))
         object.__setattr__(self, "knots", t)
 
@@ -66,7 +72,8 @@ class KnotVector:
 
     @classmethod
     def clamped(cls, degree: int, inner: ArrayLike, start: float, stop: float) -> KnotVector:
-        """Return the knot vector on [start, stop] with the given inner knots, (n,), a double knot written twice.
+        """Return the knot vector on [start, stop] with the given inner knots, (n,), a double knot written
+        twice.
 
         Raises
         ------
@@ -75,7 +82,10 @@ class KnotVector:
         return cls(degree, np.r_[[start] * (degree + 1), inner, [stop] * (degree + 1)])
 
     def __repr__(self) -> str:
-        return f"KnotVector(degree {self.degree}, {self.spans} spans on [{self.start:g}, {self.stop:g}], dim {self.dim})"
+        return (
+            f"KnotVector(degree {self.degree}, {self.spans} spans on [{self.start:g}, {self.stop:g}], "
+            f"dim {self.dim})"
+        )
 
     @property
     def dim(self) -> int:
@@ -110,7 +120,8 @@ class KnotVector:
         return greville_abscissae(self.knots, self.degree)
 
     def inner_knots(self) -> NDArray[np.float64]:
-        """Return the inner knots t_(i+1) ... t_(i+p) of every function, (dim, p): coefficient i is the polar form there."""
+        """Return the inner knots t_(i+1) ... t_(i+p) of every function, (dim, p): coefficient i is the polar
+        form there."""
         return self.knots[np.arange(self.dim)[:, None] + np.arange(1, self.degree + 1)]
 
     def span_of(self, u: ArrayLike) -> NDArray[np.int64]:
@@ -128,7 +139,9 @@ class KnotVector:
         """Raise ValueError for u that is NaN or outside [start, stop]."""
         bad = ~((u >= self.start) & (u <= self.stop))
         if bad.any():
-            raise ValueError(f"parameter {u[bad].flat[0]} lies outside the domain [{self.start}, {self.stop}]")
+            raise ValueError(
+                f"parameter {u[bad].flat[0]} lies outside the domain [{self.start}, {self.stop}]"
+            )
 
     def basis(self, u: ArrayLike, derivative: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return (first, values): at u only functions first .. first + p differ from zero.
@@ -171,7 +184,9 @@ class KnotVector:
         new = np.atleast_1d(np.asarray(knots, dtype=np.float64))
         bad = ~((new > self.start) & (new < self.stop))
         if bad.any():
-            raise ValueError(f"inserted knot {new[bad][0]} lies outside the open domain ({self.start}, {self.stop})")
+            raise ValueError(
+                f"inserted knot {new[bad][0]} lies outside the open domain ({self.start}, {self.stop})"
+            )
         return KnotVector(self.degree, np.sort(np.r_[self.knots, new], kind="stable"))
 
     def bisect(self) -> KnotVector:
@@ -190,7 +205,10 @@ class KnotVector:
         if (self.degree, self.start, self.stop) != (other.degree, other.start, other.stop):
             raise ValueError(f"knot vectors to merge must agree in degree and ends, got {self} and {other}")
         values = np.unique(np.r_[self.knots, other.knots])
-        counts = [np.searchsorted(t, values, "right") - np.searchsorted(t, values, "left") for t in (self.knots, other.knots)]
+        counts = [
+            np.searchsorted(t, values, "right") - np.searchsorted(t, values, "left")
+            for t in (self.knots, other.knots)
+        ]
         return KnotVector(self.degree, np.repeat(values, np.maximum(*counts)))
 
     def rescaled(self, start: float, stop: float) -> KnotVector:
@@ -224,10 +242,11 @@ class KnotVector:
         return self._polar(finer)
 
     def restriction(self, coarser: KnotVector) -> csr_array:
-        """Return Q = (P^T P)^-1 P^T, csr_array (coarser.dim, dim), with P = coarser.prolongation(self): Q @ P == identity.
+        """Return Q = (P^T P)^-1 P^T, csr_array (coarser.dim, dim), with P = coarser.prolongation(self): Q @ P
+        == identity.
 
-        Q @ c are the coefficients on the coarser knots that come closest to c in least squares.  Q is full: it takes
-        coarser.dim * dim numbers.
+        Q @ c are the coefficients on the coarser knots that come closest to c in least squares.  Q is full:
+        it takes coarser.dim * dim numbers.
 
         Raises
         ------
@@ -237,7 +256,8 @@ class KnotVector:
         return csr_array(banded_least_squares(coarser.prolongation(self), self.degree, np.eye(self.dim)))
 
     def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:
-        """Return the clamped knot vector of the piece on [start, stop] and the operator to its coefficients, csr_array (own.dim, dim).
+        """Return the clamped knot vector of the piece on [start, stop] and the operator to its coefficients,
+        csr_array (own.dim, dim).
 
         Splitting at u is the two segments [start, u] and [u, stop].
 
@@ -248,13 +268,16 @@ class KnotVector:
         for name, end in (("start", start), ("stop", stop)):
             require_number(name, end)
         if not self.start <= start < stop <= self.stop:
-            raise ValueError(f"a segment needs {self.start} <= start < stop <= {self.stop}, got {start} and {stop}")
+            raise ValueError(
+                f"a segment needs {self.start} <= start < stop <= {self.stop}, got {start} and {stop}"
+            )
         inner = self.knots[(self.knots > start) & (self.knots < stop)]
         own = KnotVector.clamped(self.degree, inner, start, stop)
         return own, self._polar(own)
 
     def bezier(self) -> csr_array:
-        """Return the Bezier extraction, csr_array (spans (p + 1), dim): Bernstein coefficients of every span in turn.
+        """Return the Bezier extraction, csr_array (spans (p + 1), dim): Bernstein coefficients of every span
+        in turn.
 
         Coefficient k of the span [a, b] is the polar form at p - k times a and k times b.
         """
@@ -264,7 +287,8 @@ class KnotVector:
         return band_matrix(np.repeat(span - p, p + 1), rows.reshape(-1, p + 1), self.dim)
 
     def _polar(self, own: KnotVector) -> csr_array:
-        """Return the operator to the coefficients on `own`, a clamped piece of these knots and possibly more: polar forms at its knots."""
+        """Return the operator to the coefficients on `own`, a clamped piece of these knots and possibly more:
+        polar forms at its knots."""
         p = self.degree
         span = self.span_of(own.knots[: own.dim])
         return band_matrix(span - p, blossom_rows(self.knots, p, span, own.inner_knots()), self.dim)

@@ -44,7 +44,8 @@ def quotient(jet: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class NURBSCurve:
-    """C(u) = sum_i w_i N_i(u) P_i / sum_i w_i N_i(u) with points P_i (dim, d) and weights (dim,), or one weight for all.
+    """C(u) = sum_i w_i N_i(u) P_i / sum_i w_i N_i(u) with points P_i (dim, d) and weights (dim,), or one
+    weight for all.
 
     Raises
     ------
@@ -96,14 +97,16 @@ class NURBSCurve:
     def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSCurve:
         """Return the affine image A C(u) + b.
 
-        matrix : (e, d) float, so that (3, 2) places a plane curve in space.  offset : (e,) float or one number.
+        matrix : (e, d) float, so that (3, 2) places a plane curve in space.  offset : (e,) float or one
+            number.
         """
         return NURBSCurve(self.kv, _image(self.points, matrix, offset), self.weights)
 
 
 @dataclass(frozen=True, eq=False)
 class NURBSSurface:
-    """S(u, v) = sum_ij w_ij N_i(u) N_j(v) P_ij / sum_ij w_ij N_i(u) N_j(v), points (n_u, n_v, d), weights (n_u, n_v) or one for all.
+    """S(u, v) = sum_ij w_ij N_i(u) N_j(v) P_ij / sum_ij w_ij N_i(u) N_j(v), points (n_u, n_v, d), weights
+    (n_u, n_v) or one for all.
 
     Raises
     ------
@@ -131,7 +134,9 @@ class NURBSSurface:
         return cls(surface.kv_u, surface.kv_v, surface.coefficients)
 
     @classmethod
-    def from_homogeneous(cls, kv_u: KnotVector, kv_v: KnotVector, coefficients: NDArray[np.float64]) -> NURBSSurface:
+    def from_homogeneous(
+        cls, kv_u: KnotVector, kv_v: KnotVector, coefficients: NDArray[np.float64]
+    ) -> NURBSSurface:
         """Return the surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
         return cls(kv_u, kv_v, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
 
@@ -140,8 +145,11 @@ class NURBSSurface:
         """The polynomial surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
         return BSplineSurface(self.kv_u, self.kv_v, _homogeneous(self.points, self.weights))
 
-    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
-        """Return the points, or their derivatives of any order, at scattered parameters (u_k, v_k), (n, d)."""
+    def __call__(
+        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> NDArray[np.float64]:
+        """Return the points, or their derivatives of any order, at scattered parameters (u_k, v_k), (n,
+        d)."""
         return _evaluated(self.homogeneous, u, v, derivative)
 
     def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
@@ -156,20 +164,27 @@ class NURBSSurface:
     def segment(self, u: tuple[float, float], v: tuple[float, float]) -> NURBSSurface:
         """Return the piece of the surface over the rectangle u[0] .. u[1], v[0] .. v[1]."""
         (kv_u, by_u), (kv_v, by_v) = self.kv_u.segment(*u), self.kv_v.segment(*v)
-        return NURBSSurface.from_homogeneous(kv_u, kv_v, tensor_apply(by_u, by_v, self.homogeneous.coefficients))
+        return NURBSSurface.from_homogeneous(
+            kv_u, kv_v, tensor_apply(by_u, by_v, self.homogeneous.coefficients)
+        )
 
     def to_bezier(self) -> list[NURBSSurface]:
         """Return the same surface as rational Bezier patches, one for each cell, cells in v first."""
         net = tensor_apply(self.kv_u.bezier(), self.kv_v.bezier(), self.homogeneous.coefficients)
         rows, columns = (_spans(kv) for kv in (self.kv_u, self.kv_v))
-        return [NURBSSurface.from_homogeneous(kv_u, kv_v, net[i, j]) for (kv_u, i), (kv_v, j) in product(rows, columns)]
+        return [
+            NURBSSurface.from_homogeneous(kv_u, kv_v, net[i, j])
+            for (kv_u, i), (kv_v, j) in product(rows, columns)
+        ]
 
     def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSSurface:
         """Return the affine image A S(u, v) + b; matrix (e, d), offset (e,) or one number."""
         return NURBSSurface(self.kv_u, self.kv_v, _image(self.points, matrix, offset), self.weights)
 
 
-def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _checked(
+    points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return both as read-only arrays of the shapes (*shape, d) and shape."""
     require_real(weights)
     points, weights = read_only(points), np.asarray(weights, dtype=np.float64)
@@ -181,7 +196,10 @@ def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> t
         raise ValueError(f"weights must be one number or have shape {shape}, got {weights.shape}")
     bad = ~((weights >= 1 / GREATEST_WEIGHT) & (weights <= GREATEST_WEIGHT))
     if bad.any():
-        raise ValueError(f"weights must lie between {1 / GREATEST_WEIGHT:g} and {GREATEST_WEIGHT:g}, got {weights[bad].flat[0]}")
+        raise ValueError(
+            f"weights must lie between {1 / GREATEST_WEIGHT:g} and {GREATEST_WEIGHT:g}, got "
+            f"{weights[bad].flat[0]}"
+        )
     return points, read_only(np.broadcast_to(weights, shape))
 
 
@@ -192,19 +210,30 @@ def _homogeneous(points: NDArray[np.float64], weights: NDArray[np.float64]) -> N
 def _image(points: NDArray[np.float64], matrix: ArrayLike, offset: ArrayLike) -> NDArray[np.float64]:
     matrix, offset = (np.asarray(x, dtype=np.float64) for x in (matrix, offset))
     if matrix.ndim != 2 or matrix.shape[1] != points.shape[-1]:
-        raise ValueError(f"matrix must have {points.shape[-1]} columns, one for each component of the points, got shape {matrix.shape}")
+        raise ValueError(
+            f"matrix must have {points.shape[-1]} columns, one for each component of the points, got shape "
+            f"{matrix.shape}"
+        )
     if offset.shape not in ((), matrix.shape[:1]):
         raise ValueError(f"offset must be one number or have shape {matrix.shape[:1]}, got {offset.shape}")
     return points @ matrix.T + offset
 
 
-def _evaluated(spline: Callable[..., NDArray[np.float64]], u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
-    """Return a derivative of the projection of a spline of homogeneous points, given as function of u, v and the derivative."""
+def _evaluated(
+    spline: Callable[..., NDArray[np.float64]], u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]
+) -> NDArray[np.float64]:
+    """Return a derivative of the projection of a spline of homogeneous points, given as function of u, v and
+    the derivative."""
     derivative = require_orders(derivative)
-    return quotient(np.array([[spline(u, v, (i, j)) for j in range(derivative[1] + 1)] for i in range(derivative[0] + 1)]))
+    return quotient(
+        np.array([[spline(u, v, (i, j)) for j in range(derivative[1] + 1)] for i in range(derivative[0] + 1)])
+    )
 
 
 def _spans(kv: KnotVector) -> list[tuple[KnotVector, slice]]:
     """Return for every span its Bezier knot vector and its rows in the Bezier extraction."""
     n = kv.degree + 1
-    return [(KnotVector(kv.degree, np.repeat(ends, n)), slice(k * n, (k + 1) * n)) for k, ends in enumerate(pairwise(kv.breaks))]
+    return [
+        (KnotVector(kv.degree, np.repeat(ends, n)), slice(k * n, (k + 1) * n))
+        for k, ends in enumerate(pairwise(kv.breaks))
+    ]

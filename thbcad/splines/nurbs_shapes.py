@@ -21,7 +21,9 @@ def line(start: ArrayLike, stop: ArrayLike) -> NURBSCurve:
     return NURBSCurve(UNIT, np.array([start, stop], dtype=np.float64))
 
 
-def circular_arc(radius: float, angle: float = 2 * np.pi, start: float = 0.0, centre: ArrayLike = (0.0, 0.0)) -> NURBSCurve:
+def circular_arc(
+    radius: float, angle: float = 2 * np.pi, start: float = 0.0, centre: ArrayLike = (0.0, 0.0)
+) -> NURBSCurve:
     """Return the arc of a circle in the plane, from the angle `start` to `start + angle`, over [0, 1].
 
     Quadratic, with the fewest segments of at most 120 degrees: then no weight is less than 1/2.
@@ -44,11 +46,17 @@ def circular_arc(radius: float, angle: float = 2 * np.pi, start: float = 0.0, ce
     at = angle * (np.arange(2 * segments + 1) / (2 * segments))
     weights = np.where(np.arange(len(at)) % 2, np.cos(angle / (2 * segments)), 1.0)
     cos, sin = np.cos(start), np.sin(start)
-    points = radius * np.stack([cos * np.cos(at) - sin * np.sin(at), sin * np.cos(at) + cos * np.sin(at)], axis=1) / weights[:, None]
+    points = (
+        radius
+        * np.stack([cos * np.cos(at) - sin * np.sin(at), sin * np.cos(at) + cos * np.sin(at)], axis=1)
+        / weights[:, None]
+    )
     if abs(angle) == 2 * np.pi:
         points[-1] = points[0]
     breaks = np.arange(segments + 1) / segments
-    return NURBSCurve(KnotVector(2, np.repeat(breaks, [3, *[2] * (segments - 1), 3])), points + np.asarray(centre), weights)
+    return NURBSCurve(
+        KnotVector(2, np.repeat(breaks, [3, *[2] * (segments - 1), 3])), points + np.asarray(centre), weights
+    )
 
 
 def conic_arc(start: ArrayLike, middle: ArrayLike, stop: ArrayLike, weight: float) -> NURBSCurve:
@@ -66,7 +74,9 @@ def conic_arc(start: ArrayLike, middle: ArrayLike, stop: ArrayLike, weight: floa
 
     Source: The NURBS Book, 7.3.
     """
-    return NURBSCurve(QUADRATIC, np.array([start, middle, stop], dtype=np.float64), np.array([1.0, weight, 1.0]))
+    return NURBSCurve(
+        QUADRATIC, np.array([start, middle, stop], dtype=np.float64), np.array([1.0, weight, 1.0])
+    )
 
 
 def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:
@@ -84,7 +94,9 @@ def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:
     """
     require_type("curve", curve, NURBSCurve)
     if curve.points.shape[1] not in (2, 3):
-        raise ValueError(f"curve must have points (r, z) or (x, y, z), got {curve.points.shape[1]} components")
+        raise ValueError(
+            f"curve must have points (r, z) or (x, y, z), got {curve.points.shape[1]} components"
+        )
     arc = circular_arc(1.0, angle)
     x, z = curve.points[:, :1], curve.points[:, -1:]
     y = curve.points[:, 1:2] if curve.points.shape[1] == 3 else 0 * x
@@ -94,7 +106,8 @@ def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:
 
 
 def ruled(curve: NURBSCurve, other: NURBSCurve) -> NURBSSurface:
-    """Return the surface of the straight lines between points of equal parameters, v in [0, 1] from `curve` to `other`.
+    """Return the surface of the straight lines between points of equal parameters, v in [0, 1] from `curve`
+    to `other`.
 
     It is linear in v in homogeneous coordinates.  Degrees are elevated and knots inserted until both agree.
 
@@ -110,7 +123,10 @@ def ruled(curve: NURBSCurve, other: NURBSCurve) -> NURBSSurface:
     if ends[0] != ends[1]:
         raise ValueError(f"the curves must have the same interval of parameters, got {ends[0]} and {ends[1]}")
     if curve.points.shape[1] != other.points.shape[1]:
-        raise ValueError(f"the curves must have points of the same dimension, got {curve.points.shape[1]} and {other.points.shape[1]}")
+        raise ValueError(
+            f"the curves must have points of the same dimension, got {curve.points.shape[1]} and "
+            f"{other.points.shape[1]}"
+        )
     while curve.kv.degree < other.kv.degree:
         curve = curve.elevate()
     while other.kv.degree < curve.kv.degree:

@@ -16,7 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import read_only, rebuilt, require_degree, require_order, require_sorted, require_subset, require_type, uniform_breaks
+from thbcad.checks import (
+    read_only,
+    rebuilt,
+    require_degree,
+    require_order,
+    require_sorted,
+    require_subset,
+    require_type,
+    uniform_breaks,
+)
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.polar_forms import blossom_rows, greville_abscissae
 from thbcad.splines.sparse_operators import csr_rows
@@ -50,7 +59,10 @@ class PeriodicKnotVector:
             raise ValueError(f"knots must be one row of at least 2 numbers, got shape {t.shape}")
         require_sorted(t)
         if t[-2] == t[-1]:
-            raise ValueError(f"the last knot {t[-1]} must be greater than the one before: a multiple seam is written at the start")
+            raise ValueError(
+                f"the last knot {t[-1]} must be greater than the one before: a multiple seam is written at "
+                "the start"
+            )
         same = t[: -p - 1] == t[p:-1]
         if same.any():
             raise ValueError(f"knot {t[: -p - 1][same][0]} occurs more than degree = {p} times")
@@ -121,11 +133,14 @@ class PeriodicKnotVector:
         u = np.asarray(u, dtype=np.float64)
         if not np.isfinite(u).all():
             raise ValueError(f"parameter {u[~np.isfinite(u)].flat[0]} is not finite")
-        moved = np.where((u >= self.start) & (u < self.stop), u, self.start + np.mod(u - self.start, self.period))
+        moved = np.where(
+            (u >= self.start) & (u < self.stop), u, self.start + np.mod(u - self.start, self.period)
+        )
         return np.where(moved < self.stop, moved, self.start)
 
     def collocation(self, u: ArrayLike, derivative: int = 0) -> csr_array:
-        """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim), at any finite u, (len(u),) float.
+        """Return the matrix A[k, i] = d^r/du^r N_i(u_k), csr_array (len(u), dim), at any finite u, (len(u),)
+        float.
 
         Derivatives that jump at a knot are those from the right, at the seam too.
         """
@@ -144,7 +159,9 @@ class PeriodicKnotVector:
     def insert(self, knots: ArrayLike) -> PeriodicKnotVector:
         """Return the knot vector with the given knots added, any finite numbers, each in every period."""
         new = self.reduced(np.atleast_1d(knots))
-        return PeriodicKnotVector(self.degree, np.r_[np.sort(np.r_[self.knots[:-1], new], kind="stable"), self.stop])
+        return PeriodicKnotVector(
+            self.degree, np.r_[np.sort(np.r_[self.knots[:-1], new], kind="stable"), self.stop]
+        )
 
     def bisect(self) -> PeriodicKnotVector:
         """Return the knot vector with one knot more in the middle of every non-empty span."""
@@ -158,7 +175,8 @@ class PeriodicKnotVector:
 
         Raises
         ------
-        ValueError : `finer` is no PeriodicKnotVector, lacks a knot of this vector or has another degree, start or stop.
+        ValueError : `finer` is no PeriodicKnotVector, lacks a knot of this vector or has another degree,
+            start or stop.
         """
         require_type("finer", finer, PeriodicKnotVector)
         if finer.degree != self.degree:
@@ -170,29 +188,39 @@ class PeriodicKnotVector:
         return self._polar(windows[:, 0], windows[:, 1:])
 
     def clamp(self) -> tuple[KnotVector, csr_array]:
-        """Return the clamped knot vector on [start, stop] and the exact operator to its coefficients, csr_array (own.dim, dim)."""
+        """Return the clamped knot vector on [start, stop] and the exact operator to its coefficients,
+        csr_array (own.dim, dim)."""
         inner = self.knots[(self.knots > self.start) & (self.knots < self.stop)]
         own = KnotVector.clamped(self.degree, inner, self.start, self.stop)
         return own, self._polar(own.knots[: own.dim], own.inner_knots())
 
     def elevate(self) -> PeriodicKnotVector:
         """Return the knot vector of degree p + 1 whose splines contain those of this one."""
-        return PeriodicKnotVector(self.degree + 1, np.r_[np.sort(np.r_[self.knots[:-1], self.breaks[:-1]]), self.stop])
+        return PeriodicKnotVector(
+            self.degree + 1, np.r_[np.sort(np.r_[self.knots[:-1], self.breaks[:-1]]), self.stop]
+        )
 
     def elevation(self) -> csr_array:
-        """Return the degree elevation, csr_array (elevate().dim, dim), by the mean of polar forms of `KnotVector.elevation`."""
+        """Return the degree elevation, csr_array (elevate().dim, dim), by the mean of polar forms of
+        `KnotVector.elevation`."""
         windows = self.elevate()._windows()
         start, arguments = windows[:, 0], windows[:, 1:]
-        return sum(self._polar(start, np.delete(arguments, k, axis=1)) for k in range(self.degree + 1)) / (self.degree + 1)
+        return sum(self._polar(start, np.delete(arguments, k, axis=1)) for k in range(self.degree + 1)) / (
+            self.degree + 1
+        )
 
     def _windows(self) -> NDArray[np.float64]:
-        """Return the first p + 1 knots of every function, (dim, p + 1), moved by whole periods until the first lies in [start, stop)."""
+        """Return the first p + 1 knots of every function, (dim, p + 1), moved by whole periods until the
+        first lies in [start, stop)."""
         p = self.degree
         first = (np.arange(self.dim) - p) % self.dim
         return self.extended[p + first[:, None] + np.arange(p + 1)]
 
-    def _polar(self, at: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0) -> csr_array:
-        """Return the polar forms at `arguments`, (n, p), of the pieces that hold `at`, (n,) in [start, stop): csr_array (n, dim)."""
+    def _polar(
+        self, at: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0
+    ) -> csr_array:
+        """Return the polar forms at `arguments`, (n, p), of the pieces that hold `at`, (n,) in [start, stop):
+        csr_array (n, dim)."""
         p = self.degree
         span = np.searchsorted(self.knots, at, side="right") - 1
         columns = (span[:, None] + np.arange(p + 1)) % self.dim

@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def blossom(near: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+def blossom(
+    near: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0
+) -> NDArray[np.float64]:
     """Return the rows R_1(a_1) ... R_p(a_p) for many spans [t_mu, t_mu+1) at once.
 
     Parameters
@@ -54,7 +56,11 @@ def blossom(near: NDArray[np.float64], arguments: NDArray[np.float64], derivativ
 
 
 def blossom_rows(
-    knots: NDArray[np.float64], degree: int, span: NDArray[np.int64], arguments: NDArray[np.float64], derivative: int = 0
+    knots: NDArray[np.float64],
+    degree: int,
+    span: NDArray[np.int64],
+    arguments: NDArray[np.float64],
+    derivative: int = 0,
 ) -> NDArray[np.float64]:
     """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots."""
     near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
@@ -62,7 +68,8 @@ def blossom_rows(
 
 
 def bezier_rows(near: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Bezier extraction of many spans [a, b] from the knots around them: (2 degree, n) -> (n, degree + 1, degree + 1).
+    """Return the Bezier extraction of many spans [a, b] from the knots around them: (2 degree, n) -> (n,
+    degree + 1, degree + 1).
 
     Coefficient k of a span is the polar form at degree - k times a and k times b.
     """

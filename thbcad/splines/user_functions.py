@@ -25,7 +25,10 @@ def evaluate(function: Function, u: NDArray[np.float64], v: NDArray[np.float64])
     require_real(values)
     values = np.asarray(values, dtype=np.float64)
     if values.shape[:1] != u.shape or values.ndim > 2:
-        raise ValueError(f"the function must return ({len(u)},) or ({len(u)}, d) values for {len(u)} points, got shape {values.shape}")
+        raise ValueError(
+            f"the function must return ({len(u)},) or ({len(u)}, d) values for {len(u)} points, got shape "
+            f"{values.shape}"
+        )
     finite = np.isfinite(values.reshape(len(u), -1)).all(axis=1)
     if not finite.all():
         k = int(np.argmin(finite))

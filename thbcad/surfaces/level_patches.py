@@ -27,7 +27,9 @@ def cell_rectangles(space: THBSpace) -> Integers:
     return np.concatenate(rows)
 
 
-def patches(space: THBSpace, coefficients: NDArray[np.float64]) -> Iterator[tuple[KnotVector, KnotVector, NDArray[np.float64]]]:
+def patches(
+    space: THBSpace, coefficients: NDArray[np.float64]
+) -> Iterator[tuple[KnotVector, KnotVector, NDArray[np.float64]]]:
     """Yield (knot vector in u, knot vector in v, net) of every patch, nets (n_u, n_v, ...)."""
     nets = list(space.nets.coefficients(coefficients))
     known: dict[tuple[int, int, int, int], tuple[KnotVector, csr_array, Integers]] = {}
@@ -44,7 +46,8 @@ def patches(space: THBSpace, coefficients: NDArray[np.float64]) -> Iterator[tupl
 
 
 def _side(axis: DyadicAxis, level: int, start: int, stop: int) -> tuple[KnotVector, csr_array, Integers]:
-    """Return the clamped knots of [start, stop), the operator to their coefficients and the functions it applies to."""
+    """Return the clamped knots of [start, stop), the operator to their coefficients and the functions it
+    applies to."""
     p = axis.degree
     breaks = np.arange(start, stop + 1)
     count = axis.multiplicity(level, breaks)

@@ -26,7 +26,8 @@ Box = tuple[tuple[int, int], tuple[int, int]]  # start and stop in u and in v, i
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """One direction: the level-0 breaks and the extents and middles of the refined cells, in breaks of the finest level."""
+    """One direction: the level-0 breaks and the extents and middles of the refined cells, in breaks of the
+    finest level."""
 
     axis: DyadicAxis
     top: int
@@ -47,7 +48,8 @@ class _Side:
         return cells[(self.low[cells] < stop) & (self.high[cells] > start)]
 
     def middle(self, start: int, stop: int) -> int | None:
-        """Return the break of the coarsest level strictly inside, the nearest to the middle; None when there is none."""
+        """Return the break of the coarsest level strictly inside, the nearest to the middle; None when there
+        is none."""
         for level in range(self.top + 1):
             step = 1 << (self.top - level)
             first, last = start // step + 1, -(-stop // step) - 1
@@ -58,7 +60,9 @@ class _Side:
     def knot_vector(self, start: int, stop: int, cells: Integers) -> KnotVector:
         """Return the clamped knot vector of a face."""
         inner = self.axis.value(self.top, self.needed(start, stop, cells))
-        return KnotVector.clamped(self.axis.degree, inner, *self.axis.value(self.top, np.array([start, stop])))
+        return KnotVector.clamped(
+            self.axis.degree, inner, *self.axis.value(self.top, np.array([start, stop]))
+        )
 
 
 def faces(space: THBSpace, surface: BSplineSurface, price: float) -> Iterator[BSplineSurface]:
@@ -94,7 +98,10 @@ def _cheapest(sides: tuple[_Side, _Side], box: Box, cells: Integers, price: floa
     for d, side in enumerate(sides):
         at = side.middle(*box[d])
         if at is not None:
-            halves = [tuple(part if k == d else box[k] for k in (0, 1)) for part in ((box[d][0], at), (at, box[d][1]))]
+            halves = [
+                tuple(part if k == d else box[k] for k in (0, 1))
+                for part in ((box[d][0], at), (at, box[d][1]))
+            ]
             options.append((sum(_points(sides, half, cells)[0] for half in halves), halves))
     if not options:
         return own + price, [box]

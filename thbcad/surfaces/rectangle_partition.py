@@ -66,7 +66,8 @@ class _Region:
 
 
 def _chords(corners: Integers, edges: Integers, axis: int) -> Integers:
-    """Return chords along an axis, between neighbouring concave corners and inside the region, (k, 3) int [line, start, stop]."""
+    """Return chords along an axis, between neighbouring concave corners and inside the region, (k, 3) int
+    [line, start, stop]."""
     line, place = corners[:, 1 - axis], corners[:, axis]
     order = np.lexsort((place, line))
     line, place = line[order], place[order]
@@ -98,7 +99,8 @@ def _disjoint(along_i: Integers, along_j: Integers) -> tuple[NDArray[np.bool_], 
 
 
 def _meetings(along_i: Integers, along_j: Integers) -> csr_array:
-    """Return which chords (j = line, i in [start, stop]) meet which chords (i = line, j in [start, stop]), csr_array of counts."""
+    """Return which chords (j = line, i in [start, stop]) meet which chords (i = line, j in [start, stop]),
+    csr_array of counts."""
     order = np.argsort(along_j[:, 0], kind="stable")
     lines, low, high = along_j[order].T
     first, last = np.searchsorted(lines, along_i[:, 1]), np.searchsorted(lines, along_i[:, 2], side="right")
@@ -129,7 +131,12 @@ class _Cuts:
     def touch(self, i: int, j: int) -> bool:
         """Return whether a cut starts, ends or passes at a grid point."""
         at = i * self._width + j
-        return at in self._walls[0] or at - self._width in self._walls[0] or at in self._walls[1] or at - 1 in self._walls[1]
+        return (
+            at in self._walls[0]
+            or at - self._width in self._walls[0]
+            or at in self._walls[1]
+            or at - 1 in self._walls[1]
+        )
 
     def extend(self, i: int, j: int) -> None:
         """Cut from a concave corner along axis 0 until the border or another cut."""

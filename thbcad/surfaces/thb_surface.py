@@ -20,7 +20,8 @@ STRIP = 1 << 18  # points that are evaluated at once
 
 @dataclass(frozen=True, eq=False)
 class THBSurface:
-    """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space, with coefficients (dim,) or (dim, d).
+    """The spline sum_f c_f T_f(u, v) over the truncated functions T_f of a THB space, with coefficients
+    (dim,) or (dim, d).
 
     Raises
     ------
@@ -34,7 +35,9 @@ class THBSurface:
         require_type("space", self.space, THBSpace)
         c = read_only(self.coefficients)
         if c.shape[:1] != (self.space.dim,) or c.ndim > 2 or c.size == 0:
-            raise ValueError(f"coefficients must have shape ({self.space.dim},) or ({self.space.dim}, d), got {c.shape}")
+            raise ValueError(
+                f"coefficients must have shape ({self.space.dim},) or ({self.space.dim}, d), got {c.shape}"
+            )
         if not np.isfinite(c).all():
             raise ValueError("coefficients must be finite")
         object.__setattr__(self, "coefficients", c)
@@ -61,12 +64,15 @@ class THBSurface:
         """
         return self._tensor
 
-    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def __call__(
+        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
+    ) -> NDArray[np.float64]:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
 
         Raises
         ------
-        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a non-negative integer.
+        ValueError : points outside the domain or NaN, rows of unequal length, an order that is not a
+            non-negative integer.
         """
         if self.space.is_compact:
             return self._tensor(u, v, derivative)
@@ -96,11 +102,13 @@ class THBSurface:
         return np.concatenate(strips)
 
     def to_patches(self) -> list[BSplineSurface]:
-        """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level cells."""
+        """Return the same surface as the fewest clamped B-spline patches over rectangles of same-level
+        cells."""
         return [BSplineSurface(*patch) for patch in patches(self.space, self.coefficients)]
 
     def bernstein(self) -> NDArray[np.float64]:
-        """Return the Bernstein coefficients on every leaf cell, (cells, p + 1, q + 1) or (cells, p + 1, q + 1, d).
+        """Return the Bernstein coefficients on every leaf cell, (cells, p + 1, q + 1) or (cells, p + 1, q +
+        1, d).
 
         On leaf cell k, over ``space.boxes[k]``, the surface is sum_ij B_i^p(s) B_j^q(t) b_kij with s and t
         in [0, 1] along u and v.

@@ -1,4 +1,5 @@
-"""The flux by all ways through the closed lens, against the sequential trace, and the fans of rays that are drawn."""
+"""The flux by all ways through the closed lens, against the sequential trace, and the fans of rays that are
+drawn."""
 
 from __future__ import annotations
 
@@ -17,14 +18,30 @@ from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
 DOME = {  # thesis Table 6.3: a glowing square of 1 mm in the hollow of a dome
-    "source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 2.0, "source.flux": 3.0,
-    "lens.thickness": 5.0, "lens.front.half_width": [5.0, 5.0], "lens.front.radius": -5.0, "lens.front.conic": -1.0,
-    "lens.rear.half_width": [8.0, 8.0], "lens.rear.radius": -10.0, "lens.rear.freeform.spans": [2, 2],
-    "target.kind": "tophat", "target.lit": [0.6, 0.4], "target.distance": 1000.0, "target.half_width": [2000.0, 1500.0],
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 2.0,
+    "source.flux": 3.0,
+    "lens.thickness": 5.0,
+    "lens.front.half_width": [5.0, 5.0],
+    "lens.front.radius": -5.0,
+    "lens.front.conic": -1.0,
+    "lens.rear.half_width": [8.0, 8.0],
+    "lens.rear.radius": -10.0,
+    "lens.rear.freeform.spans": [2, 2],
+    "target.kind": "tophat",
+    "target.lit": [0.6, 0.4],
+    "target.distance": 1000.0,
+    "target.half_width": [2000.0, 1500.0],
     "target.pixels": [40, 30],
-}  # fmt: skip
+}
 POINT = {"source.kind": "point", "source.half_angle": 60.0, "source.exponent": 2.0}
-SEEN = {"dome": {}, "crescent": {"target.shape": "crescent"}, "point": POINT, "narrow cone": {"source.half_angle": 20.0}}
+SEEN = {
+    "dome": {},
+    "crescent": {"target.shape": "crescent"},
+    "point": POINT,
+    "narrow cone": {"source.half_angle": 20.0},
+}
 
 
 def loaded(folder, changes, sag=None):
@@ -48,7 +65,9 @@ CASES = [("dome", False), ("dome", True), ("crescent", True), ("point", False), 
 def seen(request, tmp_path_factory, backend):
     """Return the figures by all ways and those of the sequential trace."""
     name, is_rough = request.param
-    made = loaded(tmp_path_factory.mktemp("budget"), SEEN[name], (lambda space: rough(space, 0.5)) if is_rough else None)
+    made = loaded(
+        tmp_path_factory.mktemp("budget"), SEEN[name], (lambda space: rough(space, 0.5)) if is_rough else None
+    )
     measured = measure(backend, made.problem, made.lens, made.light)
     return figures_of(backend, made, measured.target), measured.figures
 
@@ -67,15 +86,18 @@ def test_every_figure_is_part_of_the_one_around_it(seen):
 
 
 def test_direct_light_is_that_of_the_sequential_trace(seen):
-    """Two samples of the same integral.  On n = 2^16 quasi-random rays only those near the borders of the lit region and of the faces
-    count differently, about n^(3/4) of them with random signs: n^(-5/8) = 1e-3 of the flux; four times that is allowed.
+    """Two samples of the same integral.  On n = 2^16 quasi-random rays only those near the borders of the lit
+    region and of the faces count differently, about n^(3/4) of them with random signs: n^(-5/8) = 1e-3 of the
+    flux; four times that is allowed.
     """
     found, sequential = seen
     assert found["lit_direct"] / 3.0 == pytest.approx(sequential["lit_efficiency"], abs=4e-3)
     budget = sequential["flux_budget_w"]
     assert found["fate_beside_lens"] == pytest.approx(budget["beside_lens"], abs=0.012)
     assert found["target"] > budget["on_target"] - 0.012
-    assert found["fate_reflected_outside"] == pytest.approx(budget["front_reflected"], abs=0.05)  # some of it comes back from the hollow
+    assert found["fate_reflected_outside"] == pytest.approx(
+        budget["front_reflected"], abs=0.05
+    )  # some of it comes back from the hollow
 
 
 def test_light_counts_on_the_lit_pixels_only(tmp_path, backend):
@@ -89,10 +111,15 @@ def test_light_counts_on_the_lit_pixels_only(tmp_path, backend):
 
 
 def test_plus_y_is_up(tmp_path, backend):
-    """A wedge sends light to its thick end: more of it lands on the upper pixels where the lens is thicker at +y."""
+    """A wedge sends light to its thick end: more of it lands on the upper pixels where the lens is thicker at
+    +y."""
     upper = np.zeros((16, 20))
     upper[:8] = 0.25
-    tilt = loaded(tmp_path, {"target.pixels": [20, 16]}, lambda space: np.tile(np.linspace(-1, 1, space.kv_v.dim), space.kv_u.dim))
+    tilt = loaded(
+        tmp_path,
+        {"target.pixels": [20, 16]},
+        lambda space: np.tile(np.linspace(-1, 1, space.kv_v.dim), space.kv_u.dim),
+    )
     up, down = (figures_of(backend, tilt, t)["lit_direct"] for t in (upper, upper[::-1]))
     assert up > 1.05 * down
 
@@ -100,7 +127,9 @@ def test_plus_y_is_up(tmp_path, backend):
 def test_the_seed_is_the_problems(tmp_path, backend):
     """The same bytes again; another seed other rays."""
     target = np.ones((30, 40))
-    one, again, other = (figures_of(backend, loaded(tmp_path, {"run.seed": seed}), target) for seed in (0, 0, 1))
+    one, again, other = (
+        figures_of(backend, loaded(tmp_path, {"run.seed": seed}), target) for seed in (0, 0, 1)
+    )
     assert one == again
     assert one["lit"] != other["lit"]
     assert one["lit"] == pytest.approx(other["lit"], abs=0.012)
@@ -125,7 +154,8 @@ def test_only_spreading_light_to_a_plane_is_followed(tmp_path, changes, follows)
 
 @pytest.mark.parametrize("half_angle", [90.0, 20.0])
 def test_fans_start_from_the_sources_middle_in_the_plane_of_y_and_z(tmp_path, backend, half_angle):
-    """A lens that is its own mirror image in x keeps every path in the plane; first segments show the directions."""
+    """A lens that is its own mirror image in x keeps every path in the plane; first segments show the
+    directions."""
     made = loaded(tmp_path, {"source.half_angle": half_angle})
     found = fans(backend, made.problem, made.lens)
     assert sorted(found) == ["equal angles", "equal steps of the sine"]
@@ -166,7 +196,9 @@ def test_a_rays_landing_point_is_that_of_the_sequential_trace(tmp_path, backend)
         first = np.array([p.points[1] - p.points[0] for p in paths])
         direction = first / np.linalg.norm(first, axis=1, keepdims=True)
         rays = Rays(np.array([p.points[0] for p in paths]).T, direction.T, 1.0)
-        _, landing = Tracer(backend, made.lens, rays, made.problem.target_z).trace([made.lens.rear.sag.coefficients])
+        _, landing = Tracer(backend, made.lens, rays, made.problem.target_z).trace(
+            [made.lens.rear.sag.coefficients]
+        )
         assert [len(p.points) for p in paths] == [4] * FAN
         expected = np.stack([landing.x.numpy(), landing.y.numpy()], axis=1)
         np.testing.assert_allclose([p.points[-1][:2] for p in paths], expected, rtol=0, atol=1e-6)

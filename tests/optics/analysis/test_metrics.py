@@ -45,7 +45,8 @@ def test_a_dark_screen_is_an_error_of_one():
 
 
 def test_a_plate_makes_a_uniform_square(tmp_path, backend):
-    """A source as large as the target behind a plane plate: E = T everywhere but for the grid of rays against the pixels."""
+    """A source as large as the target behind a plane plate: E = T everywhere but for the grid of rays against
+    the pixels."""
     result = measured(tmp_path, backend, PLATE, np.full((48, 48), 255, dtype=np.uint8))
     figures = result.figures
     assert figures["efficiency"] == pytest.approx(0.96**2, rel=1e-12)
@@ -53,7 +54,9 @@ def test_a_plate_makes_a_uniform_square(tmp_path, backend):
     # a pixel holds 11 +- 1 rays in each direction
     assert figures["rel_l2"] < 1 / 11
     assert 0 < figures["rel_l2_floor"] < 1 / 11
-    assert result.irradiance.sum() * (19 / 48) ** 2 == pytest.approx(0.96**2, rel=1e-3)  # light at the rim is shared with pixels beyond
+    assert result.irradiance.sum() * (19 / 48) ** 2 == pytest.approx(
+        0.96**2, rel=1e-3
+    )  # light at the rim is shared with pixels beyond
 
 
 def test_half_the_light_beside_the_target_is_stray(tmp_path, backend):
@@ -93,14 +96,18 @@ def test_two_ray_sets_give_the_mean_and_its_error(tmp_path, backend, monkeypatch
     assert result.figures["rel_l2_floor"] == pytest.approx(expected, rel=1e-14)
     assert grids[0][0] != grids[1][0]
     assert grids[0][1] != grids[1][1]
-    assert all(0.001 < abs(shift) <= 0.5 for _, shifts in grids for shift in shifts)  # nor is it the optimiser's set
+    assert all(
+        0.001 < abs(shift) <= 0.5 for _, shifts in grids for shift in shifts
+    )  # nor is it the optimiser's set
 
 
 def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
     whole = measured(tmp_path, backend)
     monkeypatch.setattr(metrics, "RAYS_AT_ONCE", 50_000)
     sliced = measured(tmp_path, backend)
-    np.testing.assert_allclose(sliced.irradiance, whole.irradiance, rtol=0, atol=1e-12 * whole.irradiance.max())
+    np.testing.assert_allclose(
+        sliced.irradiance, whole.irradiance, rtol=0, atol=1e-12 * whole.irradiance.max()
+    )
     assert sliced.figures["flux_budget_w"] == pytest.approx(whole.figures["flux_budget_w"], abs=1e-12)
 
 
@@ -109,12 +116,15 @@ def test_the_seed_moves_the_rays_and_only_it(tmp_path, backend):
     lens, light = base_lens(problem), target_light(problem)
     first, again = (measure(backend, problem, lens, light) for _ in range(2))
     other = measure(backend, replace(problem, run=replace(problem.run, seed=1)), lens, light)
-    np.testing.assert_allclose(again.irradiance, first.irradiance, rtol=0, atol=1e-12 * first.irradiance.max())
+    np.testing.assert_allclose(
+        again.irradiance, first.irradiance, rtol=0, atol=1e-12 * first.irradiance.max()
+    )
     assert not np.allclose(other.irradiance, first.irradiance, rtol=1e-6)
 
 
 def test_the_floor_is_the_size_of_the_estimators_error(tmp_path, backend, monkeypatch):
-    """Against 8 times as many rays per direction, the error lies within a small factor of the floor that was told."""
+    """Against 8 times as many rays per direction, the error lies within a small factor of the floor that was
+    told."""
     usual = measured(tmp_path, backend)
     monkeypatch.setattr(metrics, "RAYS_PER_PIXEL", 8 * metrics.RAYS_PER_PIXEL)
     exact = measured(tmp_path, backend)

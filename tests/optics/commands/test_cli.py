@@ -24,7 +24,18 @@ from tests.cases import ROOT
 from tests.optics.cases import picture, write_problem
 
 QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
-FIGURES = {"target", "irradiance", "error", "irradiance_02", "sag", "mesh", "loss", "solid", "solid_before", "scene"}
+FIGURES = {
+    "target",
+    "irradiance",
+    "error",
+    "irradiance_02",
+    "sag",
+    "mesh",
+    "loss",
+    "solid",
+    "solid_before",
+    "scene",
+}
 
 
 def strict_json(text):
@@ -58,7 +69,9 @@ def golden(tmp_path_factory):
     problem = write_problem(folder, QUICK)
     process = command("design", problem, "--out", folder / "result", "--json", cwd=folder)
     stdout, stderr = process.communicate()
-    return SimpleNamespace(path=folder / "result", problem=problem, code=process.returncode, stdout=stdout, stderr=stderr)
+    return SimpleNamespace(
+        path=folder / "result", problem=problem, code=process.returncode, stdout=stdout, stderr=stderr
+    )
 
 
 def refused(capsys, *arguments):
@@ -103,7 +116,19 @@ def test_results_go_to_stdout_and_progress_to_stderr(golden):
 
 def test_metrics_hold_what_the_design_contract_says(golden):
     metrics = strict_json((golden.path / "metrics.json").read_text())
-    names = {"rel_l2", "psnr_db", "ssim", "rel_l2_floor", "efficiency", "stray", "dof", "levels", "evaluations", "wall_s", "peak_mb"}
+    names = {
+        "rel_l2",
+        "psnr_db",
+        "ssim",
+        "rel_l2_floor",
+        "efficiency",
+        "stray",
+        "dof",
+        "levels",
+        "evaluations",
+        "wall_s",
+        "peak_mb",
+    }
     assert names <= set(metrics)
     assert {"setup", "optimise", "export", "verify", "total"} <= set(metrics["wall_s"])
     assert 0 < metrics["rel_l2_floor"] < metrics["rel_l2"] < 0.3
@@ -142,7 +167,11 @@ class References(HTMLParser):
 
     def handle_starttag(self, tag, attributes):
         self.tags.append(tag)
-        self.links += [value for name, value in attributes if name in ("src", "href", "srcset", "data", "action", "poster", "background")]
+        self.links += [
+            value
+            for name, value in attributes
+            if name in ("src", "href", "srcset", "data", "action", "poster", "background")
+        ]
 
 
 def test_the_report_is_self_contained(golden):
@@ -175,7 +204,9 @@ def test_the_result_can_be_designed_again_from_its_own_problem_file(golden, tmp_
     old, new = (strict_json((folder / "lens.json").read_text()) for folder in (golden.path, again))
     assert new["rear"]["sag"]["refined"] == old["rear"]["sag"]["refined"]
     # two threads add in any order: rounding, enlarged by a few steps of L-BFGS
-    np.testing.assert_allclose(new["rear"]["sag"]["coefficients"], old["rear"]["sag"]["coefficients"], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        new["rear"]["sag"]["coefficients"], old["rear"]["sag"]["coefficients"], rtol=0, atol=1e-6
+    )
 
 
 def test_text_for_people_names_the_files(tmp_path, capsys):
@@ -232,7 +263,9 @@ def test_verify_passes_an_untouched_result(copy, capsys):
 
 def test_verify_fails_a_changed_step_file(copy, capsys):
     text = (copy / "lens.step").read_text()
-    number = re.search(r"CARTESIAN_POINT\('',\(-?\d+\.\d+,-?\d+\.\d+,\s*(\d\.\d{6})", text[text.index("B_SPLINE_SURFACE") :])
+    number = re.search(
+        r"CARTESIAN_POINT\('',\(-?\d+\.\d+,-?\d+\.\d+,\s*(\d\.\d{6})", text[text.index("B_SPLINE_SURFACE") :]
+    )
     at = text.index("B_SPLINE_SURFACE") + number.end(1) - 1
     (copy / "lens.step").write_text(text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1 :])
     assert main(["verify", str(copy)]) == 1
@@ -251,7 +284,13 @@ def test_verify_fails_a_changed_lens_file(copy, capsys):
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [("lens.step", "nonsense"), ("lens.json", "{"), ("lens.json", "[]"), ("lens.json", '{"schema": 1}'), ("problem.toml", "=")],
+    [
+        ("lens.step", "nonsense"),
+        ("lens.json", "{"),
+        ("lens.json", "[]"),
+        ("lens.json", '{"schema": 1}'),
+        ("problem.toml", "="),
+    ],
 )
 def test_verify_refuses_damaged_files(copy, capsys, name, text):
     (copy / name).write_text(text)
@@ -319,7 +358,8 @@ def test_a_black_picture_is_refused(tmp_path, capsys):
 
 @pytest.mark.parametrize("name", ["design", "check"])
 def test_crossing_surfaces_are_refused_with_place_and_amount(tmp_path, capsys, name):
-    """Front 1 mm before a rear of R = -20 mm, K = -1: at the corners the rear lies 200 / 40 - 1 = 4 mm before the front."""
+    """Front 1 mm before a rear of R = -20 mm, K = -1: at the corners the rear lies 200 / 40 - 1 = 4 mm before
+    the front."""
     problem = write_problem(tmp_path, {"lens.thickness": 1.0, "lens.rear.radius": -20.0})
     options = ["--out", tmp_path / "out"] if name == "design" else []
     message = refused(capsys, name, problem, *options)
@@ -331,7 +371,8 @@ def test_crossing_surfaces_are_refused_with_place_and_amount(tmp_path, capsys, n
 def test_a_conic_that_ends_inside_the_aperture_is_refused(tmp_path, capsys):
     problem = write_problem(tmp_path, {"lens.front.radius": 12.0})
     assert re.search(
-        r"lens\.front: the conic .* ends at r = 12 mm, but the corner of the aperture lies at r = 14\.14", refused(capsys, "check", problem)
+        r"lens\.front: the conic .* ends at r = 12 mm, but the corner of the aperture lies at r = 14\.14",
+        refused(capsys, "check", problem),
     )
 
 
@@ -358,7 +399,9 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(tmp_path, monkeypa
         raise KeyboardInterrupt
 
     monkeypatch.setattr("optics.optimisation.loop.design", interrupted)
-    assert main(["design", str(write_problem(tmp_path, QUICK | {"lens.index": 1.6})), "--out", str(out)]) == 130
+    assert (
+        main(["design", str(write_problem(tmp_path, QUICK | {"lens.index": 1.6})), "--out", str(out)]) == 130
+    )
     assert ((out / "problem.toml").read_text(), (out / "lens.json").read_text()) == before
 
 
@@ -377,7 +420,8 @@ def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):
     ids=str,
 )
 def test_sizes_are_checked_before_memory_is_taken(tmp_path, capsys, changes):
-    """Values that the keys allow one by one ask together for 7e13 and 4e9 rays at once: a terabyte, and more."""
+    """Values that the keys allow one by one ask together for 7e13 and 4e9 rays at once: a terabyte, and
+    more."""
     message = refused(capsys, "check", write_problem(tmp_path, changes))
     assert re.search(r"memory|rays|too (large|many|big)", message)
 
@@ -390,7 +434,9 @@ def test_arguments_are_checked(capsys):
         assert "usage: thbcad" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["design", "--help"], ["check", "--help"], ["verify", "--help"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["design", "--help"], ["check", "--help"], ["verify", "--help"]], ids=" ".join
+)
 def test_help_ends_well(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
@@ -402,9 +448,12 @@ def test_help_of_the_command_loads_nothing_heavy():
     code = (
         "import sys\nfrom optics.commands import main\n"
         "try:\n main(['--help'])\nexcept SystemExit: pass\n"
-        "print([m for m in ('drjit', 'OCP', 'matplotlib', 'mitsuba', 'skimage') if m in sys.modules], file=sys.stderr)"
+        "print([m for m in ('drjit', 'OCP', 'matplotlib', 'mitsuba', 'skimage') if m in sys.modules], "
+        "file=sys.stderr)"
     )
-    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     assert result.stderr.strip() == "[]"
 
 
@@ -482,7 +531,11 @@ def test_resume_finishes_what_ctrl_c_stopped(stopped_copy, capsys):
     assert main(["verify", str(out)]) == 0
 
 
-@pytest.mark.parametrize("changes", [{"target.distance": 70.0}, {"lens.rear.radius": 45.0}, {"run.seed": 3}, {"title": "other"}], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [{"target.distance": 70.0}, {"lens.rear.radius": 45.0}, {"run.seed": 3}, {"title": "other"}],
+    ids=str,
+)
 def test_resume_with_another_problem_is_refused(stopped_copy, capsys, changes):
     problem, out = stopped_copy
     kept = (out / "checkpoint.json").read_bytes()
@@ -499,7 +552,9 @@ def test_resume_with_another_picture_is_refused(stopped_copy, capsys):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{", "[]", "null", "3", '{"schema": "thbcad-checkpoint"}', "\x00", "[" * 100_000], ids=lambda t: repr(t[:20])
+    "text",
+    ["", "{", "[]", "null", "3", '{"schema": "thbcad-checkpoint"}', "\x00", "[" * 100_000],
+    ids=lambda t: repr(t[:20]),
 )
 def test_a_checkpoint_that_is_none_is_refused(stopped_copy, capsys, text):
     problem, out = stopped_copy
@@ -538,7 +593,20 @@ def test_a_run_starts_from_an_earlier_design(golden, tmp_path, capsys):
     before = strict_json((golden.path / "metrics.json").read_text())
     last = (golden.path / "history.csv").read_text().splitlines()[-1].split(",")
     out = tmp_path / "out"
-    assert main(["design", str(golden.path / "problem.toml"), "--out", str(out), "--from", str(golden.path), "--json"]) == 0
+    assert (
+        main(
+            [
+                "design",
+                str(golden.path / "problem.toml"),
+                "--out",
+                str(out),
+                "--from",
+                str(golden.path),
+                "--json",
+            ]
+        )
+        == 0
+    )
     metrics = strict_json(capsys.readouterr().out)["metrics"]
     first = (out / "history.csv").read_text().splitlines()[1].split(",")
     assert metrics["dof"] == before["dof"]
@@ -551,13 +619,16 @@ def test_earlier_designs_of_another_lens_are_refused(golden, tmp_path, capsys):
     other = write_problem(tmp_path, {"lens.rear.freeform.spans": [5, 4]})
     message = refused(capsys, "design", other, "--out", tmp_path / "out", "--from", golden.path)
     assert "differs in half_width, radius, conic, degree or spans" in message
-    assert "exclude each other" in refused(capsys, "design", other, "--out", tmp_path / "out", "--from", golden.path, "--resume")
+    assert "exclude each other" in refused(
+        capsys, "design", other, "--out", tmp_path / "out", "--from", golden.path, "--resume"
+    )
     assert "lens.json" in refused(capsys, "design", other, "--out", tmp_path / "out", "--from", tmp_path)
 
 
 @pytest.mark.parametrize("command", ["design", "check"])
 def test_targets_beyond_the_reach_of_refraction_are_refused(command, tmp_path, capsys):
-    """Index 1.5 bends by less than arccos(1 / 1.5) = 48.2 degrees; the last pixel lies (47 / 48 200 - 9.5) / 60 aside."""
+    """Index 1.5 bends by less than arccos(1 / 1.5) = 48.2 degrees; the last pixel lies (47 / 48 200 - 9.5) /
+    60 aside."""
     problem = write_problem(tmp_path, {"target.half_width": [200.0, 20.0]})
     message = refused(capsys, command, problem)
     assert "72.2 degrees aside from the beam" in message

@@ -1,4 +1,5 @@
-"""What a design's files say and keep: metadata, limits and titles arrive, damage to the solid is caught, from outside."""
+"""What a design's files say and keep: metadata, limits and titles arrive, damage to the solid is caught, from
+outside."""
 
 from __future__ import annotations
 
@@ -20,7 +21,12 @@ from tests.optics.verification.test_step_checks import moved_point
 from thbcad.cad.exchange import read_step
 from thbcad.cad.shapes import lens_surfaces
 
-BRIEF = {"optimizer.iterations": [2], "lens.rear.freeform.max_level": 0, "target.pixels": [16, 16], "verify.rays": 17}
+BRIEF = {
+    "optimizer.iterations": [2],
+    "lens.rear.freeform.max_level": 0,
+    "target.pixels": [16, 16],
+    "verify.rays": 17,
+}
 NAMED = BRIEF | {
     "lens.material": "PMMA (Plexiglas® 7N)",
     "lens.density": 1.19,
@@ -55,7 +61,11 @@ def copy(named, tmp_path):
 def test_the_names_of_a_design_arrive_in_its_step_file(named):
     assert named.code == 0
     step = read_step(named.path / "lens.step")
-    assert (step.schema, step.author, step.organization) == ("AP214", NAMED["export.author"], NAMED["export.organization"])
+    assert (step.schema, step.author, step.organization) == (
+        "AP214",
+        NAMED["export.author"],
+        NAMED["export.organization"],
+    )
     assert (step.product, step.material) == (NAMED["export.product"], NAMED["lens.material"])
     assert step.face_names == ("front", "rear", "edge -y", "edge +x", "edge +y", "edge -x")
     text = (named.path / "lens.step").read_text("ascii")
@@ -69,11 +79,17 @@ def test_the_names_survive_verify_and_export(copy, tmp_path, capsys):
     assert (tmp_path / "again.step").read_bytes() == (copy / "lens.step").read_bytes()
     assert main(["export", str(copy), "--out", str(tmp_path / "cut.step"), "--aperture", "5", "5"]) == 0
     step = read_step(tmp_path / "cut.step")
-    assert (step.product, step.material, step.author) == (NAMED["export.product"], NAMED["lens.material"], NAMED["export.author"])
+    assert (step.product, step.material, step.author) == (
+        NAMED["export.product"],
+        NAMED["lens.material"],
+        NAMED["export.author"],
+    )
     capsys.readouterr()
 
 
-@pytest.mark.parametrize(("key", "value"), [("author", "someone else"), ("schema", "AP203"), ("product", "other")])
+@pytest.mark.parametrize(
+    ("key", "value"), [("author", "someone else"), ("schema", "AP203"), ("product", "other")]
+)
 def test_a_step_file_under_another_name_is_caught(copy, capsys, key, value):
     """The names are part of what a fresh export gives."""
     path = copy / "problem.toml"
@@ -123,7 +139,9 @@ def test_the_longest_names_arrive_in_iges_and_longer_ones_are_refused(copy, tmp_
     """From 2000 characters on OCCT's IGES writer ends the process."""
     path = copy / "problem.toml"
     for count, code in ((500, 0), (501, 2), (5000, 2)):
-        text = re.sub(r"(?m)^(product|author|organization) = .*$", rf'\1 = "{"a" * count}"', path.read_text("utf-8"))
+        text = re.sub(
+            r"(?m)^(product|author|organization) = .*$", rf'\1 = "{"a" * count}"', path.read_text("utf-8")
+        )
         path.write_text(text, "utf-8")
         assert main(["export", str(copy), "--out", str(tmp_path / "named.iges")]) == code
     assert "must have at most 500 characters" in capsys.readouterr().err
@@ -156,9 +174,13 @@ def test_limits_that_a_design_misses_end_it_with_1_and_say_where(tmp_path, capsy
 
 def test_check_notes_limits_that_the_base_lens_misses(tmp_path, capsys):
     assert main(["check", str(write_problem(tmp_path, LIMITS))]) == 0
-    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: before optimisation")]
+    notes = [
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("note: before optimisation")
+    ]
     assert len(notes) == 3
-    assert all(word in line for word, line in zip(("limits.edge_thickness", "limits.slope", "limits.mass"), notes))
+    assert all(
+        word in line for word, line in zip(("limits.edge_thickness", "limits.slope", "limits.mass"), notes)
+    )
 
 
 @pytest.mark.parametrize("command", ["check", "design"])
@@ -210,7 +232,9 @@ def test_a_missing_edge_is_caught(copy, capsys, which):
     path = copy / "lens.step"
     text = path.read_text()
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
-    path.write_text(text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which)))
+    path.write_text(
+        text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which))
+    )
     assert {"free edges", "text of the file: edges that do not border two faces"} <= failures(capsys, copy)
 
 
@@ -219,7 +243,9 @@ def test_a_missing_optical_face_is_refused(copy, capsys, which):
     path = copy / "lens.step"
     text = path.read_text()
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
-    path.write_text(text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which)))
+    path.write_text(
+        text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which))
+    )
     assert "curved spline faces where a lens has 2" in refused(capsys, "verify", copy)
 
 
@@ -245,7 +271,8 @@ def test_bytes_of_another_file_are_refused_or_caught(copy, capsys, share):
 
 
 def test_a_folder_of_the_version_before_verifies_but_for_its_file(copy, capsys):
-    """Its problem file has no [limits], no [export], no material: the STEP file is that of another product, and says so."""
+    """Its problem file has no [limits], no [export], no material: the STEP file is that of another product,
+    and says so."""
     path = copy / "problem.toml"
     text = re.sub(r"(?ms)^\[(limits|export)\]\n.*?(?=^\[|\Z)", "", path.read_text("utf-8"))
     path.write_text(re.sub(r"(?m)^(material|density) = .*\n", "", text), "utf-8")

@@ -75,7 +75,9 @@ def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tm
 
 def test_an_extended_run_starts_from_an_earlier_design(extended, tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(["design", str(extended.given), "--out", str(out), "--from", str(extended.path), "--json"]) == 0
+    assert (
+        main(["design", str(extended.given), "--out", str(out), "--from", str(extended.path), "--json"]) == 0
+    )
     metrics = strict_json(capsys.readouterr().out)["metrics"]
     before = strict_json((extended.path / "metrics.json").read_text())
     assert metrics["dof"] == before["dof"]

@@ -71,18 +71,25 @@ def test_images_of_a_designed_lens(hollow, tmp_path):
     folder.prepare()
     folder.write_lens(hollow_lens())
     data, lines, _ = run(hollow({"target.pixels": [24, 24]}), measure=str(folder.path))
-    assert all(measured > least for measured, least in zip(data["measured"]["pixels"], data["bound"]["pixels"]))
+    assert all(
+        measured > least for measured, least in zip(data["measured"]["pixels"], data["bound"]["pixels"])
+    )
     assert sum("images of the source: at least" in line for line in lines) == 2
 
 
-@pytest.mark.parametrize("changes", [{}, {"source.kind": "point", "source.distance": 20.0, "source.half_width": [0.0, 0.0]}])
+@pytest.mark.parametrize(
+    "changes", [{}, {"source.kind": "point", "source.distance": 20.0, "source.half_width": [0.0, 0.0]}]
+)
 def test_sources_without_extent_have_no_limit(problem_file, changes):
     file = problem_file(changes)
     data, lines, ok = run(file)
     assert (ok, lines[-1], "bound" in data) == (True, NO_LIMIT, False)
     problem = load_problem(file)
     assert etendue_note(problem, target_light(problem)) == []
-    assert limit_sentence(problem, base_lens(problem), target_light(problem), {"rel_l2": 0.1, "efficiency": 0.9}) is None
+    assert (
+        limit_sentence(problem, base_lens(problem), target_light(problem), {"rel_l2": 0.1, "efficiency": 0.9})
+        is None
+    )
 
 
 def test_images_narrower_than_two_pixels_set_no_limit(hollow):

@@ -1,4 +1,5 @@
-"""Limits of manufacture: every key is checked from the certified side, with its place, and advice comes before a design."""
+"""Limits of manufacture: every key is checked from the certified side, with its place, and advice comes
+before a design."""
 
 from __future__ import annotations
 
@@ -11,7 +12,15 @@ from math import inf, isfinite
 import numpy as np
 import pytest
 
-from optics.problem import Limits, as_data, limit_advice, limit_checks, load_problem, manufacture_rows, require_limits
+from optics.problem import (
+    Limits,
+    as_data,
+    limit_advice,
+    limit_checks,
+    load_problem,
+    manufacture_rows,
+    require_limits,
+)
 from optics.runtime import UserError
 from optics.system import base_lens
 from tests.cases import ROOT
@@ -21,11 +30,16 @@ from thbcad.lens import manufacturability
 from thbcad.surfaces import THBSurface
 
 DENSITY = 1.19
-FREE_FRONT = {"lens.front.freeform.spans": [3, 4], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 0.5}
+FREE_FRONT = {
+    "lens.front.freeform.spans": [3, 4],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.5,
+}
 
 
 def designed(folder, changes=None, height=0.05):
-    """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the lens's figures."""
+    """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
+    lens's figures."""
     problem = load_problem(write_problem(folder, {"lens.density": DENSITY} | (changes or {})))
     base = base_lens(problem)
     lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
@@ -41,7 +55,8 @@ def checks_of(problem, found, **limits):
 
 
 def bounds_of(found):
-    """Return key: (certified number, whether it must be at least the limit, unit) of the strictest surface, rear free."""
+    """Return key: (certified number, whether it must be at least the limit, unit) of the strictest surface,
+    rear free."""
     surfaces = found.surfaces.values()
     return {
         "thickness": (found.thickness.lower, True, "mm"),
@@ -94,7 +109,9 @@ def test_radii_and_features_are_those_of_free_surfaces(tmp_path):
     """The front's paraboloid of 30 mm is as asked for; a slope is limited wherever it is."""
     limits = {"radius": 35.0, "concave_radius": 35.0, "feature": 1.0, "slope": 10.0}
     problem, _, found = designed(tmp_path, {"lens.front.radius": -30.0, "lens.front.conic": -1.0}, height=0.0)
-    missed = {c.name.split(" short")[0].split(" beyond")[0]: c.ok for c in checks_of(problem, found, **limits)}
+    missed = {
+        c.name.split(" short")[0].split(" beyond")[0]: c.ok for c in checks_of(problem, found, **limits)
+    }
     assert missed == {
         "slope of the front": False,
         "radius of the rear": True,
@@ -102,7 +119,9 @@ def test_radii_and_features_are_those_of_free_surfaces(tmp_path):
         "smallest feature of the rear": True,
         "slope of the rear": False,
     }
-    problem, _, found = designed(tmp_path, {"lens.front.radius": -30.0, "lens.front.conic": -1.0} | FREE_FRONT, height=0.0)
+    problem, _, found = designed(
+        tmp_path, {"lens.front.radius": -30.0, "lens.front.conic": -1.0} | FREE_FRONT, height=0.0
+    )
     names = [c.name for c in checks_of(problem, found, **limits) if not c.ok]
     assert any(name.startswith("radius of the front") for name in names)
     assert any(name.startswith("concave radius of the front") for name in names)
@@ -153,14 +172,44 @@ def test_no_limits_need_no_advice(tmp_path):
 @pytest.mark.parametrize(
     ("key", "kept", "broken", "sentence"),
     [
-        ("radius", 40.0, 45.0, "before optimisation the radius of the rear is 5 mm short of limits.radius, at x = 0, y = 0 mm"),
-        ("concave_radius", 40.0, 50.0, "the concave radius of the rear is 10 mm short of limits.concave_radius"),
-        ("slope", 19.5, 10.0, "the slope of the rear is 9.471 degrees beyond limits.slope"),  # atan(sqrt(200) / 40) = 19.471
-        ("sag_range", 2.5, 2.0, "the range of heights of the rear is 0.5 mm beyond limits.sag_range"),  # 200 / 80
+        (
+            "radius",
+            40.0,
+            45.0,
+            "before optimisation the radius of the rear is 5 mm short of limits.radius, at x = 0, y = 0 mm",
+        ),
+        (
+            "concave_radius",
+            40.0,
+            50.0,
+            "the concave radius of the rear is 10 mm short of limits.concave_radius",
+        ),
+        (
+            "slope",
+            19.5,
+            10.0,
+            "the slope of the rear is 9.471 degrees beyond limits.slope",
+        ),  # atan(sqrt(200) / 40) = 19.471
+        (
+            "sag_range",
+            2.5,
+            2.0,
+            "the range of heights of the rear is 0.5 mm beyond limits.sag_range",
+        ),  # 200 / 80
         ("thickness", 6.0, 7.0, "the thickness is 1 mm short of limits.thickness, at x = 0, y = 0 mm"),
         ("centre_thickness", 6.0, 6.5, "the centre thickness is 0.5 mm short of limits.centre_thickness"),
-        ("edge_thickness", 7.25, 8.25, "the edge thickness is 1 mm short of limits.edge_thickness"),  # 6 + 100 / 80
-        ("mass", 4.0, 3.0, "the mass is 0.2527 g beyond limits.mass"),  # 400 (6 + 5/6) mm^3 of 1.19 g/cm^3 make 3.2527 g
+        (
+            "edge_thickness",
+            7.25,
+            8.25,
+            "the edge thickness is 1 mm short of limits.edge_thickness",
+        ),  # 6 + 100 / 80
+        (
+            "mass",
+            4.0,
+            3.0,
+            "the mass is 0.2527 g beyond limits.mass",
+        ),  # 400 (6 + 5/6) mm^3 of 1.19 g/cm^3 make 3.2527 g
     ],
 )
 def test_advice_where_the_conics_alone_miss_a_limit(tmp_path, key, kept, broken, sentence):
@@ -177,7 +226,11 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
     (sentence,) = advice(tmp_path, {"limits.feature": 6900.0})
     assert sentence == "limits.feature holds up to level 1, but lens.rear.freeform.max_level is 2"
     (sentence,) = advice(tmp_path, {"limits.feature": 30000.0})
-    assert sentence == "limits.feature is 30000 wavelengths, but level 0 of lens.rear.freeform has 2.727e+04: take fewer spans"
+    assert (
+        sentence
+        == "limits.feature is 30000 wavelengths, but level 0 of lens.rear.freeform has 2.727e+04: take "
+        "fewer spans"
+    )
     assert advice(tmp_path, {"limits.feature": 20000.0} | FREE_FRONT) == [
         "limits.feature holds up to level 0, but lens.front.freeform.max_level is 1",
         "limits.feature holds up to level 0, but lens.rear.freeform.max_level is 2",
@@ -187,11 +240,16 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
 def test_advice_does_not_load_the_cad_kernel(tmp_path):
     write_problem(tmp_path, {"limits.radius": 50.0})
     program = (
-        "import sys; from optics.limits import limit_advice; from optics.problem import load_problem; from optics.model import base_lens; "
+        "import sys; from optics.limits import limit_advice; from optics.problem import load_problem; from "
+        "optics.model import base_lens; "
         "p = load_problem(sys.argv[1]); print(len(limit_advice(p, base_lens(p))), 'OCP' in sys.modules)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program, str(tmp_path / "problem.toml")], cwd=ROOT, capture_output=True, text=True, check=True
+        [sys.executable, "-c", program, str(tmp_path / "problem.toml")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert done.stdout.split() == ["1", "False"]
 
@@ -208,7 +266,11 @@ def test_rows_name_every_figure_once(tmp_path):
     assert by_name["volume"] == (lens.volume(), "mm^3", "")
     assert by_name["mass"] == (lens.volume() * DENSITY / 1000, "g", "")
     assert by_name["centre thickness"] == (found.centre_thickness.value, "mm", "at x = 0, y = 0 mm")
-    assert by_name["smallest feature of the rear"] == (pytest.approx(15 / 550e-6), "wavelengths", "on level 0")
+    assert by_name["smallest feature of the rear"] == (
+        pytest.approx(15 / 550e-6),
+        "wavelengths",
+        "on level 0",
+    )
     assert by_name["smallest feature of the front in y"] == (pytest.approx(15.0), "mm", "on level 0")
     assert by_name["smallest feature of the front in x"] == (pytest.approx(20.0), "mm", "on level 0")
     assert [name for name in names if name.endswith("of the front")] == [
@@ -228,11 +290,22 @@ def test_the_data_are_plain_json(tmp_path):
     _, _, found = designed(tmp_path)
     data = as_data(found)
     assert json.loads(json.dumps(data, allow_nan=False)) == data
-    assert data["front"]["convex_radius_mm"] == {"value": None, "lower": None, "upper": None, "x": None, "y": None}
+    assert data["front"]["convex_radius_mm"] == {
+        "value": None,
+        "lower": None,
+        "upper": None,
+        "x": None,
+        "y": None,
+    }
     assert data["front"]["sag_mm"] is data["front"]["feature"] is None
     assert data["rear"]["feature"] == {"level": 0, "span_mm": [5.0, 5.0], "size_mm": [15.0, 15.0]}
     assert data["mass_g"] == found.mass
     assert data["density_g_cm3"] == DENSITY
-    for bound in (data["thickness_mm"], data["rear"]["slope_degrees"], data["rear"]["heights_mm"], data["rear"]["concave_radius_mm"]):
+    for bound in (
+        data["thickness_mm"],
+        data["rear"]["slope_degrees"],
+        data["rear"]["heights_mm"],
+        data["rear"]["concave_radius_mm"],
+    ):
         assert bound["lower"] <= bound["value"] <= bound["upper"]
         assert all(isfinite(number) for number in bound.values() if np.isscalar(number))

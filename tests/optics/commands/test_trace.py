@@ -53,7 +53,9 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
     assert sum(data["nonsequential"]["fates_w"].values()) == pytest.approx(1.0, abs=1e-12)
     assert data["counts"]["unresolved"] == 0
     assert data["counts"]["missed_rear"] > 0
-    assert data["efficiency"] == data["flux_w"]["on_target"] < data["efficiency_bound"] == pytest.approx(0.96**2)
+    assert (
+        data["efficiency"] == data["flux_w"]["on_target"] < data["efficiency_bound"] == pytest.approx(0.96**2)
+    )
     assert 0 < data["nonsequential"]["by_other_ways"] < 1
     files = {"fresnel.png", "irradiance.npz", "irradiance.png", "phase_space.png", "trace.json"}
     assert {p.name for p in (folder / "trace").iterdir()} == files
@@ -80,7 +82,13 @@ def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
 
 
 def test_a_far_field_is_traced_in_sequence(capsys, result):
-    done = run(capsys, result({"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}), "--rays", 33, "--json")
+    done = run(
+        capsys,
+        result({"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}),
+        "--rays",
+        33,
+        "--json",
+    )
     assert (done.code, "nonsequential" in json.loads(done.out)) == (0, False)
 
 

@@ -10,7 +10,9 @@ from optics.etendue import approximate
 
 ROUNDING = 1e-12
 
-responses = st.builds(RectangleResponse, st.sampled_from([0.5, 1.0, 3.0]), st.integers(1, 7), st.integers(0, 4))
+responses = st.builds(
+    RectangleResponse, st.sampled_from([0.5, 1.0, 3.0]), st.integers(1, 7), st.integers(0, 4)
+)
 
 
 @given(responses, st.integers(1, 5))
@@ -23,7 +25,8 @@ def test_the_convolution_is_a_rectangle(response, pixels):
 
 @given(responses)
 def test_shifted_copies_fill_the_rectangle_once(response):
-    """At places between the edges of all pieces, N responses of height N, each at 1 / N, add up to the rectangle."""
+    """At places between the edges of all pieces, N responses of height N, each at 1 / N, add up to the
+    rectangle."""
     pieces = response.sources * 2**response.splits
     x = (np.arange(-pieces, 2 * pieces) + 0.5) * response.spacing - response.width / 2
     made = np.mean([response(x - position) for position in response.positions], axis=0)
@@ -55,9 +58,12 @@ def test_the_sources_are_a_dirichlet_kernel(sources, spacing):
     assert_allclose(source_transform(k, sources, spacing), expected, atol=1e-11)
 
 
-@pytest.mark.parametrize(("sources", "splits", "pixels"), [(2, 0, 8), (2, 1, 4), (2, 3, 3), (3, 2, 3), (5, 1, 4), (7, 0, 2)])
+@pytest.mark.parametrize(
+    ("sources", "splits", "pixels"), [(2, 0, 8), (2, 1, 4), (2, 3, 3), (3, 2, 3), (5, 1, 4), (7, 0, 2)]
+)
 def test_the_solver_finds_them(sources, splits, pixels):
-    """Light on finitely many pixels that makes the rectangle is unique: products of polynomials have one quotient."""
+    """Light on finitely many pixels that makes the rectangle is unique: products of polynomials have one
+    quotient."""
     kernel, light = RectangleResponse(1.0, sources, splits).on_pixels(pixels)
     margin = kernel.weights.shape[1]
     target = np.pad(np.ones((1, pixels * sources * 2**splits)), ((0, 0), (margin, margin)))
@@ -69,7 +75,9 @@ def test_the_solver_finds_them(sources, splits, pixels):
     assert result.residual <= 1e-8
 
 
-@pytest.mark.parametrize(("arguments", "words"), [((0.0, 2), "width"), ((1.0, 0), "sources"), ((1.0, 2, -1), "splits")])
+@pytest.mark.parametrize(
+    ("arguments", "words"), [((0.0, 2), "width"), ((1.0, 0), "sources"), ((1.0, 2, -1), "splits")]
+)
 def test_errors_name_the_argument(arguments, words):
     with pytest.raises(ValueError, match=words):
         RectangleResponse(*arguments)

@@ -31,7 +31,8 @@ def test_bates_functions_are_densities_of_means(terms, width, spacing):
     assert_allclose(basis[:, inside].sum(axis=0), 1, rtol=ROUNDING)
     centres = np.arange(30) + 0.5
     spread = ((centres**2) @ basis - (centres @ basis) ** 2)[inside]
-    # the variance of a mean is width^2 / (12 terms); pixels add 1/12, less twice the error of the pixel's middle
+    # the variance of a mean is width^2 / (12 terms); pixels add 1/12, less twice the error of the pixel's
+    # middle
     assert (np.abs(spread - width**2 / (12 * terms)) <= 1 / 4).all()
 
 
@@ -59,14 +60,18 @@ def test_a_basis_reaches_its_own_optimum(kernel, target, terms):
     best = optimum(matrix(kernel, target.shape) @ np.kron(rows, columns), target)
     assert result.lower_bound - ROUNDING <= best <= result.residual + ROUNDING
     assert_allclose(result.image, kernel.apply(result.solution), atol=ROUNDING)
-    assert approximate(kernel, target).lower_bound <= result.residual + ROUNDING  # a basis only restricts the light
+    assert (
+        approximate(kernel, target).lower_bound <= result.residual + ROUNDING
+    )  # a basis only restricts the light
 
 
 @given(kernels(), targets())
 def test_the_map_of_coefficients_and_its_adjoint(kernel, target):
     blur = BasisBlur(kernel, *(irwin_hall(side, 2, 1.5) for side in kernel.light_shape(target.shape)))
     weights = np.random.default_rng(0).random((blur.rows.shape[1], blur.columns.shape[1]))
-    assert_allclose((blur.apply(weights) * target).sum(), (weights * blur.adjoint(target)).sum(), rtol=ROUNDING)
+    assert_allclose(
+        (blur.apply(weights) * target).sum(), (weights * blur.adjoint(target)).sum(), rtol=ROUNDING
+    )
     assert blur.apply(np.ones_like(weights)).max() <= 1 + ROUNDING
 
 

@@ -17,7 +17,9 @@ from optics.deconvolution.deconvolution import (
     uncovered_zero,
 )
 
-NEAREST = np.pi * 1e-5 / 2  # |G^| / 2 where a frequency is nearest to a zero: a period of 10.0001 misses k = 1 by 1e-5
+NEAREST = (
+    np.pi * 1e-5 / 2
+)  # |G^| / 2 where a frequency is nearest to a zero: a period of 10.0001 misses k = 1 by 1e-5
 
 
 def test_the_first_case_of_figure_7_4_is_a_rectangle():
@@ -64,9 +66,13 @@ def test_two_sources_have_the_zeros_of_a_cosine():
     assert_allclose(points_transform(k, [-0.25, 0.25]), 2 * np.cos(np.pi * k / 2), atol=1e-14)
 
 
-@given(st.lists(st.integers(1, 5), min_size=1, max_size=4), st.lists(st.integers(0, 5), min_size=1, max_size=6).filter(any))
+@given(
+    st.lists(st.integers(1, 5), min_size=1, max_size=4),
+    st.lists(st.integers(0, 5), min_size=1, max_size=6).filter(any),
+)
 def test_what_a_response_makes_covers_all_zeros(weights, response):
-    """A root of multiplicity 3 at most, of degree 3 at most, is found to eps^(1/3) = 6e-6 times a condition number."""
+    """A root of multiplicity 3 at most, of degree 3 at most, is found to eps^(1/3) = 6e-6 times a condition
+    number."""
     assert uncovered_zero(weights, np.convolve(weights, response)) <= 1e-3
 
 

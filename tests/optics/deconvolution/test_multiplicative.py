@@ -20,7 +20,9 @@ def divergence(target, image):
 
 def test_the_divergence_falls():
     kernel = Kernel.disk(3)
-    values = [divergence(TARGET, richardson_lucy(kernel, TARGET, steps).image) for steps in (1, 3, 10, 30, 100)]
+    values = [
+        divergence(TARGET, richardson_lucy(kernel, TARGET, steps).image) for steps in (1, 3, 10, 30, 100)
+    ]
     assert values == sorted(values, reverse=True)
 
 
@@ -39,7 +41,8 @@ def test_the_least_squares_are_better():
 
 
 def test_scikit_image_agrees_inside():
-    """Its convolution keeps the size, so that the border differs: with light far from it the steps are the same.
+    """Its convolution keeps the size, so that the border differs: with light far from it the steps are the
+    same.
 
     It clips to [-1, 1] unless told and adds 1e-12 to the image.
     """

@@ -38,7 +38,9 @@ def cgls(a, g, steps):
 def test_lsqr_has_the_iterates_of_cgls(kernel, target):
     for steps in (1, 2, 3):
         expected = cgls(above(kernel, target), target.ravel(), steps)
-        assert_allclose(conjugate_gradients(kernel, target, steps).ravel(), expected, atol=1e-8 * np.abs(expected).max())
+        assert_allclose(
+            conjugate_gradients(kernel, target, steps).ravel(), expected, atol=1e-8 * np.abs(expected).max()
+        )
 
 
 @given(kernels(), targets())
@@ -52,7 +54,9 @@ def test_the_laplacian_is_the_five_point_one(kernel, target):
     laplacian = np.kron(second(n), np.eye(m)) + np.kron(np.eye(n), second(m))
     inverse = np.linalg.inv(laplacian)
     expected = inverse @ cgls(above(kernel, target) @ inverse, target.ravel(), 2)
-    assert_allclose(laplacian_gradients(kernel, target, 2).ravel(), expected, atol=1e-8 * np.abs(expected).max())
+    assert_allclose(
+        laplacian_gradients(kernel, target, 2).ravel(), expected, atol=1e-8 * np.abs(expected).max()
+    )
 
 
 @given(
@@ -77,13 +81,18 @@ def test_maximum_entropy_against_another_optimiser():
         return error @ error + mu**2 * (f * np.log(f)).sum(), 2 * a.T @ error + mu**2 * (np.log(f) + 1)
 
     found = minimize(
-        objective, np.full(49, 0.5), jac=True, bounds=[(1e-12, None)] * 49, options={"ftol": 1e-15, "gtol": 1e-10, "maxiter": 5000}
+        objective,
+        np.full(49, 0.5),
+        jac=True,
+        bounds=[(1e-12, None)] * 49,
+        options={"ftol": 1e-15, "gtol": 1e-10, "maxiter": 5000},
     )
     assert_allclose(maximum_entropy(kernel, target, mu).ravel(), found.x, atol=1e-5)
 
 
 def test_conjugate_gradients_find_a_solution_that_exists():
-    """Figure 7.9: 50 steps give the non-negative response of the square and a shift of 8 pixels; Figure 7.10: they do not."""
+    """Figure 7.9: 50 steps give the non-negative response of the square and a shift of 8 pixels; Figure 7.10:
+    they do not."""
     best, responses = compare(CASES[0])
     assert_allclose(responses["conjugate gradients"].light, best.light, atol=1e-10)
     best, responses = compare(CASES[1])

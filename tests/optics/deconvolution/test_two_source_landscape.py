@@ -16,7 +16,9 @@ def case(request):
 
 def test_the_targets_have_their_areas():
     assert square().sum() == 64**2
-    assert_allclose(disk().sum() / 128**2, np.pi * 0.33**2, rtol=1e-2)  # pixels along the edge, 2 pi 42 of 5600, half each way
+    assert_allclose(
+        disk().sum() / 128**2, np.pi * 0.33**2, rtol=1e-2
+    )  # pixels along the edge, 2 pi 42 of 5600, half each way
 
 
 def test_every_position_is_certified(case):
@@ -34,7 +36,8 @@ def test_a_landscape_has_the_symmetry_of_its_target(case):
 
 
 def test_a_square_is_made_where_shifts_divide_it():
-    """Along the axes the analytic responses exist where 2 m divides 64; elsewhere none does, by the zeros of the pair."""
+    """Along the axes the analytic responses exist where 2 m divides 64; elsewhere none does, by the zeros of
+    the pair."""
     target = square()
     for m in range(1, 21):
         assert (two_sources(target, m, 0).residual <= 1e-8) == (64 % (2 * m) == 0)

@@ -22,18 +22,24 @@ def test_the_bound_the_optimum_and_the_residual_are_in_order(kernel, target):
     assert best <= result.residual + ROUNDING
     assert result.kkt <= 1e-6 or result.iterations == 5000  # slow where very faint taps reach a corner
     assert (result.solution >= 0).all()
-    # the loss exceeds the optimum by <f - f*, slope> to first order: with ||f - f*|| of the order of the target's norm,
-    # the KKT residual bounds the difference of squares
+    # the loss exceeds the optimum by <f - f*, slope> to first order: with ||f - f*|| of the order of the
+    # target's norm, the KKT residual bounds the difference of squares
     assert result.residual**2 <= best**2 + 1e-4
 
 
 @given(kernels(), targets(), st.integers(0, 2**32 - 1))
 def test_the_bound_holds_for_any_residual(kernel, target, seed):
-    """The certificate does not trust the solver: any light, and even any image, gives a bound of the optimum."""
+    """The certificate does not trust the solver: any light, and even any image, gives a bound of the
+    optimum."""
     rng = np.random.default_rng(seed)
     best = optimum(matrix(kernel, target.shape), target)
     light = rng.random(kernel.light_shape(target.shape))
-    for residual in (target - kernel.apply(light), target, rng.normal(size=target.shape), np.zeros_like(target)):
+    for residual in (
+        target - kernel.apply(light),
+        target,
+        rng.normal(size=target.shape),
+        np.zeros_like(target),
+    ):
         assert 0 <= lower_bound(kernel, target, residual) <= best + ROUNDING
 
 
@@ -83,7 +89,8 @@ def test_a_point_source_makes_every_target():
 
 
 def test_a_source_of_the_targets_shape_is_imaged():
-    """The second trivial solution of thesis 7.2: all information is in the source, and the response is a point."""
+    """The second trivial solution of thesis 7.2: all information is in the source, and the response is a
+    point."""
     shape = np.random.default_rng(0).random((11, 9))
     target = np.pad(shape, 11)
     result = approximate(Kernel(shape), target, 1e-9, 20_000)
@@ -114,9 +121,11 @@ def test_more_steps_close_the_gap():
 
 @pytest.mark.parametrize("kernel", [Kernel.disk(5), Kernel.rectangle(4.5, 2)], ids=["disk", "rectangle"])
 def test_the_local_correction_and_the_steps_on_a_picture(kernel):
-    """At KKT 1e-4 the correction where it is needed leaves a gap below 0.5 %, the same everywhere more than twice as much.
+    """At KKT 1e-4 the correction where it is needed leaves a gap below 0.5 %, the same everywhere more than
+    twice as much.
 
-    The number of steps to 1e-5 is held to some more than it is, 415 and 492, so that a slower method is noticed.
+    The number of steps to 1e-5 is held to some more than it is, 415 and 492, so that a slower method is
+    noticed.
     """
     x = np.linspace(-1, 1, 128)
     u, v = np.meshgrid(x, x)
@@ -124,7 +133,9 @@ def test_the_local_correction_and_the_steps_on_a_picture(kernel):
     rough = approximate(kernel, target, 1e-4)
     error = target - rough.image
     assert 1 - rough.lower_bound / rough.residual <= 0.005
-    assert 1 - rough.lower_bound / rough.residual <= 0.5 * (1 - scaled_bound(kernel, target, error) / rough.residual)
+    assert 1 - rough.lower_bound / rough.residual <= 0.5 * (
+        1 - scaled_bound(kernel, target, error) / rough.residual
+    )
     fine = approximate(kernel, target)
     assert fine.kkt <= 1e-5
     assert 1 - fine.lower_bound / fine.residual <= 0.01
@@ -140,7 +151,8 @@ def test_few_steps_are_certified_too():
 
 
 def test_splitting_nears_the_optimum():
-    """The multipliers vanish from a fixed point: after many steps the gradient step has nothing left to do."""
+    """The multipliers vanish from a fixed point: after many steps the gradient step has nothing left to
+    do."""
     target, kernel = np.pad(np.ones((20, 20)), 10), Kernel.disk(3)
     start = kernel.adjoint(target)
     errors = [kkt_residual(kernel, split(kernel, start, target, steps), target) for steps in (10, 100, 1000)]
@@ -148,10 +160,13 @@ def test_splitting_nears_the_optimum():
 
 
 def test_light_beyond_the_border_is_free():
-    """A uniform image can be made although every pixel of light is blurred: light beyond the border fills its edge."""
+    """A uniform image can be made although every pixel of light is blurred: light beyond the border fills its
+    edge."""
     result = approximate(Kernel.disk(3), np.ones((20, 20)), 1e-8, 20_000)
     assert result.residual <= 1e-6
-    assert (gradient(Kernel.disk(3), result.solution, np.ones((20, 20)), Kernel.disk(3).reach((20, 20))) >= -1e-6).all()
+    assert (
+        gradient(Kernel.disk(3), result.solution, np.ones((20, 20)), Kernel.disk(3).reach((20, 20))) >= -1e-6
+    ).all()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,9 @@ from optics.etendue.kernel import Kernel
 from tests.optics.etendue.cases import kernels, matrix, targets
 
 EPS = np.finfo(np.float64).eps
-ROUNDING = 100 * EPS  # sums of up to 49 taps of sum 1, and transforms of some hundred samples, of numbers up to 1
+ROUNDING = (
+    100 * EPS
+)  # sums of up to 49 taps of sum 1, and transforms of some hundred samples, of numbers up to 1
 
 
 @given(kernels(), targets(), st.integers(0, 2**32 - 1))
@@ -24,8 +26,12 @@ def test_the_blur_is_the_linear_convolution(kernel, target, seed):
 @given(kernels(), targets(), st.integers(0, 2**32 - 1))
 def test_the_adjoint_is_the_transpose(kernel, target, seed):
     light = np.random.default_rng(seed).random(kernel.light_shape(target.shape))
-    assert_allclose((kernel.apply(light) * target).sum(), (light * kernel.adjoint(target)).sum(), rtol=ROUNDING)
-    assert_allclose(kernel.adjoint(target).ravel(), matrix(kernel, target.shape).T @ target.ravel(), atol=ROUNDING)
+    assert_allclose(
+        (kernel.apply(light) * target).sum(), (light * kernel.adjoint(target)).sum(), rtol=ROUNDING
+    )
+    assert_allclose(
+        kernel.adjoint(target).ravel(), matrix(kernel, target.shape).T @ target.ravel(), atol=ROUNDING
+    )
 
 
 @given(kernels(), targets())
@@ -55,16 +61,25 @@ def test_flux_is_kept(kernel, target):
     assert_allclose(kernel.apply(light).sum(), target.sum(), rtol=ROUNDING)
 
 
-@pytest.mark.parametrize("kernel", [Kernel.disk(2.5), Kernel.points([(0, 1), (2, 0)], [1, 2])], ids=["transforms", "shifts"])
+@pytest.mark.parametrize(
+    "kernel", [Kernel.disk(2.5), Kernel.points([(0, 1), (2, 0)], [1, 2])], ids=["transforms", "shifts"]
+)
 def test_single_precision_stays_single(kernel):
     light = np.random.default_rng(3).random(kernel.light_shape((20, 30)))
-    assert kernel.apply(light.astype(np.float32)).dtype == kernel.adjoint(np.ones((20, 30), np.float32)).dtype == np.float32
-    assert_allclose(kernel.apply(light.astype(np.float32)), kernel.apply(light), atol=20 * np.finfo(np.float32).eps)
+    assert (
+        kernel.apply(light.astype(np.float32)).dtype
+        == kernel.adjoint(np.ones((20, 30), np.float32)).dtype
+        == np.float32
+    )
+    assert_allclose(
+        kernel.apply(light.astype(np.float32)), kernel.apply(light), atol=20 * np.finfo(np.float32).eps
+    )
 
 
 @pytest.mark.parametrize("radius", [0.3, 0.5, 0.9, 1.5, 2.0, 3.3, 17.25])
 def test_the_taps_of_a_disk_are_areas(radius):
-    """Against strips of height 1e-3, exact along the other axis: the trapezoidal error is below 1e-4 at the vertical tangents."""
+    """Against strips of height 1e-3, exact along the other axis: the trapezoidal error is below 1e-4 at the
+    vertical tangents."""
     kernel = Kernel.disk(radius)
     middle = kernel.weights.shape[0] // 2
     strips = np.arange(-1000 * (middle + 0.5), 1000 * (middle + 0.5)) / 1000 + 0.0005

@@ -16,9 +16,13 @@ KERNEL = Kernel.rectangle(2.0, 1.5)
 
 def test_pylops_has_the_same_conjugate_gradients():
     pylops = pytest.importorskip("pylops")
-    blur = pylops.signalprocessing.Convolve2D(TARGET.shape, KERNEL.weights, offset=tuple(side // 2 for side in KERNEL.weights.shape))
+    blur = pylops.signalprocessing.Convolve2D(
+        TARGET.shape, KERNEL.weights, offset=tuple(side // 2 for side in KERNEL.weights.shape)
+    )
     for steps in (1, 5, 20):
-        other = pylops.cgls(blur, TARGET.ravel(), x0=np.zeros(TARGET.size), niter=steps, tol=0)[0].reshape(TARGET.shape)
+        other = pylops.cgls(blur, TARGET.ravel(), x0=np.zeros(TARGET.size), niter=steps, tol=0)[0].reshape(
+            TARGET.shape
+        )
         assert_allclose(conjugate_gradients(KERNEL, TARGET, steps), other, atol=1e-8)
 
 

@@ -1,4 +1,5 @@
-"""The lower bound of rel_l2 for light made of images of the source, and the stack of kernels that it is made with."""
+"""The lower bound of rel_l2 for light made of images of the source, and the stack of kernels that it is made
+with."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def matrix(stack, shape):
-    """Return A of a stack, (n m, lights), column by column, without the rounding of the transforms where it is 0."""
+    """Return A of a stack, (n m, lights), column by column, without the rounding of the transforms where it
+    is 0."""
     lights = stack.light_shape(shape)
     found = np.stack([stack.apply(e.reshape(lights)).ravel() for e in np.eye(np.prod(lights))], axis=1)
     return np.where(found > 1e-12, found, 0.0)
@@ -30,7 +32,8 @@ def covered(start, side, n):
 
 
 def rectangle(rng, size, shape):
-    """Return a uniform rectangle of height and width `size`, anywhere on or across an image of the given shape."""
+    """Return a uniform rectangle of height and width `size`, anywhere on or across an image of the given
+    shape."""
     at = [rng.uniform(-side, n) for side, n in zip(size, shape)]
     return np.outer(*(covered(a, side, n) for a, side, n in zip(at, size, shape)))
 
@@ -48,7 +51,9 @@ def test_adjoint_and_reach_belong_to_the_stack(rows, columns, seed):
     rng, shape = np.random.default_rng(seed), (7, 9)
     stack = KernelStack.boxes(rows, columns)
     light, image = rng.normal(size=stack.light_shape(shape)), rng.normal(size=shape)
-    assert np.vdot(stack.apply(light), image) == pytest.approx(np.vdot(light, stack.adjoint(image)), abs=1e-12 * light.size)
+    assert np.vdot(stack.apply(light), image) == pytest.approx(
+        np.vdot(light, stack.adjoint(image)), abs=1e-12 * light.size
+    )
     np.testing.assert_allclose(stack.adjoint(np.ones(shape)), stack.reach(shape), atol=1e-14)
     np.testing.assert_allclose(stack.apply(np.ones(stack.light_shape(shape))), 1, atol=1e-13)
 
@@ -100,14 +105,16 @@ def test_no_light_made_of_images_is_nearer(high, wide, larger, merge, seed):
 @settings(max_examples=8, deadline=None)
 @given(st.floats(2.0, 4.0), st.floats(1.0, 3.0), SEEDS)
 def test_light_of_images_is_not_excluded(wide, larger, seed):
-    """A target that is itself such light has the bound 0 up to the solver's residual: the test that catches a bound too high."""
+    """A target that is itself such light has the bound 0 up to the solver's residual: the test that catches a
+    bound too high."""
     rng, shape = np.random.default_rng(seed), (16, 16)
     target = sum(rng.exponential() * rectangle(rng, (larger * wide, larger * wide), shape) for _ in range(30))
     assert image_bound(target, (wide, wide), Profile(), 1, 1e-5).lower_bound <= 1e-9
 
 
 def test_a_fine_pattern_is_excluded():
-    """No box is narrower than two stripes of one pixel: contrast is lost, but for merged pixels there is none."""
+    """No box is narrower than two stripes of one pixel: contrast is lost, but for merged pixels there is
+    none."""
     stripes = np.zeros((24, 24))
     stripes[:, ::2] = 1.0
     bound = image_bound(stripes, (2.0, 2.0), Profile(), 1, 1e-6)

@@ -1,4 +1,5 @@
-"""Two sources: the exact solution, against rational arithmetic, bounded least squares and the general solver."""
+"""Two sources: the exact solution, against rational arithmetic, bounded least squares and the general
+solver."""
 
 from fractions import Fraction
 from itertools import product
@@ -22,12 +23,15 @@ def solved(a, b):
     rows = [[*row, value] for row, value in zip(a, b)]
     for i in range(len(rows)):
         rows[i] = [x / rows[i][i] for x in rows[i]]
-        rows = [row if j == i else [x - row[i] * y for x, y in zip(row, rows[i])] for j, row in enumerate(rows)]
+        rows = [
+            row if j == i else [x - row[i] * y for x, y in zip(row, rows[i])] for j, row in enumerate(rows)
+        ]
     return [row[-1] for row in rows]
 
 
 def rational_optimum(weights, target):
-    """Return the f >= 0 of least ||w0 f[k] + w1 f[k - 1] - g[k]||^2 by trying every set of free pixels, in fractions."""
+    """Return the f >= 0 of least ||w0 f[k] + w1 f[k - 1] - g[k]||^2 by trying every set of free pixels, in
+    fractions."""
     w0, w1 = weights
     n = len(target) - 1
     right = [w0 * target[k] + w1 * target[k + 1] for k in range(n)]
@@ -35,7 +39,9 @@ def rational_optimum(weights, target):
     for choice in product([False, True], repeat=n):
         free = [k for k in range(n) if choice[k]]
         f = [Fraction(0)] * n
-        for k, value in zip(free, solved([[entry.get(abs(i - j), 0) for j in free] for i in free], [right[k] for k in free])):
+        for k, value in zip(
+            free, solved([[entry.get(abs(i - j), 0) for j in free] for i in free], [right[k] for k in free])
+        ):
             f[k] = value
         slope = [sum(entry.get(abs(i - j), 0) * f[j] for j in range(n)) - right[i] for i in range(n)]
         if all(x >= 0 for x in f) and all(s >= 0 for s, c in zip(slope, choice) if not c):
@@ -89,7 +95,8 @@ def test_the_general_solver_agrees(case):
     exact = approximate_two_deltas(*case)
     general = approximate(Kernel.points([(0, 0), shift], weights), target, 1e-7, 20_000)
     assert general.lower_bound - 1e-10 <= exact.residual <= general.residual + EXACT
-    # the optimal image is the projection on a convex set: the squares of the distances differ by at least this much
+    # the optimal image is the projection on a convex set: the squares of the distances differ by at least
+    # this much
     apart = np.sum((general.image - exact.image) ** 2) / np.sum(target**2)
     assert apart <= general.residual**2 - exact.residual**2 + EXACT
     assert apart <= 1e-8
@@ -111,7 +118,8 @@ def test_the_chains_cover_the_light_once(case):
 
 @given(framed())
 def test_the_rule_that_always_ends_gives_the_same(case):
-    """One pixel at a time, the last infeasible one of each chain (Murty), as where the faster rule should cycle."""
+    """One pixel at a time, the last infeasible one of each chain (Murty), as where the faster rule should
+    cycle."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chains, "PATIENCE", -1)
         slow = approximate_two_deltas(*case)

@@ -1,4 +1,5 @@
-"""`thbcad export` of every body of a lens: files pass and repeat, are sound by themselves, and refusals leave nothing behind."""
+"""`thbcad export` of every body of a lens: files pass and repeat, are sound by themselves, and refusals leave
+nothing behind."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ BODIES = {
     "flange and aperture": [*FLANGE, *APERTURE],
     "patches": ["--patches"],
 }
-# the front's rim of Table 6.3 reaches up to z = -2.5 mm, its rear's rim down to 5 - 6.4 = -1.4 mm; both give or take the sags
+# the front's rim of Table 6.3 reaches up to z = -2.5 mm, its rear's rim down to 5 - 6.4 = -1.4 mm; both give
+# or take the sags
 HOLLOW_FLANGE = ["--flange", 2.0, -2.2, -1.6]
 
 
@@ -52,7 +54,9 @@ def given(request, tmp_path):
     """Return the native file of a lens and the options of its bodies."""
     write_lens(LENSES[request.param], tmp_path / "lens.json")
     hollow = LENSES[request.param] is HOLLOW
-    return SimpleNamespace(file=tmp_path / "lens.json", options=BODIES | ({"flange": HOLLOW_FLANGE} if hollow else {}))
+    return SimpleNamespace(
+        file=tmp_path / "lens.json", options=BODIES | ({"flange": HOLLOW_FLANGE} if hollow else {})
+    )
 
 
 CASES = [(word, name) for word, name in product(BODIES, SOLIDS) if word != "patches" or name == "step"]
@@ -66,7 +70,9 @@ def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_
     assert "FAILED" not in done.out
     stored = json.loads((tmp_path / f"body.{name}.json").read_text())
     assert stored["ok"]
-    assert all("read back" in check["name"] or "text of the file" in check["name"] for check in stored["checks"])
+    assert all(
+        "read back" in check["name"] or "text of the file" in check["name"] for check in stored["checks"]
+    )
     assert any(check["name"].startswith("volume against the closed form") for check in stored["checks"])
     first = out.read_bytes()
     assert run(capsys, "export", given.file, "--out", out, *options).code == 0
@@ -113,11 +119,14 @@ def test_a_face_missing_from_a_bare_file_is_caught(capsys, tmp_path, word):
 
 
 def test_bodies_have_different_volumes():
-    """pi a b / 4 h k of the rectangle is cut away; the flange adds its ring between the planes, by both our own closed forms."""
+    """pi a b / 4 h k of the rectangle is cut away; the flange adds its ring between the planes, by both our
+    own closed forms."""
     flange = Flange(2.0, 0.5, 1.0)
     assert Body().volume(EQUAL) == EQUAL.volume()
     # round the rectangle of half-width 10 mm
-    assert Body(flange=flange).volume(EQUAL) == pytest.approx(EQUAL.volume() + 0.5 * (24**2 - 20**2), rel=1e-12)
+    assert Body(flange=flange).volume(EQUAL) == pytest.approx(
+        EQUAL.volume() + 0.5 * (24**2 - 20**2), rel=1e-12
+    )
     cut = Body(aperture=(4.5, 4.0))
     ring = np.pi * (6.5 * 6.0 - 4.5 * 4.0) * 0.5
     assert Body((4.5, 4.0), flange).volume(EQUAL) == pytest.approx(cut.volume(EQUAL) + ring, rel=1e-12)
@@ -136,10 +145,17 @@ def test_separate_faces_read_back_bit_for_bit(tmp_path, name, lens):
     assert all(c.ok for c in checks)
     for file, own in zip(files, lens_surfaces(lens)):
         (read,) = read_faces(file)
-        for a, b in ((read.coefficients, own.coefficients), (read.kv_u.knots, own.kv_u.knots), (read.kv_v.knots, own.kv_v.knots)):
+        for a, b in (
+            (read.coefficients, own.coefficients),
+            (read.kv_u.knots, own.kv_u.knots),
+            (read.kv_v.knots, own.kv_v.knots),
+        ):
             np.testing.assert_array_equal(a, b)
     first = [file.read_bytes() for file in files]
-    assert [file.read_bytes() for file in export(lens, name, str(tmp_path / f"lens.{name}"), body=Body(separate=True))[0]] == first
+    assert [
+        file.read_bytes()
+        for file in export(lens, name, str(tmp_path / f"lens.{name}"), body=Body(separate=True))[0]
+    ] == first
 
 
 # Refusals
@@ -158,9 +174,18 @@ def test_separate_faces_read_back_bit_for_bit(tmp_path, name, lens):
         (["--flange", -1.0, 1.0, 2.0], "--flange: flange width must be"),
         (["--flange", 1.0, 2.0, 1.0], "--flange: flange high must be at least 1e-06 mm above flange low"),
         (["--flange", 1.0, 1.0, "inf"], "--flange: flange high must be"),
-        (["--flange", 1.0, 0.0, 2.0], "flange low must lie above the front's rim, which reaches up to z = 0 mm, got 0 mm"),
-        (["--flange", 1.0, 1.0, 9.0], "flange high must lie below the rear's rim, which reaches down to z = 7"),
-        (["--flange", 1.0, 1.0, 7.0, "--aperture", 5.0, 5.0], "flange high must lie below the rear's rim, which reaches down to z = 6"),
+        (
+            ["--flange", 1.0, 0.0, 2.0],
+            "flange low must lie above the front's rim, which reaches up to z = 0 mm, got 0 mm",
+        ),
+        (
+            ["--flange", 1.0, 1.0, 9.0],
+            "flange high must lie below the rear's rim, which reaches down to z = 7",
+        ),
+        (
+            ["--flange", 1.0, 1.0, 7.0, "--aperture", 5.0, 5.0],
+            "flange high must lie below the rear's rim, which reaches down to z = 6",
+        ),
         (["--patches", "--aperture", 5.0, 5.0], "exclude each other"),
         (["--patches", "--flange", 1.0, 1.0, 2.0], "exclude each other"),
         (["--patches", "--separate"], "exclude each other"),
@@ -178,7 +203,10 @@ def test_bodies_that_cannot_be_are_refused_and_leave_no_file(capsys, tmp_path, n
     assert names(tmp_path) == ["lens.json"]
 
 
-@pytest.mark.parametrize(("options", "allowed"), [(["--patches"], ("step",)), (["--separate"], SOLIDS), (["--aperture", 5, 5], SOLIDS)])
+@pytest.mark.parametrize(
+    ("options", "allowed"),
+    [(["--patches"], ("step",)), (["--separate"], SOLIDS), (["--aperture", 5, 5], SOLIDS)],
+)
 @pytest.mark.parametrize("name", ["iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "npz"])
 def test_formats_without_the_body_are_refused(capsys, tmp_path, name, options, allowed):
     write_lens(EQUAL, tmp_path / "lens.json")
@@ -204,7 +232,9 @@ def test_of_two_files_none_is_left_where_one_cannot_be_written(capsys, tmp_path,
     assert names(tmp_path) == [f"body_rear.{name}", "lens.json"]
 
 
-@pytest.mark.parametrize("options", [["--format", "dat"], ["--format", "step", "--separate"], ["--format", "npz"]], ids=str)
+@pytest.mark.parametrize(
+    "options", [["--format", "dat"], ["--format", "step", "--separate"], ["--format", "npz"]], ids=str
+)
 def test_a_full_disk_is_one_sentence_with_the_path_and_leaves_nothing(capsys, tmp_path, monkeypatch, options):
     from optics.export import formats as module
 

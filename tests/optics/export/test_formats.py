@@ -108,20 +108,26 @@ def test_a_vertex_that_moves_shows(tmp_path, face, word):
     moved = type(mesh)(vertices, mesh.triangles, mesh.faces, mesh.chord)
     path = tmp_path / "lens.ply"
     path.write_bytes(ply_bytes(moved))
-    assert failing(mesh_checks(lens, mesh, path, "ply", CHORD)) == [f"{word} against the exact surface" + "s" * (word == "edges")]
+    assert failing(mesh_checks(lens, mesh, path, "ply", CHORD)) == [
+        f"{word} against the exact surface" + "s" * (word == "edges")
+    ]
 
 
 def test_a_triangle_that_is_missing_or_turned_shows(tmp_path):
     mesh = tessellated(EQUAL, CHORD)
     path = tmp_path / "lens.ply"
     path.write_bytes(ply_bytes(type(mesh)(mesh.vertices, mesh.triangles[1:], mesh.faces[1:], CHORD)))
-    assert {"triangles missing or added", "mesh not watertight"} <= set(failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD)))
+    assert {"triangles missing or added", "mesh not watertight"} <= set(
+        failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD))
+    )
     turned = mesh.triangles.copy()
     turned[5] = turned[5, ::-1]
     path.write_bytes(ply_bytes(type(mesh)(mesh.vertices, turned, mesh.faces, CHORD)))
     assert "mesh not consistently oriented" in failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD))
     path.write_bytes(ply_bytes(type(mesh)(mesh.vertices, mesh.triangles[:, ::-1], mesh.faces, CHORD)))
-    assert failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD)) == ["volume against the closed form"]  # all inside out
+    assert failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD)) == [
+        "volume against the closed form"
+    ]  # all inside out
 
 
 def changed_line(path, number, column, change):
@@ -132,7 +138,10 @@ def changed_line(path, number, column, change):
     path.write_text("\n".join(lines) + "\n")
 
 
-@pytest.mark.parametrize(("column", "change", "place"), [(0, 1e-9, "at"), (1, 1.0, "between"), (2, 1.0, "between"), (3, 5.0, "between")])
+@pytest.mark.parametrize(
+    ("column", "change", "place"),
+    [(0, 1e-9, "at"), (1, 1.0, "between"), (2, 1.0, "between"), (3, 5.0, "between")],
+)
 def test_a_changed_sag_or_derivative_shows(tmp_path, column, change, place):
     (_, rear), _ = export(EQUAL, "dat", str(tmp_path / "sag.dat"), 1e-3)
     changed_line(rear, 30, column, change)
@@ -164,7 +173,9 @@ def test_edge_distances_of_points_beside_a_ruled_edge(side):
     axis, sign = side in (1, 3), 1 if side in (1, 2) else -1
     rims, slopes = [], []
     for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
-        places = [s * surface.half_width[0], np.full_like(s, sign * surface.half_width[1])][:: -1 if axis else 1]
+        places = [s * surface.half_width[0], np.full_like(s, sign * surface.half_width[1])][
+            :: -1 if axis else 1
+        ]
         order = (0, 1) if axis else (1, 0)
         rims.append(np.column_stack([*places, vertex + surface(*places)]))
         along = np.eye(3)[int(axis)] + np.outer(surface(*places, order), [0, 0, 1])
@@ -188,7 +199,10 @@ def test_edge_distances_of_points_beside_a_ruled_edge(side):
         (["--out", "none/lens.stl"], "cannot write .*lens.stl: there is no folder"),
         (["--out", "folder.stl"], "cannot write .*folder.stl: it is a folder"),
         (["--out", "lens.stl", "--chord", "1e-7"], "cannot export .*lens.stl: chord must be at least"),
-        (["--out", "lens.ply", "--chord", "1e-8"], "cannot export .*lens.ply: a chord error of 1e-08 mm needs"),
+        (
+            ["--out", "lens.ply", "--chord", "1e-8"],
+            "cannot export .*lens.ply: a chord error of 1e-08 mm needs",
+        ),
         (["--out", "lens.obj", "--chord", "nan"], "cannot export .*lens.obj: chord must be a finite number"),
     ],
 )
@@ -218,7 +232,11 @@ def test_an_old_file_survives_a_failure(capsys, native, tmp_path):
 
 def test_a_failed_check_is_exit_code_1(capsys, native, tmp_path, monkeypatch):
     write, single = MESHES["ply"]
-    monkeypatch.setitem(MESHES, "ply", (lambda mesh: write(type(mesh)(mesh.vertices + 0.1, mesh.triangles, mesh.faces, 0.0)), single))
+    monkeypatch.setitem(
+        MESHES,
+        "ply",
+        (lambda mesh: write(type(mesh)(mesh.vertices + 0.1, mesh.triangles, mesh.faces, 0.0)), single),
+    )
     done = run(capsys, native, "--out", tmp_path / "lens.ply", "--chord", CHORD)
     assert done.code == 1
     assert "FAILED rear against the exact surface, PLY read back by trimesh" in done.out

@@ -1,4 +1,5 @@
-"""The exact tracer as a Mitsuba integrator: image, gradient, forward mode, variants, and a design inside Mitsuba."""
+"""The exact tracer as a Mitsuba integrator: image, gradient, forward mode, variants, and a design inside
+Mitsuba."""
 
 from __future__ import annotations
 
@@ -41,10 +42,16 @@ def make(problem_file):
     """A function that returns (problem, lens) without symmetry."""
 
     def build(changes=None):
-        smooth = {"optimizer.window": "gaussian", "target.pixels": list(PIXELS), "target.half_width": [24.0, 20.0]}
+        smooth = {
+            "optimizer.window": "gaussian",
+            "target.pixels": list(PIXELS),
+            "target.half_width": [24.0, 20.0],
+        }
         problem = load_problem(problem_file(smooth | (changes or {})))
         lens = base_lens(problem)
-        return problem, lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.05, k)) for k, sag in enumerate(lens.sags)])
+        return problem, lens.with_sags(
+            [THBSurface(sag.space, rough(sag.space, 0.05, k)) for k, sag in enumerate(lens.sags)]
+        )
 
     return build
 
@@ -80,7 +87,8 @@ def test_the_image_is_that_of_the_exact_tracer_row_by_row(mi, make, backend):
 
 
 def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backend):
-    """The film is float32: its rounding moves the loss's derivatives by EPS of the sum of their terms' sizes."""
+    """The film is float32: its rounding moves the loss's derivatives by EPS of the sum of their terms'
+    sizes."""
     import drjit as dr
 
     problem, lens = make(BOTH_FREE)
@@ -91,21 +99,33 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
         dr.enable_grad(parameters[key])
     measured = filter_image(asked_for(problem), WINDOW)
     image = mi.render(scene, parameters)
-    loss = dr.sum(dr.square(image - mi.TensorXf(measured[..., None])), axis=None) / float(np.square(measured).sum())
+    loss = dr.sum(dr.square(image - mi.TensorXf(measured[..., None])), axis=None) / float(
+        np.square(measured).sum()
+    )
     dr.backward(loss)
     gradients = [dr.grad(parameters[key]).numpy() for key in KEYS]
-    objective = Objective(backend, traced(backend, problem, lens), target_screen(problem), WINDOW, asked_for(problem), 0.0)
+    objective = Objective(
+        backend, traced(backend, problem, lens), target_screen(problem), WINDOW, asked_for(problem), 0.0
+    )
     value, wanted = objective(coefficients(lens))
     assert float(loss.array[0]) == pytest.approx(value, rel=1e-5)
     for gradient, other in zip(gradients, wanted):
         assert np.linalg.norm(gradient - other) < 1e-5 * np.linalg.norm(other)
     rng, h = np.random.default_rng(3), 1e-5
     directions = [rng.standard_normal(len(g)) for g in gradients]
-    ends = [objective([c + sign * h * d for c, d in zip(coefficients(lens), directions)])[0] for sign in (1, -1)]
-    assert sum(g @ d for g, d in zip(gradients, directions)) == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4)
+    ends = [
+        objective([c + sign * h * d for c, d in zip(coefficients(lens), directions)])[0] for sign in (1, -1)
+    ]
+    assert sum(g @ d for g, d in zip(gradients, directions)) == pytest.approx(
+        (ends[0] - ends[1]) / (2 * h), rel=1e-4
+    )
 
 
-@pytest.mark.parametrize("changes", [None, BOTH_FREE, BOTH_FREE | {"source.half_width": [14.0, 14.0]}], ids=["rear", "both", "wide beam"])
+@pytest.mark.parametrize(
+    "changes",
+    [None, BOTH_FREE, BOTH_FREE | {"source.half_width": [14.0, 14.0]}],
+    ids=["rear", "both", "wide beam"],
+)
 def test_forward_and_backward_are_adjoint(make, backend, changes):
     """Both run in double precision; w . (J d) == (J' w) . d but for the rounding of the sums."""
     problem, lens = make(changes)
@@ -114,7 +134,9 @@ def test_forward_and_backward_are_adjoint(make, backend, changes):
     directions, weights = [rng.standard_normal(len(c)) for c in at], rng.standard_normal(PIXELS[::-1])
     forward = film.push_forward(at, directions)
     backward = film.pull_back(at, weights)
-    assert np.vdot(forward, weights) == pytest.approx(sum(g @ d for g, d in zip(backward, directions)), rel=1e-10)
+    assert np.vdot(forward, weights) == pytest.approx(
+        sum(g @ d for g, d in zip(backward, directions)), rel=1e-10
+    )
 
 
 def test_forward_mode_through_mitsuba(mi, make, backend):

@@ -30,9 +30,13 @@ def two_free_lens():
 
 
 def stored(mi, owner, name=None):
-    """Return (positions, normals, triangles) of a mesh, or of a mesh in a scene; of the edges there are no normals."""
+    """Return (positions, normals, triangles) of a mesh, or of a mesh in a scene; of the edges there are no
+    normals."""
     parameters, prefix = mi.traverse(owner), "" if name is None else f"{name}."
-    return tuple(np.array(parameters[prefix + key]).reshape(-1, 3) for key in ("vertex_positions", "vertex_normals", "faces"))
+    return tuple(
+        np.array(parameters[prefix + key]).reshape(-1, 3)
+        for key in ("vertex_positions", "vertex_normals", "faces")
+    )
 
 
 def corners(parts):
@@ -51,14 +55,18 @@ def require_closed(triangles):
 
 
 def volume(triangles):
-    """Return the volume within a closed mesh: positive where its triangles run counter-clockwise seen from outside."""
+    """Return the volume within a closed mesh: positive where its triangles run counter-clockwise seen from
+    outside."""
     a, b, c = np.moveaxis(triangles.astype(float), 1, 0)
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-@pytest.mark.parametrize("lens", [small_lens(sag=rough(small_space())), two_free_lens()], ids=["plane front", "both free"])
+@pytest.mark.parametrize(
+    "lens", [small_lens(sag=rough(small_space())), two_free_lens()], ids=["plane front", "both free"]
+)
 def test_the_faces_close_outward_and_enclose_the_volume(mi, lens):
-    """The volume of the mesh errs by the chords, h^2: from one grid to one twice as fine the error falls by 4."""
+    """The volume of the mesh errs by the chords, h^2: from one grid to one twice as fine the error falls by
+    4."""
     errors = []
     for n in (33, 65, 129):
         shapes = LensMesh.even(lens, (n, n + 2)).shapes(mi)
@@ -75,10 +83,15 @@ def test_vertices_and_normals_are_those_of_the_surfaces(mi):
     lens = two_free_lens()
     mesh = LensMesh.even(lens, (33, 29))
     shapes = mesh.shapes(mi)
-    for name, surface, vertex, side in (("front", lens.front, 0.0, -1), ("rear", lens.rear, lens.thickness, 1)):
+    for name, surface, vertex, side in (
+        ("front", lens.front, 0.0, -1),
+        ("rear", lens.rear, lens.thickness, 1),
+    ):
         positions, normals, triangles = stored(mi, shapes[name])
         x, y = mesh.surfaces[name].place
-        assert np.abs(positions - np.stack([x, y, vertex + surface(x, y)], axis=1)).max() <= 8 * EPS  # half a unit of numbers below 16
+        assert (
+            np.abs(positions - np.stack([x, y, vertex + surface(x, y)], axis=1)).max() <= 8 * EPS
+        )  # half a unit of numbers below 16
         normal = side * np.stack([-surface(x, y, (1, 0)), -surface(x, y, (0, 1)), np.ones_like(x)], axis=1)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         assert np.abs(normals - normal).max() <= EPS
@@ -88,7 +101,8 @@ def test_vertices_and_normals_are_those_of_the_surfaces(mi):
 
 
 def test_the_chord_error_is_kept(mi):
-    """The mesh's triangles are straight between their corners; in the middles the surface is within the chord error."""
+    """The mesh's triangles are straight between their corners; in the middles the surface is within the chord
+    error."""
     lens, chord = two_free_lens(), 1e-3
     positions, _, triangles = stored(mi, LensMesh.within(lens, chord).shapes(mi)["rear"])
     middle = positions[triangles].astype(float).mean(axis=1)
@@ -120,7 +134,9 @@ def test_derivatives_of_positions_and_normals(mi, name):
 
     def numbers(c):
         z, zx, zy = rows.jet(c)
-        normal = np.stack([-zx, -zy, np.ones_like(z)]) / np.sqrt(1 + zx**2 + zy**2) * (1 if name == "rear" else -1)
+        normal = (
+            np.stack([-zx, -zy, np.ones_like(z)]) / np.sqrt(1 + zx**2 + zy**2) * (1 if name == "rear" else -1)
+        )
         return np.concatenate([np.stack([*rows.place, z]), normal])
 
     def dual(c):

@@ -44,10 +44,14 @@ def landings(backend, lens, rays, target_z, vertices):
 def distance(exact, mesh):
     """Return the root mean square distance between landing points of rays that arrive by both ways."""
     both = (exact.flux.numpy() > 0) & (mesh.flux.numpy() > 0)
-    return np.sqrt(np.mean([(a.numpy() - b.numpy())[both] ** 2 for a, b in ((exact.x, mesh.x), (exact.y, mesh.y))]))
+    return np.sqrt(
+        np.mean([(a.numpy() - b.numpy())[both] ** 2 for a, b in ((exact.x, mesh.x), (exact.y, mesh.y))])
+    )
 
 
-@pytest.mark.parametrize(("lens", "rays"), [(ROUGH, BEAM), (BOTH, GLOWING)], ids=["collimated, rear", "lambertian, both"])
+@pytest.mark.parametrize(
+    ("lens", "rays"), [(ROUGH, BEAM), (BOTH, GLOWING)], ids=["collimated, rear", "lambertian, both"]
+)
 def test_landing_points_converge_with_the_square_of_the_spacing(backend, lens, rays):
     """Normals that are interpolated linearly err by h^2 / 8 of their second derivative."""
     errors = [distance(*landings(backend, lens, rays, 66.0, (n, n))) for n in (33, 65, 129)]
@@ -55,9 +59,12 @@ def test_landing_points_converge_with_the_square_of_the_spacing(backend, lens, r
     assert errors[2] < errors[1] / 3
 
 
-@pytest.mark.parametrize(("lens", "rays"), [(ROUGH, WIDE), (BOTH, GLOWING)], ids=["collimated, rear", "lambertian, both"])
+@pytest.mark.parametrize(
+    ("lens", "rays"), [(ROUGH, WIDE), (BOTH, GLOWING)], ids=["collimated, rear", "lambertian, both"]
+)
 def test_far_field_and_flux(backend, lens, rays):
-    """No ray slips through between triangles, not even those on the grid lines; the rest are Fresnel losses."""
+    """No ray slips through between triangles, not even those on the grid lines; the rest are Fresnel
+    losses."""
     exact, mesh = landings(backend, lens, rays, np.inf, (129, 129))
     assert distance(exact, mesh) < 0.02  # degrees: the interpolation of the normals again
     flux = [landing.flux.numpy() for landing in (exact, mesh)]
@@ -70,8 +77,14 @@ def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_f
     problem = load_problem(problem_file())
     lens, screen = base_lens(problem), target_screen(problem)
     image = mesh_irradiance(problem, lens, (129, 129), WINDOW, (129, 129))
-    _, landing = Tracer(backend, lens, problem_rays(problem, (129, 129)), problem.target_z).trace(coefficients(lens))
-    exact = Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux).numpy().reshape(screen.shape, order="F")
+    _, landing = Tracer(backend, lens, problem_rays(problem, (129, 129)), problem.target_z).trace(
+        coefficients(lens)
+    )
+    exact = (
+        Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)
+        .numpy()
+        .reshape(screen.shape, order="F")
+    )
     assert image.shape == exact.shape
     assert np.linalg.norm(image - exact) < 5e-5 * np.linalg.norm(exact)
 

@@ -35,7 +35,8 @@ def mi(backend):
 
 @pytest.fixture
 def make(problem_file, tmp_path):
-    """A function that returns (problem, lens) of the small problem with changes; the rear has a sag without symmetry."""
+    """A function that returns (problem, lens) of the small problem with changes; the rear has a sag without
+    symmetry."""
 
     def build(changes):
         Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
@@ -47,7 +48,8 @@ def make(problem_file, tmp_path):
 
 
 def emitted(mi, scene):
-    """Return origins and directions, (3, n), and fluxes, (n,), whose mean is the source's, of rays that the emitter sends out."""
+    """Return origins and directions, (3, n), and fluxes, (n,), whose mean is the source's, of rays that the
+    emitter sends out."""
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(1, SAMPLES)
     emitter = next(e for e in scene.emitters())
@@ -58,7 +60,8 @@ def emitted(mi, scene):
 @pytest.mark.parametrize("profile", ["uniform", "round", "gaussian", "image"])
 @pytest.mark.parametrize("kind", ["collimated", "lambertian"])
 def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, profile):
-    """In each of 8 x 8 cells a share q of n samples errs by sqrt(q / n), four times which is allowed; the picture has no symmetry."""
+    """In each of 8 x 8 cells a share q of n samples errs by sqrt(q / n), four times which is allowed; the
+    picture has no symmetry."""
     problem, lens = make({"source.kind": kind, "source.profile": profile, **STRETCHED})
     origin, direction, flux = emitted(mi, mitsuba_scene(problem, LensMesh.even(lens, (5, 5))))
     spread = flux.std() / np.sqrt(SAMPLES)
@@ -68,7 +71,9 @@ def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, pr
         assert (direction[2] == 1).all()
     else:
         assert direction[2].mean() == pytest.approx(2 / 3, abs=4 * 0.24 / np.sqrt(SAMPLES))  # Lambert's law
-    share, _, _ = np.histogram2d(origin[0] / 6, origin[1] / 9, bins=8, range=[[-1, 1]] * 2, weights=flux / flux.sum())
+    share, _, _ = np.histogram2d(
+        origin[0] / 6, origin[1] / 9, bins=8, range=[[-1, 1]] * 2, weights=flux / flux.sum()
+    )
     middles = (2 * np.arange(960) + 1) / 960 - 1
     wanted = np.broadcast_to(source_profile(problem)(middles[:, None], middles[None, :]), (960, 960))
     wanted = wanted.reshape(8, 120, 8, 120).sum((1, 3)) / wanted.sum()
@@ -78,7 +83,8 @@ def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, pr
 
 @pytest.mark.parametrize(("half_angle", "share"), [(90.0, 0.5), (25.0, 1.0)])
 def test_point_sources_light_their_cone_evenly(mi, make, half_angle, share):
-    """A wide one sends as much backwards, where nothing is; heights on the sphere are uniform (Archimedes)."""
+    """A wide one sends as much backwards, where nothing is; heights on the sphere are uniform
+    (Archimedes)."""
     problem, lens = make({"source.half_angle": half_angle, **POINT})
     origin, direction, flux = emitted(mi, mitsuba_scene(problem, LensMesh.even(lens, (5, 5))))
     forward = direction[2] > 0
@@ -92,12 +98,19 @@ def test_point_sources_light_their_cone_evenly(mi, make, half_angle, share):
 
 
 def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
-    """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %; light that is reflected twice in the lens adds as much."""
+    """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %; light that is reflected twice in
+    the lens adds as much."""
     problem, lens = make({})
     image = camera_irradiance(mitsuba_scene(problem, LensMesh.even(lens, (65, 65))), spp=256)
     screen = target_screen(problem)
-    _, landing = Tracer(backend, lens, problem_rays(problem, (301, 301)), problem.target_z).trace(coefficients(lens))
-    exact = Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux).numpy().reshape(screen.shape, order="F")
+    _, landing = Tracer(backend, lens, problem_rays(problem, (301, 301)), problem.target_z).trace(
+        coefficients(lens)
+    )
+    exact = (
+        Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
+        .numpy()
+        .reshape(screen.shape, order="F")
+    )
     blocks = [a.reshape(6, 8, 6, 8).mean((1, 3)) for a in (image, exact)]
     assert image.shape == exact.shape
     assert np.linalg.norm(blocks[0] - blocks[1]) < 0.03 * np.linalg.norm(blocks[1])
@@ -109,10 +122,14 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
     """Eight pictures give the mean and its standard error; the other tracer follows every reflection too."""
     problem, lens = make({"source.half_width": [8.0, 9.0]})
     scene = mitsuba_scene(problem, LensMesh.even(lens, (65, 65)))
-    fluxes = [camera_irradiance(scene, spp=128, seed=k).sum() * target_screen(problem).pixel_area for k in range(8)]
+    fluxes = [
+        camera_irradiance(scene, spp=128, seed=k).sum() * target_screen(problem).pixel_area for k in range(8)
+    ]
     rays = beam_rays(problem_rays(problem, (101, 101)), lens)
     rays = SourceRays(rays.origin, rays.direction, np.full(rays.origin.shape[1], rays.ray_flux))
-    fates = trace_nonsequential(backend, lens, rays, TargetPlane(problem.target_z, problem.target.half_width)).fates
+    fates = trace_nonsequential(
+        backend, lens, rays, TargetPlane(problem.target_z, problem.target.half_width)
+    ).fates
     wanted = fates.on_target + fates.edges_on_target + fates.front_on_target
     error = np.std(fluxes, ddof=1) / np.sqrt(8)
     assert error < 1e-3

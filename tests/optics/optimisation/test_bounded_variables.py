@@ -22,7 +22,10 @@ def variables(height=0.3):
 def pair():
     """Return the variables of two sags with bounds of their own."""
     spaces = small_space(), small_space((6.0, 8.0), refined=False)
-    sags = [THBSurface(space, rough(space, 0.9 * bound, seed)) for seed, (space, bound) in enumerate(zip(spaces, BOUNDS))]
+    sags = [
+        THBSurface(space, rough(space, 0.9 * bound, seed))
+        for seed, (space, bound) in enumerate(zip(spaces, BOUNDS))
+    ]
     return BoundedVariables(sags, BOUNDS), sags
 
 
@@ -30,7 +33,9 @@ def pair():
 def test_zero_weights_are_the_start(height):
     found, sag = variables(height)
     # at 0.98 of the bound the squashing is steep: its inverse has slope 1 / (1 - 0.98^8) = 7
-    np.testing.assert_allclose(found.coefficients(found.zeros())[0], sag.coefficients, rtol=0, atol=1e-15 * BOUND * 10)
+    np.testing.assert_allclose(
+        found.coefficients(found.zeros())[0], sag.coefficients, rtol=0, atol=1e-15 * BOUND * 10
+    )
 
 
 @pytest.mark.parametrize("outside", [BOUND, 1.5 * BOUND])
@@ -47,7 +52,9 @@ def test_coefficients_never_pass_the_bound(size):
     found, _ = pair()
     rng = np.random.default_rng(1)
     for _ in range(20):
-        for c, bound in zip(found.coefficients(rng.standard_normal(len(found.zeros())) * size), BOUNDS, strict=True):
+        for c, bound in zip(
+            found.coefficients(rng.standard_normal(len(found.zeros())) * size), BOUNDS, strict=True
+        ):
             assert np.isfinite(c).all()
             assert np.abs(c).max() <= bound * (1 + 1e-15)  # rounding of the last product
 
@@ -55,7 +62,8 @@ def test_coefficients_never_pass_the_bound(size):
 @pytest.mark.parametrize("size", [0.0, 1.0, 30.0])
 @pytest.mark.parametrize("made", [variables, pair], ids=["one sag", "two sags"])
 def test_the_gradient_is_that_of_the_map(made, size):
-    """Central differences of g . c(w) with h = 1e-4: the squashing is smooth, h^2 c''' is below 1e-8 of the slope."""
+    """Central differences of g . c(w) with h = 1e-4: the squashing is smooth, h^2 c''' is below 1e-8 of the
+    slope."""
     found, _ = made()
     rng = np.random.default_rng(2)
     at, direction = (rng.standard_normal(len(found.zeros())) for _ in range(2))
@@ -80,7 +88,9 @@ def test_every_sag_has_weights_of_its_own():
     g = [rng.standard_normal(sag.space.dim) for sag in sags]
     for a, b in zip(found, expected, strict=True):
         np.testing.assert_array_equal(a, b)
-    np.testing.assert_array_equal(together.gradient(g), np.concatenate([v.gradient([h]) for v, h in zip(alone, g)]))
+    np.testing.assert_array_equal(
+        together.gradient(g), np.concatenate([v.gradient([h]) for v, h in zip(alone, g)])
+    )
 
 
 def test_mirror_images_of_coefficients_stay_equal_bit_for_bit():
@@ -98,5 +108,9 @@ def test_mirror_images_of_coefficients_stay_equal_bit_for_bit():
     g = rng.standard_normal(space.dim)
     gradient = found.gradient([g])
     h = 1e-4
-    difference = g @ (found.coefficients(at + h * direction)[0] - found.coefficients(at - h * direction)[0]) / (2 * h)
-    assert gradient @ direction == pytest.approx(difference, abs=1e-7 * np.linalg.norm(gradient) * np.linalg.norm(direction))
+    difference = (
+        g @ (found.coefficients(at + h * direction)[0] - found.coefficients(at - h * direction)[0]) / (2 * h)
+    )
+    assert gradient @ direction == pytest.approx(
+        difference, abs=1e-7 * np.linalg.norm(gradient) * np.linalg.norm(direction)
+    )

@@ -1,4 +1,5 @@
-"""The diagonal of the Gauss-Newton Hessian: its estimate by random signs, and the variables that it scales."""
+"""The diagonal of the Gauss-Newton Hessian: its estimate by random signs, and the variables that it
+scales."""
 
 from __future__ import annotations
 
@@ -22,27 +23,43 @@ WINDOW = BSplineWindow(3)
 
 
 def case(backend, kind):
-    """Return (objective, start, J / ||T||) of a tiny case, J (pixels, dim) by central differences of the splat with its margin."""
+    """Return (objective, start, J / ||T||) of a tiny case, J (pixels, dim) by central differences of the
+    splat with its margin."""
     if kind == "rear":
         space = small_space(refined=False)
         lens = small_lens(Conic(), Conic(45.0, 0.4), rough(space), space=space)
         rays, target_z, half = collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (41, 39)), 66.0, 20.0
     else:
         lens = hollow_lens(lambda s: rough(s, 0.1), lambda s: rough(s, 0.05, 6))
-        rays, target_z, half = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 45.0, Profile(), 1 << 11, 0, 1 << 40)), 105.0, 150.0
+        rays, target_z, half = (
+            next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 45.0, Profile(), 1 << 11, 0, 1 << 40)),
+            105.0,
+            150.0,
+        )
     screen = Screen((half, half), (14, 12), 2)
     target = picture(12, 14).astype(float)
     target *= 0.8 / (target.sum() * screen.pixel_area)
     tracer = Tracer(backend, lens, rays, target_z, 0.05)
-    splat, norm, at = Splat(backend, screen, WINDOW), np.linalg.norm(filter_image(screen.pad(target), WINDOW)), coefficients(lens)
+    splat, norm, at = (
+        Splat(backend, screen, WINDOW),
+        np.linalg.norm(filter_image(screen.pad(target), WINDOW)),
+        coefficients(lens),
+    )
 
     def image(vector):
         _, landing = tracer.trace(np.split(vector, np.cumsum([len(c) for c in at])[:-1]))
         return splat(landing.x, landing.y, landing.flux).numpy() / norm
 
     start, h = np.concatenate(at), 1e-5
-    jacobian = np.stack([(image(start + h * e) - image(start - h * e)) / (2 * h) for e in np.eye(len(start))], axis=1)
-    return SimpleNamespace(objective=Objective(backend, tracer, screen, WINDOW, target, 100.0, 0.5), start=at, jacobian=jacobian, lens=lens)
+    jacobian = np.stack(
+        [(image(start + h * e) - image(start - h * e)) / (2 * h) for e in np.eye(len(start))], axis=1
+    )
+    return SimpleNamespace(
+        objective=Objective(backend, tracer, screen, WINDOW, target, 100.0, 0.5),
+        start=at,
+        jacobian=jacobian,
+        lens=lens,
+    )
 
 
 @pytest.fixture(scope="module", params=["rear", "both"])
@@ -56,17 +73,21 @@ def probes(tiny, count, seed=0):
 
 
 def test_every_vector_is_the_adjoint_applied_to_signs(tiny):
-    """J^T s / ||T|| with signs drawn one image after the other; central differences with h = 1e-5 mm err by 1e-7 or so."""
+    """J^T s / ||T|| with signs drawn one image after the other; central differences with h = 1e-5 mm err by
+    1e-7 or so."""
     before = tiny.objective.evaluations
     found, rng = probes(tiny, 3, 7), np.random.default_rng(7)
     assert tiny.objective.evaluations == before + 3
     for row in found:
         expected = rng.choice((-1.0, 1.0), len(tiny.jacobian)) @ tiny.jacobian
-        np.testing.assert_allclose(row, expected, rtol=0, atol=1e-5 * np.linalg.norm(expected) / np.sqrt(len(row)))
+        np.testing.assert_allclose(
+            row, expected, rtol=0, atol=1e-5 * np.linalg.norm(expected) / np.sqrt(len(row))
+        )
 
 
 def test_the_mean_square_converges_to_half_the_hessians_diagonal(tiny):
-    """The square of a sum of signs varies by at most twice its squared mean: n probes err by sqrt(2 / n), seldom by five times that."""
+    """The square of a sum of signs varies by at most twice its squared mean: n probes err by sqrt(2 / n),
+    seldom by five times that."""
     half = np.square(tiny.jacobian).sum(axis=0)
     squares = np.square(probes(tiny, 320))
     errors = [np.abs(squares[:n].mean(axis=0) / half - 1) for n in (20, 320)]
@@ -113,7 +134,8 @@ def test_zero_weights_are_the_start_still(tiny):
 
 
 def test_scales_have_mean_square_one_and_make_the_diagonal_constant(tiny):
-    """Entries below LEAST of the mean count as that; the plain variables' own diagonal is taken from their gradients."""
+    """Entries below LEAST of the mean count as that; the plain variables' own diagonal is taken from their
+    gradients."""
     found, vectors = scaled(tiny), tiny.objective.curvature(tiny.start, 16, 0)
     assert np.mean(found.scales**2) == pytest.approx(1, rel=1e-9)
     found.plain.coefficients(found.plain.zeros())
@@ -128,7 +150,8 @@ def test_scales_have_mean_square_one_and_make_the_diagonal_constant(tiny):
 @pytest.mark.parametrize("size", [0.0, 1.0, 30.0])
 @pytest.mark.parametrize("axes", [(), (0, 1)], ids=str)
 def test_the_gradient_is_that_of_the_scaled_map(tiny, axes, size):
-    """Central differences of g . c(w) with h = 1e-4 as without scales; these are at most 1 / sqrt(LEAST) = 32 of the usual one."""
+    """Central differences of g . c(w) with h = 1e-4 as without scales; these are at most 1 / sqrt(LEAST) = 32
+    of the usual one."""
     variables, rng = scaled(tiny, axes).variables, np.random.default_rng(2)
     at, direction = (rng.standard_normal(len(variables.zeros())) for _ in range(2))
     at *= size
@@ -136,11 +159,14 @@ def test_the_gradient_is_that_of_the_scaled_map(tiny, axes, size):
     gradient = variables.gradient(g)
     ahead, behind = (np.concatenate(variables.coefficients(at + s * direction)) for s in (1e-4, -1e-4))
     difference = np.concatenate(g) @ (ahead - behind) / 2e-4
-    assert gradient @ direction == pytest.approx(difference, abs=1e-6 * np.linalg.norm(gradient) * np.linalg.norm(direction))
+    assert gradient @ direction == pytest.approx(
+        difference, abs=1e-6 * np.linalg.norm(gradient) * np.linalg.norm(direction)
+    )
 
 
 def test_the_loss_has_the_gradient_that_the_scaled_variables_give(tiny):
-    """Objective and variables together, as L-BFGS sees them: central differences with steps of 1e-5 mm or so in the coefficients."""
+    """Objective and variables together, as L-BFGS sees them: central differences with steps of 1e-5 mm or so
+    in the coefficients."""
     variables, rng = scaled(tiny).variables, np.random.default_rng(3)
     at = 0.1 * rng.standard_normal(len(variables.zeros()))
 
@@ -150,13 +176,21 @@ def test_the_loss_has_the_gradient_that_the_scaled_variables_give(tiny):
     gradient = variables.gradient(loss(at)[1])
     for _ in range(4):
         d = rng.standard_normal(len(at))
-        h = 1e-5 / np.abs(np.concatenate(variables.coefficients(at + d)) - np.concatenate(variables.coefficients(at))).max()
+        h = (
+            1e-5
+            / np.abs(
+                np.concatenate(variables.coefficients(at + d)) - np.concatenate(variables.coefficients(at))
+            ).max()
+        )
         difference = (loss(at + h * d)[0] - loss(at - h * d)[0]) / (2 * h)
-        assert gradient @ d == pytest.approx(difference, abs=1e-4 * np.linalg.norm(gradient) * np.linalg.norm(d) / np.sqrt(len(d)))
+        assert gradient @ d == pytest.approx(
+            difference, abs=1e-4 * np.linalg.norm(gradient) * np.linalg.norm(d) / np.sqrt(len(d))
+        )
 
 
 def test_light_that_moves_nothing_leaves_the_variables_alone():
-    """All light beside the pixels: the fit has no curvature, only the charge for lost light has a gradient."""
+    """All light beside the pixels: the fit has no curvature, only the charge for lost light has a
+    gradient."""
     space = small_space(refined=False)
     lens = small_lens(space=space)
     variables = BoundedVariables(lens.sags, [1.0])
@@ -166,12 +200,20 @@ def test_light_that_moves_nothing_leaves_the_variables_alone():
 
 
 def test_a_design_starts_with_all_light_beside_the_target(tmp_path, backend):
-    """A beam that is dark in the middle, before a small target and on a flat start: the charge for lost light moves it onto the pixels."""
+    """A beam that is dark in the middle, before a small target and on a flat start: the charge for lost light
+    moves it onto the pixels."""
     across = np.abs(np.linspace(-1, 1, 64))
-    Image.fromarray(np.where(np.maximum(across[:, None], across) > 0.7, 255, 0).astype(np.uint8)).save(tmp_path / "ring.png")
+    Image.fromarray(np.where(np.maximum(across[:, None], across) > 0.7, 255, 0).astype(np.uint8)).save(
+        tmp_path / "ring.png"
+    )
     changes = {
-        "source.profile": "image", "source.image": "ring.png", "optimizer.start": "flat", "lens.rear.radius": 400.0, "lens.rear.conic": 0.0,
-        "lens.rear.freeform.max_level": 0, "target.half_width": [3.0, 3.0],
-    }  # fmt: skip
+        "source.profile": "image",
+        "source.image": "ring.png",
+        "optimizer.start": "flat",
+        "lens.rear.radius": 400.0,
+        "lens.rear.conic": 0.0,
+        "lens.rear.freeform.max_level": 0,
+        "target.half_width": [3.0, 3.0],
+    }
     losses = [row.loss for row in run(tmp_path, backend, changes).state.history]
     assert min(losses) < 0.1 * losses[0]

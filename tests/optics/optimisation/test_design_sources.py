@@ -12,7 +12,11 @@ from tests.optics.optimisation.test_loop import loaded, rows_of, run
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}
 POINT = {"source.kind": "point", "source.half_angle": 45.0, "source.exponent": 1.0}
-FREE_FRONT = {"lens.front.freeform.spans": [3, 5], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 0.4}
+FREE_FRONT = {
+    "lens.front.freeform.spans": [3, 5],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.4,
+}
 FAR = {"target.distance": np.inf, "target.half_width": [25.0, 25.0]}
 KINDS = {
     "lambertian": LAMBERTIAN,
@@ -28,8 +32,14 @@ KINDS = {
 @pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS.keys())
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_every_kind_of_problem_gets_better(tmp_path, backend, start, changes):
-    """Flat: every level is optimised, each from the surfaces of the one before.  Transport: the last level is."""
-    smaller = {"target.pixels": [32, 32], "optimizer.rays_per_pixel": 2.0, "lens.thickness": 10.0, "optimizer.start": start}
+    """Flat: every level is optimised, each from the surfaces of the one before.  Transport: the last level
+    is."""
+    smaller = {
+        "target.pixels": [32, 32],
+        "optimizer.rays_per_pixel": 2.0,
+        "lens.thickness": 10.0,
+        "optimizer.start": start,
+    }
     made = run(tmp_path, backend, smaller | {"lens.rear.freeform.z_freedom": 4.0} | changes)
     first, last = made.state.history[0], rows_of(made.state.history, 2)
     if start == "flat":
@@ -42,7 +52,11 @@ def test_every_kind_of_problem_gets_better(tmp_path, backend, start, changes):
 @pytest.fixture(scope="module")
 def twofold(tmp_path_factory, backend):
     """The small problem with both surfaces free, designed."""
-    return run(tmp_path_factory.mktemp("twofold"), backend, FREE_FRONT | {"optimizer.start": "flat", "optimizer.rays_per_pixel": 2.0})
+    return run(
+        tmp_path_factory.mktemp("twofold"),
+        backend,
+        FREE_FRONT | {"optimizer.start": "flat", "optimizer.rays_per_pixel": 2.0},
+    )
 
 
 def test_both_surfaces_are_shaped_each_within_its_own_settings(twofold):
@@ -56,16 +70,33 @@ def test_both_surfaces_are_shaped_each_within_its_own_settings(twofold):
 
 
 HOLLOW = {
-    "source.kind": "lambertian", "source.half_width": [0.5, 0.5], "lens.thickness": 5.0, "target.kind": "tophat", "target.distance": 1000.0,
-    "target.half_width": [2000.0, 2000.0], "lens.front.half_width": [5.0, 5.0], "lens.front.radius": -5.0, "lens.front.conic": -1.0,
-    "lens.rear.half_width": [8.0, 8.0], "lens.rear.radius": -10.0, "lens.rear.freeform.spans": [2, 2], "lens.rear.freeform.max_level": 1,
-    "optimizer.start": "flat", "optimizer.window": "bspline", "optimizer.lost_flux_weight": 0.0, "optimizer.iterations": [25],
-}  # fmt: skip
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "lens.thickness": 5.0,
+    "target.kind": "tophat",
+    "target.distance": 1000.0,
+    "target.half_width": [2000.0, 2000.0],
+    "lens.front.half_width": [5.0, 5.0],
+    "lens.front.radius": -5.0,
+    "lens.front.conic": -1.0,
+    "lens.rear.half_width": [8.0, 8.0],
+    "lens.rear.radius": -10.0,
+    "lens.rear.freeform.spans": [2, 2],
+    "lens.rear.freeform.max_level": 1,
+    "optimizer.start": "flat",
+    "optimizer.window": "bspline",
+    "optimizer.lost_flux_weight": 0.0,
+    "optimizer.iterations": [25],
+}
 
 
 def test_two_surfaces_do_better_than_one(tmp_path, backend):
     """The lens of Table 6.3: the dome around the source directs light that the rear alone cannot."""
-    free = {"lens.front.freeform.spans": [2, 2], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 0.5}
+    free = {
+        "lens.front.freeform.spans": [2, 2],
+        "lens.front.freeform.max_level": 1,
+        "lens.front.freeform.z_freedom": 0.5,
+    }
     one, both = (run(tmp_path, backend, HOLLOW | more).state.history for more in ({}, free))
     assert min(row.loss for row in rows_of(both, 1)) < 0.7 * min(row.loss for row in rows_of(one, 1))
 
@@ -73,7 +104,11 @@ def test_two_surfaces_do_better_than_one(tmp_path, backend):
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory, backend):
     """The same problem with a free rear only."""
-    return run(tmp_path_factory.mktemp("alone"), backend, {"optimizer.start": "flat", "optimizer.rays_per_pixel": 2.0})
+    return run(
+        tmp_path_factory.mktemp("alone"),
+        backend,
+        {"optimizer.start": "flat", "optimizer.rays_per_pixel": 2.0},
+    )
 
 
 def test_an_earlier_design_gives_its_sags(twofold, alone, tmp_path):
@@ -86,7 +121,9 @@ def test_an_earlier_design_gives_its_sags(twofold, alone, tmp_path):
     state = earlier_state(wide, base_lens(wide), alone.lens)
     assert not state.sags[0].coefficients.any()
     assert state.sags[1] is alone.lens.rear.sag
-    with pytest.raises(UserError, match=r"the front surface of the earlier design differs .* make lens\.front equal"):
+    with pytest.raises(
+        UserError, match=r"the front surface of the earlier design differs .* make lens\.front equal"
+    ):
         earlier_state(alone.problem, base_lens(alone.problem), twofold.lens)
     other, _ = loaded(tmp_path, FREE_FRONT | {"lens.front.freeform.spans": [3, 4]})
     with pytest.raises(UserError, match=r"the front surface of the earlier design differs"):

@@ -38,7 +38,9 @@ def make_tracer(backend, front, space, rays=85, source=(9.5, 9.5)):
 
 
 def make_objective(backend, front, space, window=CUBIC, **options):
-    return Objective(backend, make_tracer(backend, front, space, **options), SCREEN, window, asked_for(), 100.0)
+    return Objective(
+        backend, make_tracer(backend, front, space, **options), SCREEN, window, asked_for(), 100.0
+    )
 
 
 def of_vector(objective, *spaces):
@@ -53,8 +55,16 @@ def of_vector(objective, *spaces):
 
 
 def optimised(function, dim, iterations=15):
-    """Return coefficients after some iterations: fluxes crowd, landing points fold, the target is half met."""
-    return minimize(function, np.zeros(dim), jac=True, method="L-BFGS-B", bounds=Bounds(-1, 1), options={"maxiter": iterations}).x
+    """Return coefficients after some iterations: fluxes crowd, landing points fold, the target is half
+    met."""
+    return minimize(
+        function,
+        np.zeros(dim),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=Bounds(-1, 1),
+        options={"maxiter": iterations},
+    ).x
 
 
 def difference(function, at, direction, step):
@@ -62,7 +72,8 @@ def difference(function, at, direction, step):
 
 
 def worst(function, at, gradient, step, count=20):
-    """Return the greatest error of g . d over random unit directions, relative to its usual size |g| / sqrt(n)."""
+    """Return the greatest error of g . d over random unit directions, relative to its usual size |g| /
+    sqrt(n)."""
     rng = np.random.default_rng(11)
     errors = []
     for _ in range(count):
@@ -72,9 +83,12 @@ def worst(function, at, gradient, step, count=20):
     return max(errors) / (np.linalg.norm(gradient) / np.sqrt(len(at)))
 
 
-@pytest.mark.parametrize(("front", "sagged"), [(PLANE, False), (PLANE, True), (Conic(60.0), False), (Conic(60.0), True)], ids=str)
+@pytest.mark.parametrize(
+    ("front", "sagged"), [(PLANE, False), (PLANE, True), (Conic(60.0), False), (Conic(60.0), True)], ids=str
+)
 def test_gradient_is_that_of_the_loss_at_an_optimised_state(backend, front, sagged):
-    """Central differences with h = 1e-5 mm err by h^2 / 6 of the third derivative and by 1e-16 L / h: about 1e-8 here."""
+    """Central differences with h = 1e-5 mm err by h^2 / 6 of the third derivative and by 1e-16 L / h: about
+    1e-8 here."""
     space = small_space()
     objective = of_vector(make_objective(backend, front, space), space)
     at = optimised(objective, space.dim) + (rough(space, 0.003) if sagged else 0.0)
@@ -120,7 +134,8 @@ CASES = {
 
 @pytest.mark.parametrize(("lens", "rays", "target_z", "screen"), CASES.values(), ids=CASES.keys())
 def test_gradient_of_every_source_surface_and_target(backend, lens, rays, target_z, screen):
-    """Every ray passes both surfaces within their rims, so that the loss is smooth: differences err as above."""
+    """Every ray passes both surfaces within their rims, so that the loss is smooth: differences err as
+    above."""
     tracer = Tracer(backend, lens, rays, target_z)
     spaces = [sag.space for sag in lens.sags]
     hits, landing = tracer.trace(coefficients(lens))
@@ -146,17 +161,22 @@ def test_gradient_where_a_glowing_area_lights_rims_and_beside_the_target(backend
     hits, _ = tracer.trace(coefficients(lens))
     assert not hits[-1].hit.numpy().all()
     screen = ANGLES if np.isinf(target_z) else WIDE
-    objective = of_vector(Objective(backend, tracer, screen, CUBIC, asked_for(screen), 1.0), *(sag.space for sag in lens.sags))
+    objective = of_vector(
+        Objective(backend, tracer, screen, CUBIC, asked_for(screen), 1.0), *(sag.space for sag in lens.sags)
+    )
     at = np.concatenate(coefficients(lens))
     _, gradient = objective(at)
     assert worst(objective, at, gradient, 1e-8) < 1e-4
 
 
 def test_vertex_gradients_of_both_surfaces(backend):
-    """One number per vertex and surface, front first; with signs, hats and the sag's own functions sum to the same lift of a surface."""
+    """One number per vertex and surface, front first; with signs, hats and the sag's own functions sum to the
+    same lift of a surface."""
     tracer = Tracer(backend, BOTH, GLOWING, 1005.0)
     objective = Objective(backend, tracer, WIDE, CUBIC, asked_for(WIDE), 100.0)
-    knots = [tuple(KnotVector.uniform(1, n, -h, h) for n in counts) for counts, h in (((6, 7), 5.0), ((4, 9), 8.0))]
+    knots = [
+        tuple(KnotVector.uniform(1, n, -h, h) for n in counts) for counts, h in (((6, 7), 5.0), ((4, 9), 8.0))
+    ]
     found = objective.vertex_gradients(coefficients(BOTH), knots)
     assert [g.shape for g in found] == [(7, 8), (5, 10)]
     _, gradients = objective(coefficients(BOTH))
@@ -197,13 +217,16 @@ def test_the_loss_is_the_formula(backend):
 
 
 def test_the_loss_does_not_jump_where_a_ray_leaves_the_margin(backend):
-    """Pushing one ray over the outer edge of the margin changes the loss as little as any other small step."""
+    """Pushing one ray over the outer edge of the margin changes the loss as little as any other small
+    step."""
     space = THBSpace(*[KnotVector.uniform(3, 1, -10.0, 10.0)] * 2)
     beam = collimated_beam((0.5, 0.5), 1.0, (10.0, 10.0), (2, 1))
     tracer = Tracer(backend, small_lens(rear=PLANE, space=space), beam, TARGET_Z)
     objective = Objective(backend, tracer, SCREEN, BSplineWindow(3), asked_for(), 0.0)
     tilt = np.repeat(space.kv_u.greville()[:, None], space.kv_v.dim, axis=1).ravel()
-    losses = np.array([objective([a * tilt])[0] for a in np.linspace(0.62, 0.72, 801)])  # both rays move from 22 to 29 mm
+    losses = np.array(
+        [objective([a * tilt])[0] for a in np.linspace(0.62, 0.72, 801)]
+    )  # both rays move from 22 to 29 mm
     assert losses[-1] == pytest.approx(1.0, abs=1e-12)  # no light is left on the screen
     # the loss varies over pixels, of which 7 mm hold 8, and the margin ends at 26.7 mm: 100 steps per pixel
     greatest = np.abs(np.diff(losses)).max()
@@ -216,14 +239,17 @@ def test_image_is_the_measured_irradiance(backend):
     tracer = make_tracer(backend, PLANE, space, rays=33)
     at = rough(space)
     _, landing = tracer.trace([at])
-    expected = brute_irradiance(SCREEN, BSplineWindow(3), landing.x.numpy(), landing.y.numpy(), landing.flux.numpy())[8:-8, 8:-8]
+    expected = brute_irradiance(
+        SCREEN, BSplineWindow(3), landing.x.numpy(), landing.y.numpy(), landing.flux.numpy()
+    )[8:-8, 8:-8]
     np.testing.assert_allclose(objective.image([at]), expected, rtol=0, atol=1e-12 * expected.max())
 
 
 @pytest.mark.parametrize("front", [PLANE, Conic(60.0)], ids=str)
 @pytest.mark.parametrize("knots", ["own", "bilinear"])
 def test_pull_back_is_the_sum_over_rays(backend, front, knots):
-    """dL/dC_ij = sum over rays of gz N_i N_j + gx N_i' N_j + gy N_i N_j', by dense matrices at the meeting points."""
+    """dL/dC_ij = sum over rays of gz N_i N_j + gx N_i' N_j + gy N_i N_j', by dense matrices at the meeting
+    points."""
     space = small_space()
     tracer = make_tracer(backend, front, space, rays=21)
     (hits,), _ = tracer.trace([rough(space)])
@@ -233,7 +259,9 @@ def test_pull_back_is_the_sum_over_rays(backend, front, knots):
     own = space.embedding.kv_u, space.embedding.kv_v
     other = KnotVector.uniform(1, 7, -10.0, 10.0), KnotVector.uniform(1, 9, -10.0, 10.0)
     kv_x, kv_y = own if knots == "own" else other
-    (a0, a1), (b0, b1) = ([kv.collocation(s.numpy(), d).toarray() for d in (0, 1)] for kv, s in ((kv_x, hits.x), (kv_y, hits.y)))
+    (a0, a1), (b0, b1) = (
+        [kv.collocation(s.numpy(), d).toarray() for d in (0, 1)] for kv, s in ((kv_x, hits.x), (kv_y, hits.y))
+    )
     gz, gx, gy = gradients
     expected = a0.T @ (gz[:, None] * b0 + gy[:, None] * b1) + a1.T @ (gx[:, None] * b0)
     if knots == "own":  # by the THB coefficients: the adjoint of the embedding follows
@@ -248,7 +276,9 @@ def test_vertex_gradients_are_the_change_of_the_loss_by_one_bilinear_hat(backend
     """The loss of a tracer whose sag *is* bilinear (which no Lens allows) is differenced hat by hat."""
     vertices = KnotVector.uniform(1, 7, -10.0, 10.0), KnotVector.uniform(1, 9, -10.0, 10.0)
     cubic = small_space(refined=False)
-    (found,) = make_objective(backend, front, cubic, rays=41).vertex_gradients([np.zeros(cubic.dim)], [vertices])
+    (found,) = make_objective(backend, front, cubic, rays=41).vertex_gradients(
+        [np.zeros(cubic.dim)], [vertices]
+    )
     bilinear, lens = THBSpace(*vertices), small_lens(front, SPHEROID)
     creased = lens.rear.with_sag(THBSurface(bilinear, np.zeros(bilinear.dim)))
     shaped = SimpleNamespace(front=lens.front, rear=creased, thickness=lens.thickness, index=lens.index)
@@ -256,9 +286,12 @@ def test_vertex_gradients_are_the_change_of_the_loss_by_one_bilinear_hat(backend
     objective = of_vector(Objective(backend, tracer, SCREEN, CUBIC, asked_for(), 100.0), bilinear)
     rng = np.random.default_rng(2)
     chosen = rng.choice(bilinear.dim, 12, replace=False)
-    differences = [abs(difference(objective, np.zeros(bilinear.dim), np.eye(bilinear.dim)[k], 1e-6)) for k in chosen]
+    differences = [
+        abs(difference(objective, np.zeros(bilinear.dim), np.eye(bilinear.dim)[k], 1e-6)) for k in chosen
+    ]
     assert found.shape == (8, 10)
-    # no ray crosses a crease of the hat within 1e-6 mm; rounding 1e-16 / 1e-6, curvature 1e-12 of a third derivative
+    # no ray crosses a crease of the hat within 1e-6 mm; rounding 1e-16 / 1e-6, curvature 1e-12 of a third
+    # derivative
     np.testing.assert_allclose(found.ravel()[chosen], differences, rtol=0, atol=1e-6 * found.max())
 
 

@@ -1,4 +1,5 @@
-"""Which cells ask for refinement: the promised decrease cell by cell, and every indicator where a target has one local feature."""
+"""Which cells ask for refinement: the promised decrease cell by cell, and every indicator where a target has
+one local feature."""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ def space_of(degrees=(3, 3), spans=(4, 5), half_width=(10.0, 7.0), fine=True):
     space = THBSpace(*(KnotVector.uniform(p, n, -h, h) for p, n, h in zip(degrees, spans, half_width)))
     if not fine:
         return space
-    return space.refine({0: [(i, j) for i in range(1, 4) for j in range(3)]}).refine({1: [(2, 1), (3, 1), (2, 2), (3, 2), (7, 0)]})
+    return space.refine({0: [(i, j) for i in range(1, 4) for j in range(3)]}).refine(
+        {1: [(2, 1), (3, 1), (2, 2), (3, 2), (7, 0)]}
+    )
 
 
 SPACES = {
@@ -39,12 +42,14 @@ def boxes(space):
     """Return every leaf cell as shares of the rectangle, Fractions (x0, x1, y0, y1)."""
     counts = space.kv_u.spans, space.kv_v.spans
     return [
-        tuple(Fraction(k + side, n << level) for k, n in zip((i, j), counts) for side in (0, 1)) for level, i, j in space.cells.tolist()
+        tuple(Fraction(k + side, n << level) for k, n in zip((i, j), counts) for side in (0, 1))
+        for level, i, j in space.cells.tolist()
     ]
 
 
 def middle(space, function):
-    """Return the middle of a B-spline on knots that go on evenly beyond the rectangle, moved onto it, as shares."""
+    """Return the middle of a B-spline on knots that go on evenly beyond the rectangle, moved onto it, as
+    shares."""
     level, *place = function
     shares = []
     for i, kv in zip(place, (space.kv_u, space.kv_v)):
@@ -70,7 +75,8 @@ def test_refined_once_cuts_every_cell_below_a_level(space, max_level):
 
 @EACH
 def test_the_promise_of_a_new_function_goes_to_the_cell_around_its_middle(space):
-    """One function's gradient at a time: g^2 / (4 mean(probes^2)), all of it to cells that touch the middle; none for old functions."""
+    """One function's gradient at a time: g^2 / (4 mean(probes^2)), all of it to cells that touch the middle;
+    none for old functions."""
     finer = refined_once(space, 4)
     rng = np.random.default_rng(3)
     probes = rng.uniform(0.5, 2, (6, finer.dim)) * rng.choice((-1, 1), (6, finer.dim))
@@ -89,7 +95,9 @@ def test_the_promise_of_a_new_function_goes_to_the_cell_around_its_middle(space)
             x0, x1, y0, y1 = cells[cell]
             assert x0 <= s <= x1
             assert y0 <= t <= y1
-    np.testing.assert_allclose(promised_decrease(space, finer, g, list(probes)), total, rtol=1e-12, atol=1e-300)
+    np.testing.assert_allclose(
+        promised_decrease(space, finer, g, list(probes)), total, rtol=1e-12, atol=1e-300
+    )
 
 
 def test_small_entries_of_the_diagonal_count_as_a_thousandth_of_the_mean():
@@ -105,7 +113,9 @@ def test_small_entries_of_the_diagonal_count_as_a_thousandth_of_the_mean():
 
 def test_nothing_is_promised_without_new_functions():
     space = SPACES["cubic"]
-    assert not promised_decrease(space, refined_once(space, 0), np.ones(space.dim), [np.ones(space.dim)]).any()
+    assert not promised_decrease(
+        space, refined_once(space, 0), np.ones(space.dim), [np.ones(space.dim)]
+    ).any()
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4])
@@ -114,9 +124,13 @@ def test_the_promise_of_mirror_images_is_the_mirror_image(degree, axis):
     """Whatever lies on the line between two cells may favour neither."""
     space = space_of((degree, degree), (4, 4), (8.0, 8.0), fine=False)
     finer = refined_once(space, 1)
-    net = np.random.default_rng(4).uniform(0, 1, (8 + degree, 8 + degree))  # level 1 is uniform: its functions are a grid
+    net = np.random.default_rng(4).uniform(
+        0, 1, (8 + degree, 8 + degree)
+    )  # level 1 is uniform: its functions are a grid
     ones = [np.ones(finer.dim)]
-    one, other = (promised_decrease(space, finer, g.ravel(), ones).reshape(4, 4) for g in (net, np.flip(net, axis)))
+    one, other = (
+        promised_decrease(space, finer, g.ravel(), ones).reshape(4, 4) for g in (net, np.flip(net, axis))
+    )
     np.testing.assert_allclose(other, np.flip(one, axis), rtol=1e-12)
 
 
@@ -131,16 +145,30 @@ def blob(x, y, size=0.15, rows=48):
 
 
 PLATE = {  # every ray lands where it left the lens, so that the spot has its place there
-    "lens.rear.radius": np.inf, "lens.rear.conic": 0.0, "target.half_width": [9.5, 9.5], "target.encoding": "linear",
+    "lens.rear.radius": np.inf,
+    "lens.rear.conic": 0.0,
+    "target.half_width": [9.5, 9.5],
+    "target.encoding": "linear",
     "optimizer.iterations": [4],
-}  # fmt: skip
-FREE_FRONT = {"lens.front.freeform.spans": [4, 4], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 0.4}
+}
+FREE_FRONT = {
+    "lens.front.freeform.spans": [4, 4],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.4,
+}
 
 
 def refined(folder, backend, start, indicator, place, more):
     """Return the first meshes that marking made, front first, and the finest cells' boxes in each."""
-    levels = {"lens.rear.freeform.max_level": 2 if start == "transport" else 1}  # transport starts on level 1 here
-    changes = PLATE | levels | {"optimizer.start": start, "refinement.indicator": indicator, "refinement.alpha": [1.0]} | more
+    levels = {
+        "lens.rear.freeform.max_level": 2 if start == "transport" else 1
+    }  # transport starts on level 1 here
+    changes = (
+        PLATE
+        | levels
+        | {"optimizer.start": start, "refinement.indicator": indicator, "refinement.alpha": [1.0]}
+        | more
+    )
     problem, light = loaded(folder, changes, image=blob(*place))
     states = []
     design(problem, light, backend, None, None, states.append)
@@ -161,7 +189,8 @@ def refined(folder, backend, start, indicator, place, more):
     ],
 )
 def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicator, place, more):
-    """Within 2.5 mm of the spot, not so near the place opposite to it; less than a third of the lens, centred around the spot."""
+    """Within 2.5 mm of the spot, not so near the place opposite to it; less than a third of the lens, centred
+    around the spot."""
     found = refined(tmp_path, backend, start, indicator, place, more)
     assert len(found) == 1 + bool(more)
     for boxes_of_one in found:
@@ -170,7 +199,12 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
         assert 0 < area.sum() < 400 / 3
         spot = 9.5 * np.array(place)
         for there, place_ in ((True, spot), (False, -spot)):
-            near = (x0 - 2.5 <= place_[0]) & (place_[0] <= x1 + 2.5) & (y0 - 2.5 <= place_[1]) & (place_[1] <= y1 + 2.5)
+            near = (
+                (x0 - 2.5 <= place_[0])
+                & (place_[0] <= x1 + 2.5)
+                & (y0 - 2.5 <= place_[1])
+                & (place_[1] <= y1 + 2.5)
+            )
             assert near.any() == there
         centre = [(area * (a + b) / 2).sum() / area.sum() for a, b in ((x0, x1), (y0, y1))]
         assert np.hypot(*(centre - spot)) < 5
@@ -182,7 +216,9 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
         {"optimizer.start": "flat"},
         {"optimizer.start": "flat"} | FREE_FRONT,
         {"lens.rear.freeform.z_freedom": 4.0, "lens.thickness": 10.0} | FREE_FRONT,
-        {"lens.rear.freeform.z_freedom": 4.0, "lens.thickness": 10.0} | FREE_FRONT | {"lens.front.freeform.spans": [3, 5]},
+        {"lens.rear.freeform.z_freedom": 4.0, "lens.thickness": 10.0}
+        | FREE_FRONT
+        | {"lens.front.freeform.spans": [3, 5]},
         {"lens.front.radius": 60.0, "lens.rear.freeform.z_freedom": 0.02},
     ],
     ids=["flat", "flat, free front", "free front", "free front of other spans", "map beyond the bounds"],

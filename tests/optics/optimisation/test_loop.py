@@ -33,7 +33,8 @@ def loaded(folder, changes=None, **options):
 
 
 def run(folder, backend, changes):
-    """Return the small problem designed: problem, light, lens, state, the plan, the progress calls, the checkpoints and the notes."""
+    """Return the small problem designed: problem, light, lens, state, the plan, the progress calls, the
+    checkpoints and the notes."""
     problem, light = loaded(folder, changes)
     calls, checkpoints, plans, notes = [], [], [], []
 
@@ -44,7 +45,14 @@ def run(folder, backend, changes):
     lens, state = design(problem, light, backend, None, progress, checkpoints.append, notes.append)
     assert all(plan is plans[0] for plan in plans)
     return SimpleNamespace(
-        problem=problem, light=light, lens=lens, state=state, plan=plans[0], calls=calls, checkpoints=checkpoints, notes=notes
+        problem=problem,
+        light=light,
+        lens=lens,
+        state=state,
+        plan=plans[0],
+        calls=calls,
+        checkpoints=checkpoints,
+        notes=notes,
     )
 
 
@@ -81,7 +89,8 @@ def test_the_loss_falls_at_every_level(small):
 
 
 def test_a_finer_level_starts_from_the_surface_of_the_level_before(small):
-    """Levels 1 and 2 see the same pixels and rays: the first loss of level 2 is the best of level 1, to rounding."""
+    """Levels 1 and 2 see the same pixels and rays: the first loss of level 2 is the best of level 1, to
+    rounding."""
     one, two = small.plan[1:]
     assert (one.screen, one.rays) == (two.screen, two.rays)
     best = min(row.loss for row in rows_of(small.state.history, 1))
@@ -125,7 +134,13 @@ def test_a_run_stopped_on_an_early_level_still_gets_its_coarse_pixels(tmp_path, 
     problem, light = loaded(tmp_path, COARSE | {"lens.rear.freeform.max_level": 3})
     early, calls = first_state(problem, base_lens(problem), True), []
     assert early.level < 3
-    design(problem, light, backend, replace(early, begun=True), lambda plan, stage, row: calls.append((stage.level, stage.final)))
+    design(
+        problem,
+        light,
+        backend,
+        replace(early, begun=True),
+        lambda plan, stage, row: calls.append((stage.level, stage.final)),
+    )
     assert [(3, False) in calls, (3, True) in calls] == [True, True]
 
 
@@ -150,7 +165,8 @@ def test_the_surface_is_the_best_one_seen(small, backend):
 
 
 def check_counts(history):
-    """Evaluations are counted one by one, and PROBES more where the optimisation of a level (or what is left of it) begins."""
+    """Evaluations are counted one by one, and PROBES more where the optimisation of a level (or what is left
+    of it) begins."""
     steps = np.diff([0] + [row.evaluation for row in history])
     assert set(steps) <= {1, 1 + PROBES}
     return int((steps > 1).sum())
@@ -163,7 +179,9 @@ def test_the_history_counts_evaluations_and_time(either):
     seconds = [row.seconds for row in history]
     assert seconds == sorted(seconds)
     assert either.state.evaluations == len(history) + starts * PROBES
-    assert all(np.isfinite([row.loss, row.fit]).all() and row.loss >= row.fit**2 * (1 - 1e-12) for row in history)
+    assert all(
+        np.isfinite([row.loss, row.fit]).all() and row.loss >= row.fit**2 * (1 - 1e-12) for row in history
+    )
 
 
 def test_progress_hears_of_every_evaluation_and_checkpoints_of_every_level(either):
@@ -173,7 +191,8 @@ def test_progress_hears_of_every_evaluation_and_checkpoints_of_every_level(eithe
 
 
 def test_evaluations_stay_within_what_scipy_was_told(either):
-    """L-BFGS-B stops after 2 n + 10 evaluations at the latest; it finishes the line search it is in (at most 20)."""
+    """L-BFGS-B stops after 2 n + 10 evaluations at the latest; it finishes the line search it is in (at most
+    20)."""
     for level in range(3):
         assert len(rows_of(either.state.history, level)) <= 2 * 6 + 10 + 20
 
@@ -191,14 +210,26 @@ def test_levels_before_the_last_are_only_marked_after_a_transport_start(moved):
     assert all(len(rows_of(moved.state.history, level)) == 1 for level in levels[:-1])
 
 
-@pytest.mark.parametrize(("front", "bound", "flat"), [(60.0, 0.02, True), (60.0, 5.0, False), (np.inf, 0.02, False)])
-def test_a_map_beyond_the_bounds_gives_way_to_the_base_surface_where_rays_spread(tmp_path, backend, front, bound, flat):
-    """A note says so, and every level is optimised; parallel rays keep to the map, as far as the bounds allow."""
-    changes = {"optimizer.start": "transport", "lens.front.radius": front, "lens.rear.freeform.z_freedom": bound}
+@pytest.mark.parametrize(
+    ("front", "bound", "flat"), [(60.0, 0.02, True), (60.0, 5.0, False), (np.inf, 0.02, False)]
+)
+def test_a_map_beyond_the_bounds_gives_way_to_the_base_surface_where_rays_spread(
+    tmp_path, backend, front, bound, flat
+):
+    """A note says so, and every level is optimised; parallel rays keep to the map, as far as the bounds
+    allow."""
+    changes = {
+        "optimizer.start": "transport",
+        "lens.front.radius": front,
+        "lens.rear.freeform.z_freedom": bound,
+    }
     made = run(tmp_path, backend, changes)
     if flat:
         assert [(stage.level, stage.iterations) for stage in made.plan] == [(0, 6), (1, 6), (2, 6)]
-        assert re.fullmatch(r"the transport map asks for a sag of .*; the design starts from the base surface instead", *made.notes)
+        assert re.fullmatch(
+            r"the transport map asks for a sag of .*; the design starts from the base surface instead",
+            *made.notes,
+        )
     else:
         assert {stage.iterations for stage in made.plan if stage.level < 2} == {0}
         assert not any("instead" in note for note in made.notes)
@@ -208,7 +239,11 @@ def test_a_map_beyond_the_bounds_gives_way_to_the_base_surface_where_rays_spread
 @pytest.mark.parametrize("bound", [1.0, 0.02])
 def test_coefficients_keep_to_z_freedom(tmp_path, backend, bound):
     for start in ("flat", "transport"):
-        changes = {"optimizer.start": start, "lens.rear.freeform.z_freedom": bound, "lens.rear.freeform.max_level": 1}
+        changes = {
+            "optimizer.start": start,
+            "lens.rear.freeform.z_freedom": bound,
+            "lens.rear.freeform.max_level": 1,
+        }
         lens, _ = design(*loaded(tmp_path, changes), backend)
         assert np.abs(lens.rear.sag.coefficients).max() <= bound * (1 + 1e-15)
     if bound < 0.1:
@@ -225,7 +260,11 @@ def test_only_the_rear_sag_changes(small):
 @pytest.mark.parametrize("window", ["pixel", "bspline", "gaussian"])
 @pytest.mark.parametrize("front", [np.inf, 60.0])
 def test_windows_and_curved_fronts_design_too(tmp_path, backend, window, front):
-    changes = FLAT | {"optimizer.window": window, "lens.front.radius": front, "lens.rear.freeform.max_level": 0}
+    changes = FLAT | {
+        "optimizer.window": window,
+        "lens.front.radius": front,
+        "lens.rear.freeform.max_level": 0,
+    }
     _, state = design(*loaded(tmp_path, changes), backend)
     assert min(r.loss for r in state.history) < 0.7 * state.history[0].loss
 
@@ -286,7 +325,11 @@ def test_a_mirror_symmetric_problem_is_refined_symmetrically(tmp_path, backend):
     """A picture without features of its own: marking from the unoptimised, symmetric lens is symmetric."""
     image = np.full((48, 48), 40, dtype=np.uint8)
     image[12:36, 12:36] = 255
-    changes = FLAT | {"refinement.alpha": [0.5], "optimizer.iterations": [1], "lens.rear.freeform.max_level": 1}
+    changes = FLAT | {
+        "refinement.alpha": [0.5],
+        "optimizer.iterations": [1],
+        "lens.rear.freeform.max_level": 1,
+    }
     lens, _ = design(*loaded(tmp_path, changes, image=image), backend)
     cells = {tuple(c) for c in lens.rear.sag.space.cells.tolist()}
     assert 0 < sum(n == 0 for n, _, _ in cells) < 16
@@ -318,17 +361,26 @@ for path in sys.argv[1:]:
 
 @pytest.fixture(scope="module")
 def repeated(tmp_path_factory):
-    """Two processes that each design on one thread; per process and start the hashes of a whole and of a resumed run.
+    """Two processes that each design on one thread; per process and start the hashes of a whole and of a
+    resumed run.
 
     Processes of their own also show that nothing depends on what ran before, or on where memory lies.
     """
     folder = tmp_path_factory.mktemp("repeated")
-    paths = [str(write_problem(folder, {"optimizer.start": start}, name=f"{start}.toml")) for start in ("flat", "transport")]
+    paths = [
+        str(write_problem(folder, {"optimizer.start": start}, name=f"{start}.toml"))
+        for start in ("flat", "transport")
+    ]
     program = [sys.executable, "-c", ON_ONE_THREAD, *paths]
-    runs = [subprocess.Popen(program, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    runs = [
+        subprocess.Popen(program, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
     results = [run.communicate() for run in runs]
     assert [run.returncode for run in runs] == [0, 0], results
-    return [dict(zip(("flat", "transport"), (line.split() for line in out.splitlines()))) for out, _ in results]
+    return [
+        dict(zip(("flat", "transport"), (line.split() for line in out.splitlines()))) for out, _ in results
+    ]
 
 
 @pytest.mark.parametrize("start", ["flat", "transport"])
@@ -408,11 +460,15 @@ def check_going_on(done, backend, state):
     lens, final = design(done.problem, done.light, backend, state)
     assert check_counts(final.history) > check_counts(before)
     assert final.history[: len(before)] == before
-    assert final.history[len(before)].loss == pytest.approx(best, rel=1e-11)  # it goes on from the best surface so far
+    assert final.history[len(before)].loss == pytest.approx(
+        best, rel=1e-11
+    )  # it goes on from the best surface so far
     assert final.level == done.state.level
     assert lens.rear.sag.space.levels == 3
     assert final.history[-1].seconds >= before[-1].seconds
-    assert min(row.loss for row in rows_of(final.history, 2)) < 2 * min(row.loss for row in rows_of(done.state.history, 2))
+    assert min(row.loss for row in rows_of(final.history, 2)) < 2 * min(
+        row.loss for row in rows_of(done.state.history, 2)
+    )
 
 
 def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, backend):
@@ -427,7 +483,8 @@ def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, 
 
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_levels_without_marked_cells_are_optimised_and_resumed_alike(tmp_path, backend, start):
-    """A threshold that nothing passes: the mesh stays, the surface improves all the same, and the last checkpoint holds it."""
+    """A threshold that nothing passes: the mesh stays, the surface improves all the same, and the last
+    checkpoint holds it."""
     problem, light = loaded(tmp_path, {"optimizer.start": start, "refinement.alpha": [1e9]})
     checkpoints = []
     lens, state = design(problem, light, backend, None, None, checkpoints.append)
@@ -454,7 +511,9 @@ def test_surfaces_that_cross_are_named_with_the_remedy(small, backend):
     sag = base_lens(small.problem).rear.sag
     deep = THBSurface(sag.space, np.full(sag.space.dim, -7.0))
     with pytest.raises(
-        NumericalError, match=r"cannot exist: the surfaces cross: at x = .* mm before the front.*lower z_freedom of the free surfaces"
+        NumericalError,
+        match=r"cannot exist: the surfaces cross: at x = .* mm before the front.*lower z_freedom of the "
+        r"free surfaces",
     ):
         design(small.problem, small.light, backend, State(0, (deep,)))
 
@@ -462,7 +521,9 @@ def test_surfaces_that_cross_are_named_with_the_remedy(small, backend):
 def test_a_lens_that_lets_no_light_through_is_refused(tmp_path, backend):
     problem, light = loaded(tmp_path, {"lens.rear.radius": 0.3})
     with pytest.raises(
-        UserError, match=r"only .* W of 1 W pass the unoptimised lens \(totally reflected 0\.9.*change the lens prescription"
+        UserError,
+        match=r"only .* W of 1 W pass the unoptimised lens \(totally reflected 0\.9.*change the lens "
+        r"prescription",
     ):
         design(problem, light, backend)
 

@@ -49,15 +49,21 @@ def test_product_densities_are_met_axis_by_axis_with_order_two(aspect):
     errors = []
     for n in (32, 64, 128):
         found = transport(by_cells(cdf_x, cdf_y), (n, n), aspect)
-        x, y = ([brentq(lambda t, s=s, f=f: f(t) - s, -1, 1, xtol=1e-14) for s in row] for row, f in ((found.x, cdf_x), (found.y, cdf_y)))
-        errors.append(max(np.abs(found.tx - np.array(x)[:, None]).max(), np.abs(found.ty - np.array(y)[None, :]).max()))
+        x, y = (
+            [brentq(lambda t, s=s, f=f: f(t) - s, -1, 1, xtol=1e-14) for s in row]
+            for row, f in ((found.x, cdf_x), (found.y, cdf_y))
+        )
+        errors.append(
+            max(np.abs(found.tx - np.array(x)[:, None]).max(), np.abs(found.ty - np.array(y)[None, :]).max())
+        )
     assert errors[-1] < 1e-3
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
 
 
 def test_the_map_carries_uniform_light_to_the_density():
-    """Source cells counted in 8 x 8 boxes of the target; finer cells miscount less (only those on the boxes' borders)."""
+    """Source cells counted in 8 x 8 boxes of the target; finer cells miscount less (only those on the boxes'
+    borders)."""
     wanted = blob((256, 256)).reshape(8, 32, 8, 32).sum(axis=(1, 3))
     wanted /= wanted.sum()
     errors = []
@@ -81,13 +87,18 @@ def test_rays_do_not_cross():
 
 def test_darkness_is_carried_over_a_floor():
     """A picture that is black in one half sends next to nothing there, and the map stays finite."""
-    found = transport(lambda grid: np.repeat((np.arange(grid[0]) >= grid[0] / 2)[:, None].astype(float), grid[1], axis=1), (64, 64), 1.0)
+    found = transport(
+        lambda grid: np.repeat((np.arange(grid[0]) >= grid[0] / 2)[:, None].astype(float), grid[1], axis=1),
+        (64, 64),
+        1.0,
+    )
     assert np.isfinite(found.tx).all()
     assert (found.tx < -0.1).mean() < 0.05
 
 
 def test_high_contrast_is_followed_to_the_lowest_floor():
-    """A bright ring on a ground that is 50 times darker: the map solves the equation to a tenth and does not fold."""
+    """A bright ring on a ground that is 50 times darker: the map solves the equation to a tenth and does not
+    fold."""
 
     def ring(grid):
         x, y = ((2 * np.arange(n) + 1) / n - 1 for n in grid)
@@ -111,7 +122,8 @@ def test_any_grid_gives_finite_positions_inside_the_target(shape):
 
 @pytest.mark.parametrize("sigma", [0.5, 0.8])
 def test_a_gaussian_beam_spreads_evenly_by_the_error_function(sigma):
-    """A separable source onto uniform light: t = erf(x / (sigma sqrt 2)) / erf(1 / (sigma sqrt 2)) in each direction."""
+    """A separable source onto uniform light: t = erf(x / (sigma sqrt 2)) / erf(1 / (sigma sqrt 2)) in each
+    direction."""
     profile = Profile("gaussian", (sigma, sigma))
 
     def source(grid):

@@ -24,7 +24,8 @@ def boxes(space):
 
 
 def brute_indicator(space, x, y, gradients):
-    """Return the sum of the gradients of the vertices in every leaf cell; shared sides belong to the upper cell, ends to the last."""
+    """Return the sum of the gradients of the vertices in every leaf cell; shared sides belong to the upper
+    cell, ends to the last."""
     out = np.zeros(len(space.cells))
     for cell, (x0, x1, y0, y1) in enumerate(boxes(space)):
         for i, xi in enumerate(x):
@@ -52,13 +53,16 @@ def test_indicator_sums_the_vertices_of_every_leaf_cell(counts):
     gradients = np.random.default_rng(1).uniform(0, 1, counts)
     knots = vertex_knots((10.0, 8.0), counts)
     found = summed_over_cells(space, *(kv.greville() for kv in knots), gradients)
-    expected = brute_indicator(space, np.linspace(-10, 10, counts[0]), np.linspace(-8, 8, counts[1]), gradients)
+    expected = brute_indicator(
+        space, np.linspace(-10, 10, counts[0]), np.linspace(-8, 8, counts[1]), gradients
+    )
     np.testing.assert_allclose(found, expected, rtol=1e-14)
     assert found.sum() == pytest.approx(gradients.sum(), rel=1e-14)
 
 
 def test_marking_compares_with_the_mean_over_the_active_cells():
-    """Six cells, mean 2: with alpha = 1 those above 2 are marked, with alpha = 1/2 those above 1; equal is not above."""
+    """Six cells, mean 2: with alpha = 1 those above 2 are marked, with alpha = 1/2 those above 1; equal is
+    not above."""
     space = uniform_space((3, 2))
     indicator = np.array([0.0, 1.0, 2.0, 2.5, 5.5, 1.0])
     cells = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)]
@@ -84,7 +88,9 @@ def test_marking_reports_cells_by_their_own_level():
 
 def test_no_threshold_marks_every_cell_with_a_gradient():
     space = small_space()
-    indicator = np.random.default_rng(1).uniform(0, 1, len(space.cells)) * (np.arange(len(space.cells)) % 3 > 0)
+    indicator = np.random.default_rng(1).uniform(0, 1, len(space.cells)) * (
+        np.arange(len(space.cells)) % 3 > 0
+    )
     marked = mark(space, indicator, 0.0, 9)
     assert sum(map(len, marked.values())) == np.count_nonzero(indicator)
 
@@ -109,7 +115,9 @@ def test_a_mirror_symmetric_indicator_keeps_the_mesh_symmetric():
     for level in range(3):
         quarter = rng.uniform(0, 1, (15, 16)) ** 4
         gradients = np.block([[quarter, quarter[:, ::-1]], [quarter[::-1], quarter[::-1, ::-1]]])
-        knots = vertex_knots((10.0, 8.0), gradients.shape)  # 30 x 32 vertices: none but the border on a knot line
+        knots = vertex_knots(
+            (10.0, 8.0), gradients.shape
+        )  # 30 x 32 vertices: none but the border on a knot line
         indicator = summed_over_cells(space, *(kv.greville() for kv in knots), gradients)
         marked = mark(space, indicator, 0.8, level + 1)
         assert 0 < sum(map(len, marked.values())) < len(space.cells)

@@ -42,7 +42,9 @@ def test_a_checkpoint_gives_back_every_bit(folder, problem_file, begun, sags):
     assert folder.has_checkpoint()
     found = folder.read_checkpoint(problem)
     assert (found.level, found.begun, found.history) == (2, begun, state.history)
-    assert [sag.coefficients.tobytes() for sag in found.sags] == [sag.coefficients.tobytes() for sag in state.sags]
+    assert [sag.coefficients.tobytes() for sag in found.sags] == [
+        sag.coefficients.tobytes() for sag in state.sags
+    ]
     for sag, own in zip(found.sags, state.sags, strict=True):
         np.testing.assert_array_equal(sag.space.cells, own.space.cells)
     folder.drop_checkpoint()
@@ -59,7 +61,9 @@ def test_threads_and_the_pictures_place_may_change_between_runs(folder, problem_
 
 
 @pytest.mark.parametrize(
-    "changes", [{"run.seed": 1}, {"optimizer.iterations": [7]}, {"target.fit": "pad"}, {"run.precision": "single"}], ids=str
+    "changes",
+    [{"run.seed": 1}, {"optimizer.iterations": [7]}, {"target.fit": "pad"}, {"run.precision": "single"}],
+    ids=str,
 )
 def test_anything_else_makes_another_problem(folder, problem_file, changes):
     folder.write_checkpoint(load_problem(problem_file()), some_state())
@@ -73,7 +77,9 @@ def test_another_picture_of_the_same_name_makes_another_problem(folder, problem_
         folder.read_checkpoint(load_problem(problem_file(None, picture()[:, ::-1].copy())))
 
 
-@pytest.mark.parametrize(("changes", "sags"), [(None, 0), (None, 2), (FREE_FRONT, 1), (FREE_FRONT, 3)], ids=str)
+@pytest.mark.parametrize(
+    ("changes", "sags"), [(None, 0), (None, 2), (FREE_FRONT, 1), (FREE_FRONT, 3)], ids=str
+)
 def test_a_checkpoint_with_too_few_or_too_many_sags_is_refused(folder, problem_file, changes, sags):
     problem = load_problem(problem_file(changes))
     folder.write_checkpoint(problem, some_state(sags=sags))
@@ -132,7 +138,10 @@ def test_the_place_of_the_sources_picture_may_change_between_runs(folder, proble
 
 def test_nothing_is_left_where_a_folder_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("x")
-    with pytest.raises(UserError, match=r"cannot write to the result folder .*file/out: Not a directory; choose another with --out"):
+    with pytest.raises(
+        UserError,
+        match=r"cannot write to the result folder .*file/out: Not a directory; choose another with --out",
+    ):
         ResultFolder(tmp_path / "file" / "out").prepare()
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 

@@ -1,4 +1,5 @@
-"""The shape's share of the loss: means by the kernel's derivatives, gradients, and designs that keep to their limits."""
+"""The shape's share of the loss: means by the kernel's derivatives, gradients, and designs that keep to their
+limits."""
 
 from __future__ import annotations
 
@@ -72,7 +73,11 @@ def roughness(lens, count):
 
 def curvature(lens, radius, count):
     return sum(
-        mean(lambda x, y, s=s: np.maximum(0, ROOM * radius * np.sqrt(bent(s)(x, y)) - 1) ** 2, breaks_of(s), count)
+        mean(
+            lambda x, y, s=s: np.maximum(0, ROOM * radius * np.sqrt(bent(s)(x, y)) - 1) ** 2,
+            breaks_of(s),
+            count,
+        )
         for s in (lens.front, lens.rear)
         if s.sag is not None
     )
@@ -109,15 +114,20 @@ def finer(lens, times):
     """Return the same lens on meshes whose every cell is cut `times` times."""
     sags = list(lens.sags)
     for _ in range(times):
-        sags = [s.refine({int(n): s.space.cells[s.space.cells[:, 0] == n, 1:] for n in np.unique(s.space.cells[:, 0])}) for s in sags]
+        sags = [
+            s.refine(
+                {int(n): s.space.cells[s.space.cells[:, 0] == n, 1:] for n in np.unique(s.space.cells[:, 0])}
+            )
+            for s in sags
+        ]
     return lens.with_sags(sags)
 
 
 @EACH
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 def test_the_value_is_the_mean_over_the_rectangle(lens, weights, by_kernel):
-    """Against the kernel's own derivatives at six Gauss points per span, on cells cut twice: smooth terms err by 4^-4 of the
-    coarse ones' error, those with kinks by 4^-2 or so.
+    """Against the kernel's own derivatives at six Gauss points per span, on cells cut twice: smooth terms err
+    by 4^-4 of the coarse ones' error, those with kinks by 4^-2 or so.
     """
     fine = finer(lens, 2)
     loss, gradients = ShapePenalty(fine, weights)(coefficients(fine))
@@ -129,7 +139,8 @@ def test_the_value_is_the_mean_over_the_rectangle(lens, weights, by_kernel):
 
 @pytest.mark.parametrize("term", ["roughness", "curvature"])
 def test_the_means_converge_with_the_fourth_power_of_the_spans(term):
-    """Against eight Gauss points per span; the curvature is violated everywhere, so that no kink lowers the order.
+    """Against eight Gauss points per span; the curvature is violated everywhere, so that no kink lowers the
+    order.
 
     Halving spans divides the error by 16; 8 and 12 leave room for the terms of higher order.
     """
@@ -146,7 +157,8 @@ def test_the_means_converge_with_the_fourth_power_of_the_spans(term):
 
 
 def test_the_roughness_of_a_quadratic_sag_is_known_exactly():
-    """s = a x^2 + b x y + c y^2 on a rectangle of half-width 12 mm: 144 (4 a^2 + 2 b^2 + 4 c^2), whatever the conic."""
+    """s = a x^2 + b x y + c y^2 on a rectangle of half-width 12 mm: 144 (4 a^2 + 2 b^2 + 4 c^2), whatever the
+    conic."""
     a, b, c = 0.01, -0.004, 0.002
     space = small_space((12.0, 7.0))
     x, y = (g.ravel() for g in np.meshgrid(np.linspace(-12, 12, 60), np.linspace(-7, 7, 60)))
@@ -159,8 +171,9 @@ def test_the_roughness_of_a_quadratic_sag_is_known_exactly():
 @EACH
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 def test_the_gradient_is_that_of_the_value(lens, weights, by_kernel):
-    """Central differences: the loss is C^1, its second derivative jumps at points that cross a limit within h = 1e-6 mm only,
-    where the first one is of the size of h; that is 1e-5 of the gradient's usual size, rounding is less.
+    """Central differences: the loss is C^1, its second derivative jumps at points that cross a limit within h
+    = 1e-6 mm only, where the first one is of the size of h; that is 1e-5 of the gradient's usual size,
+    rounding is less.
     """
     penalty, at = ShapePenalty(lens, weights), coefficients(lens)
     _, gradients = penalty(at)
@@ -174,18 +187,25 @@ def test_the_gradient_is_that_of_the_value(lens, weights, by_kernel):
 
 
 def test_every_sag_has_a_gradient_of_its_own():
-    """Each term pulls both sags, the thickness in opposite directions: a higher front or a lower rear makes the lens thinner."""
+    """Each term pulls both sags, the thickness in opposite directions: a higher front or a lower rear makes
+    the lens thinner."""
     for weights, _ in TERMS.values():
         for g in ShapePenalty(BOTH, weights)(coefficients(BOTH))[1]:
             assert np.linalg.norm(g) > 1e-4
     front, rear = ShapePenalty(BOTH, ShapeWeights(limits=1.0, thickness=3.5))(coefficients(BOTH))[1]
     assert front.sum() > 0 > rear.sum()
-    assert front.sum() == pytest.approx(-rear.sum(), rel=1e-9)  # both sums are the derivative by the thickness
+    assert front.sum() == pytest.approx(
+        -rear.sum(), rel=1e-9
+    )  # both sums are the derivative by the thickness
 
 
 def test_limits_that_are_kept_cost_nothing():
-    """The least radius of the kernel is that of the curvature, at least 1 / |D^2 z|; the gap is at least the certified one."""
-    most = max(np.sqrt(bent(s)(*(np.linspace(-h, h, 301) for h in s.half_width))).max() for s in (BOTH.front, BOTH.rear))
+    """The least radius of the kernel is that of the curvature, at least 1 / |D^2 z|; the gap is at least the
+    certified one."""
+    most = max(
+        np.sqrt(bent(s)(*(np.linspace(-h, h, 301) for h in s.half_width))).max()
+        for s in (BOTH.front, BOTH.rear)
+    )
     kept = ShapeWeights(0.0, 100.0, 0.98 / most / ROOM, 0.999 * BOTH.least_thickness().lower / ROOM)
     loss, gradients = ShapePenalty(BOTH, kept)(coefficients(BOTH))
     assert loss == 0.0
@@ -194,7 +214,8 @@ def test_limits_that_are_kept_cost_nothing():
 
 @pytest.mark.parametrize("surface", ["front", "rear"])
 def test_a_curvature_beyond_the_limit_is_charged_wherever_it_is(surface):
-    """Second derivatives of cubics are greatest at knots, of these rough sags at the rim; there the radius is a fifth below the limit."""
+    """Second derivatives of cubics are greatest at knots, of these rough sags at the rim; there the radius is
+    a fifth below the limit."""
     lens = LENSES[surface]
     bends = bent(getattr(lens, surface))(*breaks_of(getattr(lens, surface)))
     limits = ShapeWeights(0.0, 100.0, 1.25 / np.sqrt(bends.max()))
@@ -224,7 +245,9 @@ def test_a_flat_surface_has_no_curvature_to_pull():
     kv = KnotVector.uniform(3, 2, -5.0, 5.0)
     space = THBSpace(kv, kv)
     flat = FreeformSurface((5.0, 5.0), Conic(), THBSurface(space, np.zeros(space.dim)))
-    loss, (gradient,) = ShapePenalty(Lens(FreeformSurface((5.0, 5.0)), flat, 2.0, 1.5), ShapeWeights(0.0, 1.0, 7.0))([np.zeros(space.dim)])
+    loss, (gradient,) = ShapePenalty(
+        Lens(FreeformSurface((5.0, 5.0)), flat, 2.0, 1.5), ShapeWeights(0.0, 1.0, 7.0)
+    )([np.zeros(space.dim)])
     assert loss == 0.0
     assert np.array_equal(gradient, np.zeros(space.dim))
 
@@ -238,7 +261,11 @@ CRAMPED = {
     "target.half_width": [14.0, 14.0],
     "optimizer.start": "flat",
 }
-FREE_FRONT = {"lens.front.freeform.spans": [4, 4], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 1.0}
+FREE_FRONT = {
+    "lens.front.freeform.spans": [4, 4],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 1.0,
+}
 
 RADIUS = 10.0  # mm
 
@@ -256,7 +283,13 @@ def unlimited(tmp_path_factory, backend):
 def test_a_design_keeps_to_the_least_radius(unlimited, tmp_path, backend):
     def violations(lens, least):
         found = [least_radii(s.graph()) for s in (lens.front, lens.rear)]
-        return [bound for f in found for side in (f.concave, f.convex) for bound in (side.lower, side.upper) if bound < least]
+        return [
+            bound
+            for f in found
+            for side in (f.concave, f.convex)
+            for bound in (side.lower, side.upper)
+            if bound < least
+        ]
 
     assert violations(unlimited, RADIUS)
     assert not violations(designed(tmp_path / "kept", backend, {"limits.radius": RADIUS}), RADIUS)

@@ -20,7 +20,9 @@ CORNERS = [(0, 0), (0, 3), (4, 0), (4, 3)]
 
 def space_of(cells, degrees=(3, 2), fine=None):
     """Return a space of 5 x 4 spans with some cells of level 0 (and of level 1) refined."""
-    space = THBSpace(KnotVector.uniform(degrees[0], 5, -10.0, 10.0), KnotVector.uniform(degrees[1], 4, -6.0, 6.0))
+    space = THBSpace(
+        KnotVector.uniform(degrees[0], 5, -10.0, 10.0), KnotVector.uniform(degrees[1], 4, -6.0, 6.0)
+    )
     if not cells:
         return space
     space = space.refine({0: cells})
@@ -37,20 +39,25 @@ SPACES = {
     "opposite corners": (space_of([(0, 0), (4, 3)]), ()),
     "two levels": (space_of(CORNERS, (2, 4), [(0, 0), (9, 0), (0, 7), (9, 7)]), (0, 1)),
     "two levels, one side": (space_of(CORNERS, (3, 3), [(0, 0), (9, 0)]), (0,)),
-    "whole level": (space_of([(i, j) for i in range(5) for j in range(4)], fine=[(4, 3), (5, 3), (4, 4), (5, 4)]), (0, 1)),
+    "whole level": (
+        space_of([(i, j) for i in range(5) for j in range(4)], fine=[(4, 3), (5, 3), (4, 4), (5, 4)]),
+        (0, 1),
+    ),
 }
 ALL = pytest.mark.parametrize(("space", "axes"), SPACES.values(), ids=SPACES.keys())
 
 
 def mirrored(row, axis, space, extra):
-    """Return [level, i, j] of the mirror image: function (extra = degree) or cell (extra = 0) of 5 x 4 spans."""
+    """Return [level, i, j] of the mirror image: function (extra = degree) or cell (extra = 0) of 5 x 4
+    spans."""
     level, *place = (int(n) for n in row)
     place[axis] = ((5, 4)[axis] << level) + extra - 1 - place[axis]
     return level, *place
 
 
 def brute(rows, values, axes, space, degrees):
-    """Return values averaged with their mirror images, by a dictionary of names; an axis without all images is left out."""
+    """Return values averaged with their mirror images, by a dictionary of names; an axis without all images
+    is left out."""
     names = [tuple(int(n) for n in row) for row in rows]
     for axis in axes:
         by_name = dict(zip(names, values))
@@ -65,7 +72,10 @@ def test_averages_are_those_of_a_dictionary(space, axes, asked):
     mirrors, rng = Mirrors(space, asked), np.random.default_rng(3)
     kept = [axis for axis in asked if axis in axes]
     degrees = space.kv_u.degree, space.kv_v.degree
-    for rows, average, extra in ((space.functions, mirrors.of_coefficients, degrees), (space.cells, mirrors.of_cells, (0, 0))):
+    for rows, average, extra in (
+        (space.functions, mirrors.of_coefficients, degrees),
+        (space.cells, mirrors.of_cells, (0, 0)),
+    ):
         values = rng.standard_normal(len(rows))
         np.testing.assert_array_equal(average(values), brute(rows, values, kept, space, extra))
 
@@ -94,7 +104,9 @@ def test_averaging_is_its_own_adjoint(space, axes):
     """A projection: <A g, c> = <g, A c>, which makes A the gradient's map as well."""
     mirrors, rng = Mirrors(space, (0, 1)), np.random.default_rng(6)
     g, c = rng.standard_normal((2, space.dim))
-    assert mirrors.of_coefficients(g) @ c == pytest.approx(g @ mirrors.of_coefficients(c), abs=1e-13 * space.dim)
+    assert mirrors.of_coefficients(g) @ c == pytest.approx(
+        g @ mirrors.of_coefficients(c), abs=1e-13 * space.dim
+    )
 
 
 @pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)], ids=str)
@@ -166,7 +178,12 @@ SOURCES = {
         "source.half_angle": 30.0,
         "optimizer.rays_per_pixel": 1.0,
     },
-    "point": {"source.kind": "point", "source.half_angle": 40.0, "source.distance": 8.0, "optimizer.rays_per_pixel": 1.0},
+    "point": {
+        "source.kind": "point",
+        "source.half_angle": 40.0,
+        "source.distance": 8.0,
+        "optimizer.rays_per_pixel": 1.0,
+    },
 }
 
 
@@ -184,7 +201,10 @@ def test_a_symmetric_problem_gets_a_symmetric_lens_bit_for_bit(tmp_path, backend
         space = sag.space
         assert space.levels > 1
         assert np.ptp(sag.coefficients) > 1e-4
-        by_function, cells = rows_by_name(space.functions, sag.coefficients), {tuple(c) for c in space.cells.tolist()}
+        by_function, cells = (
+            rows_by_name(space.functions, sag.coefficients),
+            {tuple(c) for c in space.cells.tolist()},
+        )
         for axis in (0, 1):
             for name, value in by_function.items():
                 image = list(name)

@@ -27,11 +27,14 @@ def started(folder, backend, changes=None, image=None, spans=16):
     space = THBSpace(*(KnotVector.uniform(3, spans, -h, h) for h in lens.rear.half_width))
     sag = TransportStart(problem, lens, target_light(problem), backend).fit(space)
     lens = lens.with_rear(FreeformSurface(lens.rear.half_width, lens.rear.conic, sag))
-    return sag, traced(backend, lens, problem.source.half_width, (61, 59), problem.target_z, problem.target.half_width)
+    return sag, traced(
+        backend, lens, problem.source.half_width, (61, 59), problem.target_z, problem.target.half_width
+    )
 
 
 def test_slopes_of_a_surface_of_the_space_give_it_back():
-    """Up to the constant that slopes leave open, and to what 60 steps of conjugate gradients leave (measured 2e-3 of the height)."""
+    """Up to the constant that slopes leave open, and to what 60 steps of conjugate gradients leave (measured
+    2e-3 of the height)."""
     space = small_space((10.0, 8.0))
     sag = THBSurface(space, rough(space, 0.1))
     x, y = (h * ((2 * np.arange(96) + 1) / 96 - 1) for h in (10.0, 8.0))
@@ -41,7 +44,8 @@ def test_slopes_of_a_surface_of_the_space_give_it_back():
 
 
 def test_a_white_picture_spreads_the_light_evenly(tmp_path, backend):
-    """The map is linear, from the source square to the target square: x -> 20 / 9.5 x, to half a pixel (0.42 mm)."""
+    """The map is linear, from the source square to the target square: x -> 20 / 9.5 x, to half a pixel (0.42
+    mm)."""
     _, (_, landing, budget, beam) = started(tmp_path, backend, image=WHITE)
     x, y = mesh(beam)
     assert np.abs(landing.x.numpy() - 20 / 9.5 * x).max() < 0.42
@@ -50,7 +54,12 @@ def test_a_white_picture_spreads_the_light_evenly(tmp_path, backend):
 
 
 def test_an_oblong_beam_is_spread_over_an_oblong_target(tmp_path, backend):
-    changes = {"source.half_width": [9.5, 6.0], "target.half_width": [15.0, 20.0], "target.pixels": [36, 48], "target.fit": "stretch"}
+    changes = {
+        "source.half_width": [9.5, 6.0],
+        "target.half_width": [15.0, 20.0],
+        "target.pixels": [36, 48],
+        "target.fit": "stretch",
+    }
     _, (_, landing, _, beam) = started(tmp_path, backend, changes, WHITE)
     x, y = mesh(beam)
     assert np.abs(landing.x.numpy() - 15 / 9.5 * x).max() < 0.42
@@ -60,10 +69,18 @@ def test_an_oblong_beam_is_spread_over_an_oblong_target(tmp_path, backend):
 @pytest.mark.parametrize("pixels", [[48, 48], [50, 40]], ids=str)
 @pytest.mark.parametrize("kind", ["gaussian", "image"])
 def test_light_that_is_not_even_is_spread_evenly(tmp_path, backend, kind, pixels):
-    """The shares of light beyond three lines across the target are those of uniform light, to a pixel of 48."""
-    picture_of_source = np.round(200 * np.outer(np.linspace(0.4, 1, 30), np.linspace(1, 0.5, 20))).astype(np.uint8)
+    """The shares of light beyond three lines across the target are those of uniform light, to a pixel of
+    48."""
+    picture_of_source = np.round(200 * np.outer(np.linspace(0.4, 1, 30), np.linspace(1, 0.5, 20))).astype(
+        np.uint8
+    )
     Image.fromarray(picture_of_source).save(tmp_path / "glow.png")
-    changes = {"source.profile": kind, "source.sigma": [0.8, 1.2], "target.pixels": pixels, "target.fit": "stretch"}
+    changes = {
+        "source.profile": kind,
+        "source.sigma": [0.8, 1.2],
+        "target.pixels": pixels,
+        "target.fit": "stretch",
+    }
     changes |= {"source.image": "glow.png", "lens.rear.freeform.z_freedom": 5.0}
     problem = load_problem(write_problem(tmp_path, changes, WHITE))
     lens = base_lens(problem)
@@ -82,10 +99,15 @@ def test_every_quadrant_gets_its_share(tmp_path, backend):
     image = picture()
     image[:24, :24] //= 4  # the upper left quarter is dark, all four differ
     image[24:, 24:] //= 2
-    _, (_, landing, _, _) = started(tmp_path, backend, {"target.encoding": "linear", "lens.rear.freeform.z_freedom": 5.0}, image)
+    _, (_, landing, _, _) = started(
+        tmp_path, backend, {"target.encoding": "linear", "lens.rear.freeform.z_freedom": 5.0}, image
+    )
     x, y, flux = landing.x.numpy(), landing.y.numpy(), landing.flux.numpy()
     found = np.array(
-        [[flux[(x < 0) & (y > 0)].sum(), flux[(x > 0) & (y > 0)].sum()], [flux[(x < 0) & (y < 0)].sum(), flux[(x > 0) & (y < 0)].sum()]]
+        [
+            [flux[(x < 0) & (y > 0)].sum(), flux[(x > 0) & (y > 0)].sum()],
+            [flux[(x < 0) & (y < 0)].sum(), flux[(x > 0) & (y < 0)].sum()],
+        ]
     )
     wanted = image.reshape(2, 24, 2, 24).astype(float).sum(axis=(1, 3))
     np.testing.assert_allclose(found / found.sum(), wanted / wanted.sum(), rtol=0, atol=0.02)
@@ -104,7 +126,9 @@ def test_the_base_conic_does_not_matter(tmp_path, backend):
     """The same light from a plane and from a paraboloid as base: the sag makes up for it."""
     points = []
     for radius in (np.inf, 40.0, -120.0):
-        _, (_, landing, _, _) = started(tmp_path, backend, {"lens.rear.radius": radius, "lens.rear.freeform.z_freedom": 5.0}, WHITE)
+        _, (_, landing, _, _) = started(
+            tmp_path, backend, {"lens.rear.radius": radius, "lens.rear.freeform.z_freedom": 5.0}, WHITE
+        )
         points.append(np.column_stack([landing.x.numpy(), landing.y.numpy()]))
     assert np.abs(points[1] - points[0]).max() < 0.42
     assert np.abs(points[2] - points[0]).max() < 0.42

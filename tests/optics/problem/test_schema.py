@@ -101,7 +101,12 @@ def test_every_key_reaches_the_problem(tmp_path, base):
 def test_defaults_are_those_of_the_design_contract(tmp_path):
     p = load_values(tmp_path, MINIMAL)
     assert (p.source.distance, p.source.flux) == (2.0, 1.0)
-    assert (p.source.profile, p.source.image, p.source.half_angle, p.source.exponent) == ("uniform", "", 90.0, 0.0)
+    assert (p.source.profile, p.source.image, p.source.half_angle, p.source.exponent) == (
+        "uniform",
+        "",
+        90.0,
+        0.0,
+    )
     assert p.lens.front.freeform is None
     for surface in (p.lens.front, p.lens.rear):
         assert (surface.radius, surface.conic) == (math.inf, 0.0)
@@ -114,15 +119,28 @@ def test_defaults_are_those_of_the_design_contract(tmp_path):
 def test_the_pearl_example_holds_the_numbers_of_the_design_contract():
     p = load_problem(EXAMPLES / "pearl.toml")
     assert (p.source.half_width, p.source.distance, p.source.flux) == ((47.5, 47.5), 2.0, 1.0)
-    assert (p.lens.index, p.lens.thickness, p.lens.front.half_width, p.lens.front.radius) == (1.5, 20.0, (50.0, 50.0), math.inf)
+    assert (p.lens.index, p.lens.thickness, p.lens.front.half_width, p.lens.front.radius) == (
+        1.5,
+        20.0,
+        (50.0, 50.0),
+        math.inf,
+    )
     assert (p.lens.rear.half_width, p.lens.rear.radius, p.lens.rear.conic) == ((50.0, 50.0), 150.0, -1.0)
-    assert (p.lens.rear.freeform.degree, p.lens.rear.freeform.spans, p.lens.rear.freeform.max_level) == (3, (7, 7), 5)
+    assert (p.lens.rear.freeform.degree, p.lens.rear.freeform.spans, p.lens.rear.freeform.max_level) == (
+        3,
+        (7, 7),
+        5,
+    )
     assert (p.target.distance, p.target.half_width, p.target.pixels) == (300.0, (100.0, 100.0), (256, 256))
     assert Path(p.target.image).is_file()
 
 
 def test_whole_numbers_count_as_numbers_and_one_number_as_a_list_per_level(tmp_path):
-    p = load_values(tmp_path, SMALL | {"lens.thickness": 6, "lens.rear.radius": 40, "optimizer.iterations": 9, "refinement.alpha": 1})
+    p = load_values(
+        tmp_path,
+        SMALL
+        | {"lens.thickness": 6, "lens.rear.radius": 40, "optimizer.iterations": 9, "refinement.alpha": 1},
+    )
     assert isinstance(p.lens.thickness, float)
     assert (p.lens.thickness, p.lens.rear.radius) == (6.0, 40.0)
     assert (p.optimizer.iterations, p.refinement.alpha) == ((9,), (1.0,))
@@ -171,9 +189,9 @@ def test_the_written_file_holds_every_key(tmp_path, values):
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(
     title=st.text(),
-    image=st.text(st.characters(exclude_characters="\0/", exclude_categories=("Cs",)), min_size=1, max_size=30).filter(
-        lambda s: s not in (".", "..")
-    ),
+    image=st.text(
+        st.characters(exclude_characters="\0/", exclude_categories=("Cs",)), min_size=1, max_size=30
+    ).filter(lambda s: s not in (".", "..")),
     number=st.floats(min_value=5e-324, max_value=1e300),
     radius=st.floats(allow_nan=False).filter(bool),
     seed=st.integers(0, 2**63 - 1),
@@ -192,7 +210,15 @@ def test_any_text_and_number_survives_the_trip(tmp_path, title, image, number, r
 
 
 @pytest.mark.parametrize(
-    "title", ["a\x00b", 'quote " and \\ backslash', "tab\tline\nfeed\r", "\x7f\u2028", "\U0001f52d", "tag \U000e0041 tag"]
+    "title",
+    [
+        "a\x00b",
+        'quote " and \\ backslash',
+        "tab\tline\nfeed\r",
+        "\x7f\u2028",
+        "\U0001f52d",
+        "tag \U000e0041 tag",
+    ],
 )
 def test_odd_titles_survive_the_trip(tmp_path, title):
     problem = replace(load_values(tmp_path, SMALL), title=title)
@@ -238,19 +264,59 @@ WORDS = [
 ]
 
 BAD = [
-    *((key, bad) for key in NUMBERS for bad in ("6", True, math.nan, -math.inf, [1.0], {"a": 1}, datetime.date(2000, 1, 1))),
+    *(
+        (key, bad)
+        for key in NUMBERS
+        for bad in ("6", True, math.nan, -math.inf, [1.0], {"a": 1}, datetime.date(2000, 1, 1))
+    ),
     *((key, math.inf) for key in NUMBERS if key != "target.distance"),
-    *((key, bad) for key in WHOLE for bad in (1.5, 2.0, "2", False, math.nan, -1, [2], 10**9 if key != "run.seed" else -5)),
+    *(
+        (key, bad)
+        for key in WHOLE
+        for bad in (1.5, 2.0, "2", False, math.nan, -1, [2], 10**9 if key != "run.seed" else -5)
+    ),
     *(
         (key, bad)
         for key in PAIRS
-        for bad in (9.5, [], [9.5], [9.5, 9.5, 9.5], [9.5, "a"], [9.5, True], [9.5, 0], [-1.0, 9.5], [math.nan, 1.0])
+        for bad in (
+            9.5,
+            [],
+            [9.5],
+            [9.5, 9.5, 9.5],
+            [9.5, "a"],
+            [9.5, True],
+            [9.5, 0],
+            [-1.0, 9.5],
+            [math.nan, 1.0],
+        )
     ),
     *((key, bad) for key in WORDS for bad in (1, True, [], 1.5)),
     *((key, "other") for key in WORDS[1:3] + WORDS[4:]),
-    *((key, bad) for key in ("lens.front.radius", "lens.rear.radius") for bad in (0, 0.0, -0.0, math.nan, "plane", True)),
-    *((key, -1.0) for key in ("source.distance", "source.flux", "lens.thickness", "target.distance", "lens.rear.freeform.z_freedom")),
-    *((key, 0.0) for key in ("source.flux", "lens.thickness", "target.distance", "lens.rear.freeform.z_freedom", "verify.volume")),
+    *(
+        (key, bad)
+        for key in ("lens.front.radius", "lens.rear.radius")
+        for bad in (0, 0.0, -0.0, math.nan, "plane", True)
+    ),
+    *(
+        (key, -1.0)
+        for key in (
+            "source.distance",
+            "source.flux",
+            "lens.thickness",
+            "target.distance",
+            "lens.rear.freeform.z_freedom",
+        )
+    ),
+    *(
+        (key, 0.0)
+        for key in (
+            "source.flux",
+            "lens.thickness",
+            "target.distance",
+            "lens.rear.freeform.z_freedom",
+            "verify.volume",
+        )
+    ),
     ("lens.index", 1.0),
     ("lens.index", 0.5),
     ("source.image", 3),
@@ -277,7 +343,9 @@ BAD = [
 
 @pytest.mark.parametrize(("key", "bad"), BAD, ids=str)
 def test_bad_values_are_refused_by_name(tmp_path, key, bad):
-    values = {k: v for k, v in SMALL.items() if k != key} | {key: "DATE" if isinstance(bad, datetime.date) else bad}
+    values = {k: v for k, v in SMALL.items() if k != key} | {
+        key: "DATE" if isinstance(bad, datetime.date) else bad
+    }
     text = toml_text(values).replace('"DATE"', "2000-01-01")
     with pytest.raises(UserError) as caught:
         load_text(tmp_path, text)
@@ -317,7 +385,9 @@ def test_limits_belong_to_what_is_allowed_and_nothing_beyond(tmp_path, key):
     for limit, direction in zip(LIMITS[key], (-1, 1)):
         if limit is not None:
             load_values(tmp_path, SMALL | {key: limit})
-            assert re.search(rf"{key}.* must be at (least|most) ", refusal(tmp_path, {key: beyond(limit, direction)}))
+            assert re.search(
+                rf"{key}.* must be at (least|most) ", refusal(tmp_path, {key: beyond(limit, direction)})
+            )
 
 
 @pytest.mark.parametrize("key", REQUIRED)
@@ -338,14 +408,23 @@ PARTNERS = [
     ({"source.profile": "image"}, "the key source.image is missing"),
     ({"source.profile": "image", "source.image": ""}, "the key source.image is missing"),
     ({"target.image": ""}, "the key target.image is missing"),
-    ({"source.kind": "point", "source.distance": 0}, "source.distance must be greater than 0 for a point, which would lie in the lens"),
+    (
+        {"source.kind": "point", "source.distance": 0},
+        "source.distance must be greater than 0 for a point, which would lie in the lens",
+    ),
     *(
-        ({"source.kind": kind, "source.half_width": pair}, f"source.half_width must be greater than 0 for a {kind} source, got {shown}")
+        (
+            {"source.kind": kind, "source.half_width": pair},
+            f"source.half_width must be greater than 0 for a {kind} source, got {shown}",
+        )
         for kind in ("collimated", "lambertian")
         for pair, shown in (([0, 0], "[0.0, 0.0]"), ([3.0, 0.0], "[3.0, 0.0]"), ([0.0, 2.0], "[0.0, 2.0]"))
     ),
     *(
-        (FAR | {"target.half_width": pair}, "target.half_width must be less than 90 degrees in the far field, got ")
+        (
+            FAR | {"target.half_width": pair},
+            "target.half_width must be less than 90 degrees in the far field, got ",
+        )
         for pair in ([90.0, 20.0], [20.0, 90.5], [1000.0, 1000.0])
     ),
 ]
@@ -399,7 +478,15 @@ def test_a_free_front_takes_the_defaults_of_a_free_surface(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "key", ["colour", "source.colour", "lens.front.freeform.colour", "lens.rear.freeform.colour", "run.colour", "sources.kind"]
+    "key",
+    [
+        "colour",
+        "source.colour",
+        "lens.front.freeform.colour",
+        "lens.rear.freeform.colour",
+        "run.colour",
+        "sources.kind",
+    ],
 )
 def test_an_unknown_key_is_named_with_those_that_exist(tmp_path, key):
     message = refusal(tmp_path, {key: 1})
@@ -422,7 +509,18 @@ def test_an_array_of_tables_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["title = ", "[source", "= 3", "a = 1\na = 2", "\x00", "title = 'x", b"\xff\xfe\x00", b"\x89PNG\r\n\x1a\n"], ids=repr
+    "text",
+    [
+        "title = ",
+        "[source",
+        "= 3",
+        "a = 1\na = 2",
+        "\x00",
+        "title = 'x",
+        b"\xff\xfe\x00",
+        b"\x89PNG\r\n\x1a\n",
+    ],
+    ids=repr,
 )
 def test_text_that_is_not_toml_is_refused(tmp_path, text):
     with pytest.raises(UserError, match=r"is not valid TOML") as caught:
@@ -483,7 +581,8 @@ def test_messages_stay_short_whatever_the_value(tmp_path):
 
 
 def message_of(folder, text):
-    """Return the reason for which a text is refused, "" if it gives a Problem; any other exception passes through."""
+    """Return the reason for which a text is refused, "" if it gives a Problem; any other exception passes
+    through."""
     try:
         assert isinstance(load_text(folder, text), Problem)
     except UserError as error:
@@ -498,12 +597,31 @@ VALUES = st.recursive(
         st.sampled_from([10**308, 10**309, -(10**400)]),
         st.floats(),
         st.text(max_size=20),
-        st.sampled_from(["srgb", "linear", "image", "crop", "bspline", "single", "collimated", "lambertian", "point", "gaussian"]),
+        st.sampled_from(
+            [
+                "srgb",
+                "linear",
+                "image",
+                "crop",
+                "bspline",
+                "single",
+                "collimated",
+                "lambertian",
+                "point",
+                "gaussian",
+            ]
+        ),
     ),
-    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=8), inner, max_size=3)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
     max_leaves=6,
 )
-KEYS = st.one_of(st.sampled_from([*EXTENDED, "run.seed", "optimizer.sigma", "refinement.alpha", "verify.surface", "lens.front.radius"]))
+KEYS = st.one_of(
+    st.sampled_from(
+        [*EXTENDED, "run.seed", "optimizer.sigma", "refinement.alpha", "verify.surface", "lens.front.radius"]
+    )
+)
 
 
 @settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)

@@ -12,8 +12,18 @@ from optics.report.scene_figure import LONG, SHORT, placed, scene_paths, scene_v
 from optics.report.solid_renderer import solid_faces
 from optics.system import base_lens
 
-LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 2.0, "optimizer.window": "bspline"}
-POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 30.0, "source.half_angle": 15.0}
+LAMBERTIAN = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 2.0,
+    "optimizer.window": "bspline",
+}
+POINT = {
+    "source.kind": "point",
+    "source.half_width": [0.0, 0.0],
+    "source.distance": 30.0,
+    "source.half_angle": 15.0,
+}
 SOURCES = {"collimated": {}, "round": {"source.profile": "round"}, "lambertian": LAMBERTIAN, "point": POINT}
 FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
 
@@ -54,7 +64,10 @@ def test_every_kind_of_source_has_its_picture(backend, made, name):
 @pytest.mark.parametrize("name", SOURCES)
 def test_rays_start_on_the_source_and_end_in_the_target_plane(backend, made, name):
     problem, lens = made(SOURCES[name])
-    starts, ends = (np.array([path.points[k] for path in scene_paths(backend, problem, lens) if "target" in path.fate]) for k in (0, -1))
+    starts, ends = (
+        np.array([path.points[k] for path in scene_paths(backend, problem, lens) if "target" in path.fate])
+        for k in (0, -1)
+    )
     assert len(starts) > 30
     assert (np.abs(starts[:, :2]) <= problem.source.half_width).all()
     assert np.array_equal(ends[:, 2], np.full(len(ends), problem.target_z))
@@ -77,7 +90,9 @@ def test_light_is_drawn_where_it_is(backend, made):
     corner[:12, 36:] = 1.0
     before, after = (pixels(scene_view(problem, lens, light, paths)).mean(axis=2) for light in (dark, corner))
     rows, columns = np.nonzero(after - before > 50)
-    middle = np.argwhere(np.abs(before - 127) < 3).mean(axis=0)  # of what is half bright: the target without its lower left quarter
+    middle = np.argwhere(np.abs(before - 127) < 3).mean(
+        axis=0
+    )  # of what is half bright: the target without its lower left quarter
     assert rows.size > 100
     assert rows.mean() < middle[0]
     assert columns.mean() > middle[1]
@@ -86,7 +101,10 @@ def test_light_is_drawn_where_it_is(backend, made):
 
 def test_rays_that_miss_are_red(backend, made):
     hit, miss = made({"target.half_width": [60.0, 60.0]}), made({"target.half_width": [0.5, 0.5]})
-    counts = [red(scene_view(problem, lens, np.ones((48, 48)), scene_paths(backend, problem, lens))) for problem, lens in (hit, miss)]
+    counts = [
+        red(scene_view(problem, lens, np.ones((48, 48)), scene_paths(backend, problem, lens)))
+        for problem, lens in (hit, miss)
+    ]
     assert counts[0] == 0
     assert counts[1] > 100
 
@@ -102,14 +120,19 @@ def test_the_far_field_shows_rays_and_no_target(backend, made):
 
 def test_a_beam_wider_than_the_lens_does_not_rule_the_picture(made):
     problem, lens = made({"source.half_width": [4000.0, 8.0]})
-    assert np.ptp(placed(problem, solid_faces(lens)[0]).source, axis=1) == pytest.approx([2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14)
+    assert np.ptp(placed(problem, solid_faces(lens)[0]).source, axis=1) == pytest.approx(
+        [2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14
+    )
 
 
 @pytest.mark.parametrize("distance", [8.0, 60.0, 1000.0, 5e4, 1e7])
 @pytest.mark.parametrize("half_width", [2.0, 20.0, 3000.0])
 def test_the_target_leaves_the_lens_free(made, distance, half_width):
-    """The target lies at the right of the lens, and its drawn distance within limits of the sizes; factors differ by 2.5 at most."""
-    problem, lens = made({"lens.rear.radius": float("inf"), "target.distance": distance, "target.half_width": [half_width] * 2})
+    """The target lies at the right of the lens, and its drawn distance within limits of the sizes; factors
+    differ by 2.5 at most."""
+    problem, lens = made(
+        {"lens.rear.radius": float("inf"), "target.distance": distance, "target.half_width": [half_width] * 2}
+    )
     scene = placed(problem, solid_faces(lens)[0])
     assert scene.box(scene.lens)[1, 0] < scene.box(scene.target)[0, 0]
     drawn = distance / scene.squeeze / (half_width + 10.0)

@@ -14,7 +14,12 @@ from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
-PANELS = {"rear": np.s_[30:440, :460], "side": np.s_[30:440, 462:], "front": np.s_[480:880, :460], "oblique": np.s_[480:880, 462:]}
+PANELS = {
+    "rear": np.s_[30:440, :460],
+    "side": np.s_[30:440, 462:],
+    "front": np.s_[480:880, :460],
+    "oblique": np.s_[480:880, 462:],
+}
 
 
 def rippled(height, radius=np.inf, where=(-1, 1)):
@@ -57,12 +62,15 @@ def test_the_same_lens_gives_the_same_picture_and_no_figure_stays_open():
 
 def test_a_sag_of_zeros_is_drawn_as_none():
     """What is left of the slopes of a paraboloid is rounding, and no relief to be shaded."""
-    none, zeros = (lens(rear=rear) for rear in (FreeformSurface((50.0, 50.0), Conic(150.0, -1.0)), rippled(0.0, 150.0)))
+    none, zeros = (
+        lens(rear=rear) for rear in (FreeformSurface((50.0, 50.0), Conic(150.0, -1.0)), rippled(0.0, 150.0))
+    )
     assert solid_views(none) == solid_views(zeros)
 
 
 def test_ripples_of_a_twentieth_of_a_millimetre_are_seen_on_100_mm():
-    """They change grey levels by 10 and more, where eyes tell 2 apart; the view from the front stays as it was."""
+    """They change grey levels by 10 and more, where eyes tell 2 apart; the view from the front stays as it
+    was."""
     before, after = (picture(lens(rear=rippled(height, 150.0))).mean(axis=2) for height in (0.0, 0.05))
     change = (after - before)[PANELS["rear"]][100:300, 120:320]
     assert change.std() > 10
@@ -71,7 +79,8 @@ def test_ripples_of_a_twentieth_of_a_millimetre_are_seen_on_100_mm():
 
 @pytest.mark.parametrize(("face", "panel", "side"), [("rear", "rear", 1), ("front", "front", -1)])
 def test_relief_is_drawn_where_it_is(face, panel, side):
-    """Ripples between 0.3 and 1 of high x lie at the right in the view from the rear, and at the left in that from the front."""
+    """Ripples between 0.3 and 1 of high x lie at the right in the view from the rear, and at the left in that
+    from the front."""
     flat, other = (picture(lens(**{face: rippled(h, where=(0.3, 1))})) for h in (0.0, 0.05))
     change = np.abs(other - flat)[PANELS[panel]].sum(axis=(0, 2))
     columns = np.nonzero(glass(flat[PANELS[panel]]).any(axis=0))[0]
@@ -82,15 +91,20 @@ def test_relief_is_drawn_where_it_is(face, panel, side):
 SIZES = {
     "oblong": lens(FreeformSurface((40.0, 30.0)), FreeformSurface((40.0, 30.0), Conic(-90.0, -1.0)), 25.0),
     "wider rear": lens(FreeformSurface((20.0, 30.0)), FreeformSurface((40.0, 30.0), Conic(80.0, -1.0)), 25.0),
-    "wider front": lens(FreeformSurface((40.0, 30.0), Conic(-80.0, -1.0)), FreeformSurface((20.0, 25.0)), 25.0),
-    "steep rim": lens(rear=rippled(80.0, where=(0.8, 1)), thickness=60.0),  # samples at equal steps of x leave gaps there
+    "wider front": lens(
+        FreeformSurface((40.0, 30.0), Conic(-80.0, -1.0)), FreeformSurface((20.0, 25.0)), 25.0
+    ),
+    "steep rim": lens(
+        rear=rippled(80.0, where=(0.8, 1)), thickness=60.0
+    ),  # samples at equal steps of x leave gaps there
     "steep": lens(FreeformSurface((10.0, 10.0)), FreeformSurface((10.0, 10.0), Conic(-3.0, -1.0)), 40.0),
 }
 
 
 @pytest.mark.parametrize("name", SIZES)
 def test_outlines_have_the_proportions_of_the_lens(name):
-    """Width, height and depth of the three outlines at one scale, to the two pixels that lines of ink take at each side."""
+    """Width, height and depth of the three outlines at one scale, to the two pixels that lines of ink take at
+    each side."""
     solid = SIZES[name]
     pixels = picture(solid)
     width, height = (2 * max(pair) for pair in zip(solid.front.half_width, solid.rear.half_width))

@@ -47,7 +47,9 @@ sizes = {}  # of the blocks handed out, by address
 def allocate(_context, size):
     """Return `size` zeroed bytes that end, up to alignment, where an unreadable page begins."""
     pages = -(-max(size, 1) // PAGE) * PAGE
-    base = libc.mmap(None, pages + PAGE, mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS, -1, 0)
+    base = libc.mmap(
+        None, pages + PAGE, mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS, -1, 0
+    )
     libc.mprotect(base + pages, PAGE, 0)
     address = (base + pages - size) & ~15
     sizes[address] = size, base, pages + PAGE
@@ -68,7 +70,15 @@ def reallocate(_context, address, size):
     return new
 
 
-handler = Handler(b"guarded", 1, None, MALLOC(allocate), CALLOC(lambda c, n, s: allocate(c, n * s)), REALLOC(reallocate), FREE(release))
+handler = Handler(
+    b"guarded",
+    1,
+    None,
+    MALLOC(allocate),
+    CALLOC(lambda c, n, s: allocate(c, n * s)),
+    REALLOC(reallocate),
+    FREE(release),
+)
 
 
 def guard():
@@ -76,26 +86,45 @@ def guard():
     capsule_pointer = ctypes.pythonapi.PyCapsule_GetPointer
     capsule_pointer.restype, capsule_pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
     capsule_new = ctypes.pythonapi.PyCapsule_New
-    capsule_new.restype, capsule_new.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
-    table = ctypes.cast(capsule_pointer(np._core._multiarray_umath._ARRAY_API, None), ctypes.POINTER(ctypes.c_void_p))
+    capsule_new.restype, capsule_new.argtypes = (
+        ctypes.py_object,
+        [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p],
+    )
+    table = ctypes.cast(
+        capsule_pointer(np._core._multiarray_umath._ARRAY_API, None), ctypes.POINTER(ctypes.c_void_p)
+    )
     set_handler = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object)(table[SET_HANDLER])
     set_handler(capsule_new(ctypes.addressof(handler), b"mem_handler", None))
 
 
 def main():
-    """Take loss, gradient, image and vertex gradients of a plane and of a curved front, and of two free surfaces before a glowing area."""
+    """Take loss, gradient, image and vertex gradients of a plane and of a curved front, and of two free
+    surfaces before a glowing area."""
     from optics.optimisation import Objective
     from optics.runtime.backend import load_backend
     from optics.tracing import Tracer
     from tests.optics.cases import coefficients, small_space
-    from tests.optics.optimisation.test_gradient import ANGLES, BOTH, CUBIC, GLOWING, PLANE, Conic, KnotVector, asked_for, make_objective
+    from tests.optics.optimisation.test_gradient import (
+        ANGLES,
+        BOTH,
+        CUBIC,
+        GLOWING,
+        PLANE,
+        Conic,
+        KnotVector,
+        asked_for,
+        make_objective,
+    )
 
     backend = load_backend("double", 2)
     space = small_space()
     vertices = KnotVector.uniform(1, 7, -10.0, 10.0), KnotVector.uniform(1, 9, -10.0, 10.0)
     hollow = [tuple(KnotVector.uniform(1, 7, -h, h) for _ in "xy") for h in (5.0, 8.0)]
     guard()
-    cases = [(make_objective(backend, front, space, CUBIC, rays=21), [np.zeros(space.dim)], [vertices]) for front in (PLANE, Conic(60.0))]
+    cases = [
+        (make_objective(backend, front, space, CUBIC, rays=21), [np.zeros(space.dim)], [vertices])
+        for front in (PLANE, Conic(60.0))
+    ]
     far = Objective(backend, Tracer(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC, asked_for(ANGLES), 100.0)
     for objective, at, knots in [*cases, (far, coefficients(BOTH), hollow)]:
         loss, gradients = objective(at)

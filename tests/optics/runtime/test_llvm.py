@@ -11,7 +11,13 @@ import pytest
 from optics.runtime.errors import UserError
 from optics.runtime.llvm import OLDEST, candidates, llvm_library
 
-NAMES = {"libLLVM-14.so.1": 14, "libLLVM-15.so.1": 15, "libLLVM-16.so": 16, "libLLVM.so.19.1": 19, "libLLVM-22.so": 22}
+NAMES = {
+    "libLLVM-14.so.1": 14,
+    "libLLVM-15.so.1": 15,
+    "libLLVM-16.so": 16,
+    "libLLVM.so.19.1": 19,
+    "libLLVM-22.so": 22,
+}
 
 
 def place(folder, *names):
@@ -31,11 +37,17 @@ def test_the_newest_is_chosen(tmp_path):
 
 
 def test_versions_are_compared_as_numbers(tmp_path):
-    assert llvm_library({}, [place(tmp_path, "libLLVM-9.so", "libLLVM-19.so", "libLLVM-100.so")]) == str(tmp_path / "libLLVM-100.so")
+    assert llvm_library({}, [place(tmp_path, "libLLVM-9.so", "libLLVM-19.so", "libLLVM-100.so")]) == str(
+        tmp_path / "libLLVM-100.so"
+    )
 
 
 def test_every_folder_is_searched_and_patterns_are_expanded(tmp_path):
-    folders = [place(tmp_path / "usr", "libLLVM-17.so"), str(tmp_path / "llvm-*" / "lib"), str(tmp_path / "missing")]
+    folders = [
+        place(tmp_path / "usr", "libLLVM-17.so"),
+        str(tmp_path / "llvm-*" / "lib"),
+        str(tmp_path / "missing"),
+    ]
     place(tmp_path / "llvm-18" / "lib", "libLLVM.so.18.1")
     newest = place(tmp_path / "llvm-20" / "lib", "libLLVM.so.20.1")
     assert llvm_library({}, folders) == str(Path(newest) / "libLLVM.so.20.1")
@@ -44,7 +56,10 @@ def test_every_folder_is_searched_and_patterns_are_expanded(tmp_path):
 def test_a_link_counts_as_what_it_points_to(tmp_path):
     place(tmp_path, "libLLVM-14.so.1")
     (tmp_path / "libLLVM.so").symlink_to("libLLVM-14.so.1")
-    assert candidates([str(tmp_path)]) == {str(tmp_path / "libLLVM-14.so.1"): 14, str(tmp_path / "libLLVM.so"): 14}
+    assert candidates([str(tmp_path)]) == {
+        str(tmp_path / "libLLVM-14.so.1"): 14,
+        str(tmp_path / "libLLVM.so"): 14,
+    }
 
 
 def test_a_dangling_link_is_not_chosen(tmp_path):
@@ -60,7 +75,9 @@ def test_a_file_that_is_no_library_and_names_no_version_is_ignored(tmp_path):
 
 
 def test_only_old_libraries_are_refused_with_version_and_remedy(tmp_path):
-    with pytest.raises(UserError, match=r"version 16 .*libLLVM-16\.so.*install LLVM 17 or newer.*apt-get install libllvm"):
+    with pytest.raises(
+        UserError, match=r"version 16 .*libLLVM-16\.so.*install LLVM 17 or newer.*apt-get install libllvm"
+    ):
         llvm_library({}, [place(tmp_path, "libLLVM-14.so.1", "libLLVM-15.so.1", "libLLVM-16.so")])
 
 
@@ -76,20 +93,26 @@ def test_the_environment_decides(tmp_path):
 
 
 def test_an_empty_environment_variable_is_as_none(tmp_path):
-    assert llvm_library({"DRJIT_LIBLLVM_PATH": ""}, [place(tmp_path, "libLLVM-22.so")]) == str(tmp_path / "libLLVM-22.so")
+    assert llvm_library({"DRJIT_LIBLLVM_PATH": ""}, [place(tmp_path, "libLLVM-22.so")]) == str(
+        tmp_path / "libLLVM-22.so"
+    )
 
 
 @pytest.mark.parametrize("name", ["libLLVM-14.so.1", "libLLVM-15.so.1", "libLLVM-16.so"])
 def test_an_old_library_in_the_environment_is_refused(tmp_path, name):
     folder = place(tmp_path, *NAMES)
-    with pytest.raises(UserError, match=rf"DRJIT_LIBLLVM_PATH = .*{name} is LLVM {NAMES[name]}.*unset it or install"):
+    with pytest.raises(
+        UserError, match=rf"DRJIT_LIBLLVM_PATH = .*{name} is LLVM {NAMES[name]}.*unset it or install"
+    ):
         llvm_library({"DRJIT_LIBLLVM_PATH": str(tmp_path / name)}, [folder])
 
 
 @pytest.mark.parametrize("name", ["missing/libLLVM-22.so", "text.txt"])
 def test_an_environment_path_without_a_library_is_refused(tmp_path, name):
     (tmp_path / "text.txt").write_text("not a library")
-    with pytest.raises(UserError, match=r"DRJIT_LIBLLVM_PATH = .* is not an LLVM library; unset it or install"):
+    with pytest.raises(
+        UserError, match=r"DRJIT_LIBLLVM_PATH = .* is not an LLVM library; unset it or install"
+    ):
         llvm_library({"DRJIT_LIBLLVM_PATH": str(tmp_path / name)}, [place(tmp_path, *NAMES)])
 
 

@@ -8,7 +8,10 @@ import pytest
 from optics.sources.collimated import Profile, collimated_beam
 
 
-@pytest.mark.parametrize(("source", "aperture"), [((9.5, 9.5), (10.0, 10.0)), ((14.0, 9.0), (10.0, 10.0)), ((30.0, 20.0), (10.0, 5.0))])
+@pytest.mark.parametrize(
+    ("source", "aperture"),
+    [((9.5, 9.5), (10.0, 10.0)), ((14.0, 9.0), (10.0, 10.0)), ((30.0, 20.0), (10.0, 5.0))],
+)
 @pytest.mark.parametrize("rays", [(1, 1), (64, 17)])
 def test_rays_carry_the_share_that_meets_the_lens(source, aperture, rays):
     beam = collimated_beam(source, 3.0, aperture, rays)
@@ -69,7 +72,9 @@ def test_all_light_is_carried_or_missed(profile):
 def test_gaussian_follows_its_formula():
     profile = Profile("gaussian", (0.5, 0.25))
     density = profile(np.array([[0.0], [0.5]]), np.array([[0.0, 0.25]]))
-    np.testing.assert_allclose(density / density[0, 0], [[1, np.exp(-0.5)], [np.exp(-0.5), np.exp(-1)]], rtol=1e-14)
+    np.testing.assert_allclose(
+        density / density[0, 0], [[1, np.exp(-0.5)], [np.exp(-0.5), np.exp(-1)]], rtol=1e-14
+    )
 
 
 def test_slices_of_a_profile_are_the_beam():

@@ -25,7 +25,9 @@ def lambertian(half_angle=90.0, profile=EVEN, count=COUNT, seed=0, most=1 << 62)
     """Return a Lambertian source's rays in one piece."""
     parts = list(lambertian_parts(HALF_WIDTH, DISTANCE, FLUX, half_angle, profile, count, seed, most))
     flux = np.concatenate([np.broadcast_to(p.ray_flux, p.origin.shape[1]) for p in parts])
-    return Rays(*(np.concatenate([getattr(p, name) for p in parts], axis=1) for name in ("origin", "direction")), flux)
+    return Rays(
+        *(np.concatenate([getattr(p, name) for p in parts], axis=1) for name in ("origin", "direction")), flux
+    )
 
 
 def point(half_angle=60.0, exponent=1.0, counts=(64, 48), shift=(0.0, 0.0)):
@@ -41,7 +43,8 @@ def mean(rays, values):
 def sobol_error(count=COUNT):
     """Return a bound of the error of means of smooth functions of size 1 over `count` scrambled Sobol points.
 
-    Random points err by count^-1/2, one standard deviation; Sobol points by less, at 2^14 by a factor of ten and more.
+    Random points err by count^-1/2, one standard deviation; Sobol points by less, at 2^14 by a factor of ten
+    and more.
     """
     return count**-0.5
 
@@ -51,7 +54,14 @@ def sobol_error(count=COUNT):
 
 @pytest.mark.parametrize(
     "rays",
-    [lambertian(), lambertian(35.0), lambertian(profile=PROFILES[1]), point(), point(90.0, 0.0), point(5.0, 80.0, (17, 33), (0.5, -0.5))],
+    [
+        lambertian(),
+        lambertian(35.0),
+        lambertian(profile=PROFILES[1]),
+        point(),
+        point(90.0, 0.0),
+        point(5.0, 80.0, (17, 33), (0.5, -0.5)),
+    ],
     ids=["lambertian", "cone", "disk", "point", "half space", "beam"],
 )
 def test_rays_go_forward_from_the_plane_of_the_source(rays):
@@ -91,7 +101,8 @@ def test_a_set_of_rays_is_its_own_mirror_image_bit_for_bit(rays, sign):
 
 @pytest.mark.parametrize("half_angle", [90.0, 40.0, 3.0])
 def test_a_glowing_rectangle_has_the_moments_of_uniform_light(half_angle):
-    """<x^2> = h^2 / 3, <p^2> = <q^2> = sin^2 / 4; whatever is odd in x, p or in y, q vanishes; position and direction are independent."""
+    """<x^2> = h^2 / 3, <p^2> = <q^2> = sin^2 / 4; whatever is odd in x, p or in y, q vanishes; position and
+    direction are independent."""
     rays = lambertian(half_angle)
     (x, y, _), (p, q, cosine) = rays.origin, rays.direction
     reach = sin(radians(half_angle))
@@ -105,9 +116,12 @@ def test_a_glowing_rectangle_has_the_moments_of_uniform_light(half_angle):
     for k in range(4):
         for m in range(k):
             assert mean(rays, scaled[k] * scaled[m]) == pytest.approx(
-                mean(rays, scaled[k]) * mean(rays, scaled[m]) if {k, m} != {2, 3} else 1 / 24, abs=sobol_error()
+                mean(rays, scaled[k]) * mean(rays, scaled[m]) if {k, m} != {2, 3} else 1 / 24,
+                abs=sobol_error(),
             )  # <p^2 q^2> over a disk of radius 1 is 1 / 24
-    assert mean(rays, cosine) == pytest.approx(2 / 3 * (1 - cos(radians(half_angle)) ** 3) / reach**2, abs=sobol_error())
+    assert mean(rays, cosine) == pytest.approx(
+        2 / 3 * (1 - cos(radians(half_angle)) ** 3) / reach**2, abs=sobol_error()
+    )
     assert np.hypot(p, q).max() <= reach * (1 + 1e-15)
 
 
@@ -130,14 +144,17 @@ def test_a_disk_is_even_over_its_ellipse():
 
 
 def test_a_gaussian_area_follows_its_profile():
-    """Rays of equal flux whose positions are distributed as a Gaussian cut off at the rectangle: scipy's truncnorm."""
+    """Rays of equal flux whose positions are distributed as a Gaussian cut off at the rectangle: scipy's
+    truncnorm."""
     rays = lambertian(60.0, PROFILES[2])
     assert rays.ray_flux == pytest.approx(FLUX / COUNT, rel=1e-15)
     for k, sigma in ((0, 0.4), (1, 0.7)):
         s = rays.origin[k] / HALF_WIDTH[k]
         assert np.abs(s).max() <= 1
         for edge in (-0.8, -0.2, 0.1, 0.6):
-            assert mean(rays, s < edge) == pytest.approx(truncnorm(-1 / sigma, 1 / sigma, scale=sigma).cdf(edge), abs=sobol_error())
+            assert mean(rays, s < edge) == pytest.approx(
+                truncnorm(-1 / sigma, 1 / sigma, scale=sigma).cdf(edge), abs=sobol_error()
+            )
 
 
 def test_a_picture_glows_pixel_by_pixel():
@@ -170,7 +187,9 @@ def test_parts_make_up_the_whole(most, profile):
     parts = list(lambertian_parts(HALF_WIDTH, DISTANCE, FLUX, 80.0, profile, count, 5, most))
     assert max(p.origin.shape[1] for p in parts) <= most
     whole = lambertian(80.0, profile, count, 5)
-    np.testing.assert_array_equal(as_rows(lambertian(80.0, profile, count, 5, most), 1, 1), as_rows(whole, 1, 1))
+    np.testing.assert_array_equal(
+        as_rows(lambertian(80.0, profile, count, 5, most), 1, 1), as_rows(whole, 1, 1)
+    )
     assert sum(p.entering for p in parts) == pytest.approx(whole.entering, rel=1e-13)
 
 
@@ -210,7 +229,9 @@ def test_a_point_sends_a_power_of_the_cosine_into_every_cone(half_angle, exponen
 def test_a_points_moments_converge_with_the_grid(exponent):
     """<cos theta> = (m + 1) / (m + 2) over the half space: the midpoint rule errs by O(n^-2)."""
     expected = (exponent + 1) / (exponent + 2)
-    errors = [abs(mean(r, r.direction[2]) - expected) for r in (point(90.0, exponent, (n, n)) for n in (16, 32, 64))]
+    errors = [
+        abs(mean(r, r.direction[2]) - expected) for r in (point(90.0, exponent, (n, n)) for n in (16, 32, 64))
+    ]
     if exponent == 0:  # the mean height of equal-area rings is exact for even counts but for O(n^-2)
         assert errors[-1] < 1e-3
     assert errors[-1] < 2e-3
@@ -235,7 +256,9 @@ def test_the_map_to_the_disk_preserves_area():
     a, b, h = a[away], b[away], 1e-5
     along = [(f - g) / (2 * h) for f, g in zip(concentric(a + h, b), concentric(a - h, b))]
     across = [(f - g) / (2 * h) for f, g in zip(concentric(a, b + h), concentric(a, b - h))]
-    far = np.minimum(np.abs(a), np.abs(b)) + np.maximum(np.abs(a), np.abs(b)) > 0.05  # third derivatives grow as 1 / r^2
+    far = (
+        np.minimum(np.abs(a), np.abs(b)) + np.maximum(np.abs(a), np.abs(b)) > 0.05
+    )  # third derivatives grow as 1 / r^2
     jacobian = along[0] * across[1] - along[1] * across[0]
     np.testing.assert_allclose(np.abs(jacobian[far]), pi / 4, rtol=0, atol=1e-6)
     assert (jacobian > 0).all()
@@ -244,7 +267,11 @@ def test_the_map_to_the_disk_preserves_area():
 def test_the_map_takes_squares_to_circles_and_continues_across_the_diagonals():
     t = np.linspace(-1, 1, 41)
     for radius in (1.0, 0.3):
-        for a, b in ((radius + 0 * t, radius * t), (-radius + 0 * t, radius * t), (radius * t, radius + 0 * t)):
+        for a, b in (
+            (radius + 0 * t, radius * t),
+            (-radius + 0 * t, radius * t),
+            (radius * t, radius + 0 * t),
+        ):
             np.testing.assert_allclose(np.hypot(*concentric(a, b)), radius, rtol=1e-15)
     s = np.linspace(-1, 1, 41)
     for sign in (1, -1):
@@ -253,7 +280,9 @@ def test_the_map_takes_squares_to_circles_and_continues_across_the_diagonals():
         np.testing.assert_allclose([p, q], near, rtol=0, atol=1e-8)
         np.testing.assert_allclose(np.abs([p, q]), np.abs([s, s]) * np.sqrt(0.5), rtol=0, atol=1e-15)
     np.testing.assert_array_equal(concentric(np.zeros(1), np.zeros(1)), [[0.0], [0.0]])
-    assert np.arctan2(*concentric(np.array([1.0]), np.array([0.5]))[::-1])[0] == pytest.approx(pi / 8, rel=1e-15)
+    assert np.arctan2(*concentric(np.array([1.0]), np.array([0.5]))[::-1])[0] == pytest.approx(
+        pi / 8, rel=1e-15
+    )
     assert asin(concentric(np.array([1.0]), np.array([0.5]))[1][0]) == pytest.approx(pi / 8, rel=1e-15)
 
 
@@ -272,4 +301,6 @@ def test_a_beam_ray_by_ray_is_the_beam(profile, front):
     assert np.unique(rays.origin[2]).size == 1
     assert rays.origin[2].max() < lens.front([10.0], [10.0]).min()
     assert rays.entering == pytest.approx(beam.entering, rel=1e-14)
-    np.testing.assert_array_equal(np.broadcast_to(rays.ray_flux, 91).reshape(13, 7), np.broadcast_to(beam.ray_flux, (13, 7)))
+    np.testing.assert_array_equal(
+        np.broadcast_to(rays.ray_flux, 91).reshape(13, 7), np.broadcast_to(beam.ray_flux, (13, 7))
+    )

@@ -11,7 +11,15 @@ from PIL import Image
 from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.sources import Beam, Rays, collimated_beam
-from optics.system.lens import base_lens, freeforms, problem_rays, ray_parts, require_reachable, source_profile, target_light
+from optics.system.lens import (
+    base_lens,
+    freeforms,
+    problem_rays,
+    ray_parts,
+    require_reachable,
+    source_profile,
+    target_light,
+)
 from tests.optics.cases import write_problem
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.25], "source.flux": 3.0}
@@ -43,7 +51,10 @@ def test_a_collimated_source_is_a_beam(tmp_path):
     assert found.ray_flux == wanted.ray_flux
 
 
-@pytest.mark.parametrize(("counts", "count"), [((64, 64), 4096), ((65, 65), 4096), ((100, 100), 8192), ((1, 1), 4), ((90, 20), 2048)])
+@pytest.mark.parametrize(
+    ("counts", "count"),
+    [((64, 64), 4096), ((65, 65), 4096), ((100, 100), 8192), ((1, 1), 4), ((90, 20), 2048)],
+)
 def test_a_lambertian_source_takes_the_nearest_power_of_two(tmp_path, counts, count):
     found = problem_rays(loaded(tmp_path, LAMBERTIAN), counts)
     assert isinstance(found, Rays)
@@ -57,7 +68,11 @@ def test_a_point_takes_a_grid_of_directions_within_its_cone(tmp_path):
     found = problem_rays(loaded(tmp_path, POINT), (31, 17))
     assert found.origin.shape == (3, 31 * 17)
     assert found.direction[2].min() >= math.cos(math.radians(50)) - 1e-15
-    np.testing.assert_allclose(found.ray_flux / found.ray_flux.max(), (found.direction[2] / found.direction[2].max()) ** 2, rtol=1e-13)
+    np.testing.assert_allclose(
+        found.ray_flux / found.ray_flux.max(),
+        (found.direction[2] / found.direction[2].max()) ** 2,
+        rtol=1e-13,
+    )
 
 
 @pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS.keys())
@@ -149,7 +164,10 @@ def test_a_free_front_has_a_sag_of_zeros_on_its_own_mesh(tmp_path):
     lens = base_lens(problem)
     assert freeforms(problem) == (problem.lens.front.freeform, problem.lens.rear.freeform)
     assert lens.sags == (lens.front.sag, lens.rear.sag)
-    for sag, degree, spans, half_width in ((lens.front.sag, 4, (3, 2), (10.0, 8.0)), (lens.rear.sag, 3, (4, 4), (10.0, 10.0))):
+    for sag, degree, spans, half_width in (
+        (lens.front.sag, 4, (3, 2), (10.0, 8.0)),
+        (lens.rear.sag, 3, (4, 4), (10.0, 10.0)),
+    ):
         assert not sag.coefficients.any()
         assert sag.space.dim == (spans[0] + degree) * (spans[1] + degree)
         for kv, n, h in zip((sag.space.kv_u, sag.space.kv_v), spans, half_width):
@@ -158,11 +176,19 @@ def test_a_free_front_has_a_sag_of_zeros_on_its_own_mesh(tmp_path):
 
 def test_sags_are_put_back_where_they_belong(tmp_path):
     lens = base_lens(loaded(tmp_path, FREE_FRONT))
-    lifted = [type(sag)(sag.space, np.full(sag.space.dim, value)) for sag, value in zip(lens.sags, (-0.25, 0.5))]
+    lifted = [
+        type(sag)(sag.space, np.full(sag.space.dim, value)) for sag, value in zip(lens.sags, (-0.25, 0.5))
+    ]
     found = lens.with_sags(lifted)
     assert found.sags == tuple(lifted)
-    assert [found.front([0.0], [0.0])[0], found.rear([0.0], [0.0])[0]] == pytest.approx([-0.25, 0.5], abs=1e-15)
-    assert (found.front.conic, found.rear.conic, found.thickness) == (lens.front.conic, lens.rear.conic, lens.thickness)
+    assert [found.front([0.0], [0.0])[0], found.rear([0.0], [0.0])[0]] == pytest.approx(
+        [-0.25, 0.5], abs=1e-15
+    )
+    assert (found.front.conic, found.rear.conic, found.thickness) == (
+        lens.front.conic,
+        lens.rear.conic,
+        lens.thickness,
+    )
     for wrong in ([], lifted[:1], [*lifted, lifted[0]]):
         with pytest.raises(ValueError, match=rf"sags must be 2 surfaces, got {len(wrong)}"):
             lens.with_sags(wrong)
@@ -181,7 +207,12 @@ def test_a_target_beyond_the_greatest_deflection_is_refused_for_a_beam_behind_a_
 
 @pytest.mark.parametrize(
     "changes",
-    [LAMBERTIAN, POINT, {"lens.front.radius": 60.0}, {"target.distance": math.inf, "target.half_width": [40.0, 40.0]}],
+    [
+        LAMBERTIAN,
+        POINT,
+        {"lens.front.radius": 60.0},
+        {"target.distance": math.inf, "target.half_width": [40.0, 40.0]},
+    ],
     ids=["lambertian", "point", "curved front", "far field"],
 )
 def test_other_light_is_not_refused(tmp_path, changes):

@@ -43,7 +43,12 @@ def test_the_small_problem_needs_no_advice(tmp_path):
     ],
 )
 def test_extended_sources_are_told_what_suits_them(tmp_path, changes, given):
-    assert any("an extended source blurs its light anyway" in sentence for sentence in advised(tmp_path, changes)) == given
+    assert (
+        any(
+            "an extended source blurs its light anyway" in sentence for sentence in advised(tmp_path, changes)
+        )
+        == given
+    )
 
 
 @pytest.mark.parametrize(
@@ -58,10 +63,19 @@ def test_extended_sources_are_told_what_suits_them(tmp_path, changes, given):
     ],
     ids=str,
 )
-def test_conics_that_step_holds_as_splines_are_weighed_against_the_limit_of_landing_points(tmp_path, changes, given):
-    """2e-9 of the distance against verify.landing, 1e-8 mm unless it is given: 60 mm make 1.2e-7 mm, 4 mm make 8e-9 mm."""
+def test_conics_that_step_holds_as_splines_are_weighed_against_the_limit_of_landing_points(
+    tmp_path, changes, given
+):
+    """2e-9 of the distance against verify.landing, 1e-8 mm unless it is given: 60 mm make 1.2e-7 mm, 4 mm
+    make 8e-9 mm."""
     assert CONIC_SLOPE * 60 > 1e-8 > CONIC_SLOPE * 4
-    assert any("STEP holds conics other than paraboloids as splines" in sentence for sentence in advised(tmp_path, changes)) == given
+    assert (
+        any(
+            "STEP holds conics other than paraboloids as splines" in sentence
+            for sentence in advised(tmp_path, changes)
+        )
+        == given
+    )
 
 
 def test_missed_limits_are_part_of_the_advice(tmp_path):
@@ -75,7 +89,11 @@ def test_missed_limits_are_part_of_the_advice(tmp_path):
         ({"limits.mass": 1.0}, "needs lens.density"),
         ({"lens.thickness": 1.0, "lens.rear.radius": -20.0}, "the surfaces cross"),
         ({"target.half_width": [200.0, 20.0]}, "degrees aside from the beam"),
-        (LAMBERTIAN | {"source.half_width": [5.0, 5.0], "source.distance": 0.1, "lens.front.radius": -20.0}, "source"),
+        (
+            LAMBERTIAN
+            | {"source.half_width": [5.0, 5.0], "source.distance": 0.1, "lens.front.radius": -20.0},
+            "source",
+        ),
     ],
     ids=["mass", "crossing", "reach", "source"],
 )
@@ -132,7 +150,12 @@ def crossing(problem, monkeypatch):
 
 
 def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path, backend, monkeypatch):
-    changes = {"optimizer.start": "flat", "optimizer.iterations": [2], "lens.rear.freeform.max_level": 1, "target.pixels": [24, 24]}
+    changes = {
+        "optimizer.start": "flat",
+        "optimizer.iterations": [2],
+        "lens.rear.freeform.max_level": 1,
+        "target.pixels": [24, 24],
+    }
     problem = load_problem(write_problem(tmp_path, changes))
     light, _ = sound(problem)
     crossing(problem, monkeypatch)
@@ -146,7 +169,12 @@ def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path,
 
 
 def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypatch):
-    changes = {"optimizer.start": "flat", "optimizer.iterations": [2], "lens.rear.freeform.max_level": 0, "target.pixels": [24, 24]}
+    changes = {
+        "optimizer.start": "flat",
+        "optimizer.iterations": [2],
+        "lens.rear.freeform.max_level": 0,
+        "target.pixels": [24, 24],
+    }
     path = write_problem(tmp_path, changes)
     crossing(load_problem(path), monkeypatch)
     assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 0
@@ -160,7 +188,12 @@ def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypat
 def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, backend, monkeypatch):
     from optics.optimisation import loop as module
 
-    changes = {"optimizer.start": "flat", "optimizer.iterations": [2], "lens.rear.freeform.max_level": 0, "target.pixels": [24, 24]}
+    changes = {
+        "optimizer.start": "flat",
+        "optimizer.iterations": [2],
+        "lens.rear.freeform.max_level": 0,
+        "target.pixels": [24, 24],
+    }
     problem = load_problem(write_problem(tmp_path, changes))
     light, base = sound(problem)
 

@@ -16,14 +16,28 @@ from optics.tracing import KnownHits, Tracer
 from oracles.light_formulas import window_value
 from tests.optics.cases import rough
 
-LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 2.0, "optimizer.window": "bspline"}
+LAMBERTIAN = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 2.0,
+    "optimizer.window": "bspline",
+}
 PROBLEMS = {
     "plane front": ({}, {"meeting points", "front", "gradients"}),
     "wide beam": ({"source.half_width": [15.0, 12.0]}, {"meeting points", "front", "gradients", "aperture"}),
-    "curved front": ({"lens.front.radius": 200.0}, {"front", "gradients", "converged rays", "first meetings"}),
-    "free front": ({"lens.front.freeform": {"spans": [3, 3], "max_level": 1}}, {"converged rays", "first meetings"}),
+    "curved front": (
+        {"lens.front.radius": 200.0},
+        {"front", "gradients", "converged rays", "first meetings"},
+    ),
+    "free front": (
+        {"lens.front.freeform": {"spans": [3, 3], "max_level": 1}},
+        {"converged rays", "first meetings"},
+    ),
     "spread light": (LAMBERTIAN, {"front", "gradients", "converged rays", "first meetings"}),
-    "one level": ({"lens.rear.freeform.max_level": 0, "optimizer.window": "gaussian"}, {"meeting points", "front", "gradients"}),
+    "one level": (
+        {"lens.rear.freeform.max_level": 0, "optimizer.window": "gaussian"},
+        {"meeting points", "front", "gradients"},
+    ),
 }
 ALWAYS, NEVER = {"edges", "camera", "taps", "compilation"}, {"fresnel"}
 
@@ -68,7 +82,9 @@ def test_known_meeting_points_change_nothing(backend, problem_file):
     screen = target_screen(problem)
     target = target_irradiance(target_light(problem), screen, problem.target.placing, 0.9)
     tracers = (Tracer(backend, lens, rays, problem.target_z) for rays in (beam, beam_rays(beam, lens)))
-    (loss, (gradient,)), (other_loss, (other,)) = (Objective(backend, t, screen, BSplineWindow(3), target, 1.0)(c) for t in tracers)
+    (loss, (gradient,)), (other_loss, (other,)) = (
+        Objective(backend, t, screen, BSplineWindow(3), target, 1.0)(c) for t in tracers
+    )
     (skip,) = [s for s in skips(problem) if s.name == "meeting points"]
     assert loss == pytest.approx(other_loss, rel=skip.tolerance)
     assert np.linalg.norm(gradient - other) < skip.tolerance * np.linalg.norm(other)
@@ -80,7 +96,9 @@ def test_the_gaussians_tail_bounds_what_the_cut_changes(cut):
     """Twice the L1 distance of the windows of one direction, by quadrature."""
 
     def distance(s):
-        return abs(float(window_value(GaussianWindow(1.0, cut), s)) - np.exp(-(s**2) / 2) / np.sqrt(2 * np.pi))
+        return abs(
+            float(window_value(GaussianWindow(1.0, cut), s)) - np.exp(-(s**2) / 2) / np.sqrt(2 * np.pi)
+        )
 
     change = 2 * 2 * (quad(distance, 0, cut, limit=200)[0] + quad(distance, cut, 12)[0])
     assert gaussian_tail(cut) / 3 < change <= gaussian_tail(cut)

@@ -1,4 +1,5 @@
-"""Targets by formula: what a text means, that it is never executed, and every sentence with which one is refused."""
+"""Targets by formula: what a text means, that it is never executed, and every sentence with which one is
+refused."""
 
 from __future__ import annotations
 
@@ -107,7 +108,12 @@ CALLS = {
     "atan2": (np.arctan2, 2),
     "where": (np.where, 3),
 }
-LEAVES = {"x": lambda x, y: x, "y": lambda x, y: y, "r": lambda x, y: np.hypot(x, y), "pi": lambda x, y: np.float64(np.pi)}
+LEAVES = {
+    "x": lambda x, y: x,
+    "y": lambda x, y: y,
+    "r": lambda x, y: np.hypot(x, y),
+    "pi": lambda x, y: np.float64(np.pi),
+}
 EVEN = {
     "x^2": lambda x, y: x * x,
     "abs(x)": lambda x, y: abs(x),
@@ -124,12 +130,17 @@ def literals():
 
 
 def leaves(named):
-    return st.one_of(literals(), st.sampled_from(list(named)).map(lambda name: (name, 4 if "^" in name else 5, named[name])))
+    return st.one_of(
+        literals(),
+        st.sampled_from(list(named)).map(lambda name: (name, 4 if "^" in name else 5, named[name])),
+    )
 
 
 def extended(parts):
     """Return expressions made of smaller ones, each as (text, how strongly it binds, function of x and y)."""
-    calls = st.sampled_from(list(CALLS)).flatmap(lambda name: st.tuples(st.just(name), st.tuples(*[parts] * CALLS[name][1])))
+    calls = st.sampled_from(list(CALLS)).flatmap(
+        lambda name: st.tuples(st.just(name), st.tuples(*[parts] * CALLS[name][1]))
+    )
     return st.one_of(
         st.tuples(st.sampled_from(list(INFIX)), parts, parts).map(infix),
         calls.map(called),
@@ -150,7 +161,11 @@ def infix(parts):
 
 def called(parts):
     name, arguments = parts
-    return f"{name}({', '.join(a[0] for a in arguments)})", 5, lambda x, y: CALLS[name][0](*(a[2](x, y) for a in arguments))
+    return (
+        f"{name}({', '.join(a[0] for a in arguments)})",
+        5,
+        lambda x, y: CALLS[name][0](*(a[2](x, y) for a in arguments)),
+    )
 
 
 def bound(part, strength):
@@ -163,7 +178,9 @@ def number(value):
 
 
 def expressions(named=LEAVES):
-    return st.recursive(leaves(named), extended, max_leaves=12).filter(lambda part: len(part[0]) < MAX_LENGTH - 10)
+    return st.recursive(leaves(named), extended, max_leaves=12).filter(
+        lambda part: len(part[0]) < MAX_LENGTH - 10
+    )
 
 
 @given(part=expressions(), pixels=st.tuples(st.integers(2, 6), st.integers(2, 6)))
@@ -174,7 +191,9 @@ def test_random_formulas_are_as_an_independent_evaluator_has_them(part, pixels):
     columns, rows = pixels
     x, y = ((2 * np.arange(n * SUBPOINTS) + 1 - n * SUBPOINTS) / (n * SUBPOINTS) for n in pixels)
     with np.errstate(all="ignore"):
-        values = np.broadcast_to(np.abs(function(x[None, :], -y[:, None])), (rows * SUBPOINTS, columns * SUBPOINTS))
+        values = np.broadcast_to(
+            np.abs(function(x[None, :], -y[:, None])), (rows * SUBPOINTS, columns * SUBPOINTS)
+        )
     text = f"abs({text})"
     if not np.isfinite(values).all():
         assert re.match(r"target\.formula is (not a number|infinite) at x = ", refusal(text, pixels))
@@ -198,8 +217,14 @@ def test_row_0_is_the_top_and_column_0_the_left():
 
 def test_the_target_shows_the_formula_upright(tmp_path):
     """Light at the upper right, on a target twice as wide as high."""
-    changes = {"target.half_width": [20.0, 10.0], "target.pixels": [32, 16], "target.formula": "(x > 0.5) * (y > 0)"}
-    problem = load_problem(write_problem(tmp_path, {"target.kind": "function"} | changes, drop=("target.image",)))
+    changes = {
+        "target.half_width": [20.0, 10.0],
+        "target.pixels": [32, 16],
+        "target.formula": "(x > 0.5) * (y > 0)",
+    }
+    problem = load_problem(
+        write_problem(tmp_path, {"target.kind": "function"} | changes, drop=("target.image",))
+    )
     light = target_light(problem)
     screen = target_screen(problem)
     target = target_irradiance(light, screen, problem.target.placing, 3.0)
@@ -209,7 +234,11 @@ def test_the_target_shows_the_formula_upright(tmp_path):
     np.testing.assert_allclose(target, wanted, rtol=1e-14)
 
 
-@given(part=expressions(EVEN), pixels=st.tuples(st.integers(2, 45), st.integers(2, 45)), subpoints=st.sampled_from([1, 3, 5, SUBPOINTS]))
+@given(
+    part=expressions(EVEN),
+    pixels=st.tuples(st.integers(2, 45), st.integers(2, 45)),
+    subpoints=st.sampled_from([1, 3, 5, SUBPOINTS]),
+)
 @FEW
 def test_symmetric_formulas_give_symmetric_light_bit_for_bit(part, pixels, subpoints):
     try:
@@ -244,17 +273,21 @@ def test_means_of_smooth_light_converge_with_the_square_of_the_points():
     errors = []
     for subpoints in (1, 2, 4, 8):
         light = formula_light("1 + 0.5 * cos(8 * pi * x)", (n, n), subpoints)[0]
-        errors.append(np.abs(light / light.mean() - exact).max())  # whole waves: the mean over the target is 1
+        errors.append(
+            np.abs(light / light.mean() - exact).max()
+        )  # whole waves: the mean over the target is 1
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     np.testing.assert_allclose(rates, 2, atol=0.1)  # (a w)^2 / 40, the next term of the series, is 0.04
     assert errors[-1] < 1e-3
 
 
 def test_edges_are_known_to_a_fraction_of_a_percent():
-    """Beside the region of the same shape, which is exact along y: points of a grid within a curve converge faster than 1 / n."""
+    """Beside the region of the same shape, which is exact along y: points of a grid within a curve converge
+    faster than 1 / n."""
     exact = uniform_region("ellipse", (160, 160), (0.75, 0.75))
     one, two, many = (
-        np.linalg.norm(formula_light("x^2 + y^2 <= 0.75^2", (160, 160), n) - exact) / np.linalg.norm(exact) for n in (1, 2, SUBPOINTS)
+        np.linalg.norm(formula_light("x^2 + y^2 <= 0.75^2", (160, 160), n) - exact) / np.linalg.norm(exact)
+        for n in (1, 2, SUBPOINTS)
     )
     assert two < one / 2
     assert many < two / (SUBPOINTS / 2)
@@ -276,11 +309,13 @@ def test_the_scale_does_not_matter(scale):
 PLACE = r"at x = -?[\d.e-]+, y = -?[\d.e-]+; "
 WHAT = re.escape(ALLOWED)
 REFUSED = {
-    "x": r"is -0\.969 at x = -0\.9688, y = 0\.9688; light cannot be negative, and max\(0, \.\.\.\) cuts it off",
+    "x": r"is -0\.969 at x = -0\.9688, y = 0\.9688; light cannot be negative, and max\(0, \.\.\.\) cuts it "
+    r"off",
     "0.5 - r": rf"is -0\.\d+ {PLACE}light cannot be negative",
     "min(x, y)": rf"is -0\.\d+ {PLACE}light cannot be negative",
     "(r > 0.5) - 1e-300": rf"is -1e-300 {PLACE}light cannot be negative",
-    "sqrt(x)": rf"is not a number {PLACE}look for 0 / 0 and for roots, powers or logarithms of negative values",
+    "sqrt(x)": rf"is not a number {PLACE}look for 0 / 0 and for roots, powers or logarithms of negative "
+    "values",
     "log(x)": rf"is not a number {PLACE}look for",
     "x^0.5": rf"is not a number {PLACE}look for",
     "0 / 0": rf"is not a number {PLACE}look for",
@@ -371,7 +406,26 @@ def test_a_parser_short_of_stack_is_no_crash():
     assert "is nested more than" in below(sys.getrecursionlimit() - waiting - 150)
 
 
-TOKENS = [*"xyr+-*/^()<>=!,. \n", "pi", "**", "<=", "==", "1", "2.5", "9", "1e9", "e", "j", "_", "if", "else", "not", "lambda", "for", "in"]
+TOKENS = [
+    *"xyr+-*/^()<>=!,. \n",
+    "pi",
+    "**",
+    "<=",
+    "==",
+    "1",
+    "2.5",
+    "9",
+    "1e9",
+    "e",
+    "j",
+    "_",
+    "if",
+    "else",
+    "not",
+    "lambda",
+    "for",
+    "in",
+]
 CALLED = [f"{name}(" for name in CALLS]
 
 
@@ -383,7 +437,9 @@ def outcome(text):
         return np.ones((2, 3)), str(error)
 
 
-@given(text=st.one_of(st.text(max_size=60), st.lists(st.sampled_from(TOKENS + CALLED), max_size=60).map("".join)))
+@given(
+    text=st.one_of(st.text(max_size=60), st.lists(st.sampled_from(TOKENS + CALLED), max_size=60).map("".join))
+)
 @settings(MANY, max_examples=600)
 def test_any_text_gives_light_or_a_user_error(text):
     light, message = outcome(text)
@@ -406,7 +462,9 @@ def test_damaged_formulas_give_light_or_a_user_error(part, at, letter):
 
 
 def formula_file(folder, changes=None, drop=("target.image",)):
-    return write_problem(folder, {"target.kind": "function", "target.formula": EXAMPLE} | (changes or {}), drop=drop)
+    return write_problem(
+        folder, {"target.kind": "function", "target.formula": EXAMPLE} | (changes or {}), drop=drop
+    )
 
 
 def test_a_formula_needs_no_picture_and_survives_being_written(tmp_path):
@@ -433,10 +491,13 @@ def test_a_formula_is_a_text(tmp_path, bad):
 
 @pytest.mark.parametrize("fit", ["crop", "pad", "stretch"])
 @pytest.mark.parametrize(
-    "kind", [{"target.formula": "1 + x"}, {"target.kind": "tophat", "target.shape": "ellipse"}], ids=["formula", "region"]
+    "kind",
+    [{"target.formula": "1 + x"}, {"target.kind": "tophat", "target.shape": "ellipse"}],
+    ids=["formula", "region"],
 )
 def test_light_that_is_made_on_the_pixels_is_not_fitted(tmp_path, fit, kind):
-    """Cropping and padding suit pictures: they would cut a formula or a region on pixels that are not square."""
+    """Cropping and padding suit pictures: they would cut a formula or a region on pixels that are not
+    square."""
     oblong = {"target.half_width": [20.0, 10.0], "target.pixels": [32, 32], "target.fit": fit}
     problem = load_problem(formula_file(tmp_path, oblong | kind))
     light = target_light(problem)
@@ -449,7 +510,9 @@ def test_check_takes_a_formula(tmp_path, capsys):
     assert "the problem is sound" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("bad", ["exp(-z)", "x", "1 +", "0", "sqrt(x)", "9^9^9", "__import__(x)", "exp(x, y)"])
+@pytest.mark.parametrize(
+    "bad", ["exp(-z)", "x", "1 +", "0", "sqrt(x)", "9^9^9", "__import__(x)", "exp(x, y)"]
+)
 @pytest.mark.parametrize("command", ["check", "design"])
 def test_the_commands_refuse_bad_formulas(tmp_path, capsys, command, bad):
     assert main([command, str(formula_file(tmp_path, {"target.formula": bad}))]) == 2

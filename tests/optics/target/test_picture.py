@@ -61,9 +61,15 @@ def test_16_bit_greys_keep_their_depth(tmp_path, name):
 
 
 def test_colours_count_by_their_luminance_in_linear_light(tmp_path):
-    colours = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255)], [(255, 255, 255), (10, 128, 250), (0, 0, 0)]], dtype=np.uint8)
+    colours = np.array(
+        [[(255, 0, 0), (0, 255, 0), (0, 0, 255)], [(255, 255, 255), (10, 128, 250), (0, 0, 0)]],
+        dtype=np.uint8,
+    )
     light = read_picture(saved(tmp_path, grey(colours)))
-    expected = [[sum(w * srgb(c / 255) for w, c in zip(LUMINANCE, colour)) for colour in row] for row in colours.tolist()]
+    expected = [
+        [sum(w * srgb(c / 255) for w, c in zip(LUMINANCE, colour)) for colour in row]
+        for row in colours.tolist()
+    ]
     np.testing.assert_allclose(light, expected, rtol=1e-14)
     linear = read_picture(tmp_path / "p.png", "linear")
     np.testing.assert_allclose(linear, colours / 255 @ np.array(LUMINANCE), rtol=1e-14)
@@ -109,7 +115,9 @@ def test_float_pictures_keep_their_numbers(tmp_path):
 @pytest.mark.parametrize("size", [(3, 3), (1, 1), (1, 7)])
 def test_tiny_pictures_are_read(tmp_path, size):
     levels = np.full(size, 128, dtype=np.uint8)
-    np.testing.assert_allclose(read_picture(saved(tmp_path, grey(levels))), np.full(size, srgb(128 / 255)), rtol=1e-14)
+    np.testing.assert_allclose(
+        read_picture(saved(tmp_path, grey(levels))), np.full(size, srgb(128 / 255)), rtol=1e-14
+    )
 
 
 def test_jpeg_is_read_and_turned_as_its_exif_says(tmp_path):
@@ -163,7 +171,15 @@ def test_a_folder_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n" + bytes(100), b"II*\x00\x08\x00\x00\x00"], ids=repr
+    "data",
+    [
+        b"",
+        b"not a picture",
+        b"\x89PNG\r\n\x1a\n",
+        b"\x89PNG\r\n\x1a\n" + bytes(100),
+        b"II*\x00\x08\x00\x00\x00",
+    ],
+    ids=repr,
 )
 def test_files_that_are_no_pictures_are_refused(tmp_path, data):
     (tmp_path / "p.png").write_bytes(data)
@@ -234,7 +250,9 @@ def test_whole_ratios_give_block_means():
 
 def test_more_pixels_than_the_picture_has_repeat_its_pixels():
     light = np.random.default_rng(1).uniform(0, 1, (3, 3))
-    np.testing.assert_allclose(fit_picture(light, (12, 12), 1.0), light.repeat(4, axis=0).repeat(4, axis=1), rtol=1e-14)
+    np.testing.assert_allclose(
+        fit_picture(light, (12, 12), 1.0), light.repeat(4, axis=0).repeat(4, axis=1), rtol=1e-14
+    )
 
 
 @given(
@@ -270,7 +288,9 @@ def test_padding_keeps_the_light_and_cropping_a_flat_picture_its_level(size, pix
     np.testing.assert_allclose(fit_picture(np.full(size, 0.3), pixels, aspect, "crop"), 0.3, rtol=rounding)
 
 
-WIDE = np.arange(4)[None, :].repeat(500, axis=1).repeat(500, axis=0) + np.arange(500)[:, None] / 500.0  # 500 rows, 2000 columns
+WIDE = (
+    np.arange(4)[None, :].repeat(500, axis=1).repeat(500, axis=0) + np.arange(500)[:, None] / 500.0
+)  # 500 rows, 2000 columns
 
 
 def test_crop_of_a_wide_picture_keeps_its_middle():
@@ -288,9 +308,12 @@ def test_pad_of_a_wide_picture_adds_dark_bars():
 
 
 def test_pad_shares_a_pixel_that_the_border_cuts():
-    """One bright row on a square of three rows of pixels: 1 x 3 covers the middle third; of two rows, a third of each."""
+    """One bright row on a square of three rows of pixels: 1 x 3 covers the middle third; of two rows, a third
+    of each."""
     light = np.ones((1, 3))
-    np.testing.assert_allclose(fit_picture(light, (3, 3), 1.0, "pad"), [[0, 0, 0], [1, 1, 1], [0, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(
+        fit_picture(light, (3, 3), 1.0, "pad"), [[0, 0, 0], [1, 1, 1], [0, 0, 0]], atol=1e-15
+    )
     np.testing.assert_allclose(fit_picture(light, (2, 2), 1.0, "pad"), np.full((2, 2), 1 / 3), rtol=1e-14)
 
 
@@ -301,7 +324,9 @@ def test_stretch_of_a_wide_picture_keeps_everything():
 
 @pytest.mark.parametrize("fit", ["crop", "pad", "stretch"])
 def test_tall_pictures_are_fitted_as_wide_ones_turned(fit):
-    np.testing.assert_allclose(fit_picture(WIDE.T, (40, 50), 0.8, fit), fit_picture(WIDE, (50, 40), 1.25, fit).T, rtol=1e-12)
+    np.testing.assert_allclose(
+        fit_picture(WIDE.T, (40, 50), 0.8, fit), fit_picture(WIDE, (50, 40), 1.25, fit).T, rtol=1e-12
+    )
 
 
 def test_fitting_keeps_up_up_and_left_left():

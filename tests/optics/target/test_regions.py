@@ -54,7 +54,9 @@ def test_the_crescent_bends_downward():
 def test_a_top_hat_needs_no_picture(tmp_path):
     values = {k: v for k, v in SMALL.items() if k != "target.image"}
     path = tmp_path / "p.toml"
-    path.write_text(toml_text(values | {"target.kind": "tophat", "target.shape": "ellipse", "target.lit": [0.5, 0.5]}))
+    path.write_text(
+        toml_text(values | {"target.kind": "tophat", "target.shape": "ellipse", "target.lit": [0.5, 0.5]})
+    )
     problem = load_problem(path)
     light = target_light(problem)
     assert light.shape == problem.target.pixels[::-1]

@@ -12,7 +12,12 @@ from optics.target.splat import Splat
 from optics.target.windows import BoxWindow, BSplineWindow, GaussianWindow
 from oracles.light_formulas import brute_irradiance
 
-WINDOWS = [BoxWindow(), *(BSplineWindow(p) for p in (1, 2, 3, 4, 5)), GaussianWindow(0.5, 4.0), GaussianWindow(0.9, 3.0)]
+WINDOWS = [
+    BoxWindow(),
+    *(BSplineWindow(p) for p in (1, 2, 3, 4, 5)),
+    GaussianWindow(0.5, 4.0),
+    GaussianWindow(0.9, 3.0),
+]
 SCREENS = [
     Screen((6.0, 6.0), (20, 20), 0),
     Screen((6.0, 6.0), (20, 20), 4),
@@ -41,26 +46,33 @@ def test_image_is_the_sum_over_rays_and_pixels(backend, window, screen):
     x, y, flux = rays_within(screen, window.taps / 2)
     image = splat(backend, screen, window, x, y, flux)
     expected = brute_irradiance(screen, window, x, y, flux)
-    # rounding of a landing point in pixels, times the window's slope (at most 2 per pixel), summed over the rays of a pixel
+    # rounding of a landing point in pixels, times the window's slope (at most 2 per pixel), summed over the
+    # rays of a pixel
     np.testing.assert_allclose(image, expected, rtol=0, atol=1e-12 * expected.max())
 
 
 @pytest.mark.parametrize("window", [BSplineWindow(3), GaussianWindow(0.5, 4.0)], ids=repr)
 def test_windows_that_reach_over_the_border_deposit_what_lies_inside(backend, window):
-    """The definition of E holds for every pixel of the screen, also for rays near the border and beside it."""
+    """The definition of E holds for every pixel of the screen, also for rays near the border and beside
+    it."""
     screen = Screen((5.0, 3.0), (15, 21), 2)
     x, y, flux = rays_within(screen, -window.taps)
     expected = brute_irradiance(screen, window, x, y, flux)
-    np.testing.assert_allclose(splat(backend, screen, window, x, y, flux), expected, rtol=0, atol=1e-12 * expected.max())
+    np.testing.assert_allclose(
+        splat(backend, screen, window, x, y, flux), expected, rtol=0, atol=1e-12 * expected.max()
+    )
 
 
 @pytest.mark.parametrize("sigma", [1.0, 2.5])
 def test_light_near_the_edge_of_the_target_is_measured(backend, sigma):
-    """With the design's margin and a Gaussian that a problem may ask for, light on the target's edge is seen."""
+    """With the design's margin and a Gaussian that a problem may ask for, light on the target's edge is
+    seen."""
     screen, window = Screen((10.0, 10.0), (32, 32), MARGIN), GaussianWindow(sigma)
     x, y, flux = np.array([9.9, 0.0]), np.array([0.3, -9.9]), np.array([1.0, 2.0])
     expected = brute_irradiance(screen, window, x, y, flux)
-    np.testing.assert_allclose(splat(backend, screen, window, x, y, flux), expected, rtol=0, atol=1e-12 * expected.max())
+    np.testing.assert_allclose(
+        splat(backend, screen, window, x, y, flux), expected, rtol=0, atol=1e-12 * expected.max()
+    )
 
 
 @pytest.mark.parametrize("window", [w for w in WINDOWS if not isinstance(w, GaussianWindow)], ids=repr)
@@ -68,7 +80,9 @@ def test_light_near_the_edge_of_the_target_is_measured(backend, sigma):
 def test_every_watt_is_counted(backend, window, screen):
     x, y, flux = rays_within(screen, window.taps / 2)
     total = splat(backend, screen, window, x, y, flux).sum() * screen.pixel_area
-    assert total == pytest.approx(flux.sum(), rel=1e-13)  # 200 rays x at most 36 taps, each rounded to 1.1e-16
+    assert total == pytest.approx(
+        flux.sum(), rel=1e-13
+    )  # 200 rays x at most 36 taps, each rounded to 1.1e-16
 
 
 @pytest.mark.parametrize(
@@ -91,7 +105,10 @@ def test_the_margin_moves_the_picture_and_crop_takes_it_back(backend):
     np.testing.assert_array_equal(screen.pad(screen.crop(image)), image)
 
 
-@pytest.mark.parametrize(("x", "y"), [(5.1, 0.0), (-5.1, 0.0), (0.0, 4.1), (0.0, -4.1), (np.nan, 0.0), (np.inf, 0.0), (1e300, -1e300)])
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [(5.1, 0.0), (-5.1, 0.0), (0.0, 4.1), (0.0, -4.1), (np.nan, 0.0), (np.inf, 0.0), (1e300, -1e300)],
+)
 def test_rays_whose_window_misses_the_screen_leave_no_light(backend, x, y):
     assert not splat(backend, Screen((3.0, 2.0), (6, 4)), BSplineWindow(3), x, y, 5.0).any()
 

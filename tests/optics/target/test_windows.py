@@ -14,7 +14,9 @@ from oracles.light_formulas import window_kinks, window_value
 
 EPS = np.finfo(float).eps
 DEGREES = (1, 2, 3, 4, 5)
-GAUSSIANS = [GaussianWindow(s, c) for s, c in ((1.0, 4.0), (0.3, 4.0), (0.5, 3.0), (1.3, 3.0), (2.5, 4.0), (1.0, 7.0))]
+GAUSSIANS = [
+    GaussianWindow(s, c) for s, c in ((1.0, 4.0), (0.3, 4.0), (0.5, 3.0), (1.3, 3.0), (2.5, 4.0), (1.0, 7.0))
+]
 PIXELS = [PixelWindow(b) for b in (0.05, 0.3, 0.5)]
 WINDOWS = [BoxWindow(), *PIXELS, *map(BSplineWindow, DEGREES), *GAUSSIANS]
 POINTS = np.r_[0.0, 1e-300, np.linspace(0.01, 0.99, 37), np.nextafter(1.0, 0.0)]
@@ -80,17 +82,22 @@ def test_weights_sum_to_one_over_the_pixels(window):
 def test_weights_go_on_smoothly_across_a_pixel(window):
     """At t = 1 each tap is what the one before it was at t = 0: the window has no jump."""
     start, end = window.weights(np.array([0.0])), window.weights(np.array([1.0]))
-    np.testing.assert_allclose([w[0] for w in end[1:]], [w[0] for w in start[:-1]], rtol=0, atol=(window.taps + 1) * EPS)
+    np.testing.assert_allclose(
+        [w[0] for w in end[1:]], [w[0] for w in start[:-1]], rtol=0, atol=(window.taps + 1) * EPS
+    )
     assert end[0][0] == pytest.approx(0.0, abs=EPS)
 
 
 @pytest.mark.parametrize("window", PIXELS, ids=repr)
 def test_pixel_window_has_no_kink(window):
-    """Second differences across the ends of the blurred border shrink faster than the step: the slope is continuous."""
+    """Second differences across the ends of the blurred border shrink faster than the step: the slope is
+    continuous."""
     for end in (0.5 - window.blur, 0.5 + window.blur):
         slopes = []
         for step in (1e-3, 1e-4):
-            low, middle, high = (window.weights(np.array([end + k * step * window.blur]))[1][0] for k in (-1, 0, 1))
+            low, middle, high = (
+                window.weights(np.array([end + k * step * window.blur]))[1][0] for k in (-1, 0, 1)
+            )
             slopes.append(abs(high - 2 * middle + low) / step)
         assert slopes[1] <= 0.2 * slopes[0] + 1e-9
 
@@ -113,7 +120,9 @@ def test_gaussian_window_is_zero_at_its_cut_and_beyond(window):
     weights = np.stack(window.weights(t, np.exp))
     at_cut = np.isclose(np.abs(distance), reach, rtol=0, atol=4 * EPS * reach)
     assert at_cut.any()
-    slope = reach / window.sigma**2 * exp(-0.5 * window.cut**2)  # of the Gaussian at the cut, where rounding moves the point
+    slope = (
+        reach / window.sigma**2 * exp(-0.5 * window.cut**2)
+    )  # of the Gaussian at the cut, where rounding moves the point
     assert np.abs(weights[at_cut]).max() <= tolerance(window) * (1 + slope)
     beyond = np.abs(distance) > reach * (1 + 4 * EPS)
     assert (np.abs(weights[beyond]) <= tolerance(window) * exp(-0.5 * window.cut**2)).all()
@@ -125,7 +134,9 @@ def test_response_is_the_integral_of_the_window_over_pixels(window):
     reach = len(response) // 2
     assert len(response) == 2 * reach + 1
     centres = np.arange(-reach, reach + 1)
-    expected = [piecewise(c - 0.5, c + 0.5, lambda d: window_value(window, d), window_kinks(window)) for c in centres]
+    expected = [
+        piecewise(c - 0.5, c + 0.5, lambda d: window_value(window, d), window_kinks(window)) for c in centres
+    ]
     np.testing.assert_allclose(response, expected, rtol=0, atol=tolerance(window))
     assert reach >= ceil(window_kinks(window)[-1] - 0.5)
 
@@ -143,7 +154,9 @@ def test_filter_is_the_convolution_with_the_response(window):
     expected = convolve2d(image, np.outer(window.response(), window.response()), mode="full")
     reach = len(window.response()) // 2
     expected = expected[reach : reach + 29, reach : reach + 41]
-    np.testing.assert_allclose(filter_image(image, window), expected, rtol=0, atol=100 * EPS * len(window.response()))
+    np.testing.assert_allclose(
+        filter_image(image, window), expected, rtol=0, atol=100 * EPS * len(window.response())
+    )
 
 
 @pytest.mark.parametrize("window", WINDOWS, ids=repr)

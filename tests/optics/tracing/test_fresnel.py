@@ -14,7 +14,8 @@ INDICES = st.floats(1.05, 4.0)
 
 
 def by_angles(before, behind, angle):
-    """Return (T_s, T_p) by the angles alone: R_s = sin^2(i - t) / sin^2(i + t), R_p = tan^2(i - t) / tan^2(i + t)."""
+    """Return (T_s, T_p) by the angles alone: R_s = sin^2(i - t) / sin^2(i + t), R_p = tan^2(i - t) / tan^2(i
+    + t)."""
     t = np.arcsin(before / behind * np.sin(angle))
     difference, total = angle - t, angle + t
     return 1 - (np.sin(difference) / np.sin(total)) ** 2, 1 - (np.tan(difference) / np.tan(total)) ** 2
@@ -25,22 +26,27 @@ def by_angles(before, behind, angle):
 def test_transmittances_are_fresnels(index, share, outward):
     """Below the critical angle both forms agree.
 
-    sin(i - t) loses digits where i - t is small, relative to i >= 0.01 and |i - t| >= 0.04 i: a factor 25 on each of
-    two squares; arcsin near the critical angle, at 0.99 of it, stretches errors 10 times.
+    sin(i - t) loses digits where i - t is small, relative to i >= 0.01 and |i - t| >= 0.04 i: a factor 25 on
+    each of two squares; arcsin near the critical angle, at 0.99 of it, stretches errors 10 times.
     """
     before, behind = (index, 1.0) if outward else (1.0, index)
     angle = share * (critical_angle(before, behind) or np.pi / 2)
-    assert np.ravel(transmittances(before, behind, angle)) == pytest.approx(by_angles(before, behind, angle), abs=1000 * EPS)
+    assert np.ravel(transmittances(before, behind, angle)) == pytest.approx(
+        by_angles(before, behind, angle), abs=1000 * EPS
+    )
 
 
 @FEW
 @given(index=INDICES, share=st.floats(0.0, 0.99), outward=st.booleans())
 def test_power_is_the_square_of_the_field_times_the_width_of_the_beam(index, share, outward):
-    """T = n_t cos_t / (n_i cos_i) |t|^2 with the amplitudes t_s, t_p of thesis 2.7 and 2.10; cos_t as in the next test."""
+    """T = n_t cos_t / (n_i cos_i) |t|^2 with the amplitudes t_s, t_p of thesis 2.7 and 2.10; cos_t as in the
+    next test."""
     before, behind = (index, 1.0) if outward else (1.0, index)
     angle = share * (critical_angle(before, behind) or np.pi / 2)
     a, b = np.cos(angle), np.cos(np.arcsin(before / behind * np.sin(angle)))
-    fields = np.array([2 * before * a / (before * a + behind * b), 2 * before * a / (behind * a + before * b)])
+    fields = np.array(
+        [2 * before * a / (before * a + behind * b), 2 * before * a / (behind * a + before * b)]
+    )
     power = behind * b / (before * a) * fields**2
     assert np.ravel(transmittances(before, behind, angle)) == pytest.approx(power, abs=1000 * EPS)
 
@@ -50,7 +56,8 @@ def test_power_is_the_square_of_the_field_times_the_width_of_the_beam(index, sha
 def test_the_tracer_takes_the_mean_of_both(backend, index, share, outward):
     """T_u = 1 - (R_s + R_p) / 2 (thesis 2.11), by the function that refracts every ray.
 
-    1 - cos^2 + sin^2 leaves some EPS in cos_t^2; at 0.99 of the critical angle it is 0.01 and more, so cos_t keeps 100 EPS.
+    1 - cos^2 + sin^2 leaves some EPS in cos_t^2; at 0.99 of the critical angle it is 0.01 and more, so cos_t
+    keeps 100 EPS.
     """
     before, behind = (index, 1.0) if outward else (1.0, index)
     angle = share * (critical_angle(before, behind) or np.pi / 2)
@@ -79,7 +86,8 @@ def test_at_brewsters_angle_all_p_polarised_light_passes(index):
 @FEW
 @given(index=INDICES, angle=st.floats(0.0, 1.5))
 def test_light_passes_a_face_as_well_in_both_directions(index, angle):
-    """T(i, n_i -> n_t) = T(t, n_t -> n_i): reciprocity.  Backwards i is known to EPS / cos(i), and T_p rises like 4 n / cos(i)."""
+    """T(i, n_i -> n_t) = T(t, n_t -> n_i): reciprocity.  Backwards i is known to EPS / cos(i), and T_p rises
+    like 4 n / cos(i)."""
     there = np.ravel(transmittances(1.0, index, angle))
     back = np.ravel(transmittances(index, 1.0, np.arcsin(np.sin(angle) / index)))
     assert back == pytest.approx(there, abs=100 * index * EPS / np.cos(angle) ** 2)

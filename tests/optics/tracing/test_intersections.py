@@ -30,7 +30,8 @@ def rear(sag, spans=(2, 2)):
 
 
 def grazing_rays(surface, count, seed=0, least=0.02):
-    """Return (origin, direction), (3, n) each: rays that start in the glass below the surface, up to grazing (cos theta >= least)."""
+    """Return (origin, direction), (3, n) each: rays that start in the glass below the surface, up to grazing
+    (cos theta >= least)."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-5, 5, (2, count))
     z = np.minimum(rng.uniform(-7, -1, count), surface(x, y) - 0.01)
@@ -50,12 +51,18 @@ def met(backend, surface, origin, direction):
 
 
 def sampled(surface, origin, direction, samples=SAMPLES):
-    """Return (crosses, leaves) of rays, (n,) bool: whether f = surface height - ray height falls through zero on a
-    ray's way above the rectangle, and whether the ray is above the surface at the end of it.
+    """Return (crosses, leaves) of rays, (n,) bool: whether f = surface height - ray height falls through zero
+    on a ray's way above the rectangle, and whether the ray is above the surface at the end of it.
     """
     hx, hy = surface.half_width
     with np.errstate(divide="ignore"):
-        ends = np.stack([(s * h - o) / d for s in (-1, 1) for h, o, d in ((hx, origin[0], direction[0]), (hy, origin[1], direction[1]))])
+        ends = np.stack(
+            [
+                (s * h - o) / d
+                for s in (-1, 1)
+                for h, o, d in ((hx, origin[0], direction[0]), (hy, origin[1], direction[1]))
+            ]
+        )
     walls = np.stack([ends[[0, 2]], ends[[1, 3]]])
     first = np.maximum(np.min(walls, axis=1).max(axis=0), 0)
     last = np.max(walls, axis=1).min(axis=0)
@@ -74,13 +81,16 @@ def require_all_found(backend, surface, origin, direction):
     crosses, leaves = sampled(surface, origin, direction)
     assert found.all()  # every ray is known to hit or to miss
     assert hit[crosses & leaves].all()  # what leaves the surface and meets it again may be either
-    # the samples may step over a hit between two of them, close to the rectangle's border; never over more than these
+    # the samples may step over a hit between two of them, close to the rectangle's border; never over more
+    # than these
     assert (hit & ~crosses).sum() <= 1 + len(hit) // 500
     at = [a.numpy()[hit] for a in (hits.x, hits.y, hits.z)]
     np.testing.assert_allclose(at[2], surface(at[0], at[1]), rtol=0, atol=1e-9)
     offset = np.stack(at) - origin[:, hit]
     across = np.cross(offset.T, direction[:, hit].T)
-    np.testing.assert_allclose(across, 0, rtol=0, atol=1e-12 * 100)  # on the ray: rounding of lengths below 100 mm
+    np.testing.assert_allclose(
+        across, 0, rtol=0, atol=1e-12 * 100
+    )  # on the ray: rounding of lengths below 100 mm
     return hits
 
 
@@ -115,10 +125,13 @@ def newton(surface, origin, direction, start, steps=50):
 
 
 def test_brackets_find_what_newtons_steps_from_the_conic_do_not(backend):
-    """The reason for brackets: plain Newton steps lose some of the grazing rays that meet a rim of -1.5 mm."""
+    """The reason for brackets: plain Newton steps lose some of the grazing rays that meet a rim of -1.5
+    mm."""
     surface = STEEP["narrow rim"]
     origin, direction = grazing_rays(surface, 5000)
-    start = conic_distance(backend, surface.conic, *([backend.array(a) for a in v] for v in (origin, direction))).numpy()
+    start = conic_distance(
+        backend, surface.conic, *([backend.array(a) for a in v] for v in (origin, direction))
+    ).numpy()
     hits = met(backend, surface, origin, direction)
     gained = hits.hit.numpy() & ~newton(surface, origin, direction, start)
     assert gained.sum() >= 5
@@ -136,11 +149,15 @@ def test_brackets_find_what_newtons_steps_from_the_conic_do_not(backend):
     seed=st.integers(0, 999),
 )
 @example(height=0.0, spans=(1, 1), radius=np.inf, constant=-1.0, least=0.1, seed=0)
-def test_any_surface_is_found_by_all_rays_that_cross_it(backend, height, spans, radius, constant, least, seed):
+def test_any_surface_is_found_by_all_rays_that_cross_it(
+    backend, height, spans, radius, constant, least, seed
+):
     if constant == 0.0 and abs(radius) < 12:
         constant = -1.0  # a sphere would end within the rectangle
     sag = hollow_lens(spans=spans).rear.sag.space
-    surface = FreeformSurface((HALF_WIDTH, HALF_WIDTH), Conic(radius, constant), THBSurface(sag, rough(sag, height, seed)))
+    surface = FreeformSurface(
+        (HALF_WIDTH, HALF_WIDTH), Conic(radius, constant), THBSurface(sag, rough(sag, height, seed))
+    )
     require_all_found(backend, surface, *grazing_rays(surface, 100, seed, least))
 
 
@@ -149,7 +166,17 @@ def test_any_surface_is_found_by_all_rays_that_cross_it(backend, height, spans, 
 
 @pytest.mark.parametrize("least", [0.02, 0.5])
 @pytest.mark.parametrize(
-    "conic", [Conic(), Conic(-10.0, -1.0), Conic(10.0, -1.0), Conic(-12.0), Conic(12.0), Conic(60.0, 0.5), Conic(-9.0, -3.0)], ids=str
+    "conic",
+    [
+        Conic(),
+        Conic(-10.0, -1.0),
+        Conic(10.0, -1.0),
+        Conic(-12.0),
+        Conic(12.0),
+        Conic(60.0, 0.5),
+        Conic(-9.0, -3.0),
+    ],
+    ids=str,
 )
 def test_every_ray_that_crosses_a_conic_is_found(backend, conic, least):
     surface = FreeformSurface((HALF_WIDTH, HALF_WIDTH), conic)
@@ -161,7 +188,9 @@ def test_every_ray_that_crosses_a_conic_is_found(backend, conic, least):
 def test_a_plane_is_met_by_every_ray_over_it(backend, sag):
     """A plane reaches its greatest height everywhere: the end of the search is the meeting point itself."""
     space = small_space((HALF_WIDTH, HALF_WIDTH))
-    surface = FreeformSurface((HALF_WIDTH, HALF_WIDTH), Conic(), None if sag is None else THBSurface(space, np.full(space.dim, sag)))
+    surface = FreeformSurface(
+        (HALF_WIDTH, HALF_WIDTH), Conic(), None if sag is None else THBSurface(space, np.full(space.dim, sag))
+    )
     rng = np.random.default_rng(8)
     direction = np.stack([*rng.uniform(-0.9, 0.9, (2, 2000)), np.ones(2000)])
     direction /= np.linalg.norm(direction, axis=0)

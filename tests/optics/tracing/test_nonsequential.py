@@ -40,7 +40,9 @@ def dome_lens(seed=None, amplitude=1.5):
     if seed is not None:
         kv = KnotVector.uniform(3, 4, -8.0, 8.0)
         space = THBSpace(kv, kv).refine({0: [(i, j) for i in range(3) for j in range(2, 4)]})
-        rear = rear.with_sag(THBSurface(space, amplitude * np.random.default_rng(seed).uniform(-1, 1, space.dim)))
+        rear = rear.with_sag(
+            THBSurface(space, amplitude * np.random.default_rng(seed).uniform(-1, 1, space.dim))
+        )
     return Lens(FreeformSurface((5.0, 5.0), Conic(-5.0, -1.0)), rear, 5.0, INDEX)
 
 
@@ -50,7 +52,9 @@ def plane_lens(front, rear, thickness):
 
 def one_ray(origin, direction):
     direction = np.array(direction, dtype=float)[:, None]
-    return SourceRays(np.array(origin, dtype=float)[:, None], direction / np.linalg.norm(direction), np.ones(1))
+    return SourceRays(
+        np.array(origin, dtype=float)[:, None], direction / np.linalg.norm(direction), np.ones(1)
+    )
 
 
 # closed forms
@@ -58,7 +62,9 @@ def one_ray(origin, direction):
 
 def test_a_slab_passes_the_infinite_fresnel_series(backend):
     lens = plane_lens((1e4, 1e4), (1e4, 1e4), 5.0)
-    result = trace_nonsequential(backend, lens, one_ray((0.1, 0.2, -1), (0, 0, 1)), WIDE, bounces=40, threshold=0.0)
+    result = trace_nonsequential(
+        backend, lens, one_ray((0.1, 0.2, -1), (0, 0, 1)), WIDE, bounces=40, threshold=0.0
+    )
     # R = 0.04 per bounce: after 40 of them nothing is left in float64
     assert result.fates.on_target == pytest.approx(2 * INDEX / (INDEX**2 + 1), rel=1e-14)
     assert result.fates.reflected_outside == pytest.approx(0.04, rel=1e-14)
@@ -130,7 +136,9 @@ def test_every_branch_in_a_frustum(backend, shape):
 # curved lenses
 
 
-@settings(max_examples=8, deadline=None, derandomize=True, phases=[Phase.generate])  # every example compiles kernels
+@settings(
+    max_examples=8, deadline=None, derandomize=True, phases=[Phase.generate]
+)  # every example compiles kernels
 @given(lenses(), st.integers(0, 2**16))
 def test_the_fates_hold_all_flux(backend, lens, seed):
     assume(edge_gap(lens) > 0)  # a ruled edge that crosses the front or the rear leaves no solid
@@ -148,10 +156,17 @@ def test_the_fates_hold_all_flux(backend, lens, seed):
             assert by_fate[FATES.index(name)] == pytest.approx(flux, abs=1e-13)
 
 
-NARROWING = Lens(FreeformSurface((8.0, 8.0), Conic(-10.0, -1.0)), FreeformSurface((5.0, 6.0), Conic(-30.0, -1.0)), 9.0, INDEX)
+NARROWING = Lens(
+    FreeformSurface((8.0, 8.0), Conic(-10.0, -1.0)),
+    FreeformSurface((5.0, 6.0), Conic(-30.0, -1.0)),
+    9.0,
+    INDEX,
+)
 
 
-@pytest.mark.parametrize("lens", [dome_lens(3), NARROWING], ids=["dome with THB sag", "rear smaller than front"])
+@pytest.mark.parametrize(
+    "lens", [dome_lens(3), NARROWING], ids=["dome with THB sag", "rear smaller than front"]
+)
 def test_every_branch_in_a_triangle_mesh(backend, lens):
     rays = lambertian(100, 5)
     result = trace_nonsequential(backend, lens, rays, FAR, threshold=1e-3)
@@ -169,7 +184,8 @@ def test_every_branch_in_a_triangle_mesh(backend, lens):
 
 
 def scan(surface, vertex, origin, direction):
-    """Return the path lengths at which rays (3, n) first pass a graph to greater z, by scanning and bisection; NaN for none."""
+    """Return the path lengths at which rays (3, n) first pass a graph to greater z, by scanning and
+    bisection; NaN for none."""
     t = np.linspace(1e-6, 30, 3000)[:, None]
     hx, hy = surface.half_width
 
@@ -201,7 +217,9 @@ def refracted_at(surface, point, direction, eta):
         return eta * direction + (np.cos(after) - eta * np.cos(angle)) * normal, fresnel(angle, eta, 1.0)
 
 
-@pytest.mark.parametrize("lens", [dome_lens(8, 0.7), NARROWING], ids=["dome with THB sag", "rear smaller than front"])
+@pytest.mark.parametrize(
+    "lens", [dome_lens(8, 0.7), NARROWING], ids=["dome with THB sag", "rear smaller than front"]
+)
 def test_the_direct_part_is_sequential(backend, lens):
     rays = lambertian(300, 2)
     result = trace_nonsequential(backend, lens, rays, FAR)
@@ -221,7 +239,8 @@ def test_the_direct_part_is_sequential(backend, lens):
     landings = result.landings
     direct = landings.ray[landings.direct]
     assert len(np.unique(direct)) == len(direct) > 0.9 * good.sum()  # a few meet the lens again
-    # landing points move by 1000 mm times the error of the direction, and grow without bound for grazing exits
+    # landing points move by 1000 mm times the error of the direction, and grow without bound for grazing
+    # exits
     distance = np.hypot(FAR.z, np.hypot(landings.x, landings.y))[landings.direct]
     for found, expected in zip((landings.x, landings.y), points):
         assert (abs(found[landings.direct] - expected[direct]) <= 1e-11 * distance**2).all()
@@ -233,7 +252,11 @@ def test_paths_follow_the_strongest_branch(backend):
     paths = trace_paths(backend, lens, rays, FAR)
     assert {path.fate for path in paths} >= {"on_target", "off_target"}
     landings = trace_nonsequential(backend, lens, rays, FAR).landings
-    ends = {ray: (x, y) for x, y, ray, direct in zip(landings.x, landings.y, landings.ray, landings.direct) if direct}
+    ends = {
+        ray: (x, y)
+        for x, y, ray, direct in zip(landings.x, landings.y, landings.ray, landings.direct)
+        if direct
+    }
     for ray, path in enumerate(paths):
         assert (path.points[0] == rays.origin[:, ray]).all()
         if len(path.points) == 4 and path.fate in ("on_target", "off_target"):
@@ -246,7 +269,8 @@ def test_paths_follow_the_strongest_branch(backend):
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.integers(0, 2**32 - 1))
 def test_grazed_humps_are_seen(backend, seed):
-    """f = -+ (t - a) (t + 2) ((t - b)^2 -+ g^2) touches zero from below around b, or just does not; some rays begin on the root 0."""
+    """f = -+ (t - a) (t + 2) ((t - b)^2 -+ g^2) touches zero from below around b, or just does not; some rays
+    begin on the root 0."""
     rng, n = np.random.default_rng(seed), 64
     a = rng.choice([-0.5, 0.0, 1.5], n)
     b = rng.uniform(0.4, 0.95, n)  # the third extremum then lies in another step

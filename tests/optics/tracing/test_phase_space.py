@@ -46,7 +46,8 @@ def test_a_plate_shifts_rays_and_keeps_their_directions(backend, x, y, p, q):
 
 
 def test_the_detector_holds_the_flux_per_etendue():
-    """Points at the middles of the bins of a uniform source: the radiance is the flux over the etendue, exactly."""
+    """Points at the middles of the bins of a uniform source: the radiance is the flux over the etendue,
+    exactly."""
     bins, extent = (4, 3, 5, 2), (2.0, 1.5, 0.4, 0.3)
     axes = [(2 * np.arange(n) + 1 - n) / n * e for n, e in zip(bins, extent)]
     points = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")])
@@ -62,7 +63,8 @@ def test_light_beside_the_box_is_not_counted():
 
 
 def test_basic_radiance_behind_a_plate_is_that_of_the_source_times_its_transmittance(backend):
-    """Light of one radiance near the axis: bins in the middle hold L T, T by Fresnel at normal incidence (0.96^2)."""
+    """Light of one radiance near the axis: bins in the middle hold L T, T by Fresnel at normal incidence
+    (0.96^2)."""
     points = bundle(200_000, reach=(3.0, 3.0, 0.05, 0.05))
     radiance = 1.0 / (6.0 * 6.0 * 0.1 * 0.1)
     there = at_target(backend, PLATE, points, SOURCE_Z, 7.0, 1.0 / points.shape[1])

@@ -53,7 +53,9 @@ def step_trace(lens, rays, folder, target_z=TARGET_Z):
 
 
 def test_normal_incidence_passes_96_percent(backend):
-    direction, share, passes = refract(backend.dr, (0.0, 0.0, 1.0), (backend.Float(0.0), backend.Float(0.0)), 1 / INDEX)
+    direction, share, passes = refract(
+        backend.dr, (0.0, 0.0, 1.0), (backend.Float(0.0), backend.Float(0.0)), 1 / INDEX
+    )
     assert share.numpy()[0] == pytest.approx(0.96, rel=1e-15)
     assert passes.numpy().all()
     assert [float(np.asarray(d).ravel()[0]) for d in direction] == [0.0, 0.0, 1.0]
@@ -68,7 +70,10 @@ def test_refraction_is_snells_law_in_space(backend, eta):
     normal = np.column_stack([-slope, np.ones(500)])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     out, share, passes = refract(
-        backend.dr, [backend.Float(d) for d in direction.T.copy()], [backend.Float(s) for s in slope.T.copy()], eta
+        backend.dr,
+        [backend.Float(d) for d in direction.T.copy()],
+        [backend.Float(s) for s in slope.T.copy()],
+        eta,
     )
     cosine = np.sum(direction * normal, axis=1)
     below = eta * np.sqrt(1 - cosine**2) < 0.99
@@ -78,7 +83,9 @@ def test_refraction_is_snells_law_in_space(backend, eta):
     np.testing.assert_allclose(np.linalg.norm(out, axis=1), 1, rtol=0, atol=1e-15 * 8)
     # cos_t = sqrt(1 - s^2) loses at most 1 / cos_t <= 8 of the digits where s < 0.99
     np.testing.assert_allclose(out, refracted_vector(direction, normal, eta)[below], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(share.numpy()[below], fresnel(np.arccos(cosine[below]), eta, 1.0), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        share.numpy()[below], fresnel(np.arccos(cosine[below]), eta, 1.0), rtol=0, atol=1e-12
+    )
 
 
 def test_light_is_not_refracted_beyond_the_critical_angle_or_from_behind(backend):
@@ -113,7 +120,9 @@ def paraboloid_lens(half_width=(50.0, 50.0)):
     """Return a lens with plane front and the pearl example's rear."""
     space = small_space(half_width)
     sag = THBSurface(space, np.zeros(space.dim))
-    return Lens(FreeformSurface(half_width), FreeformSurface(half_width, Conic(150.0, -1.0), sag), 20.0, INDEX)
+    return Lens(
+        FreeformSurface(half_width), FreeformSurface(half_width, Conic(150.0, -1.0), sag), 20.0, INDEX
+    )
 
 
 def exact_transmission(half_width, radius):
@@ -128,7 +137,8 @@ def exact_transmission(half_width, radius):
 
 
 def test_paraboloid_passes_the_integral_of_fresnels_formula(backend):
-    """The midpoint rule's error is h^2 / 24 of the mean Laplacian: 4e-8 of the flux at 257 rays; twice the rays, a quarter of it."""
+    """The midpoint rule's error is h^2 / 24 of the mean Laplacian: 4e-8 of the flux at 257 rays; twice the
+    rays, a quarter of it."""
     exact = exact_transmission(47.5, 150.0)
     errors = []
     for rays in (64, 128, 257):
@@ -149,7 +159,9 @@ def test_total_internal_reflection_is_counted_ray_by_ray(backend):
     np.testing.assert_array_equal(landing.flux.numpy() == 0, lost)
     slopes = np.hypot(x, y)[~lost] / 10
     share = np.where(slopes > 0, fresnel(np.arctan(np.maximum(slopes, 1e-9)), INDEX, 1.0), 0.96)
-    assert budget.transmitted == pytest.approx(0.96 * share.sum() / len(x), rel=1e-9)  # T = 0.96 + O(1e-18) at the axis
+    assert budget.transmitted == pytest.approx(
+        0.96 * share.sum() / len(x), rel=1e-9
+    )  # T = 0.96 + O(1e-18) at the axis
 
 
 FATES = [
@@ -192,7 +204,9 @@ def test_fates_sum_to_the_source_flux(backend, front, rear, source, rear_half_wi
 )
 def test_fates_of_any_lens_sum_to_the_source_flux(backend, front, constant, source, height, seed):
     space = small_space()
-    lens = small_lens(Conic(front, constant), Conic(40.0, constant), rough(space, height, seed), thickness=14.0, space=space)
+    lens = small_lens(
+        Conic(front, constant), Conic(40.0, constant), rough(space, height, seed), thickness=14.0, space=space
+    )
     _, _, budget, _ = traced(backend, lens, source, (23, 29))
     assert sum(vars(budget).values()) == pytest.approx(1.0, abs=1e-12)
     assert min(vars(budget).values()) >= -1e-12
@@ -231,11 +245,17 @@ def radial(x, y):
 
 @pytest.mark.parametrize("radius", [40.0, -40.0, 20.0])
 def test_paraboloid_rear_lands_by_snells_law(backend, radius):
-    hits, landing, _, beam = traced(backend, small_lens(rear=Conic(radius, -1.0), thickness=12.0), rays=(40, 38), target_z=72.0)
+    hits, landing, _, beam = traced(
+        backend, small_lens(rear=Conic(radius, -1.0), thickness=12.0), rays=(40, 38), target_z=72.0
+    )
     x, y = mesh(beam)
     r, unit = radial(x, y)
     ray = meridional(r)
-    ray = type(ray)(r, 12.0 + r**2 / (2 * radius), ray.angle, np.full_like(r, 0.96)).refracted(r / radius, INDEX, 1.0).to(72.0)
+    ray = (
+        type(ray)(r, 12.0 + r**2 / (2 * radius), ray.angle, np.full_like(r, 0.96))
+        .refracted(r / radius, INDEX, 1.0)
+        .to(72.0)
+    )
     np.testing.assert_allclose(landing_points(landing), ray.r[:, None] * unit, rtol=0, atol=1e-12)
     np.testing.assert_allclose(landing.flux.numpy(), ray.share * beam.ray_flux, rtol=1e-11)
     np.testing.assert_allclose(hits.z.numpy(), r**2 / (2 * radius), rtol=0, atol=1e-14)
@@ -252,12 +272,16 @@ def test_tilted_plane_shifts_every_ray_alike(backend, slope):
     deflection = np.sign(slope) * np.tan(np.arcsin(INDEX * np.sin(incident)) - incident)
     np.testing.assert_allclose(landing.x.numpy(), x + (60 - slope * x) * deflection, rtol=0, atol=1e-12)
     np.testing.assert_allclose(landing.y.numpy(), y, rtol=0, atol=1e-13)  # slopes of 1e-16 times 60 mm
-    np.testing.assert_allclose(landing.flux.numpy() / beam.ray_flux, 0.96 * fresnel(incident, INDEX, 1.0), rtol=1e-13)
+    np.testing.assert_allclose(
+        landing.flux.numpy() / beam.ray_flux, 0.96 * fresnel(incident, INDEX, 1.0), rtol=1e-13
+    )
 
 
 @pytest.mark.parametrize("radius", [60.0, -60.0])
 def test_paraboloid_front_and_plane_rear_land_by_snells_law(backend, radius):
-    _, landing, _, beam = traced(backend, small_lens(Conic(radius, -1.0), PLANE, rear_half_width=(12.0, 12.0)), rays=(40, 38))
+    _, landing, _, beam = traced(
+        backend, small_lens(Conic(radius, -1.0), PLANE, rear_half_width=(12.0, 12.0)), rays=(40, 38)
+    )
     x, y = mesh(beam)
     r, unit = radial(x, y)
     ray = meridional(r)
@@ -268,7 +292,8 @@ def test_paraboloid_front_and_plane_rear_land_by_snells_law(backend, radius):
 
 
 def test_sphere_front_sends_parallel_light_through_its_focus(backend):
-    """Paraxial rays of a sphere and a plane meet at R / (n - 1) minus the thickness's share; the error falls as r^3."""
+    """Paraxial rays of a sphere and a plane meet at R / (n - 1) minus the thickness's share; the error falls
+    as r^3."""
     lens = small_lens(Conic(50.0, 0.0), PLANE)
     focus = 6.0 + (50 * INDEX / (INDEX - 1) - 6.0) / INDEX
     errors = []
@@ -283,7 +308,8 @@ def test_searched_and_known_hits_agree_on_a_nearly_flat_front(backend, radius):
     space = small_space()
     sag = rough(space, 0.05)
     known, searched = (traced(backend, small_lens(f, sag=sag, space=space)) for f in (PLANE, Conic(radius)))
-    # a front of radius R turns rays by less than r / R; sag height, slope and path enlarge that no more than tenfold
+    # a front of radius R turns rays by less than r / R; sag height, slope and path enlarge that no more than
+    # tenfold
     bound = 10 * (14 / radius) * (TARGET_Z + 14) + 1e-11
     assert np.abs(landing_points(known[1]) - landing_points(searched[1])).max() < bound
     assert np.abs(known[0].z.numpy() - searched[0].z.numpy()).max() < bound
@@ -293,7 +319,8 @@ def test_searched_and_known_hits_agree_on_a_nearly_flat_front(backend, radius):
 
 
 def test_searched_points_lie_on_ray_and_surface(backend):
-    """Every hit satisfies z = conic + sag at (x, y), with the surface's own slopes, evaluated by the kernel."""
+    """Every hit satisfies z = conic + sag at (x, y), with the surface's own slopes, evaluated by the
+    kernel."""
     space = small_space()
     lens = small_lens(Conic(35.0, -0.5), Conic(40.0, 0.3), rough(space, 0.3), space=space)
     hits, *_ = traced(backend, lens)
@@ -313,7 +340,9 @@ def test_independent_trace_of_the_step_file_lands_at_the_same_points(backend, tm
     np.testing.assert_array_equal(flux > 0, reference.flux > 0)
     arrives = flux > 0
     assert arrives.mean() > 0.9
-    np.testing.assert_allclose(landing_points(landing)[arrives], reference.points[arrives], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        landing_points(landing)[arrives], reference.points[arrives], rtol=0, atol=1e-10
+    )
     np.testing.assert_allclose(flux, reference.flux, rtol=0, atol=1e-12 * beam.ray_flux)
 
 
@@ -327,7 +356,8 @@ def test_independent_trace_counts_total_reflection_alike(backend, tmp_path):
 
 
 def test_light_that_would_turn_back_is_lost(backend):
-    """n = 2.5, front R = 5, rear tilted by 20 degrees: close to the critical angle some rays leave by more than 90 degrees to the axis."""
+    """n = 2.5, front R = 5, rear tilted by 20 degrees: close to the critical angle some rays leave by more
+    than 90 degrees to the axis."""
     tilt, radius, index, thickness = np.radians(20), 5.0, 2.5, 40.0
     space = small_space((30.0, 30.0), refined=False)
     net = -np.tan(tilt) * np.repeat(space.kv_u.greville()[:, None], space.kv_v.dim, axis=1)
@@ -342,7 +372,9 @@ def test_light_that_would_turn_back_is_lost(backend):
     backwards = np.abs(out) > np.pi / 2
     assert backwards.sum() > 10
     np.testing.assert_array_equal(landing.flux.numpy() == 0, beyond_critical | backwards)
-    assert budget.total_internal == pytest.approx(ray.share[beyond_critical | backwards].sum() / 2000, rel=1e-9)
+    assert budget.total_internal == pytest.approx(
+        ray.share[beyond_critical | backwards].sum() / 2000, rel=1e-9
+    )
 
 
 # Limits
@@ -357,13 +389,16 @@ def test_single_precision_makes_the_same_light(front, backend):
     *_, rounded, _ = traced(load_backend("single", 2), lens)
     for name, value in vars(exact).items():
         if name not in ("on_target", "off_target"):
-            assert getattr(rounded, name) == pytest.approx(value, abs=2e-5), name  # 1517 sums at 6e-8 each, not all of one sign
+            assert getattr(rounded, name) == pytest.approx(value, abs=2e-5), (
+                name
+            )  # 1517 sums at 6e-8 each, not all of one sign
     assert rounded.transmitted == pytest.approx(exact.transmitted, abs=2e-5)
 
 
 @pytest.mark.parametrize("front", [PLANE, Conic(60.0, -1.0)])
 def test_rays_of_a_profile_keep_their_own_flux(backend, front):
-    """Each ray's flux is its share of the uniform beam's times its density; the fates still sum to the source flux."""
+    """Each ray's flux is its share of the uniform beam's times its density; the fates still sum to the source
+    flux."""
     lens = small_lens(front, rear_half_width=(12.0, 12.0))
     rays, profile = (31, 29), Profile("gaussian")
     landings = []

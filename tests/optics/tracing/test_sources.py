@@ -1,4 +1,5 @@
-"""Glowing areas, points and beams through lenses with one or two free surfaces, to a plane or to the far field."""
+"""Glowing areas, points and beams through lenses with one or two free surfaces, to a plane or to the far
+field."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def pointed(counts=(61, 59), half_angle=90.0, exponent=1.0, distance=2.0):
 
 
 def rough_by(height, seed=5):
-    """Return a function that makes coefficients which fall to zero at the rim, so that the ruled edges stay clear of the surface."""
+    """Return a function that makes coefficients which fall to zero at the rim, so that the ruled edges stay
+    clear of the surface."""
 
     def made(space):
         a, b = (np.linspace(-1, 1, kv.dim) for kv in (space.kv_u, space.kv_v))
@@ -60,11 +62,17 @@ def traced(backend, lens, rays, target_z=TARGET_Z, target=(2000.0, 2000.0)):
     target_z=st.sampled_from([TARGET_Z, 40.0, FAR]),
     seed=st.integers(0, 99),
 )
-def test_fates_sum_to_the_flux_and_every_ray_is_resolved(backend, height, on_front, spans, kind, half_angle, distance, target_z, seed):
+def test_fates_sum_to_the_flux_and_every_ray_is_resolved(
+    backend, height, on_front, spans, kind, half_angle, distance, target_z, seed
+):
     """Rough sags up to the bound of the example, rays up to grazing."""
     front = None if on_front is None else rough_by(on_front, seed + 1)
     lens = hollow_lens(rough_by(height, seed), front, spans)
-    rays = glowing(1 << 9, half_angle, distance=distance) if kind == "lambertian" else pointed((23, 21), half_angle, distance=distance)
+    rays = (
+        glowing(1 << 9, half_angle, distance=distance)
+        if kind == "lambertian"
+        else pointed((23, 21), half_angle, distance=distance)
+    )
     landing, budget, _ = traced(backend, lens, rays, target_z, (60.0, 60.0))
     fates = vars(budget)
     assert sum(fates.values()) == pytest.approx(1.0, abs=1e-12)
@@ -79,23 +87,33 @@ def test_fates_sum_to_the_flux_and_every_ray_is_resolved(backend, height, on_fro
 def test_a_point_misses_the_front_as_solid_angles_say(backend, distance):
     """A rectangle a x b at distance d fills 4 atan(a b / (d sqrt(a^2 + b^2 + d^2))) of 2 pi.
 
-    On n x n equal-area cells the rectangle's border, at most four cells per row of cells, is miscounted: 4 / n at the very most.
+    On n x n equal-area cells the rectangle's border, at most four cells per row of cells, is miscounted: 4 /
+    n at the very most.
     """
     a, b, n = 10.0, 10.0, 200
     filled = 4 * np.arctan(a * b / (distance * np.sqrt(a * a + b * b + distance**2))) / (2 * np.pi)
     _, budget, _ = traced(backend, small_lens(), pointed((n, n), 90.0, 0.0, distance))
     assert budget.beside_lens == pytest.approx(1 - filled, abs=4 / n)
     errors = [
-        abs(traced(backend, small_lens(), pointed((m, m), 90.0, 0.0, distance))[1].beside_lens - (1 - filled)) for m in (25, 100, 400)
+        abs(traced(backend, small_lens(), pointed((m, m), 90.0, 0.0, distance))[1].beside_lens - (1 - filled))
+        for m in (25, 100, 400)
     ]
     assert errors[2] < max(errors[0] / 4, 1e-4)
 
 
 @pytest.mark.parametrize("distance", [2.0, 7.0])
 def test_a_small_glowing_area_misses_the_front_as_its_form_factor_says(backend, distance):
-    """F = 2 / pi [X / sqrt(1 + X^2) atan(Y / sqrt(1 + X^2)) + ...] of a rectangle over its middle; Sobol points err by less than n^-1/2."""
+    """F = 2 / pi [X / sqrt(1 + X^2) atan(Y / sqrt(1 + X^2)) + ...] of a rectangle over its middle; Sobol
+    points err by less than n^-1/2."""
     x = y = 10.0 / distance
-    factor = 2 / np.pi * (x / np.hypot(1, x) * np.arctan(y / np.hypot(1, x)) + y / np.hypot(1, y) * np.arctan(x / np.hypot(1, y)))
+    factor = (
+        2
+        / np.pi
+        * (
+            x / np.hypot(1, x) * np.arctan(y / np.hypot(1, x))
+            + y / np.hypot(1, y) * np.arctan(x / np.hypot(1, y))
+        )
+    )
     count = 1 << 15
     _, budget, _ = traced(backend, small_lens(), glowing(count, half_width=(1e-6, 1e-6), distance=distance))
     assert budget.beside_lens == pytest.approx(1 - factor, abs=count**-0.5)
@@ -122,7 +140,8 @@ RAYS = {
 @pytest.mark.parametrize("rays", RAYS.values(), ids=RAYS.keys())
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 def test_the_independent_trace_of_the_step_file_agrees_ray_by_ray(backend, tmp_path, lens, rays, target_z):
-    """Its meeting points are within 1e-12 of 16 mm; curvatures and grazing exits enlarge that to angles of 1e-11 at the most.
+    """Its meeting points are within 1e-12 of 16 mm; curvatures and grazing exits enlarge that to angles of
+    1e-11 at the most.
 
     A landing point L tan(theta) errs by L (1 + tan^2) of the angle.
     """
@@ -135,7 +154,11 @@ def test_the_independent_trace_of_the_step_file_agrees_ray_by_ray(backend, tmp_p
     assert arrives.mean() > 0.5
     found, expected = points[arrives], reference.points[arrives]
     length = TARGET_Z - 5.0
-    allowed = np.degrees(1e-11) if np.isinf(target_z) else 1e-11 * (length + np.square(expected).sum(axis=1, keepdims=True) / length)
+    allowed = (
+        np.degrees(1e-11)
+        if np.isinf(target_z)
+        else 1e-11 * (length + np.square(expected).sum(axis=1, keepdims=True) / length)
+    )
     assert (np.abs(found - expected) <= allowed).all()
     np.testing.assert_allclose(flux, reference.flux, rtol=0, atol=1e-10 * flux.max())
     assert budget.transmitted == pytest.approx(reference.flux.sum(), rel=1e-10)
@@ -146,7 +169,8 @@ def test_the_independent_trace_of_the_step_file_agrees_ray_by_ray(backend, tmp_p
 
 
 def squares(space, radius):
-    """Return the coefficients of (x^2 + y^2) / (2 R): the blossom of t^2 at three knots, averaged over their pairs."""
+    """Return the coefficients of (x^2 + y^2) / (2 R): the blossom of t^2 at three knots, averaged over their
+    pairs."""
     rows = []
     for kv in (space.kv_u, space.kv_v):
         t = np.stack([kv.knots[k : k + kv.dim] for k in (1, 2, 3)])
@@ -162,12 +186,17 @@ def test_a_front_that_is_a_spline_paraboloid_is_the_conic(backend, radius, targe
     by_conic = small_lens(Conic(radius, -1.0), rear_half_width=(12.0, 12.0), thickness=12.0)
     front = FreeformSurface((10.0, 10.0), PLANE, THBSurface(space, squares(space, radius)))
     by_spline = Lens(front, by_conic.rear, 12.0, INDEX)
-    for rays in (collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (31, 29)), pointed((31, 29), 40.0, distance=9.0)):
+    for rays in (
+        collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (31, 29)),
+        pointed((31, 29), 40.0, distance=9.0),
+    ):
         one, other = (traced(backend, lens, rays, target_z)[0] for lens in (by_conic, by_spline))
         np.testing.assert_allclose(other.flux.numpy(), one.flux.numpy(), rtol=0, atol=1e-15)
         arrives = one.flux.numpy() > 0
         assert arrives.mean() > 0.5
-        np.testing.assert_allclose(landing_points(other)[arrives], landing_points(one)[arrives], rtol=1e-12, atol=1e-11)
+        np.testing.assert_allclose(
+            landing_points(other)[arrives], landing_points(one)[arrives], rtol=1e-12, atol=1e-11
+        )
 
 
 def test_both_surfaces_report_their_hits(backend):
@@ -186,7 +215,8 @@ def test_both_surfaces_report_their_hits(backend):
 
 @pytest.mark.parametrize("distance", [2.0, 30.0])
 def test_a_plate_keeps_every_direction(backend, distance):
-    """In the far field a plate lands light at the angles of its own directions; flux passes Fresnel's formula twice."""
+    """In the far field a plate lands light at the angles of its own directions; flux passes Fresnel's formula
+    twice."""
     rays = pointed((41, 39), 50.0, 2.0, distance)
     landing, _, _ = traced(backend, small_lens(rear=PLANE, rear_half_width=(60.0, 60.0)), rays, FAR)
     p, q, cosine = rays.direction
@@ -219,22 +249,28 @@ def test_planes_at_any_distance_see_the_far_fields_angles(backend):
     near, further, far = (traced(backend, lens, rays, z)[0] for z in (105.0, 205.0, FAR))
     arrives = far.flux.numpy() > 0
     moved = landing_points(further)[arrives] - landing_points(near)[arrives]
-    np.testing.assert_allclose(moved, 100 * np.tan(np.radians(landing_points(far)[arrives])), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(
+        moved, 100 * np.tan(np.radians(landing_points(far)[arrives])), rtol=1e-11, atol=1e-11
+    )
     np.testing.assert_array_equal(near.flux.numpy(), far.flux.numpy())
 
 
 def test_a_cartesian_lens_makes_parallel_light_of_a_point(backend):
-    """A sphere around the point bends nothing; an ellipsoid of eccentricity 1 / n with the point in its far focus makes light parallel.
+    """A sphere around the point bends nothing; an ellipsoid of eccentricity 1 / n with the point in its far
+    focus makes light parallel.
 
-    Its vertex radius is (n - 1) / n of the distance.  The angles that are left are rounding, the rays' flux is Fresnel's.
+    Its vertex radius is (n - 1) / n of the distance.  The angles that are left are rounding, the rays' flux
+    is Fresnel's.
     """
     distance, thickness = 2.0, 5.0
     rear = Conic(-(INDEX - 1) / INDEX * (distance + thickness), -1 / INDEX**2)
     space = small_space((2.0, 2.0))
     lens = Lens(
-        FreeformSurface((1.2, 1.2), Conic(-distance)), FreeformSurface((2.0, 2.0), rear, THBSurface(space, np.zeros(space.dim))),
-        thickness, INDEX,
-    )  # fmt: skip
+        FreeformSurface((1.2, 1.2), Conic(-distance)),
+        FreeformSurface((2.0, 2.0), rear, THBSurface(space, np.zeros(space.dim))),
+        thickness,
+        INDEX,
+    )
     rays = pointed((41, 40), 15.0, 1.0, distance)
     landing, budget, _ = traced(backend, lens, rays, FAR, (1.0, 1.0))
     assert (landing.flux.numpy() > 0).all()
@@ -262,7 +298,9 @@ def test_the_far_fields_target_is_measured_in_degrees(backend):
     rays = pointed((201, 199), 30.0, 0.0, 1.0)
     landing, budget, _ = traced(backend, small_lens(rear=PLANE), rays, FAR, (12.0, 7.0))
     p, q, cosine = rays.direction
-    onto = (np.abs(np.degrees(np.arctan(p / cosine))) <= 12) & (np.abs(np.degrees(np.arctan(q / cosine))) <= 7)
+    onto = (np.abs(np.degrees(np.arctan(p / cosine))) <= 12) & (
+        np.abs(np.degrees(np.arctan(q / cosine))) <= 7
+    )
     assert 0.05 < onto.mean() < 0.5
     assert budget.on_target == pytest.approx(landing.flux.numpy()[onto].sum(), rel=1e-12)
     assert budget.off_target == pytest.approx(landing.flux.numpy()[~onto].sum(), rel=1e-12)
@@ -271,7 +309,10 @@ def test_the_far_fields_target_is_measured_in_degrees(backend):
 def test_parts_of_a_source_have_the_budget_of_the_whole(backend):
     lens = hollow_lens(rough_by(1.0))
     whole = traced(backend, lens, glowing(1 << 10))[1]
-    parts = [traced(backend, lens, part)[1] for part in lambertian_parts((0.5, 0.5), 2.0, 1.0, 90.0, Profile(), 1 << 10, 0, 1 << 8)]
+    parts = [
+        traced(backend, lens, part)[1]
+        for part in lambertian_parts((0.5, 0.5), 2.0, 1.0, 90.0, Profile(), 1 << 10, 0, 1 << 8)
+    ]
     assert len(parts) == 4
     total = parts[0] + parts[1] + parts[2] + parts[3]
     for name, value in vars(whole).items():
@@ -280,7 +321,8 @@ def test_parts_of_a_source_have_the_budget_of_the_whole(backend):
 
 @pytest.mark.parametrize("lens", [LENSES["rear"], LENSES["both"]], ids=["rear", "both"])
 def test_a_soft_rim_fades_the_light_of_free_surfaces_and_nothing_else(backend, lens):
-    """3 s^2 - 2 s^3 with s the distance from the rim in shares of `soft_rim`, for every free surface; landing points stay."""
+    """3 s^2 - 2 s^3 with s the distance from the rim in shares of `soft_rim`, for every free surface; landing
+    points stay."""
     rays, share = glowing(1 << 11), 0.1
     hard, _, hits = traced(backend, lens, rays)
     _, soft = Tracer(backend, lens, rays, TARGET_Z, share).trace(coefficients(lens))
@@ -290,5 +332,7 @@ def test_a_soft_rim_fades_the_light_of_free_surfaces_and_nothing_else(backend, l
             s = np.clip((half - np.abs(a)) / (share * half), 0, 1)
             fade *= s * s * (3 - 2 * s)
     assert 0.01 < ((fade > 0) & (fade < 1)).mean() < 0.5
-    np.testing.assert_allclose(soft.flux.numpy(), hard.flux.numpy() * fade, rtol=0, atol=1e-14 * hard.flux.numpy().max())
+    np.testing.assert_allclose(
+        soft.flux.numpy(), hard.flux.numpy() * fade, rtol=0, atol=1e-14 * hard.flux.numpy().max()
+    )
     np.testing.assert_array_equal(landing_points(soft), landing_points(hard))

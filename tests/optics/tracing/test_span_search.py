@@ -14,7 +14,11 @@ def expected(breaks, points):
 
 
 @settings(max_examples=60, deadline=None)
-@given(widths=st.lists(st.floats(1e-3, 10), min_size=1, max_size=40), start=st.floats(-100, 100), seed=st.integers(0, 99))
+@given(
+    widths=st.lists(st.floats(1e-3, 10), min_size=1, max_size=40),
+    start=st.floats(-100, 100),
+    seed=st.integers(0, 99),
+)
 def test_any_breaks(backend, widths, start, seed):
     breaks = start + np.concatenate([[0.0], np.cumsum(widths)])
     points = np.random.default_rng(seed).uniform(breaks[0], breaks[-1], 500)
@@ -27,19 +31,25 @@ def test_any_breaks(backend, widths, start, seed):
 def test_breaks_of_dyadic_meshes_are_found_on_either_side(backend, kept):
     """A point on a break belongs to one of the two spans that meet there."""
     fine = np.linspace(-50.0, 50.0, 7 * 32 + 1)
-    breaks = np.concatenate([fine[:1], fine[1:-1][np.random.default_rng(0).random(len(fine) - 2) < kept], fine[-1:]])
+    breaks = np.concatenate(
+        [fine[:1], fine[1:-1][np.random.default_rng(0).random(len(fine) - 2) < kept], fine[-1:]]
+    )
     found = Cells(backend, breaks)(backend.array(breaks)).numpy()
     right = expected(breaks, breaks)
     assert (np.abs(found.astype(int) - right) <= 1).all()
     middles = (breaks[1:] + breaks[:-1]) / 2
-    np.testing.assert_array_equal(Cells(backend, breaks)(backend.array(middles)).numpy(), np.arange(len(middles)))
+    np.testing.assert_array_equal(
+        Cells(backend, breaks)(backend.array(middles)).numpy(), np.arange(len(middles))
+    )
 
 
 def test_spans_of_very_different_width(backend):
     """More than the bins can tell apart: steps lead to the span."""
     breaks = np.concatenate([[0.0], np.cumsum(10.0 ** -np.arange(0, 9))])
     points = (breaks[1:] + breaks[:-1]) / 2
-    np.testing.assert_array_equal(Cells(backend, breaks)(backend.array(points)).numpy(), np.arange(len(points)))
+    np.testing.assert_array_equal(
+        Cells(backend, breaks)(backend.array(points)).numpy(), np.arange(len(points))
+    )
 
 
 def test_points_beside_the_breaks_have_the_spans_at_the_ends(backend):

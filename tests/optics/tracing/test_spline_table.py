@@ -12,7 +12,8 @@ DERIVATIVES = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 def uneven(degree, start, stop, seed):
-    """Return a knot vector with uneven spans and one repeated interior knot (still twice differentiable where it can be)."""
+    """Return a knot vector with uneven spans and one repeated interior knot (still twice differentiable where
+    it can be)."""
     inner = np.sort(np.random.default_rng(seed).uniform(start, stop, 6))
     repeated = [inner[2]] * max(0, degree - 3)
     return KnotVector(degree, np.sort(np.r_[[start] * (degree + 1), inner, repeated, [stop] * (degree + 1)]))
@@ -39,10 +40,12 @@ def test_values_and_derivatives_are_those_of_the_spline(backend, p, q):
         values = values.numpy()
         expected = surface(x, y, derivative)
         if sum(derivative) == 2 and max(p, q) > 2:
-            # a second derivative of a piece may differ across a knot where the spline has only one: leave those out
+            # a second derivative of a piece may differ across a knot where the spline has only one: leave
+            # those out
             smooth = np.arange(len(x)) < 400
             values, expected = values[smooth], expected[smooth]
-        # power form on [0, 1]: eps times the sum of the coefficients' moduli, which 2^p p^2 bounds; short spans enlarge derivatives
+        # power form on [0, 1]: eps times the sum of the coefficients' moduli, which 2^p p^2 bounds; short
+        # spans enlarge derivatives
         shortest = min(np.diff(kv_x.breaks).min(), np.diff(kv_y.breaks).min())
         atol = 2.0 ** (p + q) * 1e-16 * (2 * max(p, q) / shortest) ** sum(derivative) * 4
         np.testing.assert_allclose(values, expected, rtol=0, atol=atol)
@@ -75,4 +78,6 @@ def test_pull_back_is_the_adjoint(backend, p, q):
     back = table.pull_back(backend.Float(x), backend.Float(y), list(gradients))
     assert back.shape == net.shape
     scale = sum(np.abs(g) @ np.abs(f) for g, f in zip(gradients, forward))
-    assert np.sum(back * net) == pytest.approx(sum(g @ f for g, f in zip(gradients, forward)), abs=1e-13 * scale)
+    assert np.sum(back * net) == pytest.approx(
+        sum(g @ f for g, f in zip(gradients, forward)), abs=1e-13 * scale
+    )

@@ -51,7 +51,10 @@ def test_the_referee_knows_the_ray_through_a_plate():
     """A plate shifts a ray by d tan(b) and passes T^2: closed forms in double precision."""
     plate = Quadric((0.0, 0.0, 0.0, 0.0, 0.0), 8.0)
     sine = np.array([0.0, 0.3, 0.9])
-    origin, direction = np.stack([0 * sine, 0 * sine, 0 * sine - 1]), np.stack([sine, 0 * sine, np.sqrt(1 - sine**2)])
+    origin, direction = (
+        np.stack([0 * sine, 0 * sine, 0 * sine - 1]),
+        np.stack([sine, 0 * sine, np.sqrt(1 - sine**2)]),
+    )
     traced = exact_trace(Setup(plate, plate, 2.0, 1.5, 10.0, origin, direction))
     inside, outside = np.tan(np.arcsin(sine / 1.5)), np.tan(np.arcsin(sine))
     np.testing.assert_array_equal(traced.fate, ARRIVES)
@@ -107,13 +110,16 @@ def scaled(lens, k):
 @pytest.mark.parametrize("eta", [1.5, 1 / 1.5])
 @pytest.mark.parametrize("exponent", range(-12, -2))
 def test_small_shares_of_light_keep_their_digits(backend, eta, exponent):
-    """At 10^exponent from grazing incidence, or from the critical angle, T = 1 - R is small: no digits may cancel in it."""
+    """At 10^exponent from grazing incidence, or from the critical angle, T = 1 - R is small: no digits may
+    cancel in it."""
     if eta > 1:
         away = np.arcsin(1 / eta) - 10.0**exponent
         direction = np.array([np.sin(away), 0.0, np.cos(away)])
     else:
         direction = np.array([1.0, 0.0, 10.0**exponent])
-    _, share, passes = refract(backend.dr, [backend.array([a]) for a in direction], (backend.Float(0), backend.Float(0)), eta)
+    _, share, passes = refract(
+        backend.dr, [backend.array([a]) for a in direction], (backend.Float(0), backend.Float(0)), eta
+    )
     assert passes.numpy()[0]
     with localcontext() as context:
         context.prec = 50
@@ -143,12 +149,15 @@ def test_every_ray_is_decided_whatever_z_freedom_allows(backend, height):
         assert np.isfinite([x, y, z]).all()
         offset = 0.0 if surface is lens.front else lens.thickness
         # heights up to 10 mm over slopes up to 3 at x that is wrong by a few roundings of 10 mm
-        np.testing.assert_allclose(z[hit], surface(x[hit], y[hit]), rtol=0, atol=64 * 2**-53 * 10, err_msg=str(offset))
+        np.testing.assert_allclose(
+            z[hit], surface(x[hit], y[hit]), rtol=0, atol=64 * 2**-53 * 10, err_msg=str(offset)
+        )
 
 
 @pytest.mark.parametrize("free_front", [True, False])
 def test_parallel_rays_beside_the_rear_leave_numbers(backend, free_front):
-    """Rays along z that are never above the rear's rectangle have no meeting point; loss and gradient stay numbers."""
+    """Rays along z that are never above the rear's rectangle have no meeting point; loss and gradient stay
+    numbers."""
     surfaces = []
     for half, conic in ((10.0, Conic()), (8.0, Conic(40.0, -1.0))):
         kv = KnotVector.uniform(3, 4, -half, half)
@@ -157,7 +166,9 @@ def test_parallel_rays_beside_the_rear_leave_numbers(backend, free_front):
     front = surfaces[0] if free_front else FreeformSurface((10.0, 10.0))
     lens = Lens(front, surfaces[1], 6.0, 1.5)
     tracer = Tracer(backend, lens, collimated_beam((9.5, 9.5), 1.0, (10, 10), (33, 33)), 66.0)
-    objective = Objective(backend, tracer, Screen((20, 20), (24, 24), 4), BSplineWindow(3), np.ones((24, 24)) / 1600, 100.0)
+    objective = Objective(
+        backend, tracer, Screen((20, 20), (24, 24), 4), BSplineWindow(3), np.ones((24, 24)) / 1600, 100.0
+    )
     loss, gradients = objective(coefficients(lens))
     assert np.isfinite(loss)
     assert all(np.isfinite(g).all() and g.any() for g in gradients)
@@ -197,11 +208,16 @@ def test_the_independent_tracer_agrees_in_any_units_and_from_the_front_itself(ba
     lens = Lens(FreeformSurface((5.0 * k, 5.0 * k)), rear, 6.0 * k, 1.5)
     rays = next(lambertian_parts((0.5 * k, 0.5 * k), distance * k, 1.0, 60.0, Profile(), 1 << 10, 3, 1 << 10))
     write_step(lens, tmp_path / "lens.step")
-    other = trace_step(read_step(tmp_path / "lens.step"), rays.origin.T, rays.direction.T, rays.ray_flux, 1.5, 100.0 * k)
+    other = trace_step(
+        read_step(tmp_path / "lens.step"), rays.origin.T, rays.direction.T, rays.ray_flux, 1.5, 100.0 * k
+    )
     x, y, flux, _ = landing(backend, lens, rays, 100.0 * k)
     np.testing.assert_array_equal(flux > 0, other.flux > 0)
     assert (flux > 0).mean() > 0.5
     arrives = flux > 0
-    # the reference stops its steps at 1e-12 of the parameters, 1.6e-11 of 8 mm; the way on to the target enlarges it tenfold
-    np.testing.assert_allclose(np.column_stack([x, y])[arrives], other.points[arrives], rtol=0, atol=2e-10 * k)
+    # the reference stops its steps at 1e-12 of the parameters, 1.6e-11 of 8 mm; the way on to the target
+    # enlarges it tenfold
+    np.testing.assert_allclose(
+        np.column_stack([x, y])[arrives], other.points[arrives], rtol=0, atol=2e-10 * k
+    )
     np.testing.assert_allclose(flux[arrives], other.flux[arrives], rtol=1e-9)

@@ -1,4 +1,5 @@
-"""Checks by strangers: good files pass, every kind of damage is caught by one of them or refused with a sentence."""
+"""Checks by strangers: good files pass, every kind of damage is caught by one of them or refused with a
+sentence."""
 
 from __future__ import annotations
 
@@ -40,13 +41,19 @@ def good(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("strangers")
     problem, lens = shaped(folder, request.param)
     write_step(lens, folder / "lens.step")
-    return SimpleNamespace(problem=problem, lens=lens, text=(folder / "lens.step").read_text(), ruled=request.param == RULED)
+    return SimpleNamespace(
+        problem=problem, lens=lens, text=(folder / "lens.step").read_text(), ruled=request.param == RULED
+    )
 
 
 def failed(good, folder, text, backend):
     """Return the names of the checks that fail for a file with this text."""
     (folder / "lens.step").write_text(text)
-    return {c.name for c in stranger_checks(good.problem, good.lens, StepFile(folder / "lens.step"), backend) if not c.ok}
+    return {
+        c.name
+        for c in stranger_checks(good.problem, good.lens, StepFile(folder / "lens.step"), backend)
+        if not c.ok
+    }
 
 
 @pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
@@ -64,7 +71,9 @@ def test_a_good_file_passes(tmp_path, backend, changes):
 def test_rays_without_light_do_not_count(tmp_path, backend):
     problem, lens = shaped(tmp_path, {"source.profile": "round"})
     write_step(lens, tmp_path / "lens.step")
-    assert [c.name for c in stranger_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok] == []
+    assert [
+        c.name for c in stranger_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok
+    ] == []
 
 
 def test_rays_land_where_snells_law_in_angles_sends_them():
@@ -112,7 +121,10 @@ def test_a_rear_pole_moved_by_a_nanometre_moves_the_rays_of_occt(good, tmp_path,
 
 def poles_of(text, what):
     """Return the pole numbers of every spline curve or surface that the pattern names."""
-    return [re.findall(r"#(\d+)", m) for m in re.findall(rf"{what}_WITH_KNOTS\(''[\d,\s]*(\([#\d,\s()]*\))\s*,\s*\.", text)]
+    return [
+        re.findall(r"#(\d+)", m)
+        for m in re.findall(rf"{what}_WITH_KNOTS\(''[\d,\s]*(\([#\d,\s()]*\))\s*,\s*\.", text)
+    ]
 
 
 def moved_number(text, number, change):
@@ -122,11 +134,15 @@ def moved_number(text, number, change):
 
 
 def test_a_rim_pole_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
-    in_space = set(re.findall(r"#(\d+)=CARTESIAN_POINT\('',\([^,)]*,[^,)]*,", good.text))  # the others lie in parameters of faces
+    in_space = set(
+        re.findall(r"#(\d+)=CARTESIAN_POINT\('',\([^,)]*,[^,)]*,", good.text)
+    )  # the others lie in parameters of faces
     rims = [p for p in poles_of(good.text, "B_SPLINE_CURVE") if len(p) > 2 and p[0] in in_space]
     assert len(rims) == 8
     for poles in rims[::3]:
-        assert failed(good, tmp_path, moved_number(good.text, poles[len(poles) // 2], [0, 0, 1e-6]), backend) == {RIMS, VOLUME}
+        assert failed(
+            good, tmp_path, moved_number(good.text, poles[len(poles) // 2], [0, 0, 1e-6]), backend
+        ) == {RIMS, VOLUME}
 
 
 def test_a_corner_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
@@ -154,7 +170,9 @@ def test_an_edge_to_another_corner_is_caught(good, tmp_path, backend, which):
     corners = re.findall(r"#(\d+)=VERTEX_POINT", good.text)
     found = list(re.finditer(r"=EDGE_CURVE\(\'\',#(\d+),#(\d+)", good.text))[which]
     other = next(c for c in corners if c not in found.groups())
-    assert failed(good, tmp_path, good.text[: found.start(1)] + other + good.text[found.end(1) :], backend) >= {GAPS, RIMS}
+    assert failed(
+        good, tmp_path, good.text[: found.start(1)] + other + good.text[found.end(1) :], backend
+    ) >= {GAPS, RIMS}
 
 
 @pytest.mark.parametrize("prefix", [".CENTI.", ".MICRO.", "$"])
@@ -179,7 +197,10 @@ def test_a_face_missing_is_caught(good, tmp_path, backend, which):
             failed(good, tmp_path, text, backend)
     else:
         assert failed(good, tmp_path, text, backend) >= {FACES, UNPAIRED}
-        assert {c.name for c in bare_checks(StepFile(tmp_path / "lens.step")) if not c.ok} >= {UNPAIRED, "free edges, by OCCT"}
+        assert {c.name for c in bare_checks(StepFile(tmp_path / "lens.step")) if not c.ok} >= {
+            UNPAIRED,
+            "free edges, by OCCT",
+        }
 
 
 def test_a_knot_moved_is_caught(good, tmp_path, backend):
@@ -201,7 +222,10 @@ def test_faces_in_another_order_pass(good, tmp_path, backend):
     """What the light does depends on no order in the file."""
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", good.text)[1]
     a, b, *rest = shell.split(",")
-    assert failed(good, tmp_path, good.text.replace(shell, ",".join([*rest[:1], b, *rest[1:], a])), backend) == set()
+    assert (
+        failed(good, tmp_path, good.text.replace(shell, ",".join([*rest[:1], b, *rest[1:], a])), backend)
+        == set()
+    )
     assert _optical(read_brep(tmp_path / "lens.step")) == (5, 1)
     assert not step_solid(tmp_path / "lens.step").IsNull()
 
@@ -218,4 +242,6 @@ def test_a_solid_inside_out_is_caught_without_its_lens(good, tmp_path):
     text = flag.sub(lambda m: f"{m[1]}.{'F' if m[2] == 'T' else 'T'}.)", good.text)
     assert len(flag.findall(text)) == 6
     (tmp_path / "lens.step").write_text(text)
-    assert any(c.name.startswith("volume by OCCT") for c in bare_checks(StepFile(tmp_path / "lens.step")) if not c.ok)
+    assert any(
+        c.name.startswith("volume by OCCT") for c in bare_checks(StepFile(tmp_path / "lens.step")) if not c.ok
+    )

@@ -35,7 +35,8 @@ def along_axis(x, y):
 
 
 def glowing(count, half_angle=89.0):
-    """Return (origins, directions) of a source of 1 mm, 2 mm before the vertex, in the hollow of `hollow_lens`."""
+    """Return (origins, directions) of a source of 1 mm, 2 mm before the vertex, in the hollow of
+    `hollow_lens`."""
     (rays,) = lambertian_parts((0.5, 0.5), 2.0, 1.0, half_angle, Profile(), count, 3, count)
     return rays.origin.T, rays.direction.T
 
@@ -59,25 +60,35 @@ def test_a_good_file_passes(tmp_path, backend, changes):
 def test_rays_without_light_do_not_count(tmp_path, backend):
     problem, lens = shaped(tmp_path, {"source.profile": "round"})
     write_step(lens, tmp_path / "lens.step")
-    assert [c.name for c in optiland_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok] == []
+    assert [
+        c.name for c in optiland_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok
+    ] == []
 
 
 def test_a_pole_moved_by_a_nanometre_is_caught(tmp_path, backend):
-    """Slopes of 1e-6 mm over a span of a few mm move the light by more than 1e-8 mm on a target 60 mm away."""
+    """Slopes of 1e-6 mm over a span of a few mm move the light by more than 1e-8 mm on a target 60 mm
+    away."""
     problem, lens = shaped(tmp_path)
     write_step(lens, tmp_path / "lens.step")
     pole = lens_surfaces(lens)[1].coefficients[4, 5]
-    (tmp_path / "lens.step").write_text(moved_point((tmp_path / "lens.step").read_text(), pole, [0.0, 0.0, 1e-6]))
-    failed = {c.name for c in optiland_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok}
+    (tmp_path / "lens.step").write_text(
+        moved_point((tmp_path / "lens.step").read_text(), pole, [0.0, 0.0, 1e-6])
+    )
+    failed = {
+        c.name for c in optiland_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok
+    }
     assert LANDING in failed
 
 
 def test_rays_land_where_snells_law_in_angles_sends_them():
-    """A plano-convex paraboloid, rays in a meridional plane: tan and arcsin against optiland's Newton and vectors."""
+    """A plano-convex paraboloid, rays in a meridional plane: tan and arcsin against optiland's Newton and
+    vectors."""
     r = np.linspace(-9, 9, 18)  # none at 0: the oracle's Fresnel needs an angle
     inside = meridional(r).to(0.0).refracted(0.0, 1.0, 1.5)
     expected = inside.to(6.0 - r**2 / 80).refracted(-r / 40, 1.5, 1.0).to(60.0).r
-    found = optiland_trace(*lens_surfaces(small_lens(rear=Conic(-40.0, -1.0))), *along_axis(r, 0 * r), 1.5, 60.0)
+    found = optiland_trace(
+        *lens_surfaces(small_lens(rear=Conic(-40.0, -1.0))), *along_axis(r, 0 * r), 1.5, 60.0
+    )
     np.testing.assert_allclose(found.points[:, 0], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.points[:, 1], 0, rtol=0, atol=1e-12)
     # 0.96 = 4 n / (n + 1)^2 at the plane front; a dozen roundings, arcsin and arccos double them
@@ -103,8 +114,8 @@ def test_steep_rays_in_a_hollow_meet_as_ours_do(tmp_path, height, spans):
     found = optiland_trace(step.front, step.rear, origins, directions, 1.5, 1005.0)
     np.testing.assert_array_equal(found.flux > 0, ours.flux > 0)
     assert 256 < np.count_nonzero(found.flux) < 512
-    # meetings are known to 1e-12 mm, normals on curvatures below 1 / mm as well; a metre away that is 1e-9 mm, and
-    # rays that leave at 65 degrees land 1 / cos^2 = 6 times as far off
+    # meetings are known to 1e-12 mm, normals on curvatures below 1 / mm as well; a metre away that is 1e-9
+    # mm, and rays that leave at 65 degrees land 1 / cos^2 = 6 times as far off
     target = (np.abs(ours.points) <= 2000.0).all(axis=1)
     assert np.count_nonzero(target) > 100
     np.testing.assert_allclose(found.points[target], ours.points[target], rtol=0, atol=1e-8)
@@ -115,7 +126,9 @@ def test_starts_at_one_height_lose_steep_rays(monkeypatch):
     """What the search for a start is for: from the rim's height alone, Newton's method is held at the rim."""
     faces, rays = lens_surfaces(rough_hollow()), glowing(256)
     searched = optiland_trace(*faces, *rays, 1.5, 1005.0)
-    monkeypatch.setattr(module, "_nearest", lambda surface, heights, points, directions: np.zeros(len(points), dtype=int))
+    monkeypatch.setattr(
+        module, "_nearest", lambda surface, heights, points, directions: np.zeros(len(points), dtype=int)
+    )
     single = optiland_trace(*faces, *rays, 1.5, 1005.0)
     arrives = single.flux > 0
     assert np.count_nonzero(arrives) < np.count_nonzero(searched.flux)
@@ -137,7 +150,9 @@ def test_an_iteration_that_has_not_ended_loses_the_ray(monkeypatch):
 
 def test_rays_beside_the_lens_totally_reflected_or_backwards_do_not_arrive():
     faces = lens_surfaces(small_lens(rear=Conic(-11.0, -1.0), thickness=10.0))
-    origins, directions = along_axis(np.array([11.0, 0.0, 0.0, 9.9, 0.0]), np.array([0.0, -10.5, 0.0, 9.9, 0.0]))
+    origins, directions = along_axis(
+        np.array([11.0, 0.0, 0.0, 9.9, 0.0]), np.array([0.0, -10.5, 0.0, 9.9, 0.0])
+    )
     directions[2] *= -1
     found = optiland_trace(*faces, origins, directions, 1.5, 60.0)
     np.testing.assert_array_equal(found.flux > 0, [False, False, False, False, True])
@@ -146,7 +161,9 @@ def test_rays_beside_the_lens_totally_reflected_or_backwards_do_not_arrive():
 
 def test_rays_beside_a_plane_front_do_not_reach_a_larger_rear():
     faces = lens_surfaces(small_lens(rear_half_width=(12.0, 12.0)))
-    found = optiland_trace(*faces, *along_axis(np.array([9.9, 11.0, 0.0]), np.array([9.9, 0.0, -10.1])), 1.5, 60.0)
+    found = optiland_trace(
+        *faces, *along_axis(np.array([9.9, 11.0, 0.0]), np.array([9.9, 0.0, -10.1])), 1.5, 60.0
+    )
     np.testing.assert_array_equal(found.flux > 0, [True, False, False])
 
 
@@ -154,7 +171,9 @@ def test_rays_that_start_behind_the_front_do_not_meet_it():
     faces = lens_surfaces(rough_hollow())
     apex = faces[0]([0.0], [0.0])[0]
     origins = apex + np.outer([-0.01, 0.01], ALONG)
-    np.testing.assert_array_equal(optiland_trace(*faces, origins, np.tile(ALONG, (2, 1)), 1.5, 60.0).flux > 0, [True, False])
+    np.testing.assert_array_equal(
+        optiland_trace(*faces, origins, np.tile(ALONG, (2, 1)), 1.5, 60.0).flux > 0, [True, False]
+    )
 
 
 def test_parts_of_the_rays_land_as_all(monkeypatch):
@@ -169,7 +188,10 @@ def test_parts_of_the_rays_land_as_all(monkeypatch):
 def test_knots_need_not_run_from_0_to_1():
     """The same poles over other parameter ranges are the same faces."""
     faces, rays = lens_surfaces(rough_hollow()), glowing(64, 40.0)
-    moved = [BSplineSurface(*(type(kv)(kv.degree, 3 * kv.knots + 7) for kv in (s.kv_u, s.kv_v)), s.coefficients) for s in faces]
+    moved = [
+        BSplineSurface(*(type(kv)(kv.degree, 3 * kv.knots + 7) for kv in (s.kv_u, s.kv_v)), s.coefficients)
+        for s in faces
+    ]
     a, b = (optiland_trace(*s, *rays, 1.5, 1005.0).points for s in (faces, moved))
     np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-8)
 
@@ -190,7 +212,10 @@ def test_the_settings_of_optiland_are_put_back():
 
 
 def test_to_ask_for_optiland_does_not_load_it():
-    program = "import sys; from optics.verification import optiland_available as a; print(a(), 'optiland' in sys.modules)"
+    program = (
+        "import sys; from optics.verification import optiland_available as a; print(a(), 'optiland' "
+        "in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert optiland_available()
     assert done.stdout.split() == ["True", "False"]

@@ -1,4 +1,5 @@
-"""The first of several meetings with a wavy face: the independent trace and the optimiser's search against dense sampling."""
+"""The first of several meetings with a wavy face: the independent trace and the optimiser's search against
+dense sampling."""
 
 from __future__ import annotations
 
@@ -27,12 +28,18 @@ SHORT = 1 / (min(SAMPLES - 1, SearchedHits.samples))  # of the way: what both se
 
 
 def wavy_lens(height, waves, phase=(0.3, 1.1), index=1.05, spans=12):
-    """Return a lens with a plane front whose rear carries height * sin * cos, `waves` half periods per half-width in x and y."""
+    """Return a lens with a plane front whose rear carries height * sin * cos, `waves` half periods per
+    half-width in x and y."""
     kv = KnotVector.uniform(3, spans, -HALF, HALF)
     space = THBSpace(kv, kv)
     a, b = (np.pi * n * kv.greville() / HALF + p for n, p in zip(waves, phase))
     sag = THBSurface(space, (height * np.outer(np.sin(a), np.cos(b))).ravel())
-    return Lens(FreeformSurface((HALF, HALF)), FreeformSurface((HALF, HALF), Conic(-10.0, -1.0), sag), THICKNESS, index)
+    return Lens(
+        FreeformSurface((HALF, HALF)),
+        FreeformSurface((HALF, HALF), Conic(-10.0, -1.0), sag),
+        THICKNESS,
+        index,
+    )
 
 
 def grazing(lens, count, seed=0, least=0.02):
@@ -44,7 +51,8 @@ def grazing(lens, count, seed=0, least=0.02):
 def first_fall(lens, origin, direction):
     """Return where rays first fall through the rear, by dense sampling and bisection on the kernel's heights.
 
-    t : ray parameters.  falls : there is such a place.  clear : and from there on the ray is above the face for longer than
+    t : ray parameters.  falls : there is such a place.  clear : and from there on the ray is above the face
+        for longer than
     both searches may step over, after a start below the face.
     """
     rear, top = lens.rear, THICKNESS + lens.rear.sag.coefficients.max() + 0.1
@@ -78,13 +86,17 @@ def searched(backend, lens, origin, direction):
     e = lens.rear.sag.space.embedding
     search = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, (e.kv_u, e.kv_v), True)
     at = origin - [0, 0, THICKNESS]
-    hits = search.meet(*([backend.array(a) for a in v.T] for v in (at, direction)), e.coefficients(lens.rear.sag.coefficients))
+    hits = search.meet(
+        *([backend.array(a) for a in v.T] for v in (at, direction)),
+        e.coefficients(lens.rear.sag.coefficients),
+    )
     points = np.column_stack([hits.x.numpy(), hits.y.numpy(), hits.z.numpy()])
     return np.einsum("ij,ij->i", points - at, direction), hits.hit.numpy()
 
 
 def require_first(backend, lens, origin, direction):
-    """Compare both searches with the samples, ray by ray; return (the clear rays, those among them that meet the face again)."""
+    """Compare both searches with the samples, ray by ray; return (the clear rays, those among them that meet
+    the face again)."""
     found = first_fall(lens, origin, direction)
     points, normals, met = _intersect(ParametricFace(lens_surfaces(lens)[1]), origin, direction)
     by_step = np.einsum("ij,ij->i", points - origin, direction)
@@ -93,13 +105,18 @@ def require_first(backend, lens, origin, direction):
     assert hit[clear].all()
     np.testing.assert_allclose(by_search[clear], found.t[clear], rtol=0, atol=1e-6)
     assert met[clear].all()
-    # |f| < 1e-9 mm (search) or 1e-12 (Newton) over a slope along the ray that is above 1e-3 for all but tangent rays
+    # |f| < 1e-9 mm (search) or 1e-12 (Newton) over a slope along the ray that is above 1e-3 for all but
+    # tangent rays
     np.testing.assert_allclose(by_step[clear], found.t[clear], rtol=0, atol=1e-6)
     assert (normals[met][:, 2] > 0).all()
     return clear, clear & found.several
 
 
-@pytest.mark.parametrize(("height", "waves"), [(0.4, (2, 3)), (1.0, (3, 2)), (1.5, (2, 1.4)), (2.0, (4, 3)), (2.5, (1, 4))], ids=str)
+@pytest.mark.parametrize(
+    ("height", "waves"),
+    [(0.4, (2, 3)), (1.0, (3, 2)), (1.5, (2, 1.4)), (2.0, (4, 3)), (2.5, (1, 4))],
+    ids=str,
+)
 def test_rays_meet_a_wavy_face_where_they_first_fall_through_it(backend, height, waves):
     lens = wavy_lens(height, waves)
     clear, several = require_first(backend, lens, *grazing(lens, 1200, 1))
@@ -122,7 +139,8 @@ def test_any_waves(backend, height, waves, phase, seed):
 
 @pytest.mark.parametrize(("height", "waves", "spans"), [(2.0, (4, 2.8), 16), (1.5, (6, 5), 20)], ids=str)
 def test_a_slope_that_turns_within_a_sample_loses_no_ray(height, waves, spans):
-    """Newton's steps from the chord between two samples leave some of these rays for places behind the origin or beside the face."""
+    """Newton's steps from the chord between two samples leave some of these rays for places behind the origin
+    or beside the face."""
     lens = wavy_lens(height, waves, spans=spans)
     origin, direction = grazing(lens, 4000, 1)
     found = first_fall(lens, origin, direction)
@@ -135,12 +153,15 @@ def test_a_slope_that_turns_within_a_sample_loses_no_ray(height, waves, spans):
 
 @pytest.mark.parametrize("index", [1.05, 1.3])
 def test_the_whole_trace_lands_where_the_first_meeting_sends_the_light(backend, index):
-    """By the kernel's normal at the first fall and Snell's law in vectors; the optimiser's tracer says the same, ray by ray."""
+    """By the kernel's normal at the first fall and Snell's law in vectors; the optimiser's tracer says the
+    same, ray by ray."""
     lens = wavy_lens(1.0, (3, 2), index=index)
     origin, direction = grazing(lens, 2000, 2, 0.1)
     origin[:, 2] = -0.5
     across = origin - direction * (origin[:, 2:] / direction[:, 2:])
-    origin, direction, across = (a[(np.abs(across[:, :2]) < HALF).all(axis=1)] for a in (origin, direction, across))
+    origin, direction, across = (
+        a[(np.abs(across[:, :2]) < HALF).all(axis=1)] for a in (origin, direction, across)
+    )
     inside = refracted_vector(direction, np.array([[0.0, 0.0, 1.0]]), 1 / index)
     found = first_fall(lens, across, inside)
     at = across + found.t[:, None] * inside
@@ -148,7 +169,9 @@ def test_the_whole_trace_lands_where_the_first_meeting_sends_the_light(backend, 
     normal = np.column_stack([-slopes[0], -slopes[1], np.ones(len(at))])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     cosine = np.einsum("ij,ij->i", inside, normal)
-    passes = found.clear & (index**2 * (1 - cosine**2) < 0.99)  # well before total reflection, where a last digit moves light by far
+    passes = found.clear & (
+        index**2 * (1 - cosine**2) < 0.99
+    )  # well before total reflection, where a last digit moves light by far
     out = refracted_vector(inside[passes], normal[passes], index)
     forward = out[:, 2] > 0.05
     expected = (at[passes] + ((TARGET_Z - at[passes][:, 2]) / out[:, 2])[:, None] * out)[forward, :2]

@@ -69,7 +69,11 @@ def moved_point(text, point, change):
     return text[: found[0].start(2)] + numbers + text[found[0].end(2) :]
 
 
-FREE_FRONT = {"lens.front.freeform.spans": [3, 4], "lens.front.freeform.max_level": 1, "lens.front.freeform.z_freedom": 0.5}
+FREE_FRONT = {
+    "lens.front.freeform.spans": [3, 4],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.5,
+}
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 4.0}
 POINT = {"source.kind": "point", "source.half_angle": 75.0, "source.distance": 4.0}
 FAR = {"target.distance": np.inf, "target.half_width": [60.0, 60.0]}
@@ -80,11 +84,16 @@ LENSES = {
     "hyperboloid rear": {"lens.rear.conic": -2.5, "lens.rear.radius": 200.0, "lens.rear.freeform.degree": 4},
     "small rear": {"lens.front.radius": 60.0, "lens.rear.half_width": [8.0, 9.0]},
     "large rear": {"lens.front.radius": -60.0, "lens.rear.half_width": [12.0, 11.0], "lens.thickness": 12.0},
-    "oblong": {"lens.front.half_width": [10.0, 6.0], "lens.rear.half_width": [10.0, 6.0], "lens.rear.freeform.degree": 4},
+    "oblong": {
+        "lens.front.half_width": [10.0, 6.0],
+        "lens.rear.half_width": [10.0, 6.0],
+        "lens.rear.freeform.degree": 4,
+    },
     "totally reflecting corners": {"lens.rear.radius": 11.0},
     "degree 2": {"lens.rear.freeform.degree": 2},
     "free front": FREE_FRONT,
-    "free curved front": FREE_FRONT | {"lens.front.radius": 60.0, "lens.front.conic": -1.0, "lens.thickness": 12.0},
+    "free curved front": FREE_FRONT
+    | {"lens.front.radius": 60.0, "lens.front.conic": -1.0, "lens.thickness": 12.0},
     "lambertian": LAMBERTIAN,
     "lambertian, free front": LAMBERTIAN | FREE_FRONT,
     "point": POINT,
@@ -105,7 +114,9 @@ def test_a_good_file_passes(tmp_path, backend, changes):
 
 def test_the_limits_are_the_problems(good, tmp_path, backend):
     (tmp_path / "lens.step").write_text(good.text)
-    limits = {c.name: c.limit for c in verify(good.problem, good.lens, StepFile(tmp_path / "lens.step"), backend)}
+    limits = {
+        c.name: c.limit for c in verify(good.problem, good.lens, StepFile(tmp_path / "lens.step"), backend)
+    }
     v = good.problem.verify
     assert sorted(limit for limit in limits.values() if limit) == sorted(
         [v.volume, v.surface, v.surface, v.landing, v.irradiance, TOLERANCE]
@@ -183,7 +194,9 @@ def test_a_corner_moved_by_a_micrometre_is_caught(good, tmp_path, backend, which
 def test_a_rim_moved_by_a_micrometre_is_caught(good, tmp_path, backend, which):
     """The curve of an edge leaves the face that it bounds."""
     rims = re.findall(r"B_SPLINE_CURVE_WITH_KNOTS\('',\d+,\(([#\d,\s]*)\)", good.text)
-    rims = [row for row in rims if entity(good.text, row.split(",")[0].strip("#"))[1].count(",") == 2]  # not those in parameters
+    rims = [
+        row for row in rims if entity(good.text, row.split(",")[0].strip("#"))[1].count(",") == 2
+    ]  # not those in parameters
     assert len(rims) == 8
     poles = [p.strip("# \n") for p in rims[which].split(",")]
     assert failed(good, tmp_path, shifted(good.text, poles[len(poles) // 2], [0, 0, 1e-3]), backend)
@@ -215,7 +228,9 @@ def test_another_unit_is_caught(good, tmp_path, backend, unit):
     millimetre = "( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) )"
     assert good.text.count(millimetre) == 1
     if unit == "inch":
-        text = good.text.replace(millimetre, "( CONVERSION_BASED_UNIT('INCH',#90001) LENGTH_UNIT() NAMED_UNIT(#90003) )")
+        text = good.text.replace(
+            millimetre, "( CONVERSION_BASED_UNIT('INCH',#90001) LENGTH_UNIT() NAMED_UNIT(#90003) )"
+        )
         extra = (
             f"#90001 = LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#90002);\n#90002 = {millimetre};\n"
             "#90003 = DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\nENDSEC;\nEND-ISO"
@@ -239,7 +254,11 @@ def test_a_truncated_file_never_passes(good, tmp_path, backend, share):
     assert names
 
 
-@pytest.mark.parametrize("text", ["", "not a STEP file", "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"], ids=repr)
+@pytest.mark.parametrize(
+    "text",
+    ["", "not a STEP file", "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"],
+    ids=repr,
+)
 def test_a_file_without_a_lens_is_refused(good, tmp_path, backend, text):
     with pytest.raises(ValueError, match=r"lens\.step"):
         failed(good, tmp_path, text, backend)
@@ -263,10 +282,19 @@ def test_another_lens_is_caught(good, tmp_path, backend, step):
 def test_surface_deviation_is_the_greatest_distance_in_z(good):
     rear = lens_surfaces(good.lens)[1]
     assert surface_deviation(rear, good.lens.rear, good.lens.thickness) < 1e-13
-    assert surface_deviation(rear, good.lens.rear, good.lens.thickness + 0.25) == pytest.approx(0.25, rel=1e-12)
+    assert surface_deviation(rear, good.lens.rear, good.lens.thickness + 0.25) == pytest.approx(
+        0.25, rel=1e-12
+    )
 
 
-CHECKS = [(0, 0, True), (1e-9, 1e-8, True), (1e-8, 1e-8, True), (2e-8, 1e-8, False), (np.nan, 1, False), (np.inf, 1, False)]
+CHECKS = [
+    (0, 0, True),
+    (1e-9, 1e-8, True),
+    (1e-8, 1e-8, True),
+    (2e-8, 1e-8, False),
+    (np.nan, 1, False),
+    (np.inf, 1, False),
+]
 
 
 @pytest.mark.parametrize("scale", [1.001, 0.999])
@@ -283,7 +311,10 @@ def test_numbers_that_differ_are_counted(good):
     everything = own.coefficients.size + len(own.kv_u.knots) + len(own.kv_v.knots)
     moved = own.coefficients.copy()
     moved[2, 3, 1:] += 1.0
-    vectors = [KnotVector.uniform(kv.degree - 1, kv.dim - kv.degree + 1, kv.start, kv.stop) for kv in (own.kv_u, own.kv_v)]
+    vectors = [
+        KnotVector.uniform(kv.degree - 1, kv.dim - kv.degree + 1, kv.start, kv.stop)
+        for kv in (own.kv_u, own.kv_v)
+    ]
     assert differing_numbers(own, own) == 0
     assert differing_numbers(BSplineSurface(own.kv_u, own.kv_v, moved), own) == 2
     assert differing_numbers(BSplineSurface(*vectors, own.coefficients), own) == everything
@@ -298,9 +329,12 @@ def test_a_check_passes_up_to_its_limit(value, limit, ok):
 
 
 def test_deposit_shares_the_flux_between_the_nearest_pixels():
-    """Pixel centres at -1.5 ... 1.5: a ray at x = -0.75, y = 1.25 weighs 1/4, 3/4 by column and 3/4, 1/4 by row."""
+    """Pixel centres at -1.5 ... 1.5: a ray at x = -0.75, y = 1.25 weighs 1/4, 3/4 by column and 3/4, 1/4 by
+    row."""
     screen = Screen((2.0, 2.0), (4, 4))
-    image = deposit(np.array([[-0.75, 1.25], [np.nan, np.nan], [50.0, 0.0]]), np.array([8.0, 0.0, 1.0]), screen)
+    image = deposit(
+        np.array([[-0.75, 1.25], [np.nan, np.nan], [50.0, 0.0]]), np.array([8.0, 0.0, 1.0]), screen
+    )
     expected = np.zeros((4, 4))
     expected[0, :2] = 8 * 0.75 * np.array([0.25, 0.75])
     expected[1, :2] = 8 * 0.25 * np.array([0.25, 0.75])

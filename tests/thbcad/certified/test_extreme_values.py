@@ -1,4 +1,5 @@
-"""Certified ranges of graphs and their derivatives against exact arithmetic, closed forms and convergence rates."""
+"""Certified ranges of graphs and their derivatives against exact arithmetic, closed forms and convergence
+rates."""
 
 from fractions import Fraction
 from itertools import product
@@ -29,8 +30,13 @@ def exactly(graph, u, v, derivative):
     """Return a derivative at one point as a Fraction, its value on the right where it jumps."""
     if derivative[0] > graph.kv_u.degree or derivative[1] > graph.kv_v.degree:
         return Fraction(0)
-    a, b = (cox_de_boor(kv.knots, kv.degree, x, r)[0] for kv, x, r in zip((graph.kv_u, graph.kv_v), (u, v), derivative))
-    return sum(a[i] * b[j] * Fraction(float(c)) for (i, j), c in np.ndenumerate(graph.coefficients) if a[i] and b[j])
+    a, b = (
+        cox_de_boor(kv.knots, kv.degree, x, r)[0]
+        for kv, x, r in zip((graph.kv_u, graph.kv_v), (u, v), derivative)
+    )
+    return sum(
+        a[i] * b[j] * Fraction(float(c)) for (i, j), c in np.ndenumerate(graph.coefficients) if a[i] and b[j]
+    )
 
 
 def is_continuous(kv, derivative):
@@ -45,14 +51,17 @@ def bisected(graph):
 def paraboloid(x0, y0, height, kv):
     """(x - x0)^2 + (y - y0)^2 + height."""
     x, square = kv.greville(), square_coefficients(kv)
-    return BSplineSurface(kv, kv, (square - 2 * x0 * x)[:, None] + (square - 2 * y0 * x) + (x0**2 + y0**2 + height))
+    return BSplineSurface(
+        kv, kv, (square - 2 * x0 * x)[:, None] + (square - 2 * y0 * x) + (x0**2 + y0**2 + height)
+    )
 
 
 @settings(max_examples=80)
 @given(st.data(), st.sampled_from(ORDERS))
 def test_the_range_holds_exact_values(data, derivative):
-    """No slack: the samples and the bounds are compared as Fractions.  The corners of the cells are among the samples,
-    so that extremes which are taken there leave nothing but the allowance for rounding between sample and bound."""
+    """No slack: the samples and the bounds are compared as Fractions.  The corners of the cells are among the
+    samples, so that extremes which are taken there leave nothing but the allowance for rounding between
+    sample and bound."""
     graph = data.draw(graphs(max_degree=4, max_spans=3, scales=SCALES))
     least, greatest = value_range(graph, derivative)
     assert least.lower <= least.value <= least.upper
@@ -65,10 +74,13 @@ def test_the_range_holds_exact_values(data, derivative):
 
 @given(graphs(max_degree=4, max_spans=3, scales=(1.0,)), st.sampled_from(ORDERS))
 def test_the_place_takes_the_value(graph, derivative):
-    """Halves of integers are exact, so that the exact value at the place lies between the bounds where it is continuous."""
+    """Halves of integers are exact, so that the exact value at the place lies between the bounds where it is
+    continuous."""
     for found in value_range(graph, derivative):
         if all(is_continuous(kv, r) for kv, r in zip((graph.kv_u, graph.kv_v), derivative)):
-            assert Fraction(found.lower) <= exactly(graph, found.u, found.v, derivative) <= Fraction(found.upper)
+            assert (
+                Fraction(found.lower) <= exactly(graph, found.u, found.v, derivative) <= Fraction(found.upper)
+            )
         assert graph.kv_u.start <= found.u <= graph.kv_u.stop
         assert graph.kv_v.start <= found.v <= graph.kv_v.stop
 
@@ -77,9 +89,13 @@ def test_the_place_takes_the_value(graph, derivative):
 def test_the_minimum_is_as_close_as_asked(graph, seed, tolerance):
     rng = np.random.default_rng(seed)
     found = minimum(graph, tolerance=tolerance)
-    u, v = (np.minimum(kv.start + rng.random(40) * (kv.stop - kv.start), kv.stop) for kv in (graph.kv_u, graph.kv_v))
+    u, v = (
+        np.minimum(kv.start + rng.random(40) * (kv.stop - kv.start), kv.stop)
+        for kv in (graph.kv_u, graph.kv_v)
+    )
     scale = np.abs(graph.coefficients).max()
-    # 8 (p + q + 2) roundings of the coefficients and p + q + 2 of each of fewer than 50 bisections; two bounds with twice the error each
+    # 8 (p + q + 2) roundings of the coefficients and p + q + 2 of each of fewer than 50 bisections; two
+    # bounds with twice the error each
     allowance = 4 * 58 * (graph.kv_u.degree + graph.kv_v.degree + 2) * EPS * scale
     assert found.lower <= graph.grid(u, v).min() + allowance
     assert found.upper - found.lower <= tolerance * scale + allowance
@@ -94,7 +110,8 @@ def test_minimum_of_a_paraboloid_between_the_knots():
 
 
 def test_a_valley_along_a_line_stays_certified():
-    """The least value is taken on a whole line between the knots: the search keeps every cell that the line crosses."""
+    """The least value is taken on a whole line between the knots: the search keeps every cell that the line
+    crosses."""
     kv = KnotVector.uniform(2, 64, -1, 1)
     line = square_coefficients(kv) - 2 * kv.greville() / 3 + 1 / 9
     found = minimum(BSplineSurface(kv, kv, line[:, None] + np.zeros(kv.dim)), tolerance=1e-12)
@@ -103,7 +120,8 @@ def test_a_valley_along_a_line_stays_certified():
 
 
 def test_a_plateau_ends_with_wider_bounds():
-    """On the circle r = 1 (r^2 - 1)^2 is least between all knots: the search ends when it has 2^24 coefficients, and its bounds hold."""
+    """On the circle r = 1 (r^2 - 1)^2 is least between all knots: the search ends when it has 2^24
+    coefficients, and its bounds hold."""
     kv = KnotVector.uniform(4, 16, -1.5, 1.5)
     x = kv.greville()
     inverse = np.linalg.inv(kv.collocation(x).toarray())
@@ -115,7 +133,14 @@ def test_a_plateau_ends_with_wider_bounds():
 
 def test_derivatives_of_a_paraboloid():
     graph = paraboloid(0.25, -0.5, 3.0, KnotVector.uniform(3, 4, -1, 1))
-    wanted = {(1, 0): (-2.5, 1.5), (0, 1): (-1, 3), (2, 0): (2, 2), (1, 1): (0, 0), (0, 2): (2, 2), (3, 0): (0, 0)}
+    wanted = {
+        (1, 0): (-2.5, 1.5),
+        (0, 1): (-1, 3),
+        (2, 0): (2, 2),
+        (1, 1): (0, 0),
+        (0, 2): (2, 2),
+        (3, 0): (0, 0),
+    }
     for derivative, (low, high) in wanted.items():
         least, greatest = value_range(graph, derivative)
         assert least.lower <= low <= least.upper
@@ -125,10 +150,14 @@ def test_derivatives_of_a_paraboloid():
 
 def test_a_derivative_that_jumps_counts_with_both_values():
     """z = max(x, 0)^2: z_xx is 0 on the left of x = 0 and 2 on the right; z = |x|: z_x is -1 and 1."""
-    square = BSplineSurface(KnotVector(2, [-1, -1, -1, 0, 1, 1, 1]), KnotVector.uniform(2, 1), np.outer([0, 0, 0, 1], np.ones(3)))
+    square = BSplineSurface(
+        KnotVector(2, [-1, -1, -1, 0, 1, 1, 1]), KnotVector.uniform(2, 1), np.outer([0, 0, 0, 1], np.ones(3))
+    )
     least, greatest = value_range(square, (2, 0))
     assert (least.value, greatest.value) == (0, 2)
-    kink = BSplineSurface(KnotVector(1, [-1, -1, 0, 1, 1]), KnotVector.uniform(1, 1), np.outer([1, 0, 1], np.ones(2)))
+    kink = BSplineSurface(
+        KnotVector(1, [-1, -1, 0, 1, 1]), KnotVector.uniform(1, 1), np.outer([1, 0, 1], np.ones(2))
+    )
     least, greatest = value_range(kink, (1, 0))
     assert (least.value, greatest.value) == (-1, 1)
 
@@ -136,7 +165,9 @@ def test_a_derivative_that_jumps_counts_with_both_values():
 @pytest.mark.parametrize("derivative", [(3, 0), (0, 4), (5, 1), (1, 5)])
 def test_derivatives_above_the_degree_are_zero(derivative):
     kv = KnotVector.uniform(2, 3)
-    least, greatest = value_range(BSplineSurface(kv, KnotVector.uniform(3, 2), np.random.default_rng(0).normal(size=(5, 5))), derivative)
+    least, greatest = value_range(
+        BSplineSurface(kv, KnotVector.uniform(3, 2), np.random.default_rng(0).normal(size=(5, 5))), derivative
+    )
     assert (least.lower, least.upper, greatest.lower, greatest.upper) == (0, 0, 0, 0)
 
 
@@ -170,14 +201,17 @@ def test_bounds_tighten_with_the_square_of_the_cell_size(derivative):
     x = kv.greville()
     inverse = np.linalg.inv(kv.collocation(x).toarray())
     # z and these derivatives have their least values inside, between the knots of all levels
-    graph = BSplineSurface(kv, kv, inverse @ (np.sin(1.7 * x + 0.3)[:, None] * np.cos(1.3 * x - 0.2)) @ inverse.T)
+    graph = BSplineSurface(
+        kv, kv, inverse @ (np.sin(1.7 * x + 0.3)[:, None] * np.cos(1.3 * x - 0.2)) @ inverse.T
+    )
     true = minimum(graph, derivative, tolerance=1e-13).value
     errors = []
     for _ in range(6):
         errors.append(true - minimum(graph, derivative, tolerance=1e9).lower)
         graph = bisected(graph)
     assert errors[-1] > 0
-    # from one level to the next the error varies with the place of the extreme in its cell; the fitted line does not
+    # from one level to the next the error varies with the place of the extreme in its cell; the fitted line
+    # does not
     rate = -np.polyfit(range(6), np.log2(errors), 1)[0]
     assert 1.7 < rate < 2.5
 
@@ -192,9 +226,14 @@ def test_thb_surfaces_and_their_patches_have_the_same_range(data):
     u, v = u[1:-1] + 1e-3, v[1:-1] + 1e-3
     for derivative in ((0, 0), (1, 0), (0, 1)):
         values = surface.grid(u, v, derivative)
-        by_tensor, by_patches = value_range(surface, derivative), value_range(surface.to_patches(), derivative)
+        by_tensor, by_patches = (
+            value_range(surface, derivative),
+            value_range(surface.to_patches(), derivative),
+        )
         for a, b in zip(by_tensor, by_patches):
-            assert max(a.lower, b.lower) <= min(a.upper, b.upper) + 1e-12  # the patches' own coefficients are rounded
+            assert (
+                max(a.lower, b.lower) <= min(a.upper, b.upper) + 1e-12
+            )  # the patches' own coefficients are rounded
         assert by_tensor[0].lower <= values.min() + 1e-12
         assert values.max() - 1e-12 <= by_tensor[1].upper
 
@@ -208,12 +247,16 @@ def test_refusals():
         minimum(flat, (0, -1))
     with pytest.raises(ValueError, match=r"one or more patches of equal degrees, got degrees \[\]"):
         minimum([])
-    with pytest.raises(ValueError, match=r"one or more patches of equal degrees, got degrees \[\(2, 1\), \(2, 2\)\]"):
+    with pytest.raises(
+        ValueError, match=r"one or more patches of equal degrees, got degrees \[\(2, 1\), \(2, 2\)\]"
+    ):
         minimum([flat, BSplineSurface(kv, KnotVector.uniform(1, 1), np.zeros((4, 2)))])
 
 
 @pytest.mark.parametrize("height", [1e41, 1e308, -1e308])
 def test_numbers_that_could_overflow_are_refused(height):
     kv = KnotVector.uniform(2, 2)
-    with pytest.raises(ValueError, match=r"bounds need derivatives \(\(1, 1\),\) with coefficients below 1e\+40, got"):
+    with pytest.raises(
+        ValueError, match=r"bounds need derivatives \(\(1, 1\),\) with coefficients below 1e\+40, got"
+    ):
         value_range(BSplineSurface(kv, kv, np.where(np.eye(4, dtype=bool), height, -height)), (1, 1))

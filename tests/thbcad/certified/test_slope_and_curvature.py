@@ -1,4 +1,5 @@
-"""Certified slopes and radii of curvature against closed forms, dense samples of scipy, OCCT and convergence rates."""
+"""Certified slopes and radii of curvature against closed forms, dense samples of scipy, OCCT and convergence
+rates."""
 
 import numpy as np
 import pytest
@@ -21,8 +22,12 @@ def graphs(draw, **options):
 
 def samples(graph, u, v):
     """Return slopes and principal curvatures (least first) at scattered points, by scipy and numpy alone."""
-    spline = NdBSpline((graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree))
-    z_x, z_y, z_xx, z_xy, z_yy = (spline(np.column_stack([u, v]), nu=nu) for nu in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
+    spline = NdBSpline(
+        (graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree)
+    )
+    z_x, z_y, z_xx, z_xy, z_yy = (
+        spline(np.column_stack([u, v]), nu=nu) for nu in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+    )
     w = np.sqrt(1 + z_x**2 + z_y**2)
     first = np.array([[1 + z_x**2, z_x * z_y], [z_x * z_y, 1 + z_y**2]])
     second = np.array([[z_xx, z_xy], [z_xy, z_yy]]) / w
@@ -69,7 +74,8 @@ def test_the_vertex_of_a_paraboloid(degree, radius):
 
 
 def test_a_paraboloid_beside_its_vertex():
-    """Of the principal curvatures 1 / (R W) and 1 / (R W^3) the first is greater, most at the corner next to the vertex."""
+    """Of the principal curvatures 1 / (R W) and 1 / (R W^3) the first is greater, most at the corner next to
+    the vertex."""
     graph = quadric(1 / 16, 1 / 16, KnotVector.uniform(2, 3, 2, 5), KnotVector.uniform(2, 2, 4, 6))
     found = least_radii(graph).concave
     wanted = 8 * np.sqrt(1 + 20 / 64)
@@ -98,15 +104,17 @@ def test_a_cylinder_is_steepest_curved_away_from_the_knots():
 
 def test_both_sides_of_a_jump_count():
     """z = max(x, 0)^2 has curvature 0 on the left of x = 0 and 2 on the right."""
-    graph = BSplineSurface(KnotVector(2, [-1, -1, -1, 0, 1, 1, 1]), KnotVector.uniform(2, 1), np.outer([0, 0, 0, 1], np.ones(3)))
+    graph = BSplineSurface(
+        KnotVector(2, [-1, -1, -1, 0, 1, 1, 1]), KnotVector.uniform(2, 1), np.outer([0, 0, 0, 1], np.ones(3))
+    )
     found = least_radii(graph).concave
     assert found.lower <= 0.5 <= found.upper <= 0.5 * (1 + 2e-6)
     assert found.u == 0
 
 
 def test_a_sphere():
-    """Here every cell holds nearly the greatest curvature.  The spline is the sphere to 1e-11 mm, so that its second
-    derivatives err by about 8 p^2 / h^2 times that, h its mesh size."""
+    """Here every cell holds nearly the greatest curvature.  The spline is the sphere to 1e-11 mm, so that its
+    second derivatives err by about 8 p^2 / h^2 times that, h its mesh size."""
     kv = KnotVector.uniform(4, 8, -5, 5)
     graph = conic_graph(Conic(30, 0), kv, kv)
     radii = least_radii(graph)
@@ -130,7 +138,9 @@ def test_planes_have_no_radius():
 
 
 def test_the_slope_of_a_paraboloid():
-    found = greatest_slope(quadric(1 / 16, 1 / 4, KnotVector.uniform(3, 3, -3, 2), KnotVector.uniform(2, 2, -1, 1)))
+    found = greatest_slope(
+        quadric(1 / 16, 1 / 4, KnotVector.uniform(3, 3, -3, 2), KnotVector.uniform(2, 2, -1, 1))
+    )
     assert found.lower <= np.hypot(3 / 8, 1 / 2) <= found.upper <= found.lower + 1e-13
     assert (found.u, abs(found.v)) == (-3, 1)
 
@@ -138,7 +148,9 @@ def test_the_slope_of_a_paraboloid():
 @given(graphs(min_degree=1, max_degree=5, max_spans=4), st.integers(0, 2**32 - 1))
 def test_no_sample_is_steeper(graph, seed):
     shares = np.random.default_rng(seed).random((2, 200))
-    spline = NdBSpline((graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree))
+    spline = NdBSpline(
+        (graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree)
+    )
     points = np.column_stack([inside(kv, s) for kv, s in zip((graph.kv_u, graph.kv_v), shares)])
     slopes = np.hypot(spline(points, nu=(1, 0)), spline(points, nu=(0, 1)))
     found = greatest_slope(graph)
@@ -155,7 +167,8 @@ def test_no_sample_is_more_curved(graph, seed):
     shares = np.random.default_rng(seed).random((2, 400))
     _, k = samples(graph, *(inside(kv, s) for kv, s in zip((graph.kv_u, graph.kv_v), shares)))
     radii = least_radii(graph)
-    # all spans are 1 or longer: second derivatives are below 4 p^2, and slopes below 2 p make eigenvalues 1 + 8 p^2 times less accurate
+    # all spans are 1 or longer: second derivatives are below 4 p^2, and slopes below 2 p make eigenvalues 1 +
+    # 8 p^2 times less accurate
     noise = 1e-15 * 64 * 129
     for found, greatest in ((radii.concave, k.max()), (radii.convex, -k.min())):
         assert greatest <= 1 / found.lower + noise
@@ -166,7 +179,9 @@ def test_no_sample_is_more_curved(graph, seed):
 @given(graphs(min_degree=3, max_degree=5, max_spans=3, scales=(1.0,)))
 def test_the_place_has_the_radius(graph):
     """The second derivatives are continuous where no knot is repeated more than p - 2 times."""
-    counts = [np.unique(kv.knots, return_counts=True)[1][1:-1].max(initial=0) for kv in (graph.kv_u, graph.kv_v)]
+    counts = [
+        np.unique(kv.knots, return_counts=True)[1][1:-1].max(initial=0) for kv in (graph.kv_u, graph.kv_v)
+    ]
     assume(all(count <= kv.degree - 2 for count, kv in zip(counts, (graph.kv_u, graph.kv_v))))
     radii = least_radii(graph)
     _, k = samples(graph, [radii.concave.u, radii.convex.u], [radii.concave.v, radii.convex.v])
@@ -191,8 +206,12 @@ def test_occt_sees_the_same_curvature():
 
     radii = least_radii(graph)
     # the sign of OCCT's curvature depends on its normal, which points to +z here
-    assert abs(curvatures(radii.concave.u, radii.concave.v)[1]) == pytest.approx(1 / radii.concave.value, rel=1e-12)
-    assert abs(curvatures(radii.convex.u, radii.convex.v)[0]) == pytest.approx(1 / radii.convex.value, rel=1e-12)
+    assert abs(curvatures(radii.concave.u, radii.concave.v)[1]) == pytest.approx(
+        1 / radii.concave.value, rel=1e-12
+    )
+    assert abs(curvatures(radii.convex.u, radii.convex.v)[0]) == pytest.approx(
+        1 / radii.convex.value, rel=1e-12
+    )
     seen = np.array([curvatures(u, v) for u, v in np.random.default_rng(0).uniform(-2, 2, (500, 2))])
     assert seen.max() <= 1 / radii.concave.lower
     assert -seen.min() <= 1 / radii.convex.lower
@@ -216,7 +235,8 @@ def test_bounds_tighten_with_the_square_of_the_cell_size(quantity):
         errors.append(greatest(graph, 1e9)[1] - true)
         graph = bisected(graph)
     assert errors[-1] > 0
-    # from one level to the next the error varies with the place of the extreme in its cell; the fitted line does not
+    # from one level to the next the error varies with the place of the extreme in its cell; the fitted line
+    # does not
     rate = -np.polyfit(range(6), np.log2(errors), 1)[0]
     assert 1.7 < rate < 2.5
 
@@ -228,14 +248,18 @@ def test_thb_surfaces_and_their_patches_have_the_same_radii(data):
     surface = THBSurface(space, data.draw(coefficients(space.dim)))
     for quantity in (greatest_slope, lambda g: least_radii(g).concave, lambda g: least_radii(g).convex):
         a, b = quantity(surface), quantity(surface.to_patches())
-        # both enclose the same number, but the coefficients of the patches are rounded: 1e-10 is far above that
+        # both enclose the same number, but the coefficients of the patches are rounded: 1e-10 is far above
+        # that
         assert max(a.lower, b.lower) <= min(a.upper, b.upper) * (1 + 1e-10) + 1e-10
 
 
 @pytest.mark.parametrize("degrees", [(1, 3), (3, 1), (1, 1)])
 def test_degree_1_has_no_curvature(degrees):
     kvs = [KnotVector.uniform(p, 2) for p in degrees]
-    with pytest.raises(ValueError, match=rf"curvature needs degree 2 or more in x and y, got degrees \({degrees[0]}, {degrees[1]}\)"):
+    with pytest.raises(
+        ValueError,
+        match=rf"curvature needs degree 2 or more in x and y, got degrees \({degrees[0]}, {degrees[1]}\)",
+    ):
         least_radii(BSplineSurface(*kvs, np.zeros([kv.dim for kv in kvs])))
 
 

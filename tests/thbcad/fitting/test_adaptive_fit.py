@@ -74,7 +74,9 @@ def test_a_height_map_is_fitted_to_most_samples():
     samples = Samples.grid(g, g, bump(g[:, None], g))
     found = fit(tensor(3, 7), samples, 2e-3)
     assert found.outcome == "reached"
-    assert found.error == pytest.approx(abs(found.surface(samples.u, samples.v) - samples.values).max(), rel=1e-12)
+    assert found.error == pytest.approx(
+        abs(found.surface(samples.u, samples.v) - samples.values).max(), rel=1e-12
+    )
     # what is held out does not enter the fit
     values = samples.values.copy()
     values[held_out(len(values))] += 1

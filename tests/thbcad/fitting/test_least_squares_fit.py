@@ -51,8 +51,12 @@ def test_interpolation_takes_the_values_and_agrees_with_scipy(kv_u, kv_v, rng):
     assert abs(surface.grid(u, v) - values).max() <= float(gamma(8 * (kv_u.dim + kv_v.dim))) * size
     by_u = make_interp_spline(u, values, kv_u.degree, kv_u.knots).c
     twin = make_interp_spline(v, by_u.swapaxes(0, 1), kv_v.degree, kv_v.knots).c.swapaxes(0, 1)
-    inverses = [np.linalg.norm(np.linalg.inv(kv.collocation(x).toarray()), np.inf) for kv, x in ((kv_u, u), (kv_v, v))]
-    assert abs(surface.coefficients - twin).max() <= float(gamma(8 * (kv_u.dim + kv_v.dim))) * size * np.prod(inverses)
+    inverses = [
+        np.linalg.norm(np.linalg.inv(kv.collocation(x).toarray()), np.inf) for kv, x in ((kv_u, u), (kv_v, v))
+    ]
+    assert abs(surface.coefficients - twin).max() <= float(gamma(8 * (kv_u.dim + kv_v.dim))) * size * np.prod(
+        inverses
+    )
 
 
 def test_interpolation_reproduces_splines_from_functions():
@@ -60,7 +64,9 @@ def test_interpolation_reproduces_splines_from_functions():
     surface = interpolate(kv_u, kv_v, lambda u, v: np.stack([u**3 - v, u * v**2], axis=1))
     assert surface.coefficients.shape == (7, 6, 2)
     again = interpolate(kv_u, kv_v, surface)
-    assert abs(again.coefficients - surface.coefficients).max() <= 1e-13 * 27  # the greatest coefficient, the condition is below 100
+    assert (
+        abs(again.coefficients - surface.coefficients).max() <= 1e-13 * 27
+    )  # the greatest coefficient, the condition is below 100
     u, v = np.array([0.2, 2.9]), np.array([0.7, 0.1])
     assert surface(u, v) == pytest.approx(np.stack([u**3 - v, u * v**2], axis=1), abs=1e-13)
 
@@ -101,7 +107,8 @@ def test_least_squares_gives_splines_of_the_space_back(space, rng):
     found = least_squares(space, Samples(u, v, surface(u, v)))
     a = space.collocation(u, v).toarray()
     scaled = a / np.linalg.norm(a, axis=0)
-    # two solves of the scaled normal equations are as good as an orthogonal factorisation: the error grows with the condition only
+    # two solves of the scaled normal equations are as good as an orthogonal factorisation: the error grows
+    # with the condition only
     condition = np.linalg.cond(scaled) * np.linalg.norm(a, axis=0).max() / np.linalg.norm(a, axis=0).min()
     assert abs(found.coefficients - surface.coefficients).max() <= 10 * len(u) * EPS * condition
 
@@ -126,7 +133,9 @@ def test_weighted_least_squares_of_scattered_points_is_fitpack():
     # FITPACK's weights multiply the residuals
     twin = LSQBivariateSpline(u, v, values, inner, inner, np.sqrt(weights), [0, 1, 0, 1], 3, 3, eps=1e-15)
     found = least_squares(THBSpace(kv, kv), Samples(u, v, values, weights))
-    assert abs(found.coefficients - twin.get_coeffs()).max() <= 1e-10  # the condition is about 100, FITPACK's knots agree
+    assert (
+        abs(found.coefficients - twin.get_coeffs()).max() <= 1e-10
+    )  # the condition is about 100, FITPACK's knots agree
 
 
 def test_weights_move_the_solution():
@@ -141,11 +150,14 @@ def test_weights_move_the_solution():
 @given(spaces(max_degree=4, max_spans=3, deepest=2), seeds())
 @settings(max_examples=20)
 def test_thin_plate_energy_against_scipy_derivatives(space, rng):
-    """c^T E c is the integral of the squared second derivatives, by finer quadrature of scipy's derivatives."""
+    """c^T E c is the integral of the squared second derivatives, by finer quadrature of scipy's
+    derivatives."""
     surface = THBSurface(space, rng.uniform(-1, 1, space.dim))
     flat = surface.to_bspline()
     (u, wu), (v, wv) = (_gauss(kv) for kv in (flat.kv_u, flat.kv_v))
-    twin = NdBSpline((flat.kv_u.knots, flat.kv_v.knots), flat.coefficients, (flat.kv_u.degree, flat.kv_v.degree))
+    twin = NdBSpline(
+        (flat.kv_u.knots, flat.kv_v.knots), flat.coefficients, (flat.kv_u.degree, flat.kv_v.degree)
+    )
     at = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
     parts = [
         factor * twin(at, nu=nu) ** 2
@@ -173,7 +185,8 @@ def test_the_energy_of_a_polynomial():
 
 
 def test_smoothing_against_dense_least_squares():
-    """The stationary point of the penalised problem, from stacked residuals with a square root of the energy."""
+    """The stationary point of the penalised problem, from stacked residuals with a square root of the
+    energy."""
     space, rng = refined(3), np.random.default_rng(2)
     u, v = rng.random((2, 150))  # too few points without smoothing
     values, smoothing = rng.normal(size=150), 1e-4
@@ -182,7 +195,9 @@ def test_smoothing_against_dense_least_squares():
     stacked = np.vstack([space.collocation(u, v).toarray(), root])
     want = np.linalg.lstsq(stacked, np.r_[values, np.zeros(space.dim)])[0]
     # eigh is exact to eps |E|, which acts on the smooth part like noise
-    assert least_squares(space, Samples(u, v, values), smoothing).coefficients == pytest.approx(want, abs=1e-7)
+    assert least_squares(space, Samples(u, v, values), smoothing).coefficients == pytest.approx(
+        want, abs=1e-7
+    )
 
 
 def test_great_smoothing_gives_the_least_squares_plane():
@@ -190,7 +205,10 @@ def test_great_smoothing_gives_the_least_squares_plane():
     heights = Samples.grid(g, g, np.sin(3 * g)[:, None] + g**2)
     columns = np.column_stack([np.ones(900), heights.u, heights.v])
     plane = columns @ np.linalg.lstsq(columns, heights.values)[0]
-    errors = [abs(least_squares(refined(3), heights, s)(heights.u, heights.v) - plane).max() for s in (1e3, 1e4, 1e5)]
+    errors = [
+        abs(least_squares(refined(3), heights, s)(heights.u, heights.v) - plane).max()
+        for s in (1e3, 1e4, 1e5)
+    ]
     assert errors[0] < 2e-3
     # what is left falls with 1 / smoothing
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(10, rel=0.02)
@@ -203,7 +221,9 @@ def test_a_function_without_samples_is_named():
     space = refined(3)
     u, v, _ = gauss_points(space)
     far = (u > 0.25) | (v > 0.2)
-    with pytest.raises(Underdetermined, match=r"functions have no sample in their support.*\(level, i, j\) = \(1, 0, 0\)"):
+    with pytest.raises(
+        Underdetermined, match=r"functions have no sample in their support.*\(level, i, j\) = \(1, 0, 0\)"
+    ):
         least_squares(space, Samples(u[far], v[far], u[far]))
 
 
@@ -211,7 +231,9 @@ def test_a_function_with_too_few_samples_is_named():
     """Functions 4 and 5 in u live where all samples lie on one line: only their sum there is known."""
     u, v, _ = gauss_points(tensor(2, 4))
     u = np.where(u > 0.5, 0.9, u)
-    with pytest.raises(Underdetermined, match=r"do not determine function \d+ \(level, i, j\) = \(0, [45], \d\) apart from"):
+    with pytest.raises(
+        Underdetermined, match=r"do not determine function \d+ \(level, i, j\) = \(0, [45], \d\) apart from"
+    ):
         least_squares(tensor(2, 4), Samples(u, v, v))
 
 
@@ -247,7 +269,11 @@ def test_three_points_and_smoothing_determine_a_plane_two_do_not():
 
 def test_functions_with_wrong_values_are_refused():
     space = tensor(2, 3)
-    for method in (quasi_interpolate, lambda s, f: interpolate(s.kv_u, s.kv_v, f), partial(fit, tolerance=1e-3)):
+    for method in (
+        quasi_interpolate,
+        lambda s, f: interpolate(s.kv_u, s.kv_v, f),
+        partial(fit, tolerance=1e-3),
+    ):
         with pytest.raises(ValueError, match=r"the function is not finite at u = 0\.\d+, v = "):
             method(space, lambda u, v: np.where(u > 0.4, np.nan, u))
         with pytest.raises(ValueError, match=r"must return .* got shape \(\)"):
@@ -292,7 +318,8 @@ def test_other_bad_input_is_refused():
 
 
 def test_least_squares_keeps_its_digits_at_degree_10():
-    """With columns of length 1, A has the condition 8e5 and A^T A its square: the coefficients settle after four corrections."""
+    """With columns of length 1, A has the condition 8e5 and A^T A its square: the coefficients settle after
+    four corrections."""
     space = refined(10, 12, 9)
     u, v = everywhere(np.random.default_rng(0), 8 * space.dim)
     surface = THBSurface(space, np.random.default_rng(1).uniform(-1, 1, space.dim))

@@ -27,8 +27,8 @@ def corner(degree, levels):
 
 
 def assert_projector(space):
-    """Q A = identity, up to the rounding of each functional: its norm times the roundings of the 2 p + 1 equations
-    of either direction and of the basis."""
+    """Q A = identity, up to the rounding of each functional: its norm times the roundings of the 2 p + 1
+    equations of either direction and of the basis."""
     u, v, q = quasi_interpolation(space)
     defect = q @ space.collocation(u, v)
     defect.setdiag(defect.diagonal() - 1)
@@ -65,7 +65,8 @@ def test_quasi_interpolation_gives_splines_of_the_space_back(space, rng):
 
 
 def test_quasi_interpolation_samples_only_leaf_cells_of_the_level():
-    """Values in the refined block do not touch the functions of level 0: a local projector onto what is left."""
+    """Values in the refined block do not touch the functions of level 0: a local projector onto what is
+    left."""
     space = refined(3, 8, 5)
     u, v, q = quasi_interpolation(space)
     coarse = q[(space.functions[:, 0] == 0).nonzero()[0]]

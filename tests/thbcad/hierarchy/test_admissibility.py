@@ -24,7 +24,10 @@ def test_the_class_is_kept(space, m, rng):
         finer = space.refine(cells, admissible=m)
         assert finer.admissibility <= m
         plain = space.refine(cells)
-        assert all(set(map(tuple, a.tolist())) <= set(map(tuple, b.tolist())) for a, b in zip(plain.refined, finer.refined))
+        assert all(
+            set(map(tuple, a.tolist())) <= set(map(tuple, b.tolist()))
+            for a, b in zip(plain.refined, finer.refined)
+        )
         space = finer
 
 
@@ -90,4 +93,6 @@ def test_both_bases_span_the_same_space(space):
     h = space.hierarchical()
     assert (h.diagonal() == 1).all()
     assert h.data.min() > 0
-    assert abs(np.triu(h.toarray(), 1)).max() == 0  # finer coefficients depend on coarser ones only: invertible
+    assert (
+        abs(np.triu(h.toarray(), 1)).max() == 0
+    )  # finer coefficients depend on coarser ones only: invertible

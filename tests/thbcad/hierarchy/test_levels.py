@@ -97,14 +97,19 @@ def test_levels_by_definition(case):
         cells = set(map(tuple, level.cells.tolist()))
         deeper = refined[level.number] if level.number < len(refined) else set()
         assert set(map(tuple, level.cells[level.refined].tolist())) == deeper
-        supports = [np.stack(axis.support(level.number, np.arange(bisected(axis.knot_vector, level.number).dim)), 1) for axis in level.axes]
+        supports = [
+            np.stack(axis.support(level.number, np.arange(bisected(axis.knot_vector, level.number).dim)), 1)
+            for axis in level.axes
+        ]
         rows = []
         for i, (a, b) in enumerate(supports[0].tolist()):
             for j, (c, d) in enumerate(supports[1].tolist()):
                 under = {(k, m) for k in range(a, b) for m in range(c, d)}
                 if under & cells:
                     rows.append((i, j, under <= cells, under <= cells and not under <= deeper))
-        assert np.column_stack([level.functions, level.supported, level.active]).tolist() == [list(map(int, row)) for row in rows]
+        assert np.column_stack([level.functions, level.supported, level.active]).tolist() == [
+            list(map(int, row)) for row in rows
+        ]
 
 
 @given(hierarchies())

@@ -30,8 +30,12 @@ def test_cellwise_evaluation_is_the_tensor_product_form(data, order):
     space = data.draw(spaces())
     surface = THBSurface(space, data.draw(coefficients(space.dim, 2)))
     u, v = data.draw(points(space))
-    scale = [np.diff(kv.breaks).min() / 2 ** (space.levels - 1) / kv.degree for kv in (space.kv_u, space.kv_v)]
-    tolerance = float(gamma(40 * (space.kv_u.degree + space.kv_v.degree) * space.levels)) / (scale[0] ** order[0] * scale[1] ** order[1])
+    scale = [
+        np.diff(kv.breaks).min() / 2 ** (space.levels - 1) / kv.degree for kv in (space.kv_u, space.kv_v)
+    ]
+    tolerance = float(gamma(40 * (space.kv_u.degree + space.kv_v.degree) * space.levels)) / (
+        scale[0] ** order[0] * scale[1] ** order[1]
+    )
     assert np.abs(surface._cellwise(u, v, order) - surface.to_bspline()(u, v, order)).max() <= 4 * tolerance
 
 
@@ -53,7 +57,9 @@ def test_surfaces_that_are_not_compact_are_evaluated_by_cells():
     u, v = np.random.default_rng(1).random((2, 200))
     tensor = surface.to_bspline()
     assert np.allclose(surface(u, v), tensor(u, v), rtol=0, atol=1e-13)
-    assert np.allclose(surface.grid(u[:9], v[:7], (1, 0)), tensor.grid(u[:9], v[:7], (1, 0)), rtol=0, atol=1e-10)
+    assert np.allclose(
+        surface.grid(u[:9], v[:7], (1, 0)), tensor.grid(u[:9], v[:7], (1, 0)), rtol=0, atol=1e-10
+    )
 
 
 def test_cost_is_in_proportion_to_cells_not_to_the_grid():
@@ -103,7 +109,9 @@ def test_incidence_is_where_the_functions_are_not_zero(data):
 @given(spaces())
 def test_incidence_of_a_tensor_product_space_is_the_local_block(space):
     flat = THBSpace(space.kv_u, space.kv_v)
-    assert set(np.diff(flat.incidence().indptr).tolist()) == {(space.kv_u.degree + 1) * (space.kv_v.degree + 1)}
+    assert set(np.diff(flat.incidence().indptr).tolist()) == {
+        (space.kv_u.degree + 1) * (space.kv_v.degree + 1)
+    }
 
 
 @given(spaces())

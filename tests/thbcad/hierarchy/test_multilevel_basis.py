@@ -14,12 +14,17 @@ from thbcad.surfaces import THBSurface
 
 
 def generating_system(space, refined, u, v):
-    """Return the values of 2^-l N_(l,i,j) at points, one column for each function supported in Omega_l, by scipy."""
+    """Return the values of 2^-l N_(l,i,j) at points, one column for each function supported in Omega_l, by
+    scipy."""
     kvs = space.kv_u, space.kv_v
     knots, columns, domain = [np.array(kv.knots) for kv in kvs], [], None
     for level in range(len(refined) + 1):
-        bases = [BSpline(t, np.eye(len(t) - kv.degree - 1), kv.degree)(x) for t, kv, x in zip(knots, kvs, (u, v))]
-        spans = [[support(t, kv.degree, i) for i in range(len(t) - kv.degree - 1)] for t, kv in zip(knots, kvs)]
+        bases = [
+            BSpline(t, np.eye(len(t) - kv.degree - 1), kv.degree)(x) for t, kv, x in zip(knots, kvs, (u, v))
+        ]
+        spans = [
+            [support(t, kv.degree, i) for i in range(len(t) - kv.degree - 1)] for t, kv in zip(knots, kvs)
+        ]
         for i, under_u in enumerate(spans[0]):
             for j, under_v in enumerate(spans[1]):
                 if domain is None or all((a, b) in domain for a in under_u for b in under_v):
@@ -40,7 +45,10 @@ def test_weights_are_those_of_scaled_b_splines(data):
     w = data.draw(seeds()).uniform(-1, 1, basis.size)
     p, q = space.kv_u.degree, space.kv_v.degree
     count = (5 * (p + q) + (p + 2) * (q + 2)) * (space.levels + 1) + basis.size
-    assert abs(THBSurface(space, basis.coefficients(w))(u, v) - columns @ w).max() <= float(gamma(4 * count)) * space.levels
+    assert (
+        abs(THBSurface(space, basis.coefficients(w))(u, v) - columns @ w).max()
+        <= float(gamma(4 * count)) * space.levels
+    )
 
 
 @settings(max_examples=25)
@@ -51,7 +59,10 @@ def test_adjoint(data):
     w, g = rng.uniform(-1, 1, basis.size), rng.uniform(-1, 1, space.dim)
     back = basis.adjoint(g)
     assert back.shape == (basis.size,)
-    assert abs(basis.coefficients(w) @ g - w @ back) <= float(gamma(40 * space.levels + space.dim + basis.size)) * 2 * space.dim
+    assert (
+        abs(basis.coefficients(w) @ g - w @ back)
+        <= float(gamma(40 * space.levels + space.dim + basis.size)) * 2 * space.dim
+    )
 
 
 @settings(max_examples=15)

@@ -22,7 +22,11 @@ def refined_at_random(space, rng, levels):
     return chain, steps
 
 
-@given(knot_vectors(max_degree=5, max_spans=4), knot_vectors(max_degree=5, max_spans=4), st.integers(0, 2**32 - 1))
+@given(
+    knot_vectors(max_degree=5, max_spans=4),
+    knot_vectors(max_degree=5, max_spans=4),
+    st.integers(0, 2**32 - 1),
+)
 def test_restriction_is_a_left_inverse_of_prolongation(kv_u, kv_v, seed):
     """Q P = I for any two spaces of a chain, levels apart."""
     chain, _ = refined_at_random(THBSpace(kv_u, kv_v), np.random.default_rng(seed), 3)
@@ -105,7 +109,12 @@ def test_extraction_gives_the_level_s_own_coefficients(kv, seed):
         at = [breaks[k] + (breaks[k + 1] - breaks[k]) * np.array([0.1, 0.5, 0.9]) for k in (i, j)]
         last = [int(np.searchsorted(knots, breaks[k], "right")) - 1 for k in (i, j)]
         values = [
-            np.stack([BSpline.basis_element(knots[m - p + a : m + a + 2], extrapolate=False)(x) for a in range(p + 1)])
+            np.stack(
+                [
+                    BSpline.basis_element(knots[m - p + a : m + a + 2], extrapolate=False)(x)
+                    for a in range(p + 1)
+                ]
+            )
             for m, x in zip(last, at)
         ]
         there = np.nan_to_num(values[0]).T @ net @ np.nan_to_num(values[1])

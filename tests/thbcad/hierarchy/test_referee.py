@@ -22,7 +22,9 @@ def both(degree, spans, marks):
         volumes = topology.integrate_elementwise(function.J(geometry), degree=1)
         here = np.isclose(volumes, 0.25**level)
         wanted = set(map(tuple, chosen))
-        topology = topology.refined_by([k for k, cell in enumerate(cells.tolist()) if here[k] and tuple(cell) in wanted])
+        topology = topology.refined_by(
+            [k for k, cell in enumerate(cells.tolist()) if here[k] and tuple(cell) in wanted]
+        )
     return space, topology, geometry
 
 
@@ -30,12 +32,20 @@ def both(degree, spans, marks):
     ("degree", "spans", "marks"),
     [
         (1, 4, [[(0, 0), (0, 1), (1, 1)]]),
-        (2, 5, [[(i, j) for i in range(3) for j in range(4)], [(i, j) for i in range(1, 5) for j in range(2, 6)]]),
+        (
+            2,
+            5,
+            [
+                [(i, j) for i in range(3) for j in range(4)],
+                [(i, j) for i in range(1, 5) for j in range(2, 6)],
+            ],
+        ),
         (3, 6, [[(i, j) for i in range(6) for j in range(6) if abs(i - j) <= 1]]),
     ],
 )
 def test_the_same_space(degree, spans, marks):
-    """As many functions, and every one of ours is a combination of nutils' ones at Gauss points that determine it."""
+    """As many functions, and every one of ours is a combination of nutils' ones at Gauss points that
+    determine it."""
     space, topology, geometry = both(degree, spans, marks)
     basis = topology.basis("th-spline", degree=degree)
     sample = topology.sample("gauss", 2 * degree + 1)

@@ -10,7 +10,15 @@ from hypothesis import given, settings, strategies as st
 
 from oracles.spline_definitions import DefinitionTHB, gamma
 from tests.cases import DATA
-from tests.thbcad.cases import coefficients, hierarchies, parameters, points, refined_spaces, spaces, tensor_spaces
+from tests.thbcad.cases import (
+    coefficients,
+    hierarchies,
+    parameters,
+    points,
+    refined_spaces,
+    spaces,
+    tensor_spaces,
+)
 from thbcad.hierarchy.domains import MAX_LEVEL
 from thbcad.hierarchy.levels import DyadicAxis
 from thbcad.hierarchy.thb_space import THBSpace
@@ -49,7 +57,8 @@ def dof_per_level(space):
 
 
 def entry_roundings(space):
-    """Roundings in an entry of a prolongation or embedding: 5 per degree and direction, and the sums, for every level."""
+    """Roundings in an entry of a prolongation or embedding: 5 per degree and direction, and the sums, for
+    every level."""
     p, q = space.kv_u.degree, space.kv_v.degree
     return (5 * (p + q) + (p + 2) * (q + 2)) * space.levels
 
@@ -135,7 +144,8 @@ def test_l_shaped_refinement_needs_two_dimensional_masks():
     assert dropped == {(i, j) for i in range(8) for j in range(8) if i < 3 or j < 3}
     product = {(i, j) for i in {a for a, _ in dropped} for j in {b for _, b in dropped}}
     assert dropped < product
-    # level 1: functions within the L: 14 x 14 of the square less those that need one of its 6 x 6 missing cells
+    # level 1: functions within the L: 14 x 14 of the square less those that need one of its 6 x 6 missing
+    # cells
     assert dof_per_level(finer) == [64 - len(dropped), 14 * 14 - 8 * 8]
     twin = DefinitionTHB(space.kv_u, space.kv_v, [set(cells)])
     x = np.linspace(0, 6, 25)
@@ -180,7 +190,8 @@ def test_linear_independence(space):
 
 @given(st.data())
 def test_linear_functions_are_reproduced(data):
-    """x y on the Greville grid of the tensor-product space lies in every THB space: prolong it from level 0."""
+    """x y on the Greville grid of the tensor-product space lies in every THB space: prolong it from level
+    0."""
     start = data.draw(tensor_spaces())
     space, _ = data.draw(refined_spaces((start, [])))
     u, v = data.draw(points(space))
@@ -230,7 +241,9 @@ def test_locate_against_all_cells(data):
     got = space.locate(u, v)
     for k, (a, b) in enumerate(zip(u, v)):
         inside = [
-            n for n, (level, i, j) in enumerate(space.cells.tolist()) if holds(space.kv_u, level, i, a) and holds(space.kv_v, level, j, b)
+            n
+            for n, (level, i, j) in enumerate(space.cells.tolist())
+            if holds(space.kv_u, level, i, a) and holds(space.kv_v, level, j, b)
         ]
         assert inside == [got[k]]
 
@@ -263,7 +276,9 @@ def test_prolongation_keeps_the_spline(data):
         want = space.collocation(u, v, order)
         error = abs(finer.collocation(u, v, order) @ p - want).max()
         spans = [np.diff(kv.breaks).min() / 2 ** (finer.levels - 1) for kv in (space.kv_u, space.kv_v)]
-        scale = np.prod([(2 * kv.degree / h) ** r for kv, h, r in zip((space.kv_u, space.kv_v), spans, order)])
+        scale = np.prod(
+            [(2 * kv.degree / h) ** r for kv, h, r in zip((space.kv_u, space.kv_v), spans, order)]
+        )
         assert error <= float(gamma(4 * entry_roundings(finer))) * scale
 
 
@@ -291,7 +306,9 @@ def test_prolongation_to_a_uniform_refinement_is_the_tensor_product():
     finer = space.refine({0: block(0, 5, 0, 5)})
     step = space.kv_u.prolongation(space.kv_u.bisect()).toarray()
     assert finer.dim == 13 * 13
-    assert abs(space.prolongation(finer).toarray() - np.kron(step, step)).max() <= float(gamma(2 * entry_roundings(finer)))
+    assert abs(space.prolongation(finer).toarray() - np.kron(step, step)).max() <= float(
+        gamma(2 * entry_roundings(finer))
+    )
 
 
 # ---- embedding ----
@@ -303,7 +320,11 @@ def test_embedding_operator_coefficients_and_adjoint_agree(data):
     e = space.embedding
     c = data.draw(coefficients(space.dim))
     g = data.draw(coefficients(e.kv_u.dim, e.kv_v.dim))
-    net, back, operator = e.coefficients(c), e.adjoint(g), e.coefficients(np.eye(space.dim)).reshape(-1, space.dim)
+    net, back, operator = (
+        e.coefficients(c),
+        e.adjoint(g),
+        e.coefficients(np.eye(space.dim)).reshape(-1, space.dim),
+    )
     tolerance = float(gamma(2 * entry_roundings(space)))
     assert abs(net.ravel() - operator @ c).max() <= tolerance
     size = (abs(operator).T @ abs(g.ravel())).max()
@@ -329,7 +350,25 @@ def test_embedding_refuses_other_shapes(shape):
 
 def test_the_embedding_holds_only_needed_knots():
     space = uniform_space(3, 8, 8.0).refine({0: block(0, 4, 4, 8)}).refine({1: block(0, 4, 12, 16)})
-    assert space.embedding.kv_u.breaks.tolist() == [0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 1.75, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8]
+    assert space.embedding.kv_u.breaks.tolist() == [
+        0,
+        0.25,
+        0.5,
+        0.75,
+        1,
+        1.25,
+        1.5,
+        1.75,
+        2,
+        2.5,
+        3,
+        3.5,
+        4,
+        5,
+        6,
+        7,
+        8,
+    ]
     assert (space.embedding.kv_v.breaks == 8 - space.embedding.kv_u.breaks[::-1]).all()
 
 
@@ -341,7 +380,9 @@ def test_insertions_do_not_disturb_the_hierarchy_above_them():
     c = np.arange(coarse.dim) % 5 - 1.5
     step = kv.prolongation(fine).toarray()
     x = np.linspace(0, 1, 7)
-    assert np.allclose(finer.collocation(x, x) @ (np.kron(step, step) @ c), coarse.collocation(x, x) @ c, rtol=0, atol=1e-14)
+    assert np.allclose(
+        finer.collocation(x, x) @ (np.kron(step, step) @ c), coarse.collocation(x, x) @ c, rtol=0, atol=1e-14
+    )
 
 
 # ---- special hierarchies ----
@@ -402,7 +443,8 @@ def test_mirror_symmetry(data):
     kv = space.kv_u
     mirror = KnotVector(kv.degree, -kv.knots[::-1])
     other = refined_by(
-        THBSpace(mirror, space.kv_v), [[((kv.spans << level) - 1 - i, j) for i, j in cells] for level, cells in enumerate(refined)]
+        THBSpace(mirror, space.kv_v),
+        [[((kv.spans << level) - 1 - i, j) for i, j in cells] for level, cells in enumerate(refined)],
     )
     counts = [len(axis_functions(kv, level)) for level in range(space.levels)]
     image = [(level, counts[level] - 1 - i, j) for level, i, j in space.functions.tolist()]
@@ -410,7 +452,10 @@ def test_mirror_symmetry(data):
     assert [image[k] for k in order] == [tuple(f) for f in other.functions.tolist()]
     u, v = data.draw(points(space))
     inside = ~np.isin(u, np.r_[kv.breaks])
-    a, b = space.collocation(u[inside], v[inside]).toarray(), other.collocation(-u[inside], v[inside]).toarray()
+    a, b = (
+        space.collocation(u[inside], v[inside]).toarray(),
+        other.collocation(-u[inside], v[inside]).toarray(),
+    )
     assert abs(a[:, order] - b).max(initial=0) <= float(gamma(4 * entry_roundings(space)))
 
 
@@ -426,7 +471,9 @@ def test_transposition(case):
     """Swapping x and y swaps the indices of the functions."""
     space, refined = case
     other = refined_by(THBSpace(space.kv_v, space.kv_u), [[(j, i) for i, j in cells] for cells in refined])
-    assert sorted((level, j, i) for level, i, j in space.functions.tolist()) == [tuple(f) for f in other.functions.tolist()]
+    assert sorted((level, j, i) for level, i, j in space.functions.tolist()) == [
+        tuple(f) for f in other.functions.tolist()
+    ]
 
 
 def corner(space, depth, right, top, width=4):
@@ -446,7 +493,10 @@ def test_deep_corner(right, top):
     assert (space.levels, space.dim, len(space.cells)) == (21, 1081, 64 + 20 * 48)
     assert space.embedding.shape(20) == (11 + 20 * 4, 11 + 20 * 4)
     tip = [float(right)], [float(top)]
-    assert space.cells[space.locate(*tip)[0]].tolist() == [20, *((8 << 20) - 1 if far else 0 for far in (right, top))]
+    assert space.cells[space.locate(*tip)[0]].tolist() == [
+        20,
+        *((8 << 20) - 1 if far else 0 for far in (right, top)),
+    ]
     x = np.concatenate([[0.0, 1.0], 0.5 ** np.arange(1, 26), 1 - 0.5 ** np.arange(1, 26)])
     u, v = (a.ravel() for a in np.meshgrid(x, x))
     a = space.collocation(u, v)
@@ -473,7 +523,9 @@ def test_two_far_corners_cost_no_full_grid():
         n = 4 << level
         space = space.refine({level: block(0, 2, 0, 2) + block(n - 2, n, n - 2, n)})
     assert space.embedding.kv_u.spans == 4 + 12 * 4
-    assert space.collocation([0.0, 0.5, 1.0], [0.0, 0.5, 1.0]).sum(axis=1).tolist() == pytest.approx([1, 1, 1], abs=1e-13)
+    assert space.collocation([0.0, 0.5, 1.0], [0.0, 0.5, 1.0]).sum(axis=1).tolist() == pytest.approx(
+        [1, 1, 1], abs=1e-13
+    )
 
 
 def test_spans_too_short_for_float64_are_refused():
@@ -498,8 +550,17 @@ def test_refine_returns_new_objects():
 
 def test_arrays_are_read_only():
     space = uniform_space().refine({0: block(0, 4, 0, 4)})
-    levels = [a for k in space.hierarchy for a in (k.cells, k.refined, k.leaves, k.keys, k.functions, k.active, k.supported, *k.distinct)]
-    nets = [*space.nets.active, *(step.data for step in space.nets.steps), space.nets.operator.data, space.local_basis.blocks]
+    levels = [
+        a
+        for k in space.hierarchy
+        for a in (k.cells, k.refined, k.leaves, k.keys, k.functions, k.active, k.supported, *k.distinct)
+    ]
+    nets = [
+        *space.nets.active,
+        *(step.data for step in space.nets.steps),
+        space.nets.operator.data,
+        space.local_basis.blocks,
+    ]
     embedding = [space.embedding.kv_u.knots, *space.embedding.active, *space.embedding.supported]
     for array in (space.cells, space.functions, space.boxes, space.refined[0], *levels, *nets, *embedding):
         assert not array.flags.writeable
@@ -534,7 +595,10 @@ def test_spaces_need_knot_vectors(arguments):
         ({True: [(0, 0)]}, "level must be an integer from 0 to [0-9]+, got True"),
         ({0.0: [(0, 0)]}, "level must be an integer"),
         ({"0": [(0, 0)]}, "level must be an integer from 0 to [0-9]+, got '0'"),
-        ({0: [(0.5, 0)]}, r"cells of level 0 must be pairs \(i, j\) of integers, got float64 of shape \(1, 2\)"),
+        (
+            {0: [(0.5, 0)]},
+            r"cells of level 0 must be pairs \(i, j\) of integers, got float64 of shape \(1, 2\)",
+        ),
         ({0: [(0.0, 1.0)]}, "must be pairs .* got float64"),
         ({0: [(True, False)]}, "must be pairs .* got bool"),
         ({0: (0, 1)}, r"must be pairs .* of shape \(2,\)"),
@@ -555,7 +619,11 @@ def test_cells_are_refused(cells, message):
 def test_other_spaces_are_refused():
     space = uniform_space().refine({0: [(1, 2)]})
     space = space.refine({0: [(3, 3)]})
-    for other in (uniform_space(), uniform_space().refine({0: [(2, 1)]}), uniform_space().refine({0: [(1, 2), (4, 4)]})):
+    for other in (
+        uniform_space(),
+        uniform_space().refine({0: [(2, 1)]}),
+        uniform_space().refine({0: [(1, 2), (4, 4)]}),
+    ):
         with pytest.raises(ValueError, match="not a refinement of this one"):
             space.prolongation(other)
     for other in (uniform_space(2), uniform_space(3, 4), uniform_space(3, 8, 2.0), 5):

@@ -52,7 +52,10 @@ def test_a_block_anywhere(tmp_path):
     turn, shift = gp_Trsf(), gp_Trsf()
     turn.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 1)), 0.7)
     shift.SetTranslation(gp_Vec(100, -50, 30))
-    for shape, size, faces in ((block, 30, [6, 6, 10, 10, 15, 15]), (holed, 25, [5, 5, 5, 5, 5, 5, 10, 10, 15, 15])):
+    for shape, size, faces in (
+        (block, 30, [6, 6, 10, 10, 15, 15]),
+        (holed, 25, [5, 5, 5, 5, 5, 5, 10, 10, 15, 15]),
+    ):
         moved = BRepBuilderAPI_Transform(shape, shift * turn, True).Shape()
         solid = read_brep(written(moved, tmp_path / "block.step"))
         # OCCT's own writer keeps about 13 digits: coordinates near 100 mm lie within some 1e-11 mm
@@ -74,7 +77,8 @@ def test_a_frustum_with_ruled_edges(front, rear):
 
 
 def test_the_area_of_a_paraboloid_and_of_the_edges_under_it():
-    """z = r^2 / 20 on 6 x 8 mm, 2 mm thick at its vertex; an edge at x = 3 has 8 (2 + 9 / 20) + 2 64 / 60 mm^2."""
+    """z = r^2 / 20 on 6 x 8 mm, 2 mm thick at its vertex; an edge at x = 3 has 8 (2 + 9 / 20) + 2 64 / 60
+    mm^2."""
     rear = FreeformSurface((3, 4), Conic(10.0, -1.0))
     front, top, at_y, at_x, *_ = areas(of(Lens(FreeformSurface((3, 4)), rear, 2.0, 1.5)))
     wanted, error = dblquad(lambda y, x: np.sqrt(1 + (x * x + y * y) / 100), -3, 3, -4, 4, epsrel=1e-13)
@@ -100,7 +104,10 @@ def test_areas_against_occt(name):
 
 def test_other_faces_are_refused(tmp_path):
     torus = BRepPrimAPI_MakeTorus(10.0, 3.0, 0.5, 1.25, 1.5).Shape()
-    for shape in (BRepPrimAPI_MakeCylinder(2.0, 3.0).Solid(), BRepBuilderAPI_NurbsConvert(torus, True).Shape()):
+    for shape in (
+        BRepPrimAPI_MakeCylinder(2.0, 3.0).Solid(),
+        BRepBuilderAPI_NurbsConvert(torus, True).Shape(),
+    ):
         solid = read_brep(written(shape, tmp_path / "round.step"))
         for measure in (volume, areas):
             with pytest.raises(ValueError, match="must be a plane or a spline that is not rational"):
@@ -111,7 +118,11 @@ def test_a_spline_face_that_ends_elsewhere_is_refused():
     solid = of(LENSES["table63"])
     face = solid.faces[1]
     wider = BSplineSurface(face.surface.kv_u, face.surface.kv_v, 1.1 * face.surface.coefficients)
-    for changed in (replace(face, surface=wider), replace(face, loops=face.loops * 2), replace(face, loops=(face.loops[0][:3],))):
+    for changed in (
+        replace(face, surface=wider),
+        replace(face, loops=face.loops * 2),
+        replace(face, loops=(face.loops[0][:3],)),
+    ):
         with pytest.raises(ValueError, match="must end at the four sides"):
             volume(replace(solid, faces=(solid.faces[0], changed, *solid.faces[2:])))
 

@@ -14,7 +14,14 @@ from tests.cases import ROOT
 from tests.thbcad.cases import AWKWARD, lenses
 from thbcad.hierarchy import THBSpace
 from thbcad.io import atomic_files as files
-from thbcad.io.lens_json import lens_from_dict, lens_to_dict, read_lens, sag_from_dict, sag_to_dict, write_lens
+from thbcad.io.lens_json import (
+    lens_from_dict,
+    lens_to_dict,
+    read_lens,
+    sag_from_dict,
+    sag_to_dict,
+    write_lens,
+)
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
@@ -25,7 +32,9 @@ INTERNAL = re.compile(r'Traceback|File "|__\w+__|object at 0x|<class|ufunc|posit
 
 
 def example():
-    space = THBSpace(KnotVector.uniform(3, 4), KnotVector(2, [0, 0, 0, 1 / 3, 1, 1, 1])).refine({0: [(0, 0), (1, 0), (0, 1), (1, 1)]})
+    space = THBSpace(KnotVector.uniform(3, 4), KnotVector(2, [0, 0, 0, 1 / 3, 1, 1, 1])).refine(
+        {0: [(0, 0), (1, 0), (0, 1), (1, 1)]}
+    )
     sag = THBSurface(space, np.resize(AWKWARD, space.dim))
     return Lens(FreeformSurface((5, 4)), FreeformSurface((6, 4), Conic(-90.0, -1.0), sag), 12.0, 1.49)
 
@@ -84,7 +93,12 @@ def test_round_trip_through_a_file(path):
 
 def test_numpy_numbers_are_written(path):
     """What a lens accepts, its file accepts."""
-    lens = Lens(FreeformSurface((5, 4)), FreeformSurface((5, 4), Conic(np.float32(40), np.int64(-1))), np.int64(3), np.float32(1.5))
+    lens = Lens(
+        FreeformSurface((5, 4)),
+        FreeformSurface((5, 4), Conic(np.float32(40), np.int64(-1))),
+        np.int64(3),
+        np.float32(1.5),
+    )
     write_lens(lens, path)
     assert_same(read_lens(path), lens)
 
@@ -119,14 +133,23 @@ def test_truncated_files_are_refused(path, share):
 
 @pytest.mark.parametrize(
     "data",
-    [b"\xff\xfe\x00", b"ISO-10303-21;\n", b"\x00" * 100, b"{", b'{"schema": "thbcad-lens", "version": 1,}', b'{"schema"\n:\n'],
+    [
+        b"\xff\xfe\x00",
+        b"ISO-10303-21;\n",
+        b"\x00" * 100,
+        b"{",
+        b'{"schema": "thbcad-lens", "version": 1,}',
+        b'{"schema"\n:\n',
+    ],
 )
 def test_files_that_are_no_json_are_refused(path, data):
     path.write_bytes(data)
     assert_refused(path, "is not a lens file")
 
 
-@pytest.mark.parametrize("text", ["[]", "null", "1", '"thbcad-lens"', "{}", '{"schema": "other"}', '{"schema": ["thbcad-lens"]}'])
+@pytest.mark.parametrize(
+    "text", ["[]", "null", "1", '"thbcad-lens"', "{}", '{"schema": "other"}', '{"schema": ["thbcad-lens"]}']
+)
 def test_other_schemas_are_refused(path, text):
     path.write_text(text)
     assert_refused(path, "not a lens file: its schema is not 'thbcad-lens'")
@@ -226,7 +249,9 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("keys", "value"), WRONG, ids=lambda x: ".".join(x) if isinstance(x, tuple) else repr(x)[:20])
+@pytest.mark.parametrize(
+    ("keys", "value"), WRONG, ids=lambda x: ".".join(x) if isinstance(x, tuple) else repr(x)[:20]
+)
 def test_wrong_types_and_numbers_are_refused(path, keys, value):
     path.write_text(json.dumps(changed(keys, value)))
     assert_refused(path)
@@ -241,7 +266,12 @@ def test_sizes_are_checked_before_memory_is_taken(path):
     """Knots for 200,000 x 200,000 cells with four coefficients: an error, not 40 GB."""
     knots = [0.0, *range(200_001), 200_000.0]
     path.write_text(
-        json.dumps(changed(("rear", "sag"), {"degree": [1, 1], "knots": [knots, knots], "refined": [], "coefficients": [0.0] * 4}))
+        json.dumps(
+            changed(
+                ("rear", "sag"),
+                {"degree": [1, 1], "knots": [knots, knots], "refined": [], "coefficients": [0.0] * 4},
+            )
+        )
     )
     program = """
 import resource, sys

@@ -12,7 +12,11 @@ from thbcad.io.sag_table import cloud_text, sag_text, table_size
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
-TILTED = FreeformSurface((3.0, 2.0), Conic(), THBSurface(THBSpace(KnotVector.uniform(3, 1), KnotVector.uniform(3, 1)), np.arange(16.0)))
+TILTED = FreeformSurface(
+    (3.0, 2.0),
+    Conic(),
+    THBSurface(THBSpace(KnotVector.uniform(3, 1), KnotVector.uniform(3, 1)), np.arange(16.0)),
+)
 
 
 def rows(text):

@@ -15,7 +15,16 @@ from tests.thbcad.cad.exchange.test_step import LENSES, ROOT, assert_same_surfac
 from thbcad.cad.exchange import read_faces, read_step, step_bytes, step_writing as writing, write_step
 from thbcad.cad.shapes import lens_solid, lens_surfaces
 from thbcad.io.step_brep import MILLIMETRE, brep, length_unit, read_brep
-from thbcad.io.step_text import MOST_NESTED, REAL, Enumeration, Reference, Typed, entities_of_text, having, read_part21
+from thbcad.io.step_text import (
+    MOST_NESTED,
+    REAL,
+    Enumeration,
+    Reference,
+    Typed,
+    entities_of_text,
+    having,
+    read_part21,
+)
 from thbcad.splines import NURBSSurface
 
 HEAD = "ISO-10303-21;\nHEADER;\nFILE_NAME('a; ENDSEC;','');\nENDSEC;\nDATA;\n"
@@ -36,10 +45,23 @@ def solid_of(text):
 
 
 def test_every_kind_of_parameter():
-    (entity,) = read("#7 = A_B2('it''s; #9',-3,+1.5E-3,2.,.MILLI.,$,*,#7,(#7,(),(1.,2)),LENGTH(1.E2));\n").values()
+    (entity,) = read(
+        "#7 = A_B2('it''s; #9',-3,+1.5E-3,2.,.MILLI.,$,*,#7,(#7,(),(1.,2)),LENGTH(1.E2));\n"
+    ).values()
     assert entity.number == 7
     (values,) = entity.parts.values()
-    assert values == ["it's; #9", -3, 1.5e-3, 2.0, "MILLI", None, None, 7, [7, [], [1.0, 2]], Typed("LENGTH", [100.0])]
+    assert values == [
+        "it's; #9",
+        -3,
+        1.5e-3,
+        2.0,
+        "MILLI",
+        None,
+        None,
+        7,
+        [7, [], [1.0, 2]],
+        Typed("LENGTH", [100.0]),
+    ]
     assert [type(v) for v in values[1:4]] == [int, float, float]
     assert isinstance(values[4], Enumeration)
     assert isinstance(values[7], Reference)
@@ -61,7 +83,22 @@ def test_names_in_strings_are_no_types():
 
 
 BROKEN = [
-    *("", "A", "A(", "A(1", "A(1,)", "A(,1)", "A(1 2)", "A)", "A(1)B(2)", "(A(1)", "()", "(A() A())", "a(1)", "A(1.)) "),
+    *(
+        "",
+        "A",
+        "A(",
+        "A(1",
+        "A(1,)",
+        "A(,1)",
+        "A(1 2)",
+        "A)",
+        "A(1)B(2)",
+        "(A(1)",
+        "()",
+        "(A() A())",
+        "a(1)",
+        "A(1.)) ",
+    ),
     *("A(1.5e3)", "A(1E3)", "A(nan)", "A(0x1)", "A(1_0.0)", "A(.T)", "A('a)", "A(#)", f"A({'1' * 16})"),
     *("A(" * n + ")" * n for n in (40, MOST_NESTED + 3)),
     *("A(" + "(" * n + ")" * n + ")" for n in (40, MOST_NESTED + 1)),
@@ -93,7 +130,10 @@ def test_a_file_that_is_not_whole_is_refused(text, sentence):
         entities_of_text(text)
 
 
-@pytest.mark.parametrize("body", ["'" * 20001, "#1 = A(" + "'a;" * 20000, "#1=" + "/*" * 20000, "#1 = A(" + "1" * 50000, "#" * 50000])
+@pytest.mark.parametrize(
+    "body",
+    ["'" * 20001, "#1 = A(" + "'a;" * 20000, "#1=" + "/*" * 20000, "#1 = A(" + "1" * 50000, "#" * 50000],
+)
 def test_hopeless_text_is_refused_at_once(body):
     """Regular expressions that step back would take hours here."""
     with pytest.raises(ValueError, match="cut off"):
@@ -109,7 +149,9 @@ def test_what_is_no_file_is_refused(tmp_path):
 
 def test_the_reader_is_independent_of_occt():
     program = "import sys, thbcad.part21_surfaces; print(*{m.split('.')[0] for m in sys.modules})"
-    loaded = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    loaded = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
     assert "numpy" in loaded
     assert "OCP" not in loaded
 
@@ -123,7 +165,14 @@ def test_the_text_holds_the_very_splines(tmp_path, name):
     path = tmp_path / "lens.step"
     write_step(LENSES[name], path)
     solid, step = read_brep(path), read_step(path)
-    assert (solid.name, solid.unit, len(solid.faces), len(solid.edges), solid.unpaired, solid.gaps) == ("lens", MILLIMETRE, 6, 12, 0, 0)
+    assert (solid.name, solid.unit, len(solid.faces), len(solid.edges), solid.unpaired, solid.gaps) == (
+        "lens",
+        MILLIMETRE,
+        6,
+        12,
+        0,
+        0,
+    )
     for face, by_occt, own in zip(solid.faces, (step.front, step.rear), lens_surfaces(LENSES[name])):
         assert_same_surface(face.surface, by_occt)
         assert_same_surface(face.surface, own)
@@ -208,7 +257,12 @@ def test_a_file_cut_off_anywhere_is_refused(end):
 
 
 @given(
-    st.lists(st.tuples(st.integers(0, len(PLANO) - 1), st.sampled_from("#'();,.*$/0 9ETA-\n\0é")), min_size=1, max_size=4), st.booleans()
+    st.lists(
+        st.tuples(st.integers(0, len(PLANO) - 1), st.sampled_from("#'();,.*$/0 9ETA-\n\0é")),
+        min_size=1,
+        max_size=4,
+    ),
+    st.booleans(),
 )
 def test_any_characters_changed_are_read_or_refused(changes, insert):
     text = PLANO
@@ -242,7 +296,11 @@ def changed(pattern, replacement, text=TABLE63):
 @pytest.mark.parametrize(
     ("pattern", "replacement", "sentence"),
     [
-        (r"MANIFOLD_SOLID_BREP\(", "BREP_WITH_VOIDS(", "one MANIFOLD_SOLID_BREP, got 0 and a BREP_WITH_VOIDS"),
+        (
+            r"MANIFOLD_SOLID_BREP\(",
+            "BREP_WITH_VOIDS(",
+            "one MANIFOLD_SOLID_BREP, got 0 and a BREP_WITH_VOIDS",
+        ),
         (r"SI_UNIT\(\.MILLI\.,", "SI_UNIT(,", "grammar"),
         (r"SI_UNIT\(\.MILLI\.,", "SI_UNIT(", "SI_UNIT must have 2 parameters, got 1"),
         (r"LENGTH_UNIT\(\)", "", "one unit of length, got 0"),
@@ -284,7 +342,8 @@ def test_a_face_turned_round_leaves_four_unpaired_edges():
 
 @pytest.mark.parametrize("text", [TABLE63, PLANO], ids=["ruled", "planar"])
 def test_loops_run_around_their_faces(text):
-    """Along its curve or against it, every edge begins where the one before ends; normals point out of the solid."""
+    """Along its curve or against it, every edge begins where the one before ends; normals point out of the
+    solid."""
     solid = solid_of(text)
     edges = {edge.number: edge.ends for edge in solid.edges}
     middle = np.mean(list(edges.values()), axis=(0, 1))
@@ -294,7 +353,9 @@ def test_loops_run_around_their_faces(text):
         for before, after in zip(ends[-1:] + ends[:-1], ends):
             np.testing.assert_array_equal(before[1], after[0])
         corners = np.array([start for start, _ in ends])
-        around = np.cross(corners[2] - corners[0], corners[3] - corners[1])  # to the left of the loop lies the face
+        around = np.cross(
+            corners[2] - corners[0], corners[3] - corners[1]
+        )  # to the left of the loop lies the face
         assert around @ (corners.mean(axis=0) - middle) > 0
         if face.plane is not None:
             assert (around @ face.plane[1] > 0) == face.outward

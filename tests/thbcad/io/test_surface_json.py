@@ -35,7 +35,11 @@ def test_thb_round_trip(data, components):
 def test_tensor_product_round_trips(kv_u, kv_v, data):
     net = data.draw(coefficients(kv_u.dim, kv_v.dim, 3))
     weights = 1.5 + data.draw(coefficients(kv_u.dim, kv_v.dim))
-    for surface in (BSplineSurface(kv_u, kv_v, net), BSplineSurface(kv_u, kv_v, net[..., 0]), NURBSSurface(kv_u, kv_v, net, weights)):
+    for surface in (
+        BSplineSurface(kv_u, kv_v, net),
+        BSplineSurface(kv_u, kv_v, net[..., 0]),
+        NURBSSurface(kv_u, kv_v, net, weights),
+    ):
         again = surface_from_dict(json.loads(json.dumps(surface_to_dict(surface))))
         assert type(again) is type(surface)
         assert same_bits(again.kv_v.knots, kv_v.knots)
@@ -80,7 +84,9 @@ def test_other_content_is_refused(change, message):
         surface_from_dict(data)
 
 
-@pytest.mark.parametrize("key", ["schema", "version", "kind", "degree", "knots", "refined", "shape", "coefficients"])
+@pytest.mark.parametrize(
+    "key", ["schema", "version", "kind", "degree", "knots", "refined", "shape", "coefficients"]
+)
 def test_missing_keys_are_named(key):
     data = surface_to_dict(small())
     del data[key]

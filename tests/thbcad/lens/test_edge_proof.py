@@ -1,4 +1,5 @@
-"""Ruled edges between rims of different size: what is accepted is closed and simple, what is refused crosses where the sentence says."""
+"""Ruled edges between rims of different size: what is accepted is closed and simple, what is refused crosses
+where the sentence says."""
 
 import re
 
@@ -20,12 +21,15 @@ SHARE = np.linspace(0, 1, 41)
 
 
 def clearances(front, rear, thickness):
-    """Return by name the least distances in z of a dense sample, of every pair of faces, over what they tend to 0 with."""
+    """Return by name the least distances in z of a dense sample, of every pair of faces, over what they tend
+    to 0 with."""
     sizes = front.half_width, rear.half_width
     found = {}
     a, b = np.minimum(*sizes)
     found["surfaces"] = (
-        thickness + rear.grid(SHARE * 2 * a - a, SHARE * 2 * b - b) - front.grid(SHARE * 2 * a - a, SHARE * 2 * b - b)
+        thickness
+        + rear.grid(SHARE * 2 * a - a, SHARE * 2 * b - b)
+        - front.grid(SHARE * 2 * a - a, SHARE * 2 * b - b)
     ).min()
     for base, other, name in ((0, 1, "front"), (1, 0, "rear")):
         for axis in (0, 1):
@@ -42,11 +46,16 @@ def at(surface, axis, along, across):
 def over_base(pair, thickness, base, axis, sign):
     """Return the least (z of the edge - z of the base) / w towards the other surface."""
     ends = np.r_[SHARE**2, 1e-6, 1e-4]
-    t, w = (x.ravel() for x in np.meshgrid(np.r_[ends - 1, 1 - ends], np.r_[1e-7, 1e-5, SHARE[1:] ** 2]))  # dense at the rim and its ends
+    t, w = (
+        x.ravel() for x in np.meshgrid(np.r_[ends - 1, 1 - ends], np.r_[1e-7, 1e-5, SHARE[1:] ** 2])
+    )  # dense at the rim and its ends
     own, other = pair[base], pair[1 - base]
     (a, b), (c, d) = (np.roll(s.half_width, axis) if axis else s.half_width for s in (own, other))
     step = -thickness if base else thickness  # z = 0 of the other surface, seen from the base
-    start, stop = at(own, axis, np.full_like(t, sign * a), t * b), step + at(other, axis, np.full_like(t, sign * c), t * d)
+    start, stop = (
+        at(own, axis, np.full_like(t, sign * a), t * b),
+        step + at(other, axis, np.full_like(t, sign * c), t * d),
+    )
     x, y, z = sign * ((1 - w) * a + w * c), t * ((1 - w) * b + w * d), (1 - w) * start + w * stop
     inside = abs(y) <= b
     distance = z[inside] - at(own, axis, x[inside], y[inside])
@@ -54,7 +63,8 @@ def over_base(pair, thickness, base, axis, sign):
 
 
 def corner(front, rear, thickness, axis, signs):
-    """Return the least distance of two edges over the plan that both cover, per mm from their common corner line."""
+    """Return the least distance of two edges over the plan that both cover, per mm from their common corner
+    line."""
     (a, c), (b, d) = ((f, r) for f, r in zip(np.roll(front.half_width, axis), np.roll(rear.half_width, axis)))
     x, y = (v.ravel() for v in np.meshgrid(a + (c - a) * SHARE, d + (b - d) * SHARE))
     w, later = (x - a) / (c - a), (b - y) / (b - d)
@@ -94,12 +104,18 @@ def test_ranges_hold_and_are_tight(rng, orders):
         z = surface.grid(np.linspace(*u[:, k], 9), np.linspace(*v[:, k], 9), orders)
         assert found.low[k] <= z.min()
         assert z.max() <= found.high[k]
-        if k < 10:  # bounds differ from extremes by the square of the size times second derivatives, and samples by a spacing
+        if (
+            k < 10
+            # bounds differ from extremes by the square of the size times second derivatives, and samples by a
+            # spacing
+        ):
             assert found.high[k] - found.low[k] <= 1.01 * (z.max() - z.min()) + 1e-2
 
 
 def test_bounds_meet_with_the_square_of_the_size():
-    surface = BSplineSurface(KnotVector.uniform(3, 1), KnotVector.uniform(3, 1), np.random.default_rng(1).uniform(-1, 1, (4, 4)))
+    surface = BSplineSurface(
+        KnotVector.uniform(3, 1), KnotVector.uniform(3, 1), np.random.default_rng(1).uniform(-1, 1, (4, 4))
+    )
     excess = []
     for size in (0.1, 0.01):
         a = np.array([0.3])
@@ -125,7 +141,8 @@ def test_proof_counterexample_and_neither():
 
 
 def quartic(half_width, height, axis):
-    """z = height 4 / 9 (x^2 - 1) (4 - x^2) of one coordinate over |x| <= 2: zero at 1 and 2, `height` at x^2 = 5 / 2."""
+    """z = height 4 / 9 (x^2 - 1) (4 - x^2) of one coordinate over |x| <= 2: zero at 1 and 2, `height` at x^2
+    = 5 / 2."""
     kv = KnotVector.uniform(4, 1, -2, 2)
     x = np.linspace(-2, 2, 5)
     row = np.linalg.solve(kv.collocation(x).toarray(), height * 4 / 9 * (x**2 - 1) * (4 - x**2))
@@ -137,14 +154,20 @@ def quartic(half_width, height, axis):
 @pytest.mark.parametrize("wide", ["front", "rear"])
 @pytest.mark.parametrize("other", [1.0, 0.75, 1.25])
 def test_the_critical_thickness_of_a_bump(axis, wide, other):
-    """Edges from x = 2, z = 0 to x = 1, z = T are tangent to the bump h at T = 16 h / 3: above they are accepted, below refused."""
+    """Edges from x = 2, z = 0 to x = 1, z = T are tangent to the bump h at T = 16 h / 3: above they are
+    accepted, below refused."""
     sizes = [(2.0, 1.0), (1.0, other)]
     big, small = (tuple(size[::-1]) if axis else size for size in sizes)
     surfaces_of = (
-        (quartic(big, 0.3, axis), FreeformSurface(small)) if wide == "front" else (FreeformSurface(small), quartic(big, -0.3, axis))
+        (quartic(big, 0.3, axis), FreeformSurface(small))
+        if wide == "front"
+        else (FreeformSurface(small), quartic(big, -0.3, axis))
     )
     Lens(*surfaces_of, 1.62, 1.5)
-    crossing = rf"the ruled edge at -[xy] crosses the {wide}: at .* it lies \S+ mm {'before' if wide == 'front' else 'behind'} it"
+    crossing = (
+        rf"the ruled edge at -[xy] crosses the {wide}: at .* it lies \S+ mm "
+        rf"{'before' if wide == 'front' else 'behind'} it"
+    )
     with pytest.raises(ValueError, match=crossing + r"; raise lens\.thickness by more than 0\.2 mm"):
         Lens(*surfaces_of, 1.4, 1.5)
     with pytest.raises(ValueError, match=r"the ruled edge at"):
@@ -174,13 +197,15 @@ def test_a_tangent_edge_is_undecided():
     """It neither crosses nor lies over the front: at T = 16 h / 3, rounded, no bound and no point tells."""
     with pytest.raises(
         ValueError,
-        match=r"undecided whether the ruled edge at -x crosses the front|the ruled edge at -x crosses the front.* than \S+e-\d+ mm",
+        match=r"undecided whether the ruled edge at -x crosses the front|the ruled edge at -x crosses the "
+        r"front.* than \S+e-\d+ mm",
     ):
         Lens(quartic((2.0, 1.0), 0.3, 0), FreeformSurface((1.0, 1.0)), 1.6, 1.5)
 
 
 def test_edges_that_cross_each_other_alone():
-    """Front and rear are each the larger in one direction; every edge lies over its bases, but two meet between the rims."""
+    """Front and rear are each the larger in one direction; every edge lies over its bases, but two meet
+    between the rims."""
     kv = KnotVector(2, [-1, -1, -1, -0.8, 0.8, 1, 1, 1])
     pair = []
     for half_width, corner_net in (((1.0, 2.0), [[2, 3], [4, 2]]), ((2.0, 1.0), [[6, -2], [0, 2]])):
@@ -188,7 +213,9 @@ def test_edges_that_cross_each_other_alone():
         net[3:, 3:] = np.array(corner_net) / 10
         pair.append(FreeformSurface(half_width, Conic(), THBSurface(THBSpace(kv, kv), net.ravel())))
     with pytest.raises(
-        ValueError, match=r"ruled edges at \+x and \+y cross at x = 1\.4\d*, y = 1\.4\d* mm; raise .* more than 0\.033\d* mm"
+        ValueError,
+        match=r"ruled edges at \+x and \+y cross at x = 1\.4\d*, y = 1\.4\d* mm; raise .* more than "
+        r"0\.033\d* mm",
     ):
         Lens(*pair, 1.0, 1.5)
     assert corner(*pair, 1.0, 0, (1, 1)) == pytest.approx(-0.0337, abs=0.002)
@@ -197,13 +224,20 @@ def test_edges_that_cross_each_other_alone():
 
 
 def test_surfaces_that_cross_at_equal_places_alone():
-    """Front 2 mm, rear 4 mm wide each way: a bump of the front at x = 1 meets a dent of the rear there, at other relative places."""
+    """Front 2 mm, rear 4 mm wide each way: a bump of the front at x = 1 meets a dent of the rear there, at
+    other relative places."""
     kv = KnotVector.uniform(3, 48, -1, 1)
     space, pair = THBSpace(kv, kv), []
     for half_width, height in ((2.0, 1.0), (4.0, -1.0)):
-        net = height * np.exp(-(((half_width * kv.greville()[:, None] - 1) / 0.3) ** 2) - (half_width * kv.greville() / 0.3) ** 2)
+        net = height * np.exp(
+            -(((half_width * kv.greville()[:, None] - 1) / 0.3) ** 2)
+            - (half_width * kv.greville() / 0.3) ** 2
+        )
         pair.append(FreeformSurface((half_width, half_width), Conic(), THBSurface(space, net.ravel())))
-    with pytest.raises(ValueError, match=r"front and rear cross: at x = \S+, y = \S+ mm the rear lies \S+ mm before the front; raise"):
+    with pytest.raises(
+        ValueError,
+        match=r"front and rear cross: at x = \S+, y = \S+ mm the rear lies \S+ mm before the front; raise",
+    ):
         Lens(*pair, 1.2, 1.5)
     assert Lens(*pair, 2.1, 1.5).least_thickness().lower > 0
 
@@ -217,7 +251,9 @@ def test_random_lenses(data):
     assume((halves[0] != halves[1]).any())
     pair = [data.draw(surfaces(half_width=tuple(h.tolist()), conics=False)) for h in halves]
     s = 2 * SHARE - 1
-    relative = (pair[0].grid(s * halves[0, 0], s * halves[0, 1]) - pair[1].grid(s * halves[1, 0], s * halves[1, 1])).max()
+    relative = (
+        pair[0].grid(s * halves[0, 0], s * halves[0, 1]) - pair[1].grid(s * halves[1, 0], s * halves[1, 1])
+    ).max()
     thickness = max(0.0, relative) + 10 ** rng.uniform(-1.5, 0.5)
     try:
         Lens(*pair, thickness, 1.5)
@@ -226,13 +262,19 @@ def test_random_lenses(data):
         sentence = str(error)
     if not sentence:
         assert least_clearance(*pair, thickness) > 0
-    elif found := re.search(r"edge at (.)(.) crosses the (\w+): at x = (\S+), y = (\S+) mm it lies (\S+) mm", sentence):
-        sign, letter, base = (-1 if found[1] == "-" else 1), "xy".index(found[2]), ["front", "rear"].index(found[3])
+    elif found := re.search(
+        r"edge at (.)(.) crosses the (\w+): at x = (\S+), y = (\S+) mm it lies (\S+) mm", sentence
+    ):
+        sign, letter, base = (
+            (-1 if found[1] == "-" else 1),
+            "xy".index(found[2]),
+            ["front", "rear"].index(found[3]),
+        )
         sizes = [np.roll(f.half_width, letter) for f in (pair[base], pair[1 - base])]
         if sizes[0][0] > sizes[1][0]:  # else the place does not tell w
-            assert depth_at(pair, thickness, (base, letter, sign), sizes, [float(found[k]) for k in (4, 5)]) == pytest.approx(
-                float(found[6]), abs=1e-3 * thickness
-            )
+            assert depth_at(
+                pair, thickness, (base, letter, sign), sizes, [float(found[k]) for k in (4, 5)]
+            ) == pytest.approx(float(found[6]), abs=1e-3 * thickness)
     else:
         assert re.search("undecided|cross|touch", sentence)
 
@@ -246,6 +288,8 @@ def depth_at(pair, thickness, side, sizes, place):
     t = np.clip(y / (b + w * (d - b)), -1, 1)
     step = -thickness if base else thickness
     one = np.ones(1)
-    z = (1 - w) * at(pair[base], axis, sign * a * one, t * b * one) + w * (step + at(pair[1 - base], axis, sign * c * one, t * d * one))
+    z = (1 - w) * at(pair[base], axis, sign * a * one, t * b * one) + w * (
+        step + at(pair[1 - base], axis, sign * c * one, t * d * one)
+    )
     depth = at(pair[base], axis, x * one, y * one) - z
     return float(-depth[0] if base else depth[0])

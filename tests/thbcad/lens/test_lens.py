@@ -30,7 +30,9 @@ def flat_sag(value=0.0, degree=3, spans=4):
 def wavy_surface(degree=3):
     """A conic with a THB sag over [0, 1] x [-2, 3], refined in a corner, on 5 mm x 4 mm."""
     space = THBSpace(KnotVector.uniform(degree, 4), KnotVector.uniform(degree, 5, -2, 3))
-    space = space.refine({0: [(i, j) for i in range(4) for j in range(4)]}).refine({1: [(i, j) for i in range(4) for j in range(5)]})
+    space = space.refine({0: [(i, j) for i in range(4) for j in range(4)]}).refine(
+        {1: [(i, j) for i in range(4) for j in range(5)]}
+    )
     return FreeformSurface((5, 4), Conic(40, -0.5), THBSurface(space, np.sin(np.arange(space.dim))))
 
 
@@ -62,7 +64,8 @@ def test_sphere_paraboloid_plane_hyperbola():
 
 @given(st.floats(0.1, 1e6), st.booleans(), st.floats(-20, 5), st.floats(0, 1), st.floats(0, 1))
 def test_conic_satisfies_its_equation(radius, negative, constant, x, y):
-    """The residual of r^2 - 2 R z + (1 + K) z^2 in exact arithmetic; near the vertex the sag keeps its relative accuracy."""
+    """The residual of r^2 - 2 R z + (1 + K) z^2 in exact arithmetic; near the vertex the sag keeps its
+    relative accuracy."""
     x, y = 0.5 * x * radius, 0.5 * y * radius
     q = Fraction(1 + constant)
     r2 = Fraction(x) ** 2 + Fraction(y) ** 2
@@ -74,7 +77,9 @@ def test_conic_satisfies_its_equation(radius, negative, constant, x, y):
     assert residual <= (Fraction(1, 10**300) if r2 < Fraction(1, 10**280) else 400 * Fraction(EPS) * r2)
 
 
-@pytest.mark.parametrize("conic", [Conic(9.0), Conic(-9.0, 0.4), Conic(12.0, -1.0), Conic(-7.0, -3.0), Conic()])
+@pytest.mark.parametrize(
+    "conic", [Conic(9.0), Conic(-9.0, 0.4), Conic(12.0, -1.0), Conic(-7.0, -3.0), Conic()]
+)
 def test_conic_slopes_by_the_complex_step(conic):
     h = 1e-30
     assert np.allclose(conic(X, Y, (1, 0)), conic(X + 1j * h, Y).imag / h, rtol=20 * EPS, atol=20 * EPS)
@@ -109,7 +114,9 @@ def test_kinds_of_conic():
 
 @pytest.mark.parametrize("radius", [5.0, -5.0])
 def test_conics_that_end_inside_the_aperture_are_refused(radius):
-    with pytest.raises(ValueError, match=r"ends at r = 5 mm, but the corner of the aperture lies at r = 5 mm"):
+    with pytest.raises(
+        ValueError, match=r"ends at r = 5 mm, but the corner of the aperture lies at r = 5 mm"
+    ):
         FreeformSurface((3, 4), Conic(radius, 0.0))
     with pytest.raises(ValueError, match=r"\(radius -?5\.0, K 3\.0\) ends at r = 2\.5 mm"):
         FreeformSurface((3, 4), Conic(radius, 3.0))
@@ -120,7 +127,9 @@ def test_conics_that_end_inside_the_aperture_are_refused(radius):
 # ---- freeform surfaces ----
 
 
-@pytest.mark.parametrize("half_width", [(5,), (5, 5, 5), (0, 5), (5, -1), (np.nan, 5), (5, np.inf), None, (5, "a"), 5])
+@pytest.mark.parametrize(
+    "half_width", [(5,), (5, 5, 5), (0, 5), (5, -1), (np.nan, 5), (5, np.inf), None, (5, "a"), 5]
+)
 def test_half_width_is_refused(half_width):
     with pytest.raises(ValueError, match="half_width must be two positive numbers"):
         FreeformSurface(half_width)
@@ -171,7 +180,10 @@ def test_the_rim_is_inside_the_domain():
         assert np.allclose(corners, [[0, 5], [30, 35]], rtol=1e-13, atol=1e-13)
 
 
-@pytest.mark.parametrize(("x", "y", "message"), [(5.1, 0.0, "x = 5.1 mm lies outside"), (0.0, -4.1, "y = -4.1"), (np.nan, 0.0, "x = nan")])
+@pytest.mark.parametrize(
+    ("x", "y", "message"),
+    [(5.1, 0.0, "x = 5.1 mm lies outside"), (0.0, -4.1, "y = -4.1"), (np.nan, 0.0, "x = nan")],
+)
 def test_positions_outside_are_refused(x, y, message):
     surface = FreeformSurface((5, 4), Conic(30, -1))
     for call in (surface, surface.grid):
@@ -207,7 +219,10 @@ def test_with_sag():
 def test_square_coefficients(degree, spans):
     kv = KnotVector.uniform(degree, spans, -3.0, 5.0)
     x = np.linspace(-3, 5, 23)
-    assert abs(kv.collocation(x) @ square_coefficients(kv) - x * x).max() <= float(gamma(8 * degree + degree**2)) * 25
+    assert (
+        abs(kv.collocation(x) @ square_coefficients(kv) - x * x).max()
+        <= float(gamma(8 * degree + degree**2)) * 25
+    )
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
@@ -224,7 +239,11 @@ def test_paraboloid_graph_is_exact(degree, radius):
 @pytest.mark.parametrize(
     ("conic", "half_width", "degree"),
     [
-        *((conic, (5, 4), degree) for conic in (Conic(20.0), Conic(-9.0, 0.2), Conic(15.0, -3.0)) for degree in (3, 5)),
+        *(
+            (conic, (5, 4), degree)
+            for conic in (Conic(20.0), Conic(-9.0, 0.2), Conic(15.0, -3.0))
+            for degree in (3, 5)
+        ),
         (Conic(20.0), (1, 0.8), 2),
         (Conic(60.0), (12.5, 12.5), 3),
     ],
@@ -271,7 +290,10 @@ def test_spheres_of_any_size_have_a_graph(half_width, degree):
 
 
 def test_conics_that_no_spline_of_that_size_follows_are_refused():
-    with pytest.raises(ValueError, match=r"radius 5\.001 and K 0\.0 cannot be written as a spline to 1e-11 mm with 2000 control points"):
+    with pytest.raises(
+        ValueError,
+        match=r"radius 5\.001 and K 0\.0 cannot be written as a spline to 1e-11 mm with 2000 control points",
+    ):
         FreeformSurface((5, 1e-3), Conic(5.001)).graph()
 
 
@@ -303,7 +325,9 @@ def test_volume_under_a_paraboloid(radius):
 def test_volume_of_a_frustum(front, rear):
     """Plane faces of different size: the convex hull of the corners, and the prismatoid formula."""
     lens = Lens(FreeformSurface(front), FreeformSurface(rear), 3.0, 1.5)
-    corners = [(sx * a, sy * b, z) for (a, b), z in ((front, 0.0), (rear, 3.0)) for sx in (-1, 1) for sy in (-1, 1)]
+    corners = [
+        (sx * a, sy * b, z) for (a, b), z in ((front, 0.0), (rear, 3.0)) for sx in (-1, 1) for sy in (-1, 1)
+    ]
     middle = (front[0] + rear[0]) * (front[1] + rear[1])
     prismatoid = 3.0 / 6 * 4 * (front[0] * front[1] + middle + rear[0] * rear[1])
     assert lens.volume() == pytest.approx(prismatoid, rel=1e-14)
@@ -313,7 +337,8 @@ def test_volume_of_a_frustum(front, rear):
 def test_volume_of_table_6_3():
     """Front 5 mm, R = -5; rear 8 mm, R = -10; thickness 5: the flux of (0, 0, z), by hand 16184 / 15 mm^3."""
     lens = Lens(FreeformSurface((5, 5), Conic(-5, -1)), FreeformSurface((8, 8), Conic(-10, -1)), 5.0, 1.5)
-    # faces: rear 4 64 (5 - 64 / 30), front -4 25 (25 / 15); sides: half-widths 5 + 3 w, rims z = -(5^2 + x^2) / 10 and so on
+    # faces: rear 4 64 (5 - 64 / 30), front -4 25 (25 / 15); sides: half-widths 5 + 3 w, rims z = -(5^2 + x^2)
+    # / 10 and so on
     rear, front = 256 * (5 - 128 / 60), -100 * 50 / 30
     rims = [2 * -(25 + 25 / 3) / 10, 2 * (5 - (64 + 64 / 3) / 20)]
     sides = -4 * 3 * ((2.5 + 0.5) * rims[0] + (2.5 + 1.0) * rims[1])
@@ -349,7 +374,10 @@ def test_least_thickness_between_points_of_equal_relative_position():
 
 def test_surfaces_that_cross_are_refused_with_place_and_amount():
     rear = FreeformSurface((3, 4), Conic(-10, -1))
-    with pytest.raises(ValueError, match=r"cross: at x = -?3, y = -?4 mm the rear lies 0\.25 mm before the front.*by more than 0\.25 mm"):
+    with pytest.raises(
+        ValueError,
+        match=r"cross: at x = -?3, y = -?4 mm the rear lies 0\.25 mm before the front.*by more than 0\.25 mm",
+    ):
         plano(rear, 1.0)
     front = FreeformSurface((3, 4), Conic(50, -1), flat_sag(0.5))
     with pytest.raises(ValueError, match=r"cross: at x = 0, y = 0 mm the rear lies 0\.3 mm before the front"):
@@ -367,17 +395,22 @@ def test_no_thickness_at_a_rim_is_told_by_its_name():
     kv = KnotVector.uniform(2, 1)
     tilt = THBSurface(THBSpace(kv, kv), np.repeat([0.0, 1.0, 2.0], 3))
     with pytest.raises(
-        ValueError, match=r"^the rims touch: at x = -5, y = \S+ mm the lens has no thickness at its edges -x( and [+-]y)?; raise"
+        ValueError,
+        match=r"^the rims touch: at x = -5, y = \S+ mm the lens has no thickness at its edges -x( and "
+        r"[+-]y)?; raise",
     ):
         plano(FreeformSurface((5, 4), Conic(), THBSurface(tilt.space, tilt.coefficients - 1)), 1.0)
     with pytest.raises(
-        ValueError, match=r"cross: at x = -5, y = \S+ mm the rear lies 0\.5 mm before the front, at the edges -x( and [+-]y)?; raise"
+        ValueError,
+        match=r"cross: at x = -5, y = \S+ mm the rear lies 0\.5 mm before the front, at the edges -x( and "
+        r"[+-]y)?; raise",
     ):
         plano(FreeformSurface((5, 4), Conic(), THBSurface(tilt.space, tilt.coefficients - 1)), 0.5)
 
 
 def test_surfaces_that_cross_between_samples_are_refused():
-    """A tilted paraboloid whose lowest point, -0.156 mm at x = -1.25, lies between quarter points of its one span."""
+    """A tilted paraboloid whose lowest point, -0.156 mm at x = -1.25, lies between quarter points of its one
+    span."""
     kv = KnotVector.uniform(3, 1)
     tilt = THBSurface(THBSpace(kv, kv), np.repeat(0.25 * (10 * kv.greville() - 5), 4))
     rear = FreeformSurface((5, 5), Conic(5, -1), tilt)
@@ -407,7 +440,12 @@ def test_with_rear():
 
 def test_graphs_are_of_one_degree():
     """What `Lens.graphs` promises, for surfaces whose sags differ in degree."""
-    lens = Lens(FreeformSurface((5, 5), Conic(), flat_sag(degree=2)), FreeformSurface((5, 5), Conic(), flat_sag(degree=4)), 1.0, 1.5)
+    lens = Lens(
+        FreeformSurface((5, 5), Conic(), flat_sag(degree=2)),
+        FreeformSurface((5, 5), Conic(), flat_sag(degree=4)),
+        1.0,
+        1.5,
+    )
     degrees = {kv.degree for graph in lens.graphs() for kv in (graph.kv_u, graph.kv_v)}
     assert len(degrees) == 1
     assert lens.graphs() is lens.graphs()

@@ -1,4 +1,5 @@
-"""Figures for the workshop against closed forms, quadrature and minimisation of scipy, and samples that must stay within the bounds."""
+"""Figures for the workshop against closed forms, quadrature and minimisation of scipy, and samples that must
+stay within the bounds."""
 
 import numpy as np
 import pytest
@@ -36,7 +37,8 @@ def rough(half_width=(5.0, 4.0), height=0.4, seed=3):
 
 @st.composite
 def lenses(draw):
-    """Lenses of paraboloids and sags; the rear may be larger or smaller, as far as the ruled edges allow it."""
+    """Lenses of paraboloids and sags; the rear may be larger or smaller, as far as the ruled edges allow
+    it."""
     half = tuple(draw(st.floats(0.5, 4)) for _ in range(2))
     other = tuple(h * draw(st.sampled_from([1.0, 1.0, 0.9, 1.2])) for h in half)
     front, rear = (draw(surfaces(half_width=size, conics=False)) for size in (half, other))
@@ -57,7 +59,9 @@ def narrow(found, scale):
 
 def derivatives(graph, x, y, orders):
     """Return derivatives at scattered points, by scipy alone."""
-    spline = NdBSpline((graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree))
+    spline = NdBSpline(
+        (graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree)
+    )
     return [spline(np.column_stack([x, y]), nu=nu) for nu in orders]
 
 
@@ -105,7 +109,8 @@ def test_concave_is_what_is_hollow_from_the_air(name, radius):
 
 
 def test_a_meniscus_of_paraboloids():
-    """Thicknesses, slopes and heights of z = r^2 / (2 R): front R = -20, rear R = 40, at the corners r^2 = 41."""
+    """Thicknesses, slopes and heights of z = r^2 / (2 R): front R = -20, rear R = 40, at the corners r^2 =
+    41."""
     found = manufacturability(lens_of(Conic(-20.0, -1.0), Conic(-40.0, -1.0)))
     for bound, wanted in (
         (found.centre_thickness, 6.0),
@@ -153,7 +158,8 @@ def test_a_cylinder():
 
 
 def test_the_area_of_a_steep_paraboloid():
-    """z = r^2 / 10 to a slope of 1.3: the inner integral of sqrt(1 + (x^2 + y^2) / 25) in closed form, the outer by scipy."""
+    """z = r^2 / 10 to a slope of 1.3: the inner integral of sqrt(1 + (x^2 + y^2) / 25) in closed form, the
+    outer by scipy."""
 
     def strip(x):
         a, y = 1 + x**2 / 25, 4.0
@@ -186,7 +192,9 @@ def test_no_sample_lies_outside_the_bounds(lens, seed):
     z = []
     for surface, graph, side in zip((found.front, found.rear), graphs, (-1, 1)):
         x, y = shares[0] * graph.kv_u.stop, shares[1] * graph.kv_v.stop
-        height, z_x, z_y, z_xx, z_xy, z_yy = derivatives(graph, x, y, [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
+        height, z_x, z_y, z_xx, z_xy, z_yy = derivatives(
+            graph, x, y, [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
+        )
         z.append(height)
         assert np.ptp(height) <= surface.heights.upper + noise(graph, 0)
         slope = np.hypot(z_x, z_y)
@@ -198,7 +206,10 @@ def test_no_sample_lies_outside_the_bounds(lens, seed):
         room = 1e-6 * (1 + np.abs(mean).max() + spread.max()) + noise(graph, 2) * steep
         assert (side * mean + spread).max() <= 1 / surface.concave.lower + room
         assert (-side * mean + spread).max() <= 1 / surface.convex.lower + room
-    gap, room = lens.thickness + z[1] - z[0], noise(graphs[0], 0) + noise(graphs[1], 0) + 10 * EPS * lens.thickness
+    gap, room = (
+        lens.thickness + z[1] - z[0],
+        noise(graphs[0], 0) + noise(graphs[1], 0) + 10 * EPS * lens.thickness,
+    )
     assert gap.min() >= found.thickness.lower - room
     assert gap[:4].min() >= found.edge_thickness.lower - room
     assert found.thickness.lower <= min(found.edge_thickness.upper, found.centre_thickness.upper)
@@ -206,7 +217,8 @@ def test_no_sample_lies_outside_the_bounds(lens, seed):
 
 @pytest.mark.parametrize("rear_size", [(5.0, 4.0), (6.0, 3.0)])
 def test_minimisation_finds_the_same_extremes(rear_size):
-    """The best of a dense grid, polished by scipy, meets the value of every certified extreme of a rough lens."""
+    """The best of a dense grid, polished by scipy, meets the value of every certified extreme of a rough
+    lens."""
     lens = lens_of(Conic(-30.0, -1.0), Conic(50.0, -1.0), rough(rear_size), sizes=((5.0, 4.0), rear_size))
     found, (front, rear) = manufacturability(lens), lens.graphs()
 
@@ -221,7 +233,11 @@ def test_minimisation_finds_the_same_extremes(rear_size):
         k = np.unravel_index(values.argmin(), values.shape)
         bounds = [(row.min(), row.max()) for row in (s, t)]
         best = minimize(
-            lambda a: f(*(np.clip([b], -1, 1) for b in a)).item(), [s[k[0]], t[k[1]]], method="Nelder-Mead", bounds=bounds, tol=1e-12
+            lambda a: f(*(np.clip([b], -1, 1) for b in a)).item(),
+            [s[k[0]], t[k[1]]],
+            method="Nelder-Mead",
+            bounds=bounds,
+            tol=1e-12,
         )
         return best.fun
 
@@ -243,7 +259,9 @@ def test_the_places_hold_the_values():
     found = manufacturability(lens)
     for bound in (found.thickness, found.edge_thickness, found.centre_thickness):
         x, y = [bound.u], [bound.v]
-        assert (lens.thickness + lens.rear(x, y) - lens.front(x, y)).item() == pytest.approx(bound.value, rel=1e-13)
+        assert (lens.thickness + lens.rear(x, y) - lens.front(x, y)).item() == pytest.approx(
+            bound.value, rel=1e-13
+        )
     assert abs(found.edge_thickness.u) == 5.0 or abs(found.edge_thickness.v) == 4.0
     for end in (found.rear.heights.least, found.rear.heights.greatest):
         assert lens.rear([end.u], [end.v]).item() == pytest.approx(end.value, abs=1e-13)
@@ -264,18 +282,23 @@ def test_the_sag_is_bounded_apart_from_its_conic(lens):
             sag = surface.sag.to_bspline()
             values = sag.grid(sag.kv_u.breaks, sag.kv_v.breaks)
             assert np.ptp(values) <= found.departure.upper + 50 * EPS
-            assert found.departure.upper <= np.ptp(sag.coefficients) + 1e-6  # convex hull, and the bound's width
+            assert (
+                found.departure.upper <= np.ptp(sag.coefficients) + 1e-6
+            )  # convex hull, and the bound's width
 
 
 # Features
 
 
 def feature_of(own, half_width=(5.0, 4.0)):
-    return manufacturability(lens_of(sag=THBSurface(own, np.zeros(own.dim)), sizes=(half_width, half_width))).rear.feature
+    return manufacturability(
+        lens_of(sag=THBSurface(own, np.zeros(own.dim)), sizes=(half_width, half_width))
+    ).rear.feature
 
 
 def test_the_features_of_the_thesis():
-    """Table 6.1: 7 spans over 100 mm, 5 levels finer; chapter 5: degree 5 and 1 mm spans give 5 mm (errata 8)."""
+    """Table 6.1: 7 spans over 100 mm, 5 levels finer; chapter 5: degree 5 and 1 mm spans give 5 mm (errata
+    8)."""
     own = space(spans=7, half_width=(50.0, 50.0))
     for level in range(5):
         own = own.refine({level: [(i, j) for i in range(4) for j in range(4)]})
@@ -301,16 +324,22 @@ def test_levels_without_functions_have_no_features():
 @settings(max_examples=25)
 @given(st.data(), st.integers(2, 3), st.integers(1, 5))
 def test_the_feature_is_that_of_the_finest_active_function(data, degree, spans):
-    own, _ = data.draw(refined_spaces((THBSpace(*(KnotVector.uniform(degree, n) for n in (spans, spans + 1))), []), 0, 4))
+    own, _ = data.draw(
+        refined_spaces((THBSpace(*(KnotVector.uniform(degree, n) for n in (spans, spans + 1))), []), 0, 4)
+    )
     found, finest = feature_of(own), own.functions[:, 0].max()
     assert found.level == finest
-    assert found.size == pytest.approx((degree * 10.0 / spans / 2**finest, degree * 8.0 / (spans + 1) / 2**finest), rel=1e-12)
+    assert found.size == pytest.approx(
+        (degree * 10.0 / spans / 2**finest, degree * 8.0 / (spans + 1) / 2**finest), rel=1e-12
+    )
     assert found.wavelengths(500.0) == min(found.size) * 1e6 / 500.0
 
 
 def test_the_shortest_span_counts():
     kv = KnotVector.clamped(3, [0.25, 0.875], 0.0, 1.0)
-    assert feature_of(THBSpace(kv, KnotVector.uniform(2, 2))).size == pytest.approx((3 * 10 / 8, 2 * 4), rel=1e-13)
+    assert feature_of(THBSpace(kv, KnotVector.uniform(2, 2))).size == pytest.approx(
+        (3 * 10 / 8, 2 * 4), rel=1e-13
+    )
 
 
 # Refusals

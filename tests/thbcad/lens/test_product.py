@@ -30,7 +30,9 @@ def test_letters_numbers_and_symbols_are_kept(text):
 
 @pytest.mark.parametrize("sign", ["\n", "\r", "\t", "\0", "\x7f", "\x85", "\u2028", "\u2029", "\ud800"])
 def test_control_characters_are_refused(sign):
-    with pytest.raises(ValueError, match=re.escape(f"author must be one line without control characters, got {sign!r}")):
+    with pytest.raises(
+        ValueError, match=re.escape(f"author must be one line without control characters, got {sign!r}")
+    ):
         Product(author=f"a{sign}b")
 
 
@@ -42,10 +44,16 @@ def test_control_characters_are_refused(sign):
         ({"organization": None}, "organization must be a string, got NoneType"),
         ({"material": "PMMA "}, "material must not begin or end with a blank, got 'PMMA '"),
         ({"material": "PMMA", "density": -1.0}, "density must be a finite number of at least 0, got -1.0"),
-        ({"material": "PMMA", "density": float("inf")}, "density must be a finite number of at least 0, got inf"),
+        (
+            {"material": "PMMA", "density": float("inf")},
+            "density must be a finite number of at least 0, got inf",
+        ),
         ({"material": "PMMA", "index": 0.0}, "index must be a positive finite number, got 0.0"),
         ({"material": "PMMA", "index": "1.5"}, "index must be a positive finite number, got 1.5"),
-        ({"density": 1.2}, r"material must be named for a density or an index, got 1.2 g/cm\^3 and index None"),
+        (
+            {"density": 1.2},
+            r"material must be named for a density or an index, got 1.2 g/cm\^3 and index None",
+        ),
         ({"index": 1.5}, r"material must be named for a density or an index, got 0 g/cm\^3 and index 1.5"),
     ],
 )

@@ -13,8 +13,12 @@ from thbcad.io import obj_bytes, ply_bytes, stl_bytes, threemf_bytes
 from thbcad.lens.triangulation import ALLOWANCE, EDGES, FRONT, MOST_TRIANGLES, REAR, tessellated
 from thbcad.sags import Conic
 
-BOWL = Lens(FreeformSurface((5.0, 4.0), Conic(40.0, -1.0)), FreeformSurface((5.0, 4.0), Conic(-30.0, -1.0)), 6.0, 1.5)
-RULED = Lens(FreeformSurface((5.0, 4.0), Conic(-9.0, -1.0)), FreeformSurface((8.0, 3.0), Conic(-12.0, -1.0)), 6.0, 1.5)
+BOWL = Lens(
+    FreeformSurface((5.0, 4.0), Conic(40.0, -1.0)), FreeformSurface((5.0, 4.0), Conic(-30.0, -1.0)), 6.0, 1.5
+)
+RULED = Lens(
+    FreeformSurface((5.0, 4.0), Conic(-9.0, -1.0)), FreeformSurface((8.0, 3.0), Conic(-12.0, -1.0)), 6.0, 1.5
+)
 LINE = KnotVector.uniform(3, 1, -5.0, 5.0)
 TILT = THBSurface(THBSpace(LINE, LINE), np.repeat(0.5 * LINE.greville(), 4))  # z = x / 2
 TWISTED = Lens(FreeformSurface((5.0, 5.0)), FreeformSurface((5.0, 11.0), sag=TILT), 3.0, 1.5)
@@ -61,7 +65,9 @@ def test_the_mesh_is_closed_and_keeps_its_chord(lens, single, chord, rng):
     assert len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices)
     assert np.array_equal(np.unique(mesh.triangles), np.arange(len(mesh.vertices)))
     assert mesh.chord <= chord
-    shares = np.concatenate([rng.dirichlet(np.ones(3), 3), [[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1, 0, 0]]])
+    shares = np.concatenate(
+        [rng.dirichlet(np.ones(3), 3), [[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1, 0, 0]]]
+    )
     assert max(errors.max() for errors in height_errors(lens, mesh, shares)) <= mesh.chord
     volume, area = volume_and_area(mesh)
     assert abs(volume - lens.volume()) <= mesh.chord * area
@@ -69,7 +75,8 @@ def test_the_mesh_is_closed_and_keeps_its_chord(lens, single, chord, rng):
 
 @pytest.mark.parametrize("lens", [BOWL, RULED], ids=["equal sizes", "ruled edges"])
 def test_paraboloids_have_the_error_of_the_bound(lens):
-    """z = (x^2 + y^2) / 2 R has constant second derivatives: in the middle of the longest side the error is (h^2 + k^2) / 8 R."""
+    """z = (x^2 + y^2) / 2 R has constant second derivatives: in the middle of the longest side the error is
+    (h^2 + k^2) / 8 R."""
     mesh = tessellated(lens, 1e-3)
     middles = np.array([[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
     worst = max(errors.max() for errors in height_errors(lens, mesh, middles))
@@ -79,9 +86,21 @@ def test_paraboloids_have_the_error_of_the_bound(lens):
 
 
 def test_conics_that_are_no_polynomials_keep_it():
-    lens = Lens(FreeformSurface((4.0, 4.0), Conic(9.0, 0.0)), FreeformSurface((4.0, 4.0), Conic(-12.0, -3.0)), 12.0, 1.5)
+    lens = Lens(
+        FreeformSurface((4.0, 4.0), Conic(9.0, 0.0)),
+        FreeformSurface((4.0, 4.0), Conic(-12.0, -3.0)),
+        12.0,
+        1.5,
+    )
     mesh = tessellated(lens, 1e-4)
-    assert max(e.max() for e in height_errors(lens, mesh, np.array([[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]]))) <= mesh.chord <= 1e-4
+    assert (
+        max(
+            e.max()
+            for e in height_errors(lens, mesh, np.array([[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]]))
+        )
+        <= mesh.chord
+        <= 1e-4
+    )
 
 
 def test_triangles_grow_as_the_inverse_of_the_chord():
@@ -106,7 +125,8 @@ def test_edges_look_outwards(lens):
 
 
 def test_ruled_edges_keep_the_chord():
-    """Every point of the mesh's edges has a point of the ruled surface within the chord error, found on a fine grid.
+    """Every point of the mesh's edges has a point of the ruled surface within the chord error, found on a
+    fine grid.
 
     The rear is a tilted plane: front and rear need no grid lines, and the flat edge at high y is a hyperbolic
     paraboloid, all twist and no bend, which only rows of triangles bring nearer.
@@ -118,7 +138,9 @@ def test_ruled_edges_keep_the_chord():
         x, y = s * surface.half_width[0], np.full_like(s, surface.half_width[1])
         rims.append(np.column_stack([x, y, vertex + surface(x, y)]))
     exact = ((1 - w) * rims[0] + w * rims[1]).reshape(-1, 3)
-    points = points_of(mesh, EDGES[2], np.array([[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3, 1 / 3, 1 / 3]]))
+    points = points_of(
+        mesh, EDGES[2], np.array([[0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3, 1 / 3, 1 / 3]])
+    )
     distance, _ = cKDTree(exact).query(points)
     # the nearest point of the grid lies up to half the diagonal of its cells beside the nearest point
     cells = exact.reshape(801, 801, 3)

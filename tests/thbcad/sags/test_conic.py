@@ -1,4 +1,5 @@
-"""Derivatives of conics of any order, and the bounds of derivatives and rounding, against exact arithmetic."""
+"""Derivatives of conics of any order, and the bounds of derivatives and rounding, against exact
+arithmetic."""
 
 from decimal import Decimal, localcontext
 from fractions import Fraction
@@ -14,7 +15,15 @@ from thbcad.sags.conic import Conic
 
 EPS = np.finfo(float).eps
 # (radius, 1 + K, x, y) with a rational root sqrt(1 - (1 + K) r^2 / R^2)
-RATIONAL = [(13, 1, 3, 4), (-26, 4, 3, -4), (12, -1, -4, 3), (24, -4, 3, 4), (-12, -1, 0, 5), (7, 0, 2, 3), (13, 1, 5, 0)]
+RATIONAL = [
+    (13, 1, 3, 4),
+    (-26, 4, 3, -4),
+    (12, -1, -4, 3),
+    (24, -4, 3, 4),
+    (-12, -1, 0, 5),
+    (7, 0, 2, 3),
+    (13, 1, 5, 0),
+]
 
 
 @st.composite
@@ -28,7 +37,8 @@ def conics(draw, constants=(-6.0, 4.0)):
 
 
 def taylor(radius, kappa, x, y, order):
-    """Return the exact Taylor coefficients {(i, j): z_ij} up to a total order, from kappa c z^2 - 2 z + c r^2 = 0."""
+    """Return the exact Taylor coefficients {(i, j): z_ij} up to a total order, from kappa c z^2 - 2 z + c r^2
+    = 0."""
     c, x, y = Fraction(1, radius), Fraction(x), Fraction(y)
     square = 1 - kappa * c * c * (x * x + y * y)
     root = Fraction(Decimal(square.numerator).sqrt()) / Fraction(Decimal(square.denominator).sqrt())
@@ -56,7 +66,8 @@ def breaks(half, n):
 
 @pytest.mark.parametrize(("radius", "kappa", "x", "y"), RATIONAL)
 def test_derivatives_are_those_of_exact_series(radius, kappa, x, y):
-    """Fewer than 50 roundings per step of the recurrence, those of w included, relative to the greatest coefficient of the same order."""
+    """Fewer than 50 roundings per step of the recurrence, those of w included, relative to the greatest
+    coefficient of the same order."""
     exact = taylor(radius, kappa, x, y, 8)
     conic = Conic(radius, kappa - 1)
     for (i, j), want in exact.items():
@@ -70,8 +81,13 @@ def test_each_order_is_the_complex_step_of_the_one_before(case, a, b, rng):
     conic, half = case
     x, y = (h * rng.uniform(-1, 1, 20) for h in half)
     h = 1e-30
-    # both sides cancel by up to 1 / w^2 <= 100 against the terms of their sums, which the derivatives in the corner bound
-    scale = abs(conic(*half, (a + b + 1, 0))) + abs(conic(*half, (0, a + b + 1))) + 1 / abs(conic.radius) / min(half) ** (a + b)
+    # both sides cancel by up to 1 / w^2 <= 100 against the terms of their sums, which the derivatives in the
+    # corner bound
+    scale = (
+        abs(conic(*half, (a + b + 1, 0)))
+        + abs(conic(*half, (0, a + b + 1)))
+        + 1 / abs(conic.radius) / min(half) ** (a + b)
+    )
     assert abs(conic(x, y, (a + 1, b)) - conic(x + 1j * h, y, (a, b)).imag / h).max() <= 1e4 * EPS * scale
     assert abs(conic(x, y, (a, b + 1)) - conic(x, y + 1j * h, (a, b)).imag / h).max() <= 1e4 * EPS * scale
 
@@ -89,7 +105,8 @@ def test_derivative_bounds_contain_samples(case, order, axis, cells):
     derivative = (order, 0) if axis == 0 else (0, order)
     bound = conic.derivative_bound(order, axis, x, y)
     assert bound.shape == (cells, cells)
-    # the recurrence for derivatives cancels where K < -1: its rounding is relative to the greatest values on the axis
+    # the recurrence for derivatives cancels where K < -1: its rounding is relative to the greatest values on
+    # the axis
     assert (samples(conic, x, y, derivative) <= bound + 1e3 * EPS * bound.max()).all()
 
 
@@ -98,7 +115,9 @@ def test_derivative_bounds_are_attained_in_the_farthest_corner(case, order):
     conic, half = case
     x, y = breaks(half, 4)
     bound = conic.derivative_bound(order, 0, x, y)
-    corner = abs(conic.grid(np.maximum(abs(x[:-1]), abs(x[1:])), np.maximum(abs(y[:-1]), abs(y[1:])), (order, 0)))
+    corner = abs(
+        conic.grid(np.maximum(abs(x[:-1]), abs(x[1:])), np.maximum(abs(y[:-1]), abs(y[1:])), (order, 0))
+    )
     assert (bound >= corner).all()
     # 1 - (1 + K) r^2 / R^2 >= 0.1
     assert (bound <= corner * (1 + 16 * order * EPS / 0.09)).all()
@@ -107,7 +126,8 @@ def test_derivative_bounds_are_attained_in_the_farthest_corner(case, order):
 @pytest.mark.parametrize("order", range(2, 12))
 @pytest.mark.parametrize("radius", [10.0, -40.0])
 def test_bounds_of_hyperboloids_are_sharp_on_small_cells(order, radius):
-    """The factors vary by less than 10 % on cells of 1/200 of the size: only near zeros of a factor is more lost."""
+    """The factors vary by less than 10 % on cells of 1/200 of the size: only near zeros of a factor is more
+    lost."""
     conic = Conic(radius, -3.0)
     x, y = breaks((10.0, 7.0), 200)
     bound, found = conic.derivative_bound(order, 0, x, y), samples(conic, x, y, (order, 0), 3)

@@ -28,7 +28,10 @@ def exact_zernike(n, m, x, y):
     """Return R_n^|m| cos or sin of |m| theta, without the factor sqrt(...), by the factorial sum."""
     k = abs(m)
     radial = sum(
-        Fraction((-1) ** s * factorial(n - s), factorial(s) * factorial((n + k) // 2 - s) * factorial((n - k) // 2 - s))
+        Fraction(
+            (-1) ** s * factorial(n - s),
+            factorial(s) * factorial((n + k) // 2 - s) * factorial((n - k) // 2 - s),
+        )
         * (x * x + y * y) ** ((n - k) // 2 - s)
         for s in range((n - k) // 2 + 1)
     )
@@ -62,15 +65,33 @@ def knots(sag, p, q, spans=3):
 
 
 def test_osa_indices():
-    assert [osa_orders(j) for j in range(10)] == [(0, 0), (1, -1), (1, 1), (2, -2), (2, 0), (2, 2), (3, -3), (3, -1), (3, 1), (3, 3)]
+    assert [osa_orders(j) for j in range(10)] == [
+        (0, 0),
+        (1, -1),
+        (1, 1),
+        (2, -2),
+        (2, 0),
+        (2, 2),
+        (3, -3),
+        (3, -1),
+        (3, 1),
+        (3, 3),
+    ]
     assert all((n * (n + 2) + m) // 2 == j for j, (n, m) in enumerate(osa_orders(j) for j in range(2000)))
 
 
 @pytest.mark.parametrize(("n", "m"), TERMS)
 def test_zernike_against_the_factorial_sum(n, m):
-    """Inside and outside the disk; rounding relative to (1 + sqrt 2)^n, the size of the sum with all signs made plus."""
+    """Inside and outside the disk; rounding relative to (1 + sqrt 2)^n, the size of the sum with all signs
+    made plus."""
     norm = np.sqrt((n + 1) * (2 if m else 1))
-    for x, y in [(0, 0), (1, 0), (Fraction(3, 8), Fraction(-5, 8)), (Fraction(-1, 4), Fraction(7, 8)), (Fraction(5, 4), Fraction(-3, 4))]:
+    for x, y in [
+        (0, 0),
+        (1, 0),
+        (Fraction(3, 8), Fraction(-5, 8)),
+        (Fraction(-1, 4), Fraction(7, 8)),
+        (Fraction(5, 4), Fraction(-3, 4)),
+    ]:
         want = norm * float(exact_zernike(n, m, Fraction(x), Fraction(y)))
         size = norm * max(1.0, float(np.hypot(float(x), float(y)))) ** n * 2.5**n
         assert abs(float(zernike(n, m, float(x), float(y))) - want) <= 8 * (n + 1) * EPS * size
@@ -141,13 +162,18 @@ def test_values_and_derivatives_against_numpy(sag, a, b):
 
 @given(st.dictionaries(st.sampled_from(TERMS), st.floats(-1, 1), max_size=6), st.floats(0.3, 3))
 def test_zernike_sags_are_their_terms(terms, share):
-    """On rectangles within the disk and far beyond; the rounding is that of the greatest values on the rectangle."""
+    """On rectangles within the disk and far beyond; the rounding is that of the greatest values on the
+    rectangle."""
     half, radius = (5.0, 4.0), 5.0 / share
     sag = PolynomialSag.zernike(half, radius, terms)
     x, y = np.linspace(-5, 5, 17), np.linspace(-4, 4, 15)
-    want = sum((a * zernike(n, m, x[:, None] / radius, y[None, :] / radius) for (n, m), a in terms.items()), np.zeros((17, 15)))
+    want = sum(
+        (a * zernike(n, m, x[:, None] / radius, y[None, :] / radius) for (n, m), a in terms.items()),
+        np.zeros((17, 15)),
+    )
     assert abs(sag.grid(x, y) - want).max() <= 1e4 * EPS * sum(
-        abs(a * zernike(n, 0 if n % 2 == 0 else 1, np.sqrt(2) * max(share, 1), 0.0)) for (n, _), a in terms.items()
+        abs(a * zernike(n, 0 if n % 2 == 0 else 1, np.sqrt(2) * max(share, 1), 0.0))
+        for (n, _), a in terms.items()
     )
 
 
@@ -158,7 +184,9 @@ def test_rounding_is_bounded(sag, rng):
     for s, t in [(1, 1), (-1, 1), *rng.uniform(-1, 1, (4, 2)).tolist()]:
         x, y = s * hx, t * hy
         exact = sum(
-            Fraction(float(c)) * exact_chebyshev(m, Fraction(x) / Fraction(hx)) * exact_chebyshev(n, Fraction(y) / Fraction(hy))
+            Fraction(float(c))
+            * exact_chebyshev(m, Fraction(x) / Fraction(hx))
+            * exact_chebyshev(n, Fraction(y) / Fraction(hy))
             for (m, n), c in np.ndenumerate(sag.coefficients)
         )
         assert abs(Fraction(float(sag.grid([x], [y])[0, 0])) - exact) <= bound
@@ -170,7 +198,9 @@ def test_derivative_bounds_contain_samples(sag, order, axis, cells):
     x, y = (np.linspace(-h, h, cells + 1) for h in sag.half_width)
     derivative = (order, 0) if axis == 0 else (0, order)
     bound = sag.derivative_bound(order, axis, x, y)
-    fine = [np.minimum((b[:-1, None] + np.diff(b)[:, None] * np.linspace(0, 1, 9)).ravel(), b[-1]) for b in (x, y)]
+    fine = [
+        np.minimum((b[:-1, None] + np.diff(b)[:, None] * np.linspace(0, 1, 9)).ravel(), b[-1]) for b in (x, y)
+    ]
     found = abs(sag.grid(*fine, derivative)).reshape(cells, 9, cells, 9).max(axis=(1, 3))
     assert (found <= bound).all()
     if order > sag.degrees[axis]:
@@ -200,7 +230,9 @@ def test_bounds_contain_the_error_of_interpolation(sag, p, q, spans):
 
 @pytest.mark.parametrize("degree", [3, 4, 5])
 def test_zernike_sags_as_splines_to_a_tolerance(degree):
-    sag = PolynomialSag.zernike((5.0, 4.0), 5.0, {(2, 0): 0.1, osa_orders(12): 0.02, (3, -3): 0.01, (6, 2): 0.003})
+    sag = PolynomialSag.zernike(
+        (5.0, 4.0), 5.0, {(2, 0): 0.1, osa_orders(12): 0.02, (3, -3): 0.01, (6, 2): 0.003}
+    )
     found = approximated(sag, *knots(sag, degree, degree, 1), 1e-8)
     error = greatest_errors(sag, found.surface).max()
     assert error <= found.bound <= 1e-8

@@ -13,7 +13,13 @@ from thbcad.lens import FreeformSurface
 from thbcad.sags.conic import Conic
 from thbcad.sags.graphs import CONIC_TOLERANCE, conic_graph
 from thbcad.sags.polynomial_sag import PolynomialSag
-from thbcad.sags.proven_approximation import approximated, cell_maxima, error_bounds, lebesgue_bound, lobatto_nodes
+from thbcad.sags.proven_approximation import (
+    approximated,
+    cell_maxima,
+    error_bounds,
+    lebesgue_bound,
+    lobatto_nodes,
+)
 from thbcad.splines import BSplineSurface, KnotVector
 
 EPS = np.finfo(float).eps
@@ -49,7 +55,12 @@ def square(degree, spans, half=(5.0, 4.0)):
 def greatest_errors(function, surface, n=9):
     """Return the greatest |f - s| at n x n points of every cell."""
     kvs = surface.kv_u, surface.kv_v
-    x, y = (np.minimum((kv.breaks[:-1, None] + np.diff(kv.breaks)[:, None] * np.linspace(0, 1, n)).ravel(), kv.stop) for kv in kvs)
+    x, y = (
+        np.minimum(
+            (kv.breaks[:-1, None] + np.diff(kv.breaks)[:, None] * np.linspace(0, 1, n)).ravel(), kv.stop
+        )
+        for kv in kvs
+    )
     errors = abs(function.grid(x, y) - surface.grid(x, y))
     return errors.reshape(surface.kv_u.spans, n, surface.kv_v.spans, n).max(axis=(1, 3))
 
@@ -59,13 +70,17 @@ def greatest_errors(function, surface, n=9):
 
 @pytest.mark.parametrize("degree", range(1, 16))
 def test_lebesgue_constants(degree):
-    """The greatest sum of |Lagrange polynomials| on dense points: never above the bound, equal to it for odd degrees."""
+    """The greatest sum of |Lagrange polynomials| on dense points: never above the bound, equal to it for odd
+    degrees."""
     nodes = lobatto_nodes([-1.0, 1.0], degree)
     t = np.linspace(-1, 1, 4001)
-    lagrange = [np.prod([(t - o) / (n - o) for o in np.delete(nodes, k)], axis=0) for k, n in enumerate(nodes)]
+    lagrange = [
+        np.prod([(t - o) / (n - o) for o in np.delete(nodes, k)], axis=0) for k, n in enumerate(nodes)
+    ]
     found = abs(np.array(lagrange)).sum(axis=0).max()
     assert found <= lebesgue_bound(degree) * (1 + 1e-12)
-    # the sum is parabolic at its maximum: samples 1/2000 apart miss less than (degree^2 / 2000)^2 of it; even degrees are 1/degree^2 lower
+    # the sum is parabolic at its maximum: samples 1/2000 apart miss less than (degree^2 / 2000)^2 of it; even
+    # degrees are 1/degree^2 lower
     assert found >= lebesgue_bound(degree) * (1 - (degree**2 / 2000) ** 2) - (degree % 2 == 0) / degree**2
 
 
@@ -99,7 +114,9 @@ def test_bounds_contain_the_error_of_any_spline(case, p, q, rng):
     kvs = [random_knot_vector(rng, degree, 5).rescaled(-h, h) for degree, h in zip((p, q), half)]
     spline = interpolated(conic, *kvs)
     other = BSplineSurface(
-        *kvs, spline.coefficients + abs(conic(*half)) * rng.choice([1e-12, 1e-3, 1]) * rng.uniform(-1, 1, spline.coefficients.shape)
+        *kvs,
+        spline.coefficients
+        + abs(conic(*half)) * rng.choice([1e-12, 1e-3, 1]) * rng.uniform(-1, 1, spline.coefficients.shape),
     )
     for surface in (spline, other):
         bounds = error_bounds(conic, surface)
@@ -111,19 +128,24 @@ def test_bounds_contain_the_error_of_any_spline(case, p, q, rng):
 @pytest.mark.parametrize("degree", range(1, 11))
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_remainders_alone_bound_what_interpolates_at_the_nodes(axis, degree):
-    """T_(p+1) less its interpolant is the node polynomial, of size 0.77 to 1 of what r assumes; that in y counts Lambda_p times."""
+    """T_(p+1) less its interpolant is the node polynomial, of size 0.77 to 1 of what r assumes; that in y
+    counts Lambda_p times."""
     top = np.eye(degree + 2)[-1:]
     sag = PolynomialSag((5.0, 4.0), top.T if axis == 0 else top)
     kvs = square(degree, 1)
     solve = [np.linalg.inv(kv.collocation(lobatto_nodes(kv.breaks, degree)).toarray()) for kv in kvs]
-    surface = BSplineSurface(*kvs, solve[0] @ sag.grid(*(lobatto_nodes(kv.breaks, degree) for kv in kvs)) @ solve[1].T)
+    surface = BSplineSurface(
+        *kvs, solve[0] @ sag.grid(*(lobatto_nodes(kv.breaks, degree) for kv in kvs)) @ solve[1].T
+    )
     bounds, found = error_bounds(sag, surface), greatest_errors(sag, surface, 101).max()
     bound = bounds.total[0, 0]
     assert found <= bound / (lebesgue_bound(degree) if axis else 1) <= 1.31 * found
 
 
 @pytest.mark.parametrize("degree", range(2, 9))
-@pytest.mark.parametrize("conic", [Conic(20.0), Conic(-9.0, 0.2), Conic(15.0, -3.0), Conic(-40.0, -20.0)], ids=str)
+@pytest.mark.parametrize(
+    "conic", [Conic(20.0), Conic(-9.0, 0.2), Conic(15.0, -3.0), Conic(-40.0, -20.0)], ids=str
+)
 def test_bounds_are_not_far_above_the_error(conic, degree):
     """At most Lambda_p Lambda_q = 5 times the error at the nodes, plus remainders that are a part of it."""
     surface = interpolated(conic, *square(degree, 8))
@@ -195,7 +217,9 @@ def test_a_spline_that_is_good_enough_is_not_refined():
 
 def test_tolerances_below_rounding_are_refused_with_the_amount():
     with pytest.raises(
-        ValueError, match=r"1e-16 mm cannot be proven for the conic with radius 30.0 and K 0.5: rounding errors may reach .*e-1[34] mm"
+        ValueError,
+        match=r"1e-16 mm cannot be proven for the conic with radius 30.0 and K 0.5: rounding errors may "
+        r"reach .*e-1[34] mm",
     ):
         approximated(Conic(30.0, 0.5), *square(3, 2), 1e-16)
 
@@ -216,7 +240,10 @@ def test_functions_without_finite_bounds_are_refused():
 
 
 def test_tolerances_that_need_too_many_control_points_are_refused():
-    with pytest.raises(ValueError, match=r"Ripple.* cannot be written as a spline to 1e-09 mm with 2000 control points per direction"):
+    with pytest.raises(
+        ValueError,
+        match=r"Ripple.* cannot be written as a spline to 1e-09 mm with 2000 control points per direction",
+    ):
         approximated(Ripple(1.0, 30.0, 1.0), *square(2, 1), 1e-9)
 
 
@@ -236,7 +263,11 @@ def test_paraboloids_are_proven_exact_but_for_rounding():
     kvs = square(4, 3)
     graph = conic_graph(Conic(-8.0, -1.0), *kvs)
     assert (graph.kv_u, graph.kv_v) == tuple(kvs)
-    assert greatest_errors(Conic(-8.0, -1.0), graph).max() <= error_bounds(Conic(-8.0, -1.0), graph).total.max() <= 1e-12
+    assert (
+        greatest_errors(Conic(-8.0, -1.0), graph).max()
+        <= error_bounds(Conic(-8.0, -1.0), graph).total.max()
+        <= 1e-12
+    )
     assert error_bounds(Conic(), conic_graph(Conic(), *kvs)).total.max() == 0
     with pytest.raises(ValueError, match="degree 2 or more"):
         conic_graph(Conic(9.0), *square(1, 3))

@@ -25,7 +25,11 @@ def slope_scale(surface, order):
 
 
 def scipy_twin(surface):
-    return NdBSpline((surface.kv_u.knots, surface.kv_v.knots), surface.coefficients, (surface.kv_u.degree, surface.kv_v.degree))
+    return NdBSpline(
+        (surface.kv_u.knots, surface.kv_v.knots),
+        surface.coefficients,
+        (surface.kv_u.degree, surface.kv_v.degree),
+    )
 
 
 def roundings(surface):
@@ -36,7 +40,9 @@ def roundings(surface):
 @st.composite
 def bspline_surfaces(draw, *tail):
     space = draw(tensor_spaces(max_degree=5))
-    return BSplineSurface(space.kv_u, space.kv_v, draw(coefficients(space.kv_u.dim, space.kv_v.dim, *tail))), space
+    return BSplineSurface(
+        space.kv_u, space.kv_v, draw(coefficients(space.kv_u.dim, space.kv_v.dim, *tail))
+    ), space
 
 
 @st.composite
@@ -82,9 +88,9 @@ def test_grid_of_unequal_sides():
     grid = surface.grid(u, v, (1, 1))
     assert grid.shape == (4, 7, 2)
     for i, a in enumerate(u):
-        assert abs(grid[i] - surface(np.full(7, a), v, (1, 1))).max() <= float(gamma(roundings(surface))) * 11 * slope_scale(
-            surface, (1, 1)
-        )
+        assert abs(grid[i] - surface(np.full(7, a), v, (1, 1))).max() <= float(
+            gamma(roundings(surface))
+        ) * 11 * slope_scale(surface, (1, 1))
 
 
 def test_corners_and_linear_precision():
@@ -106,7 +112,9 @@ def test_integral_against_quadrature(data):
     assert surface.integral().shape == (2,)
     # weights and nodes of leggauss are accurate to a few eps; a node error moves the value by its slope
     slope = slope_scale(surface, (1, 0)) + slope_scale(surface, (0, 1))
-    assert abs(surface.integral() - want).max() <= float(gamma(2 * roundings(surface) + len(s) * len(t))) * area * (4 + 4 * slope)
+    assert abs(surface.integral() - want).max() <= float(
+        gamma(2 * roundings(surface) + len(s) * len(t))
+    ) * area * (4 + 4 * slope)
 
 
 def test_integral_of_one_is_the_area():
@@ -131,7 +139,8 @@ def test_to_bspline_is_the_same_surface(surface, data):
 
 @given(st.data())
 def test_to_bspline_is_exact_by_definition(data):
-    """The net over the needed knots, refined to the full finest level, is the net that the definition gives."""
+    """The net over the needed knots, refined to the full finest level, is the net that the definition
+    gives."""
     space, refined = data.draw(hierarchies(max_spans=3, deepest=2))
     c = data.draw(coefficients(space.dim))
     flat = THBSurface(space, c).to_bspline()
@@ -192,7 +201,9 @@ def test_vector_coefficients_are_columns():
 
 def test_a_function_of_the_basis_is_local():
     """One coefficient moves the surface only on the support of its function."""
-    space = THBSpace(KnotVector.uniform(2, 8), KnotVector.uniform(2, 8)).refine({0: [(i, j) for i in range(4) for j in range(4)]})
+    space = THBSpace(KnotVector.uniform(2, 8), KnotVector.uniform(2, 8)).refine(
+        {0: [(i, j) for i in range(4) for j in range(4)]}
+    )
     k = space.functions.tolist().index([1, 2, 3])
     c = np.zeros(space.dim)
     c[k] = 1
@@ -240,7 +251,9 @@ def test_coefficients_that_are_not_finite_are_refused(bad):
         BSplineSurface(KV_U, KV_V, c.reshape(7, 6))
 
 
-@pytest.mark.parametrize("surface", [BSplineSurface(KV_U, KV_V, np.zeros((7, 6))), THBSurface(THBSpace(KV_U, KV_V), np.zeros(42))])
+@pytest.mark.parametrize(
+    "surface", [BSplineSurface(KV_U, KV_V, np.zeros((7, 6))), THBSurface(THBSpace(KV_U, KV_V), np.zeros(42))]
+)
 def test_evaluation_errors(surface):
     for method in (surface, surface.grid):
         with pytest.raises(ValueError, match=r"parameter 3\.5 lies outside the domain \[0\.0, 3\.0\]"):

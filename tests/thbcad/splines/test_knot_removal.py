@@ -15,7 +15,8 @@ UNIFORM = KnotVector.uniform(3, 4)
 
 
 def condition(degree):
-    """Bound k 2^k, k = p + 1, on |c| / |s| in the maximum norm, hence on the inverse of a refinement matrix (Scherer and Shadrin 1999)."""
+    """Bound k 2^k, k = p + 1, on |c| / |s| in the maximum norm, hence on the inverse of a refinement matrix
+    (Scherer and Shadrin 1999)."""
     return (degree + 1) * 2 ** (degree + 1)
 
 
@@ -62,7 +63,9 @@ def test_what_was_inserted_is_removed_again(data):
     tolerance = 1e-12
     for k, z in enumerate(kv.breaks[1:-1]):
         others = without(finer, z, multiplicity(finer, z) - multiplicity(kv, z))
-        error = removal_errors(others, kv.prolongation(others) @ c)[np.searchsorted(others.breaks, kv.breaks[k + 1]) - 1]
+        error = removal_errors(others, kv.prolongation(others) @ c)[
+            np.searchsorted(others.breaks, kv.breaks[k + 1]) - 1
+        ]
         assume(error > 2 * condition(kv.degree) * tolerance)
     found = remove_knots(finer, kv.prolongation(finer) @ c, tolerance)
     assert found.kv.knots.tolist() == kv.knots.tolist()
@@ -89,7 +92,9 @@ def test_the_bound_holds_and_keeps_the_tolerance(curve, tolerance):
     p = found.kv.prolongation(kv)  # refuses knots that are not those of kv
     assert found.bound == pytest.approx(norms(c - p @ found.coefficients).max(), abs=20 * kv.degree * EPS)
     u = sampled(kv)
-    error = BSpline(kv.knots, c, kv.degree)(u) - BSpline(found.kv.knots, found.coefficients, found.kv.degree)(u)
+    error = BSpline(kv.knots, c, kv.degree)(u) - BSpline(found.kv.knots, found.coefficients, found.kv.degree)(
+        u
+    )
     # values: 5 roundings per degree and a sum, of convex combinations of the coefficients, for both splines
     scale = 1 + abs(found.coefficients).max()
     assert norms(error).max() <= found.bound + 2 * (6 * kv.degree + 1) * EPS * scale
@@ -151,7 +156,9 @@ def test_the_error_of_one_knot_is_the_optimum_of_linear_programming(kv, rng):
         p = without(kv, z).prolongation(kv).toarray()
         n, one = p.shape[1], np.ones((kv.dim, 1))
         limits = [(None, None)] * n + [(0, None)]
-        optimum = linprog(np.r_[np.zeros(n), 1], np.block([[p, -one], [-p, -one]]), np.r_[c, -c], bounds=limits)
+        optimum = linprog(
+            np.r_[np.zeros(n), 1], np.block([[p, -one], [-p, -one]]), np.r_[c, -c], bounds=limits
+        )
         # the simplex method stops at 1e-7 of feasibility and optimality
         assert error == pytest.approx(optimum.fun, abs=1e-6)
 
@@ -159,7 +166,9 @@ def test_the_error_of_one_knot_is_the_optimum_of_linear_programming(kv, rng):
 def test_errors_of_curves_are_norms_over_the_components():
     c = np.random.default_rng(2).normal(size=UNIFORM.dim)
     direction = np.array([2.0, -1.0, 2.0])
-    assert removal_errors(UNIFORM, c[:, None] * direction) == pytest.approx(3 * removal_errors(UNIFORM, c), rel=1e-13)
+    assert removal_errors(UNIFORM, c[:, None] * direction) == pytest.approx(
+        3 * removal_errors(UNIFORM, c), rel=1e-13
+    )
 
 
 @given(knot_vectors(), st.data())
@@ -174,7 +183,8 @@ def test_restriction_is_the_least_squares_left_inverse(kv, data):
 
 
 def test_restriction_is_accurate_where_the_condition_is_worst():
-    """Degree 10, spans of ratio 300; plain normal equations err by the square of the condition, about 1e-11 here."""
+    """Degree 10, spans of ratio 300; plain normal equations err by the square of the condition, about 1e-11
+    here."""
     kv = KnotVector(10, [0] * 11 + [1, 1, 1, 2, 300] + [301] * 11)
     finer = kv.insert(np.linspace(0, 301, 40)[1:-1])
     p = kv.prolongation(finer).toarray()
@@ -188,7 +198,8 @@ def test_restriction_to_knots_that_the_finer_vector_lacks_is_refused():
 
 @pytest.mark.parametrize("degree", range(1, 5))
 def test_the_error_falls_with_the_power_degree_plus_one_of_the_knots(degree):
-    """A circle by 200 spans: knots go evenly, and the spans that stay are as few as approximation theory allows."""
+    """A circle by 200 spans: knots go evenly, and the spans that stay are as few as approximation theory
+    allows."""
     kv, u = KnotVector.uniform(degree, 200), np.linspace(0, 1, 1501)
     circle = BSpline(*make_interp_spline(kv.greville(), turned(kv.greville()), degree, kv.knots).tck)
     spans, errors = [], []
@@ -209,7 +220,9 @@ def turned(u):
 def test_a_sine_of_two_hundred_knots_needs_few():
     kv = KnotVector.uniform(3, 200)
     c = make_interp_spline(kv.greville(), np.sin(2 * np.pi * kv.greville()), 3, kv.knots).c
-    assert remove_knots(kv, c, 1e-3).kv.spans <= 10  # the error 0.008 h^4 |f''''| of cubic splines gives 11 equal spans
+    assert (
+        remove_knots(kv, c, 1e-3).kv.spans <= 10
+    )  # the error 0.008 h^4 |f''''| of cubic splines gives 11 equal spans
 
 
 def test_a_polynomial_keeps_no_interior_knot():
@@ -282,7 +295,9 @@ def test_surfaces_keep_bound_and_tolerance(data, d, tolerance):
     surface = BSplineSurface(kv_u, kv_v, c if d else c[..., 0])
     found = remove_surface_knots(surface, tolerance)
     assert found.bound <= tolerance
-    error = surface.grid(sampled(kv_u, 30), sampled(kv_v, 30)) - found.surface.grid(sampled(kv_u, 30), sampled(kv_v, 30))
+    error = surface.grid(sampled(kv_u, 30), sampled(kv_v, 30)) - found.surface.grid(
+        sampled(kv_u, 30), sampled(kv_v, 30)
+    )
     # two rows of 6 roundings per degree for each surface; |c| <= 2
     rounding = 4 * (6 * max(kv_u.degree, kv_v.degree) + 1) * EPS * (2 + abs(found.surface.coefficients).max())
     assert norms(error.reshape(-1, d or 1)).max() <= found.bound + rounding
@@ -299,7 +314,8 @@ def test_a_refined_surface_gets_its_knots_back():
 
 
 def test_each_direction_gets_its_share_of_the_tolerance():
-    """S = f(u) + g(v): half of the tolerance for f, for g what f has left, and the knots are those of the two curves."""
+    """S = f(u) + g(v): half of the tolerance for f, for g what f has left, and the knots are those of the two
+    curves."""
     kv_u, kv_v = KnotVector.uniform(3, 40), KnotVector.uniform(4, 30)
     f, g = np.sin(9 * kv_u.greville()), np.cos(11 * kv_v.greville())
     found = remove_surface_knots(BSplineSurface(kv_u, kv_v, f[:, None] + g[None, :]), 1e-3)
@@ -327,7 +343,10 @@ def test_sizes_whose_squares_underflow_or_overflow(exponent):
     kv, rng = KnotVector.uniform(3, 4), np.random.default_rng(0)
     c, net = rng.uniform(-1, 1, size=7), rng.uniform(-1, 1, size=(7, 7, 2))
     for tolerance in (0.0, 0.6):
-        plain, scaled = remove_knots(kv, c, tolerance), remove_knots(kv, np.ldexp(c, exponent), np.ldexp(tolerance, exponent))
+        plain, scaled = (
+            remove_knots(kv, c, tolerance),
+            remove_knots(kv, np.ldexp(c, exponent), np.ldexp(tolerance, exponent)),
+        )
         assert np.array_equal(scaled.kv.knots, plain.kv.knots)
         assert np.array_equal(scaled.coefficients, np.ldexp(plain.coefficients, exponent))
         assert scaled.bound == np.ldexp(plain.bound, exponent)
@@ -336,4 +355,6 @@ def test_sizes_whose_squares_underflow_or_overflow(exponent):
     scaled = remove_surface_knots(BSplineSurface(kv, kv, np.ldexp(net, exponent)), np.ldexp(0.9, exponent))
     assert plain.bound > 0
     assert scaled.bound == np.ldexp(plain.bound, exponent)
-    assert np.array_equal(removal_errors(kv, np.ldexp(c, exponent)), np.ldexp(removal_errors(kv, c), exponent))
+    assert np.array_equal(
+        removal_errors(kv, np.ldexp(c, exponent)), np.ldexp(removal_errors(kv, c), exponent)
+    )

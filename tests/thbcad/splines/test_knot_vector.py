@@ -42,7 +42,8 @@ def test_partition_of_unity_and_non_negative(case):
     kv, u = case
     a = kv.collocation(u)
     assert a.data.min() >= 0
-    # 5 roundings per degree in each entry (two differences, quotient, product, sum), then the sum of p + 1 entries
+    # 5 roundings per degree in each entry (two differences, quotient, product, sum), then the sum of p + 1
+    # entries
     assert abs(a.sum(axis=1) - 1).max() <= float(gamma(6 * kv.degree + 1))
 
 
@@ -68,7 +69,9 @@ def test_values_and_derivatives_are_those_of_exact_arithmetic(data):
             assert not any(row)
             continue
         values, sizes = cox_de_boor(kv.knots, kv.degree, x, derivative)
-        assert all(abs(got - want) <= gamma(5 * kv.degree) * size for got, want, size in zip(row, values, sizes))
+        assert all(
+            abs(got - want) <= gamma(5 * kv.degree) * size for got, want, size in zip(row, values, sizes)
+        )
 
 
 @pytest.mark.parametrize("degree", range(1, 11))
@@ -139,7 +142,8 @@ def test_integrals_against_scipy(kv):
 @settings(max_examples=30)
 @given(knots_and_insertions(max_spans=4))
 def test_prolongation_is_exact_knot_insertion(case):
-    """The Oslo rows against Boehm's insertion in exact arithmetic, to 5 roundings per degree, zeros included."""
+    """The Oslo rows against Boehm's insertion in exact arithmetic, to 5 roundings per degree, zeros
+    included."""
     kv, new = case
     got = exactly(kv.prolongation(kv.insert(new)))
     want = boehm(kv.knots, kv.degree, new)
@@ -157,7 +161,8 @@ def test_prolongation_keeps_the_spline(data):
     assert p.shape == (kv.dim + len(new), kv.dim) == (finer.dim, kv.dim)
     assert p.data.min() >= 0
     assert abs(p.sum(axis=1) - 1).max() <= float(gamma(6 * kv.degree + 1))
-    # values of both sides are convex combinations: 5 p roundings each, and those of the matrix, and of two sums
+    # values of both sides are convex combinations: 5 p roundings each, and those of the matrix, and of two
+    # sums
     error = abs((finer.collocation(u) @ p - kv.collocation(u)).toarray()).max()
     assert error <= float(gamma(17 * kv.degree + 2))
 
@@ -197,7 +202,8 @@ def test_inserting_nothing_and_scalars():
 
 
 def test_thesis_bisection_3_34():
-    """Degree 2 with an interior knot: the first and last rows of the matrix of (3.30), with 1/4 last (the thesis prints 1/2)."""
+    """Degree 2 with an interior knot: the first and last rows of the matrix of (3.30), with 1/4 last (the
+    thesis prints 1/2)."""
     kv = KnotVector.uniform(2, 4)
     p = kv.prolongation(kv.bisect()).toarray()
     assert p.shape == (10, 6)
@@ -231,16 +237,23 @@ def test_rescaled(start, width, spans):
     kv = KnotVector.uniform(2, spans, -0.3, 1.9).rescaled(start, stop)
     assert (kv.start, kv.stop, kv.spans) == (start, stop, spans)
     # positions err by 3 roundings of the size of the ends and 3 of the width
-    assert abs(np.diff(kv.breaks) - (stop - start) / spans).max() <= 8 * EPS * (abs(start) + abs(stop) + width)
+    assert abs(np.diff(kv.breaks) - (stop - start) / spans).max() <= 8 * EPS * (
+        abs(start) + abs(stop) + width
+    )
     assert kv.rescaled(start, stop) is kv
 
 
 def test_merged_keeps_the_larger_multiplicities():
     one, two = KnotVector(2, [0, 0, 0, 1, 1, 2, 4, 4, 4]), KnotVector(2, [0, 0, 0, 1, 3, 3, 4, 4, 4])
-    assert one.merged(two).knots.tolist() == two.merged(one).knots.tolist() == [0, 0, 0, 1, 1, 2, 3, 3, 4, 4, 4]
+    assert (
+        one.merged(two).knots.tolist() == two.merged(one).knots.tolist() == [0, 0, 0, 1, 1, 2, 3, 3, 4, 4, 4]
+    )
 
 
-@pytest.mark.parametrize("other", [KnotVector.uniform(2, 4), KnotVector.uniform(3, 4, -1.0, 1.0), KnotVector.uniform(3, 4, 0.0, 2.0)])
+@pytest.mark.parametrize(
+    "other",
+    [KnotVector.uniform(2, 4), KnotVector.uniform(3, 4, -1.0, 1.0), KnotVector.uniform(3, 4, 0.0, 2.0)],
+)
 def test_knots_of_other_degree_or_ends_are_not_merged(other):
     with pytest.raises(ValueError, match="must agree in degree and ends"):
         UNIFORM.merged(other)
@@ -278,7 +291,11 @@ def test_degree_is_refused(degree):
         (1, [0, 0, 0, 1, 1], r"knot 0.0 occurs more than degree = 1 times"),
         (1, [0, 0, 1, 1, 1], r"knot 1.0 occurs more than degree = 1 times"),
         (1, ["a", 0, 1, 1], "could not convert"),
-        (1, [-1.7e308, -1.7e308, 1.7e308, 1.7e308], r"knots must lie between -1e\+300 and 1e\+300, got -1.7e\+308 to 1.7e\+308"),
+        (
+            1,
+            [-1.7e308, -1.7e308, 1.7e308, 1.7e308],
+            r"knots must lie between -1e\+300 and 1e\+300, got -1.7e\+308 to 1.7e\+308",
+        ),
     ],
 )
 def test_knots_are_refused(degree, knots, message):
@@ -294,7 +311,9 @@ def test_uniform_spans_are_refused(spans):
 
 @pytest.mark.parametrize(("start", "stop"), [(1, 1), (2, 1), (np.nan, 1), (0, np.nan), (None, 1), (0, "a")])
 def test_uniform_interval_is_refused(start, stop):
-    with pytest.raises(ValueError, match=r"start must be less than stop|(start|stop) must be a finite number"):
+    with pytest.raises(
+        ValueError, match=r"start must be less than stop|(start|stop) must be a finite number"
+    ):
         KnotVector.uniform(3, 4, start, stop)
 
 

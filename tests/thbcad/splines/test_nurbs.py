@@ -20,7 +20,9 @@ from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.nurbs import NURBSCurve, NURBSSurface, quotient
 
-QUARTER = NURBSCurve(KnotVector.uniform(2, 1), np.array([[1.0, 0], [1, 1], [0, 1]]), np.array([1, np.sqrt(0.5), 1]))
+QUARTER = NURBSCurve(
+    KnotVector.uniform(2, 1), np.array([[1.0, 0], [1, 1], [0, 1]]), np.array([1, np.sqrt(0.5), 1])
+)
 
 
 def rounding(p, extra=0):
@@ -101,7 +103,10 @@ def curve_size(curve, u, order):
 def exact_derivative(curve, u, order):
     """Derivative of (w x) / w by the quotient rule in Fractions, (d,)."""
     kv = curve.kv
-    rows = [cox_de_boor(kv.knots, kv.degree, u, k)[0] if k <= kv.degree else [Fraction(0)] * kv.dim for k in range(order + 1)]
+    rows = [
+        cox_de_boor(kv.knots, kv.degree, u, k)[0] if k <= kv.degree else [Fraction(0)] * kv.dim
+        for k in range(order + 1)
+    ]
     weights = [Fraction(w) for w in curve.weights.tolist()]
     w = [sum(n * x for n, x in zip(row, weights)) for row in rows]
     out = []
@@ -117,7 +122,8 @@ def exact_derivative(curve, u, order):
 @settings(max_examples=30)
 @given(curves_and_parameters(max_spans=3, max_degree=6), st.integers(0, 4))
 def test_points_and_derivatives_are_those_of_exact_arithmetic(case, order):
-    """Each of the order + 1 steps of the quotient rule adds the roundings of a point, relative to the size of its terms."""
+    """Each of the order + 1 steps of the quotient rule adds the roundings of a point, relative to the size of
+    its terms."""
     curve, u = case
     u = u[:3]
     sizes = curve_size(curve, u, order)
@@ -130,7 +136,8 @@ def test_points_and_derivatives_are_those_of_exact_arithmetic(case, order):
 def test_curve_derivatives_against_occt(case, order):
     """Any order, above the degree too.
 
-    OCCT expands a span about one of its points: its roundings are relative to the greatest weight, not to those near u.
+    OCCT expands a span about one of its points: its roundings are relative to the greatest weight, not to
+    those near u.
     """
     curve, u = case
     u = off_knots(curve.kv, u)
@@ -149,9 +156,14 @@ def test_surface_derivatives_against_occt(case, a, b):
     pairs = list(zip(u.tolist(), v.tolist()))
     want = np.array([geom.DN(x, y, a, b).Coord() if a or b else geom.Value(x, y).Coord() for x, y in pairs])
     net = surface.homogeneous.coefficients
-    by_u, by_v = ([kv.collocation(x, k).toarray() for k in range(n + 1)] for kv, x, n in ((surface.kv_u, u, a), (surface.kv_v, v, b)))
+    by_u, by_v = (
+        [kv.collocation(x, k).toarray() for k in range(n + 1)]
+        for kv, x, n in ((surface.kv_u, u, a), (surface.kv_v, v, b))
+    )
     jet = np.array([[np.einsum("ki,kj,ijd->kd", r, c, net) for c in by_v] for r in by_u])
-    size = majorant(jet, np.array([[np.einsum("ki,kj,ijd->kd", abs(r), abs(c), abs(net)) for c in by_v] for r in by_u]))
+    size = majorant(
+        jet, np.array([[np.einsum("ki,kj,ijd->kd", abs(r), abs(c), abs(net)) for c in by_v] for r in by_u])
+    )
     ratio = surface.weights.max() / surface.weights.min()  # as for curves
     bound = 2 * (a + b + 1) * rounding(surface.kv_u.degree + surface.kv_v.degree) * ratio * size
     assert (abs(surface(u, v, (a, b)) - want) <= bound).all()
@@ -165,10 +177,16 @@ def test_a_grid_holds_the_scattered_values(case, derivative):
     scattered = surface(np.repeat(u, len(v)), np.tile(v, len(u)), derivative).reshape(grid.shape)
     net = surface.homogeneous.coefficients
     by_u, by_v = (
-        [abs(kv.collocation(x, k)).toarray() for k in range(n + 1)] for kv, x, n in zip((surface.kv_u, surface.kv_v), (u, v), derivative)
+        [abs(kv.collocation(x, k)).toarray() for k in range(n + 1)]
+        for kv, x, n in zip((surface.kv_u, surface.kv_v), (u, v), derivative)
     )
     sizes = np.array([[np.einsum("ki,lj,ijd->kld", r, c, abs(net)) for c in by_v] for r in by_u])
-    bound = 2 * (sum(derivative) + 1) * rounding(surface.kv_u.degree + surface.kv_v.degree) * majorant(sizes, sizes)
+    bound = (
+        2
+        * (sum(derivative) + 1)
+        * rounding(surface.kv_u.degree + surface.kv_v.degree)
+        * majorant(sizes, sizes)
+    )
     assert (abs(grid - scattered) <= bound).all()
 
 
@@ -205,7 +223,8 @@ def test_the_quarter_circle_and_its_curvature():
 
 @given(st.data())
 def test_knot_insertion_segments_and_elevation_keep_the_curve(data):
-    """Homogeneous coefficients of the new curve carry the roundings of the operator; those of both evaluations are added."""
+    """Homogeneous coefficients of the new curve carry the roundings of the operator; those of both
+    evaluations are added."""
     curve, u = data.draw(curves_and_parameters(max_degree=9))
     p = curve.kv.degree
     bound = 4 * rounding(p + 1)
@@ -270,7 +289,9 @@ def test_affine_maps_of_surfaces():
     kv = KnotVector.uniform(2, 3)
     surface = NURBSSurface(kv, kv, rng.uniform(-1, 1, (5, 5, 3)), rng.uniform(0.5, 2, (5, 5)))
     matrix, u = rng.uniform(-1, 1, (3, 3)), np.linspace(0, 1, 9)
-    assert abs(surface.transformed(matrix, 2.0).grid(u, u) - surface.grid(u, u) @ matrix.T - 2).max() <= 6 * rounding(4, extra=8)
+    assert abs(
+        surface.transformed(matrix, 2.0).grid(u, u) - surface.grid(u, u) @ matrix.T - 2
+    ).max() <= 6 * rounding(4, extra=8)
 
 
 @given(curves_and_parameters(), seeds())
@@ -288,7 +309,9 @@ def test_points_lie_in_the_convex_hull_of_the_points_of_their_span(case, rng):
 def test_a_greater_weight_pulls_the_curve_towards_its_point(case, rng, factor):
     curve, u = case
     k = rng.integers(curve.kv.dim)
-    pulled = NURBSCurve(curve.kv, curve.points, np.where(np.arange(curve.kv.dim) == k, factor, 1.0) * curve.weights)
+    pulled = NURBSCurve(
+        curve.kv, curve.points, np.where(np.arange(curve.kv.dim) == k, factor, 1.0) * curve.weights
+    )
     before, after = (np.linalg.norm(c(u) - curve.points[k], axis=1) for c in (curve, pulled))
     assert (after <= before + 4 * rounding(curve.kv.degree)).all()
 
@@ -310,9 +333,13 @@ def test_arrays_are_read_only_copies():
 @pytest.mark.parametrize("weight", [0.0, -1.0, np.nan, np.inf, 1e-320, 1e308])
 def test_weights_are_refused(weight):
     kv = KnotVector.uniform(2, 1)
-    with pytest.raises(ValueError, match=rf"weights must lie between 1e-150 and 1e\+150, got {re.escape(str(weight))}"):
+    with pytest.raises(
+        ValueError, match=rf"weights must lie between 1e-150 and 1e\+150, got {re.escape(str(weight))}"
+    ):
         NURBSCurve(kv, np.zeros((3, 2)), np.array([1, weight, 1]))
-    with pytest.raises(ValueError, match=rf"weights must lie between 1e-150 and 1e\+150, got {re.escape(str(weight))}"):
+    with pytest.raises(
+        ValueError, match=rf"weights must lie between 1e-150 and 1e\+150, got {re.escape(str(weight))}"
+    ):
         NURBSSurface(kv, kv, np.zeros((3, 3, 2)), weight)
 
 
@@ -355,7 +382,10 @@ def test_parameters_outside_are_refused():
 
 
 def test_affine_maps_of_wrong_shape_are_refused():
-    with pytest.raises(ValueError, match=r"matrix must have 2 columns, one for each component of the points, got shape \(3, 3\)"):
+    with pytest.raises(
+        ValueError,
+        match=r"matrix must have 2 columns, one for each component of the points, got shape \(3, 3\)",
+    ):
         QUARTER.transformed(np.eye(3))
     with pytest.raises(ValueError, match=r"offset must be one number or have shape \(2,\), got \(3,\)"):
         QUARTER.transformed(np.eye(2), [0, 0, 1])

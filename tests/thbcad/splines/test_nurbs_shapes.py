@@ -33,7 +33,8 @@ def conics(draw):
 
 
 def gauss(kv, n=24):
-    """Gauss nodes and weights on every span: functions that are analytic on a span are integrated to rounding."""
+    """Gauss nodes and weights on every span: functions that are analytic on a span are integrated to
+    rounding."""
     x, w = np.polynomial.legendre.leggauss(n)
     half = np.diff(kv.breaks)[:, None] / 2
     return (kv.breaks[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
@@ -67,7 +68,8 @@ def test_arcs_lie_on_the_circle_and_run_from_start_to_stop(radius, angle, start)
 
 
 @pytest.mark.parametrize(
-    ("angle", "spans"), [(2, 1), (2 * np.pi / 3, 1), (2.2, 2), (-np.pi, 2), (4 * np.pi / 3, 2), (4.3, 3), (2 * np.pi, 3)]
+    ("angle", "spans"),
+    [(2, 1), (2 * np.pi / 3, 1), (2.2, 2), (-np.pi, 2), (4 * np.pi / 3, 2), (4.3, 3), (2 * np.pi, 3)],
 )
 def test_arcs_have_the_fewest_segments_of_120_degrees(angle, spans):
     arc = circular_arc(2.0, angle)
@@ -84,7 +86,8 @@ def test_whole_circles_are_closed(radius, start):
 
 
 def test_arcs_are_smooth_where_segments_meet():
-    """The directions on both sides of a double knot agree: the curve has a tangent, the parametrisation has none."""
+    """The directions on both sides of a double knot agree: the curve has a tangent, the parametrisation has
+    none."""
     arc = circular_arc(1.0)
     for knot in arc.kv.breaks[1:-1]:
         left, right = (arc.segment(*ends) for ends in ((0.0, knot), (knot, 1.0)))
@@ -144,7 +147,8 @@ def test_starts_are_refused(start):
 
 @given(st.floats(0.05, 20).filter(lambda w: abs(w - 1) > 0.02) | st.just(1.0), seeds())
 def test_the_weight_tells_the_kind_of_the_conic(weight, rng):
-    """The conic a x^2 + b x y + c y^2 + ... = 0 through the points: 4 a c - b^2 is positive, zero or negative."""
+    """The conic a x^2 + b x y + c y^2 + ... = 0 through the points: 4 a c - b^2 is positive, zero or
+    negative."""
     points = rng.uniform(-1, 1, (3, 2)) + np.array([[0, 0], [3, 3], [6, 0]])
     arc = conic_arc(*points, weight)
     x, y = arc(np.linspace(0, 1, 41)).T
@@ -160,7 +164,9 @@ def test_conic_arcs_keep_ends_tangents_and_shoulder(weight, rng):
     arc = conic_arc(*points, weight)
     shoulder = ((start + stop) / 2 + weight * middle) / (1 + weight)
     assert abs(arc([0.0, 0.5, 1.0]) - [start, shoulder, stop]).max() <= 10 * EPS
-    assert abs(arc([0.0, 1.0], 1) - [2 * weight * (middle - start), 2 * weight * (stop - middle)]).max() <= 40 * EPS * (1 + weight)
+    assert abs(
+        arc([0.0, 1.0], 1) - [2 * weight * (middle - start), 2 * weight * (stop - middle)]
+    ).max() <= 40 * EPS * (1 + weight)
 
 
 def test_a_negative_weight_is_refused():
@@ -265,7 +271,9 @@ def test_revolution_against_occt(curve, rng):
 def test_occt_converts_the_revolution_to_as_many_points():
     """GeomConvert turns the half-plane of a degree 2 curve by 2 pi into 3 segments as well."""
     curve = meridian(Conic(9.0, 0.5), 4.0).transformed(IN_SPACE)
-    theirs = GeomConvert.SurfaceToBSplineSurface_s(Geom_SurfaceOfRevolution(geom_curve(curve), gp_Ax1(gp.Origin_s(), gp_Dir(0, 0, 1))))
+    theirs = GeomConvert.SurfaceToBSplineSurface_s(
+        Geom_SurfaceOfRevolution(geom_curve(curve), gp_Ax1(gp.Origin_s(), gp_Dir(0, 0, 1)))
+    )
     ours = revolved(curve)
     assert spline_surface(theirs).points.shape == ours.points.transpose(1, 0, 2).shape
 
@@ -286,7 +294,10 @@ def test_curves_of_another_dimension_are_refused():
 
 @given(curves(max_degree=4, max_spans=3), curves(max_degree=4, max_spans=3))
 def test_ruled_surfaces_hold_both_curves_and_the_lines_between(curve, other):
-    onto = KnotVector(other.kv.degree, np.interp(other.kv.knots, [other.kv.start, other.kv.stop], [curve.kv.start, curve.kv.stop]))
+    onto = KnotVector(
+        other.kv.degree,
+        np.interp(other.kv.knots, [other.kv.start, other.kv.stop], [curve.kv.start, curve.kv.stop]),
+    )
     other = NURBSCurve(onto, other.points, other.weights)
     surface = ruled(curve, other)
     u = np.linspace(curve.kv.start, curve.kv.stop, 23)
@@ -302,7 +313,8 @@ def test_ruled_surfaces_hold_both_curves_and_the_lines_between(curve, other):
 
 def test_knots_of_both_curves_are_kept_once():
     curves_ = [
-        NURBSCurve(kv, np.random.default_rng(0).uniform(-1, 1, (kv.dim, 3))) for kv in (KnotVector.uniform(3, 2), KnotVector.uniform(2, 4))
+        NURBSCurve(kv, np.random.default_rng(0).uniform(-1, 1, (kv.dim, 3)))
+        for kv in (KnotVector.uniform(3, 2), KnotVector.uniform(2, 4))
     ]
     surface = ruled(*curves_)
     assert surface.kv_u.degree == 3
@@ -318,7 +330,9 @@ def test_cylinders_and_cones():
 
 
 def test_ruled_surfaces_are_refused():
-    with pytest.raises(ValueError, match=r"the same interval of parameters, got \(0\.0, 1\.0\) and \(0\.0, 2\.0\)"):
+    with pytest.raises(
+        ValueError, match=r"the same interval of parameters, got \(0\.0, 1\.0\) and \(0\.0, 2\.0\)"
+    ):
         ruled(line([0, 0], [1, 0]), NURBSCurve(KnotVector.uniform(1, 1, 0, 2), np.zeros((2, 2))))
     with pytest.raises(ValueError, match="points of the same dimension, got 2 and 3"):
         ruled(line([0, 0], [1, 0]), line([0, 0, 0], [1, 0, 0]))

@@ -15,7 +15,8 @@ UNIFORM = PeriodicKnotVector.uniform(3, 5)
 
 @st.composite
 def periodic_vectors(draw, max_degree=10, max_spans=6, scales=SCALES):
-    """One period with spans of ratio up to 9 and multiplicities up to the degree, at the seam too; often dim <= degree."""
+    """One period with spans of ratio up to 9 and multiplicities up to the degree, at the seam too; often dim
+    <= degree."""
     p = draw(st.integers(1, max_degree))
     gaps = draw(st.lists(st.integers(1, 9), min_size=1, max_size=max_spans))
     counts = draw(st.lists(st.integers(1, p), min_size=len(gaps), max_size=len(gaps)))
@@ -28,7 +29,9 @@ def parameters(draw, kv, turns=3):
     """Parameters in several periods, the breaks, and the float64 neighbours of breaks."""
     shares = np.array(draw(st.lists(st.integers(-turns * 1024, turns * 1024), min_size=1, max_size=6))) / 1024
     marks = np.array(draw(st.lists(st.sampled_from(kv.breaks.tolist()), max_size=4)))
-    return np.r_[kv.start + kv.period * shares, marks, np.nextafter(marks, np.inf), np.nextafter(marks, -np.inf)]
+    return np.r_[
+        kv.start + kv.period * shares, marks, np.nextafter(marks, np.inf), np.nextafter(marks, -np.inf)
+    ]
 
 
 @st.composite
@@ -59,7 +62,8 @@ def slope_scale(kv, derivative):
 
 
 def knot_rounding(kv):
-    """Relative error of the shortest span from translation by a period: 2 roundings of numbers up to 2 (p + 2) periods away."""
+    """Relative error of the shortest span from translation by a period: 2 roundings of numbers up to 2 (p +
+    2) periods away."""
     return 4 * EPS * (abs(kv.knots).max() + (kv.degree + 2) * kv.period) / np.diff(kv.breaks).min()
 
 
@@ -76,8 +80,13 @@ def test_partition_of_unity_and_non_negative(kv, data):
 @settings(max_examples=40)
 @given(periodic_vectors(max_spans=4, scales=(1.0,)), st.data())
 def test_values_and_derivatives_are_those_of_exact_arithmetic(kv, data):
-    """Sums of Cox-de Boor values over the translated knots, whole numbers here; 5 roundings per degree and those of the sum."""
-    u = data.draw(st.lists(st.integers(0, 63), min_size=1, max_size=3).map(lambda k: kv.start + kv.period * np.array(k) / 64))
+    """Sums of Cox-de Boor values over the translated knots, whole numbers here; 5 roundings per degree and
+    those of the sum."""
+    u = data.draw(
+        st.lists(st.integers(0, 63), min_size=1, max_size=3).map(
+            lambda k: kv.start + kv.period * np.array(k) / 64
+        )
+    )
     derivative = data.draw(st.integers(0, kv.degree + 1))
     a = kv.collocation(u, derivative).toarray()
     for row, x in zip(a, u):
@@ -92,18 +101,23 @@ def test_values_and_derivatives_are_those_of_exact_arithmetic(kv, data):
 
 @given(periodic_vectors(), st.data())
 def test_values_and_derivatives_against_scipy(kv, data):
-    """The extended knots and the repeated coefficients are those of a spline in scipy; within the period, next to the breaks too."""
+    """The extended knots and the repeated coefficients are those of a spline in scipy; within the period,
+    next to the breaks too."""
     u, derivative = kv.reduced(data.draw(parameters(kv))), data.draw(st.integers(0, kv.degree))
     c = data.draw(seeds()).uniform(-1, 1, (kv.dim, 2))
     want = BSpline(kv.extended, wrapped(kv, c), kv.degree, extrapolate=False)(u, nu=derivative)
-    assert abs(kv.collocation(u, derivative) @ c - want).max() <= 10 * kv.degree * EPS * slope_scale(kv, derivative)
+    assert abs(kv.collocation(u, derivative) @ c - want).max() <= 10 * kv.degree * EPS * slope_scale(
+        kv, derivative
+    )
 
 
 @given(periodic_vectors(), seeds())
 def test_values_outside_the_period_against_scipy(kv, rng):
-    """scipy reduces parameters by a modulo of its own: they differ by roundings, and the values by the slope times that.
+    """scipy reduces parameters by a modulo of its own: they differ by roundings, and the values by the slope
+    times that.
 
-    Not right before the seam, where its reduced parameter can round to more than `stop`, and its values are NaN.
+    Not right before the seam, where its reduced parameter can round to more than `stop`, and its values are
+    NaN.
     """
     u, c = kv.start + kv.period * rng.uniform(-3, 3, 20), rng.uniform(-1, 1, (kv.dim, 2))
     want = BSpline(kv.extended, wrapped(kv, c), kv.degree, extrapolate="periodic")(u)
@@ -113,7 +127,8 @@ def test_values_outside_the_period_against_scipy(kv, rng):
 
 @given(periodic_vectors(scales=(1.0,)), st.integers(-3, 3), st.integers(0, 3), seeds())
 def test_values_repeat_after_every_period(kv, turns, derivative, rng):
-    """Whole periods and parameters of 12 bits: the reduction is exact, and the values are the same numbers."""
+    """Whole periods and parameters of 12 bits: the reduction is exact, and the values are the same
+    numbers."""
     u = kv.start + kv.period * rng.integers(0, 4096, 8) / 4096
     assert (kv.collocation(u + turns * kv.period, derivative) != kv.collocation(u, derivative)).nnz == 0
 
@@ -129,7 +144,9 @@ def test_clamping_keeps_the_spline_and_its_derivatives(kv, rng):
     assert abs(operator.sum(axis=1) - 1).max() <= float(gamma(6 * kv.degree + 1))
     u = kv.reduced(np.r_[kv.start + kv.period * rng.random(20), kv.breaks])
     for derivative in range(min(kv.degree, 3) + 1):
-        error = abs((own.collocation(u, derivative) @ operator - kv.collocation(u, derivative)).toarray()).max()
+        error = abs(
+            (own.collocation(u, derivative) @ operator - kv.collocation(u, derivative)).toarray()
+        ).max()
         assert error <= (17 * kv.degree * EPS + kv.degree * knot_rounding(kv)) * slope_scale(kv, derivative)
 
 
@@ -141,7 +158,9 @@ def test_the_seam_is_as_smooth_as_its_multiplicity_says(kv, rng):
     smooth = kv.degree - multiplicities(kv)[0]
     for derivative in range(smooth + 1):
         after, before = own.collocation([own.start, own.stop], derivative) @ c
-        assert abs(after - before) <= (40 * kv.degree * EPS + kv.degree * knot_rounding(kv)) * slope_scale(kv, derivative)
+        assert abs(after - before) <= (40 * kv.degree * EPS + kv.degree * knot_rounding(kv)) * slope_scale(
+            kv, derivative
+        )
     if kv.dim > 1:
         after, before = own.collocation([own.start, own.stop], smooth + 1) @ c
         assert abs(after - before) > 1e-9 * (kv.degree / kv.period) ** (smooth + 1)
@@ -149,7 +168,8 @@ def test_the_seam_is_as_smooth_as_its_multiplicity_says(kv, rng):
 
 @pytest.mark.parametrize("degree", range(1, 11))
 def test_uniform_collocation_is_circulant(degree):
-    """At the Greville abscissae every row is the one above, turned by one; all rows are values of one cardinal B-spline."""
+    """At the Greville abscissae every row is the one above, turned by one; all rows are values of one
+    cardinal B-spline."""
     kv = PeriodicKnotVector.uniform(degree, 16, -2.0, 2.0)
     a = kv.collocation(kv.greville()).toarray()
     cardinal = BSpline.basis_element(np.arange(degree + 2.0), extrapolate=False)
@@ -165,12 +185,15 @@ def test_uniform_collocation_is_circulant(degree):
 def test_a_turned_row_of_coefficients_is_the_shifted_spline(degree, spans):
     kv = PeriodicKnotVector.uniform(degree, spans, 0.0, float(spans))
     c, u = np.random.default_rng(spans).normal(size=kv.dim), np.arange(0, 64) / 8
-    assert (kv.collocation(u + 1) @ c).tolist() == pytest.approx((kv.collocation(u) @ np.roll(c, -1)).tolist(), abs=1e-14 * degree)
+    assert (kv.collocation(u + 1) @ c).tolist() == pytest.approx(
+        (kv.collocation(u) @ np.roll(c, -1)).tolist(), abs=1e-14 * degree
+    )
 
 
 @given(periodic_vectors(max_degree=9))
 def test_the_functions_are_independent(kv):
-    """As many polar forms as functions, however short the period: the clamped conversion has full column rank."""
+    """As many polar forms as functions, however short the period: the clamped conversion has full column
+    rank."""
     _, operator = kv.clamp()
     assert np.linalg.matrix_rank(operator.toarray(), tol=1e-11) == kv.dim
 
@@ -202,7 +225,9 @@ def test_prolongation_agrees_with_the_clamped_one(kv, data):
 def test_prolongations_compose(kv, data):
     middle = kv.insert(data.draw(insertions(kv)))
     finest = middle.insert(data.draw(insertions(middle)))
-    error = abs((middle.prolongation(finest) @ kv.prolongation(middle) - kv.prolongation(finest)).toarray()).max()
+    error = abs(
+        (middle.prolongation(finest) @ kv.prolongation(middle) - kv.prolongation(finest)).toarray()
+    ).max()
     assert error <= 17 * kv.degree * EPS + kv.degree * (knot_rounding(middle) + knot_rounding(kv))
 
 
@@ -228,13 +253,16 @@ def test_integrals(kv):
     """Against the clamped conversion, whose integrals are known; their sum is the period."""
     own, operator = kv.clamp()
     width = kv.period + abs(kv.knots).max()
-    assert np.allclose(kv.integrals(), operator.T @ own.integrals(), rtol=0, atol=40 * (kv.degree + kv.dim) * EPS * width)
+    assert np.allclose(
+        kv.integrals(), operator.T @ own.integrals(), rtol=0, atol=40 * (kv.degree + kv.dim) * EPS * width
+    )
     assert kv.integrals().sum() == pytest.approx(kv.period, abs=10 * (kv.degree + kv.dim) * EPS * width)
 
 
 @given(periodic_vectors(scales=(1.0,)), seeds())
 def test_greville_coefficients_are_the_parameter_plus_whole_periods(kv, rng):
-    """g_i + k_i T with the whole numbers k_i of the functions in force at u is the identity: the p + 1 translates there."""
+    """g_i + k_i T with the whole numbers k_i of the functions in force at u is the identity: the p + 1
+    translates there."""
     g = kv.greville()
     assert (np.diff(g) >= 0).all()
     assert g[-1] - g[0] <= kv.period
@@ -292,7 +320,14 @@ def test_knots_are_inserted_in_every_period_and_at_the_seam():
 
 def test_reduction_at_the_ends():
     kv = PeriodicKnotVector.uniform(2, 3, -1.0, 2.0)
-    assert kv.reduced([-1.0, 2.0, 5.0, np.nextafter(2.0, 0), -1.0 - 1e-20, -1.5]).tolist() == [-1, -1, -1, np.nextafter(2.0, 0), -1, 1.5]
+    assert kv.reduced([-1.0, 2.0, 5.0, np.nextafter(2.0, 0), -1.0 - 1e-20, -1.5]).tolist() == [
+        -1,
+        -1,
+        -1,
+        np.nextafter(2.0, 0),
+        -1,
+        1.5,
+    ]
     assert kv.collocation([2.0]).toarray().tolist() == kv.collocation([-1.0]).toarray().tolist()
     assert kv.collocation([]).shape == (0, 3)
 

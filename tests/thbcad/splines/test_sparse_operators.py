@@ -32,7 +32,8 @@ def test_elevation_keeps_the_curve(kv, rng):
 
 @given(knot_vectors(), st.data())
 def test_segments_are_pieces_of_the_curve(kv, data):
-    """Ends on breaks and between them; polar forms are convex combinations, so that the error does not grow with the degree."""
+    """Ends on breaks and between them; polar forms are convex combinations, so that the error does not grow
+    with the degree."""
     shares = sorted(data.draw(st.lists(st.integers(0, 96), min_size=2, max_size=2, unique=True)))
     a, b = (kv.start + (kv.stop - kv.start) * s / 96 for s in shares)
     own, operator = kv.segment(max(a, kv.start), min(b, kv.stop))

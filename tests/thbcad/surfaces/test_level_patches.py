@@ -101,5 +101,7 @@ def test_patches_of_random_hierarchies_are_the_surface(kv_u, kv_v, seed):
         space = space.refine({level: cells[rng.random(len(cells)) < 0.4]})
     surface = THBSurface(space, rng.normal(size=space.dim))
     for patch in surface.to_patches():
-        u, v = (kv.start + (kv.stop - kv.start) * np.linspace(0.01, 0.99, 7) for kv in (patch.kv_u, patch.kv_v))
+        u, v = (
+            kv.start + (kv.stop - kv.start) * np.linspace(0.01, 0.99, 7) for kv in (patch.kv_u, patch.kv_v)
+        )
         assert abs(patch.grid(u, v) - surface.grid(u, v)).max() <= 1e-11

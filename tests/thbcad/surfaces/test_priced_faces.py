@@ -19,12 +19,15 @@ def size(faces):
 @settings(max_examples=30)
 @given(st.data(), st.sampled_from(PRICES))
 def test_faces_are_the_surface_and_tile_it(data, price):
-    """Least squares on fewer knots lose up to 2^p roundings; spans of ratio 9 and multiple knots are among the examples."""
+    """Least squares on fewer knots lose up to 2^p roundings; spans of ratio 9 and multiple knots are among
+    the examples."""
     space = data.draw(spaces(max_spans=4))
     surface = THBSurface(space, data.draw(coefficients(space.dim, 2)))
     faces = surface.to_faces(price)
     area = sum((f.kv_u.stop - f.kv_u.start) * (f.kv_v.stop - f.kv_v.start) for f in faces)
-    assert area == pytest.approx((space.kv_u.stop - space.kv_u.start) * (space.kv_v.stop - space.kv_v.start), rel=1e-12)
+    assert area == pytest.approx(
+        (space.kv_u.stop - space.kv_u.start) * (space.kv_v.stop - space.kv_v.start), rel=1e-12
+    )
     u, v = data.draw(points(space))
     held = np.zeros(len(u), dtype=int)
     for f in faces:
@@ -46,7 +49,8 @@ def test_a_higher_price_means_fewer_faces(space):
 
 
 def test_a_refined_corner_becomes_a_face_of_its_own():
-    """Full: 27 x 27 points. Bisected at 1/2: the corner has 19 x 19, the quarter beside it 11 x 11, the other half 11 x 19."""
+    """Full: 27 x 27 points. Bisected at 1/2: the corner has 19 x 19, the quarter beside it 11 x 11, the other
+    half 11 x 19."""
     kv = KnotVector.uniform(3, 16)
     space = THBSpace(kv, kv).refine({0: np.argwhere(np.ones((8, 8)))})
     surface = THBSurface(space, np.random.default_rng(0).normal(size=space.dim))

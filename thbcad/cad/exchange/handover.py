@@ -36,7 +36,8 @@ def to_build123d(lens: Lens | Part, name: str = "lens") -> build123d.Solid:
 
 
 def to_cadquery(lens: Lens | Part) -> cadquery.Solid:
-    """Return the lens as a cadquery solid in mm, for `cadquery.Workplane(obj=...)` and `cadquery.Assembly().add(...)`.
+    """Return the lens as a cadquery solid in mm, for `cadquery.Workplane(obj=...)` and
+    `cadquery.Assembly().add(...)`.
 
     Raises
     ------

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 def iges_bytes(lens: Lens, product: Product | None = None) -> bytes:
     """Return an IGES file of the lens as a solid, mm.
 
-    product : its name, author and organization stand in the file, in ASCII; None is Product().  IGES has no material.
+    product : its name, author and organization stand in the file, in ASCII; None is Product().  IGES has no
+        material.
 
     Raises
     ------

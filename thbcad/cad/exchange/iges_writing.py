@@ -27,7 +27,8 @@ FACES, SOLID = 0, 1  # modes of OCCT's writer: loose trimmed surfaces, or a soli
 def iges_text(shape: TopoDS_Shape, mode: int, product: Product, face_names: Sequence[str] = ()) -> bytes:
     """Return a shape as an IGES file in mm; the same shape gives the same bytes.
 
-    mode : FACES or SOLID.  product : its name, author and organization stand in the file, in ASCII, "?" for other characters.
+    mode : FACES or SOLID.  product : its name, author and organization stand in the file, in ASCII, "?" for
+        other characters.
     face_names : of the faces of a SOLID in their order.
 
     Raises

@@ -48,10 +48,23 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
 
 IGES_LEAST_WEIGHT = 1e-9  # OCCT reads a surface with a lesser weight as polynomial
-EXACT = (GeomAbs_Plane, GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus, GeomAbs_BezierSurface, GeomAbs_BSplineSurface)
+EXACT = (
+    GeomAbs_Plane,
+    GeomAbs_Cylinder,
+    GeomAbs_Cone,
+    GeomAbs_Sphere,
+    GeomAbs_Torus,
+    GeomAbs_BezierSurface,
+    GeomAbs_BSplineSurface,
+)
 SWEPT = (GeomAbs_SurfaceOfRevolution, GeomAbs_SurfaceOfExtrusion)
 APPROXIMATE = (GeomAbs_OffsetCurve, GeomAbs_OtherCurve)
-EXCEPTIONS = [e for module in (Standard, Topology) for e in vars(module).values() if isinstance(e, type) and issubclass(e, Exception)]
+EXCEPTIONS = [
+    e
+    for module in (Standard, Topology)
+    for e in vars(module).values()
+    if isinstance(e, type) and issubclass(e, Exception)
+]
 OCCT_ERRORS = tuple(EXCEPTIONS)  # they have no common base
 LEAST_SIZE = 1e-6  # mm; OCCT drops smaller faces
 
@@ -106,15 +119,20 @@ def read_faces(path: str | Path) -> list[BSplineSurface | NURBSSurface]:
 
 
 def _checked(number: int, surface: object, least: float) -> NURBSSurface:
-    """Return a surface as NURBS; refuse other things, other dimensions than 3 and boxes of less than the `least` diagonal, mm."""
+    """Return a surface as NURBS; refuse other things, other dimensions than 3 and boxes of less than the
+    `least` diagonal, mm."""
     if not isinstance(surface, BSplineSurface | NURBSSurface):
-        raise ValueError(f"surfaces[{number}] must be a BSplineSurface or NURBSSurface, got {type(surface).__name__}")
+        raise ValueError(
+            f"surfaces[{number}] must be a BSplineSurface or NURBSSurface, got {type(surface).__name__}"
+        )
     net = surface.coefficients if isinstance(surface, BSplineSurface) else surface.points
     if net.shape[2:] != (3,):
         raise ValueError(f"surfaces[{number}] must have points (x, y, z), got a net of shape {net.shape}")
     size = np.linalg.norm(np.ptp(net, axis=(0, 1)))
     if size < least:
-        raise ValueError(f"surfaces[{number}] is {size:.2g} mm large, below the {least:g} mm that STEP and IGES keep")
+        raise ValueError(
+            f"surfaces[{number}] is {size:.2g} mm large, below the {least:g} mm that STEP and IGES keep"
+        )
     return NURBSSurface.from_bspline(surface) if isinstance(surface, BSplineSurface) else surface
 
 
@@ -162,7 +180,9 @@ def _read_face(path: Path, number: int, face: TopoDS_Face) -> BSplineSurface | N
     try:
         if isinstance(geom, Geom_BSplineSurface):
             return spline_surface(geom)
-        exact = kind.GetType() in EXACT or (kind.GetType() in SWEPT and kind.BasisCurve().GetType() not in APPROXIMATE)
+        exact = kind.GetType() in EXACT or (
+            kind.GetType() in SWEPT and kind.BasisCurve().GetType() not in APPROXIMATE
+        )
         if not exact:
             raise ValueError("it is no surface that NURBS hold exactly")
         trimmed = Geom_RectangularTrimmedSurface(geom, *_rectangle(face, geom))
@@ -172,7 +192,8 @@ def _read_face(path: Path, number: int, face: TopoDS_Face) -> BSplineSurface | N
 
 
 def _rectangle(face: TopoDS_Face, geom: Geom_Surface) -> tuple[float, float, float, float]:
-    """Return the parameter rectangle of a face; all round a closed surface it is that of the surface, which has no rounding."""
+    """Return the parameter rectangle of a face; all round a closed surface it is that of the surface, which
+    has no rounding."""
     (u0, u1, v0, v1), (a0, a1, b0, b1) = BRepTools.UVBounds_s(face), geom.Bounds()
     if geom.IsUPeriodic() and u1 - u0 > (1 - 1e-12) * geom.UPeriod():
         u0, u1 = a0, a1

@@ -1,4 +1,5 @@
-"""Rays and the faces of an OCCT shape: the first meeting, found by OCCT's own intersection of lines and faces."""
+"""Rays and the faces of an OCCT shape: the first meeting, found by OCCT's own intersection of lines and
+faces."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ FARTHEST = 1e9  # mm along a ray
 
 @dataclass(frozen=True, eq=False)
 class FaceHits:
-    """Where n rays first meet a face: points (n, 3) in mm and outward unit normals (n, 3), NaN for rays that meet none.
+    """Where n rays first meet a face: points (n, 3) in mm and outward unit normals (n, 3), NaN for rays that
+    meet none.
 
     faces : (n,) int, the place of the face in the shape, -1 for none.
     """
@@ -53,11 +55,14 @@ def step_solid(path: str | Path) -> TopoDS_Shape:
     return step_shape(Path(path))
 
 
-def face_hits(solid: str | Path | TopoDS_Shape, origins: ArrayLike, directions: ArrayLike, after: float = 1e-6) -> FaceHits:
+def face_hits(
+    solid: str | Path | TopoDS_Shape, origins: ArrayLike, directions: ArrayLike, after: float = 1e-6
+) -> FaceHits:
     """Return where rays first meet a face of a shape, or of the solid in a STEP file.
 
     origins, directions : (n, 3) float, mm and unit vectors.
-    after : mm along the ray, from where meetings count; the default lets a ray leave the face that it starts on.
+    after : mm along the ray, from where meetings count; the default lets a ray leave the face that it starts
+        on.
 
     Raises
     ------
@@ -65,7 +70,10 @@ def face_hits(solid: str | Path | TopoDS_Shape, origins: ArrayLike, directions: 
     """
     origins, directions = (np.asarray(a, dtype=np.float64) for a in (origins, directions))
     if origins.shape != directions.shape or origins.ndim != 2 or origins.shape[1] != 3:
-        raise ValueError(f"origins and directions must have the same shape (n, 3), got {origins.shape} and {directions.shape}")
+        raise ValueError(
+            f"origins and directions must have the same shape (n, 3), got {origins.shape} and "
+            f"{directions.shape}"
+        )
     if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
         raise ValueError("origins and directions must be finite, directions not zero")
     shape = solid if isinstance(solid, TopoDS_Shape) else step_solid(solid)
@@ -89,4 +97,6 @@ def _normal(face: TopoDS_Face, u: float, v: float) -> NDArray[np.float64]:
     """Return the outward normal of a face, of any length."""
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
     BRep_Tool.Surface_s(TopoDS.Face_s(face)).D1(u, v, point, along_u, along_v)
-    return np.array(along_u.Crossed(along_v).Coord()) * (-1.0 if face.Orientation() == TopAbs_REVERSED else 1.0)
+    return np.array(along_u.Crossed(along_v).Coord()) * (
+        -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
+    )

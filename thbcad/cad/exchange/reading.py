@@ -87,7 +87,8 @@ def brep_shape(path: Path) -> TopoDS_Shape:
     ValueError : it is not readable, or not whole.
     """
     shape, data = TopoDS_Shape(), path.read_bytes()
-    # OCCT does not return from a truncated file: every shape of the table must end with its star, then one of them is named
+    # OCCT does not return from a truncated file: every shape of the table must end with its star, then one of
+    # them is named
     table = BREP_TABLE.search(data)
     whole = table and data.count(b"*", table.end()) == int(table[1]) and BREP_END.search(data)
     if not whole or not BRepTools.Read_s(shape, str(path), BRep_Builder()) or shape.IsNull():

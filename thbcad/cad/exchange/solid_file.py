@@ -112,7 +112,9 @@ def solid_file(shape: TopoDS_Shape, path: str | Path) -> SolidFile:
     curved = [s for s in spline_faces(shape) if min(s.kv_u.degree, s.kv_v.degree) > 1]
     splines = [spline for spline in curved if isinstance(spline, BSplineSurface)]
     if len(splines) != 2:
-        raise ValueError(f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear")
+        raise ValueError(
+            f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear"
+        )
     front, rear = sorted(splines, key=_centre_height)
     return SolidFile(shape, front, rear, ("",) * len(explore(shape, TopAbs_FACE)))
 

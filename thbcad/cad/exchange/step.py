@@ -42,8 +42,15 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
-SCHEMA_STARTS = {"AP242": "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING", "AP214": "AUTOMOTIVE_DESIGN", "AP203": "CONFIG_CONTROL_DESIGN"}
-COLOURS = {"front": (0.72, 0.85, 0.95), "rear": (0.60, 0.75, 0.90)}  # sRGB, by the first word of a face's name
+SCHEMA_STARTS = {
+    "AP242": "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING",
+    "AP214": "AUTOMOTIVE_DESIGN",
+    "AP203": "CONFIG_CONTROL_DESIGN",
+}
+COLOURS = {
+    "front": (0.72, 0.85, 0.95),
+    "rear": (0.60, 0.75, 0.90),
+}  # sRGB, by the first word of a face's name
 OTHER_COLOUR = (0.80, 0.80, 0.80)
 UNKNOWN = "unknown"  # AP203 wants persons and organizations to have names
 
@@ -51,7 +58,8 @@ UNKNOWN = "unknown"  # AP203 wants persons and organizations to have names
 def write_step(lens: Lens, path: str | Path, product: Product | None = None, schema: str = "AP242") -> None:
     """Write the lens as one closed solid of six faces with names and colours, in mm.
 
-    product : names and material for the file; None is Product().  A material without an index gets the index of the lens.
+    product : names and material for the file; None is Product().  A material without an index gets the index
+        of the lens.
     schema : AP242, AP214 or AP203.
 
     Raises
@@ -76,8 +84,9 @@ def step_bytes(lens: Lens, product: Product | None = None, schema: str = "AP242"
 def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
     """Return the STEP file of a Part in mm; the same part gives the same bytes.
 
-    Faces are named and coloured; a material stands with its density in g/cm^3 and, as its description, "refractive index 1.5".
-    An AP203 file also names FILE_SCHEMA 'SHAPE_APPEARANCE_LAYER_MIM', whose entities the colours are: its first edition has none.
+    Faces are named and coloured; a material stands with its density in g/cm^3 and, as its description,
+    "refractive index 1.5". An AP203 file also names FILE_SCHEMA 'SHAPE_APPEARANCE_LAYER_MIM', whose entities
+    the colours are: its first edition has none.
 
     Raises
     ------
@@ -91,7 +100,9 @@ def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
     silence()
     STEPCAFControl_Controller.Init_s()  # makes the settings
     document = _document(part, product)
-    with occt_settings({**SETTINGS, "write.stepcaf.subshapes.name": "1", "write.step.schema": SCHEMAS[schema]}):
+    with occt_settings(
+        {**SETTINGS, "write.stepcaf.subshapes.name": "1", "write.step.schema": SCHEMAS[schema]}
+    ):
         writer = STEPCAFControl_Writer()  # takes the schema when it is made
         if not writer.Transfer(document, STEPControl_AsIs):
             raise RuntimeError(f"OCCT could not translate {product.name} to STEP")
@@ -140,7 +151,8 @@ def _extended(text: str) -> TCollection_ExtendedString:
 
 
 def _document(part: Part, product: Product) -> TDocStd_Document:
-    """Return a document that holds the solid with its name and material and the faces with their names and colours."""
+    """Return a document that holds the solid with its name and material and the faces with their names and
+    colours."""
     document = TDocStd_Document(_extended("XmlXCAF"))
     main = document.Main()
     shapes, colours = XCAFDoc_DocumentTool.ShapeTool_s(main), XCAFDoc_DocumentTool.ColorTool_s(main)
@@ -159,7 +171,8 @@ def _document(part: Part, product: Product) -> TDocStd_Document:
 
 
 def _declare(entity: object, product: Product) -> None:
-    """Give an AP203 entity the product's author, organization and a fixed time instead of those of the machine."""
+    """Give an AP203 entity the product's author, organization and a fixed time instead of those of the
+    machine."""
     if isinstance(entity, StepBasic_Person):
         entity.SetId(_string(product.author or UNKNOWN))
         entity.SetLastName(_string(product.author or UNKNOWN))
@@ -201,4 +214,8 @@ def _material_name(document: TDocStd_Document) -> str:
 def _found(labels: TDF_LabelSequence, attribute: TDataStd_Name | XCAFDoc_Material) -> bool:
     """Set the attribute to that of the first label; return whether there is one."""
     # to look for an attribute that is not there ends the process
-    return labels.Length() > 0 and labels.Value(1).IsAttribute(attribute.ID()) and labels.Value(1).FindAttribute(attribute.ID(), attribute)
+    return (
+        labels.Length() > 0
+        and labels.Value(1).IsAttribute(attribute.ID())
+        and labels.Value(1).FindAttribute(attribute.ID(), attribute)
+    )

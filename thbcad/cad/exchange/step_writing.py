@@ -1,4 +1,5 @@
-"""STEP text from OCCT models: process-wide settings, silence, every number as the shortest text that reads back to the same bits.
+"""STEP text from OCCT models: process-wide settings, silence, every number as the shortest text that reads
+back to the same bits.
 
 Text beyond ASCII is encoded as ISO 10303-21 wants it.
 """
@@ -93,7 +94,9 @@ def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
     header.SetAuthorValue(1, TCollection_HAsciiString(product.author))
     header.SetOrganizationValue(1, TCollection_HAsciiString(product.organization))
     header.SetOriginatingSystem(TCollection_HAsciiString("thbcad"))
-    return compact(printed(StepData_StepWriter(model), StepAP214.Protocol_s()).decode("utf-8")).encode("ascii")
+    return compact(printed(StepData_StepWriter(model), StepAP214.Protocol_s()).decode("utf-8")).encode(
+        "ascii"
+    )
 
 
 def printed(writer: StepData_StepWriter | IGESData_IGESWriter, protocol: Interface_Protocol) -> bytes:
@@ -112,13 +115,18 @@ def printed(writer: StepData_StepWriter | IGESData_IGESWriter, protocol: Interfa
 
 
 def compact(text: str) -> str:
-    """Return OCCT's STEP text in its shortest form: the numbers keep their bits, the texts are as ISO 10303-21 edition 3 wants them."""
+    """Return OCCT's STEP text in its shortest form: the numbers keep their bits, the texts are as ISO
+    10303-21 edition 3 wants them."""
     known = _Shortest()
 
     def shorter(token: re.Match[str]) -> str:
         whole = token[0]
         if whole[0] == " ":
-            return "=" if token[1] is None else f"=CARTESIAN_POINT('',({known[token[1]]},{known[token[2]]},{known[token[3]]}))"
+            return (
+                "="
+                if token[1] is None
+                else f"=CARTESIAN_POINT('',({known[token[1]]},{known[token[2]]},{known[token[3]]}))"
+            )
         if whole[0] == "'":
             # OCCT breaks long texts into lines, which are no part of them
             return BEYOND_ASCII.sub(_encoded, whole.replace("\n", ""))
@@ -141,7 +149,8 @@ class _Shortest(dict[str, str]):
 
 
 def _encoded(beyond: re.Match[str]) -> str:
-    """Return characters beyond ASCII as the hexadecimal numbers between control directives: 4 digits each, or 8 where that is too few."""
+    """Return characters beyond ASCII as the hexadecimal numbers between control directives: 4 digits each, or
+    8 where that is too few."""
     wide = max(beyond[0]) > "\uffff"
     digits = "".join(f"{ord(c):0{8 if wide else 4}X}" for c in beyond[0])
     return f"\\X{4 if wide else 2}\\{digits}\\X0\\"

@@ -1,6 +1,7 @@
 """The lens cut to an elliptic aperture, as an OCCT solid with explicit shared topology.
 
-Front and rear keep their whole tensor-product spline, trimmed by the ellipse.  Nothing is cut by Boolean operations.
+Front and rear keep their whole tensor-product spline, trimmed by the ellipse.  Nothing is cut by Boolean
+operations.
 """
 
 from __future__ import annotations
@@ -28,12 +29,13 @@ EDGES = ("edge 1", "edge 2")
 
 
 def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
-    """Return the lens within x^2 / a^2 + y^2 / b^2 <= 1 as a closed Part of four faces: front, rear and two half-cylinders.
+    """Return the lens within x^2 / a^2 + y^2 / b^2 <= 1 as a closed Part of four faces: front, rear and two
+    half-cylinders.
 
     semi_axes : (a, b) float, mm
 
-    Rims lie within 1e-9 mm of front and rear, at eight places of every span; their traces on front and rear are the same splines, since
-    x and y are linear in the parameters.
+    Rims lie within 1e-9 mm of front and rear, at eight places of every span; their traces on front and rear
+    are the same splines, since x and y are linear in the parameters.
 
     Raises
     ------
@@ -49,7 +51,9 @@ def elliptic_faces(builder: BRep_Builder, lens: Lens, ellipse: Ellipse) -> list[
     """Return (face, ring of its rim) of front and rear, trimmed by the ellipse, normals outward."""
     found = []
     rectangle = lens.rear.half_width
-    for k, (graph, surface, freeform) in enumerate(zip(lens.graphs(), lens_surfaces(lens), (lens.front, lens.rear))):
+    for k, (graph, surface, freeform) in enumerate(
+        zip(lens.graphs(), lens_surfaces(lens), (lens.front, lens.rear))
+    ):
         curves = [rim_curve(graph, ellipse, half) for half in (0, 1)]
         lifted = [(kv, poles + np.array([0.0, 0.0, k * lens.thickness])) for kv, poles in curves]
         ring = EllipticWall(ellipse).rim(builder, lifted)

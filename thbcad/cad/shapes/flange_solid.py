@@ -26,11 +26,13 @@ if TYPE_CHECKING:
 
 
 def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> Part:
-    """Return the lens with a flange as a closed Part: front, rear, edges on both sides of the flange, the flange's faces.
+    """Return the lens with a flange as a closed Part: front, rear, edges on both sides of the flange, the
+    flange's faces.
 
     semi_axes : (a, b) float of an elliptic aperture, mm, as in `trimmed_part`; None is the rectangular lens
 
-    Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight places of every span.
+    Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight places
+    of every span.
 
     Raises
     ------
@@ -46,15 +48,24 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
         wall, ((front, bottom), (rear, top)) = EllipticWall(ellipse), elliptic_faces(builder, lens, ellipse)
         outline, edges = EllipticWall(flange.ellipse(ellipse)), EDGES
     inner, outer = ([w.level(builder, z) for z in (flange.low, flange.high)] for w in (wall, outline))
-    faces = [front, rear, *wall_faces(builder, wall, bottom, inner[0]), *wall_faces(builder, wall, inner[1], top)]
-    faces += [plane_face(builder, z, inner[k], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))]
+    faces = [
+        front,
+        rear,
+        *wall_faces(builder, wall, bottom, inner[0]),
+        *wall_faces(builder, wall, inner[1], top),
+    ]
+    faces += [
+        plane_face(builder, z, inner[k], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))
+    ]
     faces += wall_faces(builder, outline, *outer)
     names = [f"{edge} {side}" for side in ("front", "rear") for edge in edges]
     sides = [edge.replace("edge", "flange side") for edge in edges]
     return closed_part(("front", "rear", *names, "flange front", "flange rear", *sides), faces)
 
 
-def _rectangular(builder: BRep_Builder, lens: Lens) -> tuple[Wall, tuple[TopoDS_Face, Ring], tuple[TopoDS_Face, Ring]]:
+def _rectangular(
+    builder: BRep_Builder, lens: Lens
+) -> tuple[Wall, tuple[TopoDS_Face, Ring], tuple[TopoDS_Face, Ring]]:
     """Return the wall of the edges and (face, ring of its rim) of front and rear."""
     planar = lens.front.half_width == lens.rear.half_width
     wall = PlaneWall(lens.rear.half_width) if planar else RuledWall(ruled_edges(lens))

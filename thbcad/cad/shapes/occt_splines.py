@@ -55,7 +55,10 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
         geom.SetUNotPeriodic()
     if geom.IsVPeriodic():
         geom.SetVNotPeriodic()
-    ends = [(geom.UDegree(), geom.UMultiplicity, geom.NbUKnots()), (geom.VDegree(), geom.VMultiplicity, geom.NbVKnots())]
+    ends = [
+        (geom.UDegree(), geom.UMultiplicity, geom.NbUKnots()),
+        (geom.VDegree(), geom.VMultiplicity, geom.NbVKnots()),
+    ]
     if any(multiplicity(k) != degree + 1 for degree, multiplicity, count in ends for k in (1, count)):
         geom.Segment(*geom.Bounds())  # clamps the knots; drops spans below 1e-9
     kv_u = _knot_vector(geom.UDegree(), geom.UKnot, geom.UMultiplicity, geom.NbUKnots())
@@ -76,6 +79,8 @@ def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfIntege
     return knots, multiplicities
 
 
-def _knot_vector(degree: int, knot: Callable[[int], float], multiplicity: Callable[[int], int], count: int) -> KnotVector:
+def _knot_vector(
+    degree: int, knot: Callable[[int], float], multiplicity: Callable[[int], int], count: int
+) -> KnotVector:
     numbers = range(1, count + 1)
     return KnotVector(degree, np.repeat([knot(k) for k in numbers], [multiplicity(k) for k in numbers]))

@@ -1,4 +1,5 @@
-"""The lens as an OCCT solid whose front and rear are several exact faces, one for each patch of the THB surface.
+"""The lens as an OCCT solid whose front and rear are several exact faces, one for each patch of the THB
+surface.
 
 Patches meet at T-junctions.  The corners of all patches are vertices; an edge is the piece of a patch's
 boundary between two consecutive vertices, so that exactly two faces share it.  Nothing is sewn.
@@ -46,7 +47,8 @@ NEAR = 1e-12  # of the half-width: knots that differ by rounding only
 
 
 def patched_part(lens: Lens) -> Part:
-    """Return the lens as a closed Part with one face for each patch: "front 1", ..., "rear 1", ..., then the four edges.
+    """Return the lens as a closed Part with one face for each patch: "front 1", ..., "rear 1", ..., then the
+    four edges.
 
     Raises
     ------
@@ -65,7 +67,12 @@ def patched_part(lens: Lens) -> Part:
     faces = [TopoDS.Face_s(face.Reversed()) for face in sheets[0].faces] + sheets[1].faces
     for side, (start, stop) in enumerate(SIDES):
         front, rear = (sheet.chain(side, s) for sheet, s in zip(sheets, whole))
-        chains = [front, [struts[stop]], [edge.Reversed() for edge in reversed(rear)], [struts[start].Reversed()]]
+        chains = [
+            front,
+            [struts[stop]],
+            [edge.Reversed() for edge in reversed(rear)],
+            [struts[start].Reversed()],
+        ]
         loop = [edge for chain in chains for edge in chain]
         face = flat_face(builder, whole, side, loop) if planar else ruled_face(builder, whole, side, chains)
         faces.append(face if side < 2 else TopoDS.Face_s(face.Reversed()))
@@ -76,28 +83,43 @@ def patched_part(lens: Lens) -> Part:
 def lens_patches(lens: Lens) -> tuple[list[BSplineSurface], list[BSplineSurface]]:
     """Return the patches of front and rear with poles (x, y, z) in the lens frame, in mm.
 
-    As `lens_surfaces`, all are parametrised over the rear's rectangle.  Sags, planes and paraboloids are exact
-    but for rounding, other conics are within 1e-11 mm.  A surface without sag is one patch.
+    As `lens_surfaces`, all are parametrised over the rear's rectangle.  Sags, planes and paraboloids are
+    exact but for rounding, other conics are within 1e-11 mm.  A surface without sag is one patch.
     """
     target = lens.rear.half_width
     rows = zip((lens.front, lens.rear), lens_surfaces(lens), (0.0, lens.thickness))
-    front, rear = ([whole] if surface.sag is None else list(_placed(surface, vertex, target)) for surface, whole, vertex in rows)
+    front, rear = (
+        [whole] if surface.sag is None else list(_placed(surface, vertex, target))
+        for surface, whole, vertex in rows
+    )
     return front, rear
 
 
 def _placed(surface: FreeformSurface, vertex: float, target: tuple[float, float]) -> Iterator[BSplineSurface]:
-    """Yield the patches of conic + sag over the rectangle with half-widths `target`; equal positions get equal knots."""
+    """Yield the patches of conic + sag over the rectangle with half-widths `target`; equal positions get
+    equal knots."""
     space, patches = surface.sag.space, surface.sag.to_patches()
     domains, half = (space.kv_u, space.kv_v), surface.half_width
     marks = [
-        np.unique(np.concatenate([_mapped((patch.kv_u, patch.kv_v)[d].breaks, domains[d], target[d]) for patch in patches])) for d in (0, 1)
+        np.unique(
+            np.concatenate(
+                [_mapped((patch.kv_u, patch.kv_v)[d].breaks, domains[d], target[d]) for patch in patches]
+            )
+        )
+        for d in (0, 1)
     ]
     for patch in patches:
-        own = [KnotVector(kv.degree, _mapped(kv.knots, domain, h)) for kv, domain, h in zip((patch.kv_u, patch.kv_v), domains, half)]
+        own = [
+            KnotVector(kv.degree, _mapped(kv.knots, domain, h))
+            for kv, domain, h in zip((patch.kv_u, patch.kv_v), domains, half)
+        ]
         graph = conic_graph(surface.conic, *own, patch.coefficients)
         x, y = np.meshgrid(graph.kv_u.greville(), graph.kv_v.greville(), indexing="ij")
         poles = np.stack([x, y, vertex + graph.coefficients], axis=-1)
-        knots = [_snapped(kv.knots * (t / h), m) for kv, t, h, m in zip((graph.kv_u, graph.kv_v), target, half, marks)]
+        knots = [
+            _snapped(kv.knots * (t / h), m)
+            for kv, t, h, m in zip((graph.kv_u, graph.kv_v), target, half, marks)
+        ]
         yield BSplineSurface(*(KnotVector(kv.degree, t) for kv, t in zip(own, knots)), poles)
 
 
@@ -137,7 +159,8 @@ class _Sheet:
         self.faces = [self._face(patch) for patch in patches]
 
     def chain(self, side: int, surface: BSplineSurface) -> list[TopoDS_Edge]:
-        """Return the edges along a side of a patch, or of all patches, towards increasing x or y; makes those that are not there."""
+        """Return the edges along a side of a patch, or of all patches, towards increasing x or y; makes those
+        that are not there."""
         axis, line, (kv, poles) = side % 2, _line(surface, side), boundary(surface, side)
         places = self._places[axis][line]
         between = places[bisect_left(places, kv.start) : bisect_right(places, kv.stop)]
@@ -148,7 +171,10 @@ class _Sheet:
                 own, piece = kv.segment(start, stop)
                 points = piece @ poles
                 if np.linalg.norm(points[-1] - points[0]) <= 2 * TOLERANCE:
-                    raise ValueError(f"a patch has an edge of at most {2 * TOLERANCE:g} mm at {points[0]} mm; use fewer levels")
+                    raise ValueError(
+                        f"a patch has an edge of at most {2 * TOLERANCE:g} mm at {points[0]} mm; use fewer "
+                        "levels"
+                    )
                 ends = [self.vertices[(t, line) if axis == 0 else (line, t)] for t in (start, stop)]
                 self._edges[key] = new_edge(self._builder, geom_curve(own, points), start, stop, *ends)
             found.append(self._edges[key])
@@ -156,7 +182,11 @@ class _Sheet:
 
     def _face(self, patch: BSplineSurface) -> TopoDS_Face:
         chains = [self.chain(side, patch) for side in range(4)]
-        loop = [turned(edge, side >= 2) for side in range(4) for edge in (chains[side][::-1] if side >= 2 else chains[side])]
+        loop = [
+            turned(edge, side >= 2)
+            for side in range(4)
+            for edge in (chains[side][::-1] if side >= 2 else chains[side])
+        ]
         face = spline_face(self._builder, patch, loop)
         for side, chain in enumerate(chains):
             line = side_line(patch, side)

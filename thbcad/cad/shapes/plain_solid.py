@@ -17,7 +17,15 @@ from OCP.Geom import Geom_Line, Geom_Plane
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_REVERSED
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
+from OCP.TopoDS import (
+    TopoDS,
+    TopoDS_Edge,
+    TopoDS_Face,
+    TopoDS_Shell,
+    TopoDS_Solid,
+    TopoDS_Vertex,
+    TopoDS_Wire,
+)
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
 from thbcad.cad.shapes.part import Part
@@ -51,7 +59,8 @@ def lens_solid(lens: Lens) -> TopoDS_Solid:
 
 
 def lens_part(lens: Lens) -> Part:
-    """Return the lens as a closed Part of six faces: front, rear and the edges at low y, high x, high y, low x."""
+    """Return the lens as a closed Part of six faces: front, rear and the edges at low y, high x, high y, low
+    x."""
     surfaces = lens_surfaces(lens)
     planar = lens.front.half_width == lens.rear.half_width
     builder = BRep_Builder()
@@ -69,7 +78,11 @@ def lens_part(lens: Lens) -> Part:
     for side in range(4):
         start, stop = SIDES[side]
         loop = [rims[0][side], struts[stop], rims[1][side].Reversed(), struts[start].Reversed()]
-        face = flat_face(builder, surfaces, side, loop) if planar else ruled_face(builder, surfaces, side, [[edge] for edge in loop])
+        face = (
+            flat_face(builder, surfaces, side, loop)
+            if planar
+            else ruled_face(builder, surfaces, side, [[edge] for edge in loop])
+        )
         faces.append(face if side < 2 else TopoDS.Face_s(face.Reversed()))
     return closed_part(NAMES, faces)
 
@@ -97,10 +110,19 @@ def boundary(surface: BSplineSurface, side: int) -> tuple[KnotVector, NDArray[np
     """Return (KnotVector, poles) of a side: 0 low y, 1 high x, 2 high y, 3 low x."""
     c = surface.coefficients
     along_x = side in (0, 2)
-    return (surface.kv_u, c[:, 0 if side == 0 else -1]) if along_x else (surface.kv_v, c[-1 if side == 1 else 0])
+    return (
+        (surface.kv_u, c[:, 0 if side == 0 else -1]) if along_x else (surface.kv_v, c[-1 if side == 1 else 0])
+    )
 
 
-def new_edge(builder: BRep_Builder, curve: Geom_Curve, first: float, last: float, start: TopoDS_Vertex, stop: TopoDS_Vertex) -> TopoDS_Edge:
+def new_edge(
+    builder: BRep_Builder,
+    curve: Geom_Curve,
+    first: float,
+    last: float,
+    start: TopoDS_Vertex,
+    stop: TopoDS_Vertex,
+) -> TopoDS_Edge:
     """Return the piece [first, last] of a curve between two vertices as an edge."""
     edge = TopoDS_Edge()
     builder.MakeEdge(edge, curve, TOLERANCE)
@@ -111,7 +133,9 @@ def new_edge(builder: BRep_Builder, curve: Geom_Curve, first: float, last: float
     return edge
 
 
-def _rim(builder: BRep_Builder, surface: BSplineSurface, side: int, vertices: Sequence[TopoDS_Vertex]) -> TopoDS_Edge:
+def _rim(
+    builder: BRep_Builder, surface: BSplineSurface, side: int, vertices: Sequence[TopoDS_Vertex]
+) -> TopoDS_Edge:
     """Return the edge of a side, running towards increasing x or y."""
     kv, poles = boundary(surface, side)
     start, stop = SIDES[side]
@@ -119,7 +143,11 @@ def _rim(builder: BRep_Builder, surface: BSplineSurface, side: int, vertices: Se
 
 
 def strut(
-    builder: BRep_Builder, surfaces: Sequence[BSplineSurface], corner: int, vertices: Sequence[Sequence[TopoDS_Vertex]], straight: bool
+    builder: BRep_Builder,
+    surfaces: Sequence[BSplineSurface],
+    corner: int,
+    vertices: Sequence[Sequence[TopoDS_Vertex]],
+    straight: bool,
 ) -> TopoDS_Edge:
     """Return the edge from the front corner to the rear corner."""
     a, b = CORNERS[corner]
@@ -163,7 +191,9 @@ def spline_face(builder: BRep_Builder, surface: BSplineSurface, loop: Sequence[T
     return face
 
 
-def flat_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]) -> TopoDS_Face:
+def flat_face(
+    builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, loop: Sequence[TopoDS_Shape]
+) -> TopoDS_Face:
     """Return the plane edge face of a lens whose front and rear have the same size."""
     _, poles = boundary(surfaces[0], side)
     normal = gp_Dir(0, -1, 0) if side in (0, 2) else gp_Dir(1, 0, 0)
@@ -174,11 +204,15 @@ def flat_face(builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: i
 
 
 def ruled_face(
-    builder: BRep_Builder, surfaces: Sequence[BSplineSurface], side: int, chains: Sequence[Sequence[TopoDS_Shape]]
+    builder: BRep_Builder,
+    surfaces: Sequence[BSplineSurface],
+    side: int,
+    chains: Sequence[Sequence[TopoDS_Shape]],
 ) -> TopoDS_Face:
     """Return the ruled face between two rims; its second parameter runs from front to rear.
 
-    chains : the edges along the front rim, the strut at its end, the rear rim (reversed) and the strut at its start (reversed).
+    chains : the edges along the front rim, the strut at its end, the rear rim (reversed) and the strut at its
+        start (reversed).
     """
     rims = [boundary(s, side) for s in surfaces]
     kv = rims[0][0].merged(rims[1][0])

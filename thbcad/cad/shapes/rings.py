@@ -61,11 +61,20 @@ class Wall(Protocol):
 def wall_faces(builder: BRep_Builder, wall: Wall, low: Ring, high: Ring) -> list[TopoDS_Face]:
     """Return the faces of a wall between two of its rings, normals outward."""
     count = len(wall.ends)
-    struts = [new_edge(builder, wall.strut(k), low.heights[k], high.heights[k], low.vertices[k], high.vertices[k]) for k in range(count)]
+    struts = [
+        new_edge(builder, wall.strut(k), low.heights[k], high.heights[k], low.vertices[k], high.vertices[k])
+        for k in range(count)
+    ]
     return [_panel(builder, wall, k, (low, high), (struts[k], struts[(k + 1) % count])) for k in range(count)]
 
 
-def _panel(builder: BRep_Builder, wall: Wall, k: int, rings: tuple[Ring, Ring], struts: tuple[TopoDS_Shape, TopoDS_Shape]) -> TopoDS_Face:
+def _panel(
+    builder: BRep_Builder,
+    wall: Wall,
+    k: int,
+    rings: tuple[Ring, Ring],
+    struts: tuple[TopoDS_Shape, TopoDS_Shape],
+) -> TopoDS_Face:
     low, high = rings
     face = TopoDS_Face()
     builder.MakeFace(face, wall.surface(k), TOLERANCE)

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from OCP.Geom import Geom_Circle, Geom_CylindricalSurface, Geom_Ellipse, Geom_Line, Geom_Plane, Geom_SurfaceOfLinearExtrusion
+from OCP.Geom import (
+    Geom_Circle,
+    Geom_CylindricalSurface,
+    Geom_Ellipse,
+    Geom_Line,
+    Geom_Plane,
+    Geom_SurfaceOfLinearExtrusion,
+)
 from OCP.Geom2d import Geom2d_Line
 from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
@@ -60,7 +67,8 @@ class PlaneWall:
 
 @dataclass(frozen=True, eq=False)
 class EllipticWall:
-    """The `Wall` over an ellipse, a straight cylinder in two halves; s is the angle of the ellipse, v is z."""
+    """The `Wall` over an ellipse, a straight cylinder in two halves; s is the angle of the ellipse, v is
+    z."""
 
     ellipse: Ellipse
 
@@ -75,7 +83,11 @@ class EllipticWall:
 
     def _curve(self, z: float) -> Geom_Curve:
         a, b = self.ellipse.semi_axes
-        return Geom_Circle(self._axes(z), a) if self._round else Geom_Ellipse(self._axes(z), max(a, b), min(a, b))
+        return (
+            Geom_Circle(self._axes(z), a)
+            if self._round
+            else Geom_Ellipse(self._axes(z), max(a, b), min(a, b))
+        )
 
     def _places(self, z: Sequence[float]) -> NDArray[np.float64]:
         return np.column_stack([*self.ellipse([0.0, np.pi]), z])
@@ -90,20 +102,31 @@ class EllipticWall:
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
         vertices = [new_vertex(builder, place) for place in self._places((z, z))]
-        edges = [new_edge(builder, self._curve(z), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)]
+        edges = [
+            new_edge(builder, self._curve(z), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)
+        ]
         return Ring(vertices, edges, (Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0)),) * 2, (z, z))
 
     def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
         """Return the ring along two splines (x, y, z) over the angle, one for each half."""
         heights = tuple(float(poles[0, 2]) for _, poles in curves)
         vertices = [new_vertex(builder, place) for place in self._places(heights)]
-        edges = [new_edge(builder, geom_curve(*curves[k]), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)]
-        return Ring(vertices, edges, [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves], heights)
+        edges = [
+            new_edge(builder, geom_curve(*curves[k]), *self.ends[k], vertices[k], vertices[1 - k])
+            for k in (0, 1)
+        ]
+        return Ring(
+            vertices,
+            edges,
+            [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves],
+            heights,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class RuledWall:
-    """The `Wall` of the four ruled edges of a lens; s is x or y in the rear's rectangle, v runs from 0 (front) to 1 (rear).
+    """The `Wall` of the four ruled edges of a lens; s is x or y in the rear's rectangle, v runs from 0
+    (front) to 1 (rear).
 
     panels : as `ruled_edges` returns them
     """
@@ -121,12 +144,19 @@ class RuledWall:
     def strut(self, corner: int) -> Geom_Curve:
         return geom_curve(UNIT, self.panels[corner].coefficients[_first(corner)])
 
-    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]], v: float) -> Ring:
+    def rim(
+        self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]], v: float
+    ) -> Ring:
         """Return the ring of the front's (v = 0) or the rear's rim (v = 1)."""
-        return replace(side_ring(builder, curves), traces=(Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0)),) * 4, heights=(v,) * 4)
+        return replace(
+            side_ring(builder, curves),
+            traces=(Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0)),) * 4,
+            heights=(v,) * 4,
+        )
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        """Return the ring at a height, (1 - v) front + v rear with v = (z - front) / (rear - front) on each ruling."""
+        """Return the ring at a height, (1 - v) front + v rear with v = (z - front) / (rear - front) on each
+        ruling."""
         curves = [self._level(panel, z) for panel in self.panels]
         flat = [(kv, np.column_stack([poles[:, :2], np.full(len(poles), z)])) for kv, poles in curves]
         traces = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves]
@@ -146,14 +176,17 @@ class RuledWall:
 
 
 def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
-    """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have their z as height."""
+    """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have
+    their z as height."""
     starts = [poles[_first(side)] for side, (_, poles) in enumerate(curves)]
     vertices = [new_vertex(builder, place) for place in starts]
     edges = []
     for side, (kv, poles) in enumerate(curves):
         pair = vertices[side], vertices[(side + 1) % 4]
         start, stop = pair if side < 2 else pair[::-1]
-        edges.append(turned(new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, start, stop), side >= 2))
+        edges.append(
+            turned(new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, start, stop), side >= 2)
+        )
     return Ring(vertices, edges, (), [float(place[2]) for place in starts])
 
 

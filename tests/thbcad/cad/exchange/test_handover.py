@@ -1,4 +1,5 @@
-"""The lens as a solid of build123d and of cadquery: the same geometry, and fit for boolean operations and assemblies."""
+"""The lens as a solid of build123d and of cadquery: the same geometry, and fit for boolean operations and
+assemblies."""
 
 import subprocess
 import sys
@@ -19,7 +20,14 @@ from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_ca
 from thbcad.cad.shapes import NAMES, lens_part, lens_surfaces, spline_surface
 
 FLAT = ("plano", "freeform", "paraboloids", "sphere")  # edges are planes
-OUTWARD = {"front": (0, 0, -1), "rear": (0, 0, 1), "edge -y": (0, -1, 0), "edge +x": (1, 0, 0), "edge +y": (0, 1, 0), "edge -x": (-1, 0, 0)}
+OUTWARD = {
+    "front": (0, 0, -1),
+    "rear": (0, 0, 1),
+    "edge -y": (0, -1, 0),
+    "edge +x": (1, 0, 0),
+    "edge +y": (0, 1, 0),
+    "edge -x": (-1, 0, 0),
+}
 TEXT = 1e-13  # of the greatest number: what STEP files keep that OCCT writes (about 13 digits)
 
 
@@ -29,7 +37,11 @@ def net(shape):
 
 
 def same_bits(spline, other):
-    pairs = ((spline.coefficients, other.coefficients), (spline.kv_u.knots, other.kv_u.knots), (spline.kv_v.knots, other.kv_v.knots))
+    pairs = (
+        (spline.coefficients, other.coefficients),
+        (spline.kv_u.knots, other.kv_u.knots),
+        (spline.kv_v.knots, other.kv_v.knots),
+    )
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
@@ -77,7 +89,8 @@ def test_label_and_colour():
 
 @pytest.mark.parametrize("name", LENSES)
 def test_names_tell_the_faces(name):
-    """A face's name tells where its outward normal points at the middle, and how its colleagues in the solid are found."""
+    """A face's name tells where its outward normal points at the middle, and how its colleagues in the solid
+    are found."""
     part = lens_part(LENSES[name])
     faces, solid = named_faces(part), to_build123d(part)
     assert tuple(faces) == NAMES
@@ -97,7 +110,9 @@ def test_a_corner_between_named_faces_is_chamfered():
     assert len(chamfered.faces()) == 7
     lengths = [5.0 + LENSES["plano"].rear(10.0 - s, -8.0 + t)[0] for s, t in ((0, 0), (0.5, 0), (0, 0.5))]
     # a prism of area 0.5^2 / 2 between planes: exact but for the curvature of the rear, h^2 / R / 8
-    assert volume(solid) - volume(chamfered) == pytest.approx(0.125 * np.mean(lengths), abs=0.125 * 0.5**2 / 80)
+    assert volume(solid) - volume(chamfered) == pytest.approx(
+        0.125 * np.mean(lengths), abs=0.125 * 0.5**2 / 80
+    )
 
 
 @pytest.mark.parametrize("name", FLAT)
@@ -116,7 +131,8 @@ def test_a_pocket_is_cut_and_the_optical_faces_stay(name):
 
 @pytest.mark.parametrize("name", FLAT)
 def test_a_ring_is_fused_to_the_edges(name):
-    """A rectangular ring, 1 mm wide and 1 mm high, half in the lens: the union has the volume of its parts less the overlap."""
+    """A rectangular ring, 1 mm wide and 1 mm high, half in the lens: the union has the volume of its parts
+    less the overlap."""
     lens = LENSES[name]
     (hx, hy), at = lens.front.half_width, block(lens, 1.0).center().Z
     ring = bd.Pos(0, 0, at) * (bd.Box(2 * hx + 1, 2 * hy + 1, 1) - bd.Box(2 * hx - 1, 2 * hy - 1, 1))
@@ -159,10 +175,14 @@ def test_an_assembly_reads_back(library, tmp_path):
         np.testing.assert_allclose(read, moved, rtol=0, atol=TEXT * np.abs(moved).max())
 
 
-@pytest.mark.parametrize(("library", "make"), [("build123d", to_build123d), ("cadquery", to_cadquery), ("build123d", named_faces)])
+@pytest.mark.parametrize(
+    ("library", "make"), [("build123d", to_build123d), ("cadquery", to_cadquery), ("build123d", named_faces)]
+)
 def test_a_missing_library_is_told_in_one_sentence(library, make, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(ImportError, match=rf"^{library} cannot be imported \(.*\): pip install thbcad\[cad\]$"):
+    with pytest.raises(
+        ImportError, match=rf"^{library} cannot be imported \(.*\): pip install thbcad\[cad\]$"
+    ):
         make(LENSES["plano"])
 
 
@@ -174,5 +194,7 @@ def test_only_lenses_are_taken(make):
 
 def test_the_module_loads_neither_library():
     program = "import sys, thbcad.cad.objects; print(*{'build123d', 'cadquery'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     assert done.stdout.split() == []

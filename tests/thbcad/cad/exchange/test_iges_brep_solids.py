@@ -15,8 +15,12 @@ from thbcad.cad.shapes import lens_surfaces
 from thbcad.sags import Conic
 
 FORMATS = {"iges": (iges_bytes, read_iges), "brep": (brep_bytes, read_brep)}
-SPHERES = Lens(FreeformSurface((5.0, 4.0), Conic(40.0, 0.0)), FreeformSurface((5.0, 4.0), Conic(-30.0, 0.5)), 6.0, 1.5)
-RULED = Lens(FreeformSurface((5.0, 4.0), Conic(-9.0, -1.0)), FreeformSurface((8.0, 3.0), Conic(-12.0, -1.0)), 6.0, 1.5)
+SPHERES = Lens(
+    FreeformSurface((5.0, 4.0), Conic(40.0, 0.0)), FreeformSurface((5.0, 4.0), Conic(-30.0, 0.5)), 6.0, 1.5
+)
+RULED = Lens(
+    FreeformSurface((5.0, 4.0), Conic(-9.0, -1.0)), FreeformSurface((8.0, 3.0), Conic(-12.0, -1.0)), 6.0, 1.5
+)
 
 
 def written(lens, name, folder):
@@ -52,7 +56,9 @@ def test_the_same_lens_gives_the_same_bytes(name):
 
 def test_iges_holds_one_manifold_solid_in_mm():
     text = iges_bytes(RULED).decode("ascii")
-    kinds = [int(line[:8]) for line in text.splitlines() if line[72] == "D"][::2]  # two lines per directory entry
+    kinds = [int(line[:8]) for line in text.splitlines() if line[72] == "D"][
+        ::2
+    ]  # two lines per directory entry
     assert [kinds.count(kind) for kind in (186, 514, 510)] == [1, 1, 6]  # solid, shell, faces
     assert re.search(r",2,2HMM,", "".join(line[:72] for line in text.splitlines() if line[72] == "G"))
 

@@ -24,7 +24,15 @@ from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, circular_ar
 KINDS = (".step", ".igs", ".brep")
 CUBIC = KnotVector.uniform(3, 3)
 WAVE = BSplineSurface(
-    CUBIC, CUBIC, np.stack([*np.meshgrid(CUBIC.greville(), CUBIC.greville(), indexing="ij"), np.sin(np.arange(36)).reshape(6, 6)], -1)
+    CUBIC,
+    CUBIC,
+    np.stack(
+        [
+            *np.meshgrid(CUBIC.greville(), CUBIC.greville(), indexing="ij"),
+            np.sin(np.arange(36)).reshape(6, 6),
+        ],
+        -1,
+    ),
 )
 CIRCLE = circular_arc(3.0).transformed([[1, 0], [0, 1], [0, 0]])
 SURFACES = {
@@ -47,7 +55,10 @@ def kind(request):
 def occt_settings():
     """Put back OCCT's process-wide settings that a test changes."""
     IGESControl_Controller.Init_s()
-    before = {name: Interface_Static.CVal_s(name) for name in ("write.iges.unit", "xstep.cascade.unit", "read.iges.bspline.continuity")}
+    before = {
+        name: Interface_Static.CVal_s(name)
+        for name in ("write.iges.unit", "xstep.cascade.unit", "read.iges.bspline.continuity")
+    }
     yield
     for name, value in before.items():
         Interface_Static.SetCVal_s(name, value)
@@ -68,7 +79,9 @@ def assert_same(read, written):
 
 
 def samples(surface, n=17):
-    return surface.grid(*(np.linspace(kv.start, kv.stop, n) for kv in (surface.kv_u, surface.kv_v))).reshape(-1, 3)
+    return surface.grid(*(np.linspace(kv.start, kv.stop, n) for kv in (surface.kv_u, surface.kv_v))).reshape(
+        -1, 3
+    )
 
 
 def brep(shape, path):
@@ -91,10 +104,14 @@ def test_every_number_of_many_surfaces_reads_back_in_order(kind, tmp_path):
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(nurbs_surfaces(), st.sampled_from([1.0, 1e-3, 1e3]))
 def test_every_number_of_random_surfaces_reads_back(kind, tmp_path, surface, size):
-    """Random nets, 10 apart so that no two vertices meet, with weights of ratio up to 100 and any clamped knots."""
+    """Random nets, 10 apart so that no two vertices meet, with weights of ratio up to 100 and any clamped
+    knots."""
     i, j = np.indices(surface.weights.shape)
     surface = NURBSSurface(
-        surface.kv_u, surface.kv_v, size * (surface.points + np.stack([10 * i, 10 * j, 0 * i], axis=-1)), surface.weights
+        surface.kv_u,
+        surface.kv_v,
+        size * (surface.points + np.stack([10 * i, 10 * j, 0 * i], axis=-1)),
+        surface.weights,
     )
     write_faces([surface], tmp_path / f"random{kind}")
     assert_same(read_faces(tmp_path / f"random{kind}"), [surface])
@@ -105,7 +122,9 @@ def test_nearly_closed_surfaces_come_back_closed(kind, gap, tmp_path):
     """OCCT makes them periodic in STEP and IGES: the last row moves by the gap; BREP keeps it."""
     kv = KnotVector.uniform(3, 6)
     t = 2 * np.pi * kv.greville()
-    points = np.stack([np.stack([np.cos(t), np.sin(t), np.full_like(t, z)], axis=-1) for z in (0.0, 1.0)], axis=1)
+    points = np.stack(
+        [np.stack([np.cos(t), np.sin(t), np.full_like(t, z)], axis=-1) for z in (0.0, 1.0)], axis=1
+    )
     points[-1] = points[0] + [0, gap, 0]
     write_faces([BSplineSurface(kv, KnotVector.uniform(1, 1), points)], tmp_path / f"near{kind}")
     read = read_faces(tmp_path / f"near{kind}")[0].coefficients
@@ -139,7 +158,8 @@ def test_the_same_surfaces_give_the_same_bytes(kind, tmp_path):
 
 @pytest.mark.parametrize("kind", [".step", ".brep"])
 def test_build123d_reads_the_faces(kind, tmp_path):
-    """OCCT's areas of sphere, torus and cylinder are the closed forms: the seams and poles of the faces are right."""
+    """OCCT's areas of sphere, torus and cylinder are the closed forms: the seams and poles of the faces are
+    right."""
     path = tmp_path / f"faces{kind}"
     write_faces([SURFACES[name] for name in ("sphere", "torus", "cylinder")], path)
     shape = build123d.import_step(path) if kind == ".step" else build123d.import_brep(path)
@@ -154,7 +174,10 @@ def test_build123d_reads_the_faces(kind, tmp_path):
 SOLIDS = {
     "box": (build123d.Box(1, 2, 3), lambda x: np.prod(abs(x) - [0.5, 1, 1.5], axis=1)),
     "cylinder": (build123d.Cylinder(2, 3), lambda x: (np.hypot(*x[:, :2].T) - 2) * (abs(x[:, 2]) - 1.5)),
-    "cone": (build123d.Cone(2, 1, 3), lambda x: (np.hypot(*x[:, :2].T) - 1.5 + x[:, 2] / 3) * (abs(x[:, 2]) - 1.5)),
+    "cone": (
+        build123d.Cone(2, 1, 3),
+        lambda x: (np.hypot(*x[:, :2].T) - 1.5 + x[:, 2] / 3) * (abs(x[:, 2]) - 1.5),
+    ),
     "sphere": (build123d.Sphere(2), lambda x: np.linalg.norm(x, axis=1) - 2),
     "torus": (build123d.Torus(5, 1), lambda x: np.hypot(np.hypot(*x[:, :2].T) - 5, x[:, 2]) - 1),
 }
@@ -162,7 +185,8 @@ SOLIDS = {
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_elementary_surfaces_come_as_exact_nurbs(kind, name, tmp_path):
-    """Points of every face of a shifted solid satisfy its equation, up to products of three numbers below 10, to rounding."""
+    """Points of every face of a shifted solid satisfy its equation, up to products of three numbers below 10,
+    to rounding."""
     solid, equation = SOLIDS[name]
     placed, path = build123d.Pos(1, 2, 3) * solid, tmp_path / f"solid{kind}"
     if kind == ".step":
@@ -203,7 +227,10 @@ def test_offset_surfaces_are_refused(tmp_path):
     """They are no NURBS: OCCT would approximate."""
     offset = Geom_OffsetSurface(rational_geom(SURFACES["part"]), 0.5)
     path = brep(BRepBuilderAPI_MakeFace(offset, 1e-7).Face(), tmp_path / "offset.brep")
-    with pytest.raises(ValueError, match=re.escape(f"face 0 of {path} cannot be read: it is no surface that NURBS hold exactly")):
+    with pytest.raises(
+        ValueError,
+        match=re.escape(f"face 0 of {path} cannot be read: it is no surface that NURBS hold exactly"),
+    ):
         read_faces(path)
 
 
@@ -211,7 +238,9 @@ def test_degrees_above_10_are_refused(tmp_path):
     geom = rational_geom(SURFACES["part"])
     geom.IncreaseDegree(11, 2)
     path = brep(BRepBuilderAPI_MakeFace(geom, 1e-7).Face(), tmp_path / "high.brep")
-    with pytest.raises(ValueError, match=r"face 0 of .* cannot be read: degree must be an integer from 1 to 10, got 11"):
+    with pytest.raises(
+        ValueError, match=r"face 0 of .* cannot be read: degree must be an integer from 1 to 10, got 11"
+    ):
         read_faces(path)
 
 
@@ -276,7 +305,10 @@ def test_truncated_files_are_refused(kind, share, tmp_path):
     write_faces([WAVE, SURFACES["torus"]], path)
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(ValueError, match=re.escape(f"{path} is not a readable {kind[1:].upper().replace('IGS', 'IGES')} file")):
+    with pytest.raises(
+        ValueError,
+        match=re.escape(f"{path} is not a readable {kind[1:].upper().replace('IGS', 'IGES')} file"),
+    ):
         read_faces(path)
 
 
@@ -290,7 +322,9 @@ def test_a_brep_without_its_last_reference_is_refused(cut, tmp_path):
         read_faces(path)
 
 
-@pytest.mark.parametrize("data", [b"", b"hello\n", b"\x00\xff" * 500, b"ISO-10303-21;\n", b"CASCADE Topology V1\nTShapes 0\n"])
+@pytest.mark.parametrize(
+    "data", [b"", b"hello\n", b"\x00\xff" * 500, b"ISO-10303-21;\n", b"CASCADE Topology V1\nTShapes 0\n"]
+)
 def test_other_files_are_refused(kind, data, tmp_path):
     path = tmp_path / f"other{kind}"
     path.write_bytes(data)
@@ -316,7 +350,9 @@ def test_surfaces_are_refused(tmp_path):
     with pytest.raises(ValueError, match="at least one surface"):
         write_faces([], tmp_path / "a.step")
     plane = NURBSSurface(CUBIC, CUBIC, WAVE.coefficients[..., :2])
-    with pytest.raises(ValueError, match=r"surfaces\[1\] must have points \(x, y, z\), got a net of shape \(6, 6, 2\)"):
+    with pytest.raises(
+        ValueError, match=r"surfaces\[1\] must have points \(x, y, z\), got a net of shape \(6, 6, 2\)"
+    ):
         write_faces([WAVE, plane], tmp_path / "a.step")
     small = NURBSSurface(CUBIC, CUBIC, WAVE.coefficients, np.where(np.arange(36).reshape(6, 6), 1.0, 1e-10))
     with pytest.raises(ValueError, match="weights must be at least 1e-09 in IGES, got 1e-10"):
@@ -328,7 +364,9 @@ def test_surfaces_are_refused(tmp_path):
 def test_knots_too_near_for_occt_are_refused(kind, tmp_path):
     near = KnotVector(1, [0.0, 0.0, 1.0, np.nextafter(1.0, 2.0), 2.0, 2.0])
     with pytest.raises(RuntimeError, match=r"OCCT could not make a face of surfaces\[1\]: .*[Kk]nots"):
-        write_faces([WAVE, BSplineSurface(near, near, np.arange(48.0).reshape(4, 4, 3))], tmp_path / f"a{kind}")
+        write_faces(
+            [WAVE, BSplineSurface(near, near, np.arange(48.0).reshape(4, 4, 3))], tmp_path / f"a{kind}"
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -369,7 +407,9 @@ def test_small_faces_are_kept_or_refused(kind, size, tmp_path):
         write_faces([surface], path)
         assert_same(read_faces(path), [surface])
     else:
-        with pytest.raises(ValueError, match=r"surfaces\[1\] is 1.4e-07 mm large, below the 1e-06 mm that STEP and IGES keep"):
+        with pytest.raises(
+            ValueError, match=r"surfaces\[1\] is 1.4e-07 mm large, below the 1e-06 mm that STEP and IGES keep"
+        ):
             write_faces([WAVE, surface], path)
         assert not path.exists()
 

@@ -26,13 +26,19 @@ def test_a_box_is_met_at_its_planes():
     origins = [[1, 1, -5], [1, 1, 9], [-7, 1, 1], [1, 1, 1], [5, 5, -5], [1, 1, 4]]
     directions = [[0, 0, 1], [0, 0, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -2.0]]
     hits = face_hits(box, origins, directions)
-    np.testing.assert_allclose(hits.points[:4], [[1, 1, 0], [1, 1, 4], [0, 1, 1], [1, 3, 1]], rtol=0, atol=ROUNDING)
-    np.testing.assert_allclose(hits.normals[:4], [[0, 0, -1], [0, 0, 1], [-1, 0, 0], [0, 1, 0]], rtol=0, atol=ROUNDING)
+    np.testing.assert_allclose(
+        hits.points[:4], [[1, 1, 0], [1, 1, 4], [0, 1, 1], [1, 3, 1]], rtol=0, atol=ROUNDING
+    )
+    np.testing.assert_allclose(
+        hits.normals[:4], [[0, 0, -1], [0, 0, 1], [-1, 0, 0], [0, 1, 0]], rtol=0, atol=ROUNDING
+    )
     assert len(set(hits.faces[:4])) == 4
     assert hits.faces[4] == -1
     assert np.isnan(hits.points[4]).all()
     assert np.isnan(hits.normals[4]).all()
-    np.testing.assert_allclose(hits.points[5], [1, 1, 0], rtol=0, atol=ROUNDING)  # leaves the face that it starts on
+    np.testing.assert_allclose(
+        hits.points[5], [1, 1, 0], rtol=0, atol=ROUNDING
+    )  # leaves the face that it starts on
 
 
 def test_a_sphere_is_met_where_the_quadratic_says():
@@ -45,13 +51,18 @@ def test_a_sphere_is_met_where_the_quadratic_says():
     assert 20 < met.sum() < 180
     points = (origins + (-half - np.sqrt(np.where(met, square, 0)))[:, None] * directions)[met]
     # near tangency the root of the quadratic spreads a last digit by R / sqrt(square)
-    np.testing.assert_allclose(hits.points[met], points, rtol=0, atol=ROUNDING * 7 / np.sqrt(square[met].min()))
-    np.testing.assert_allclose(hits.normals[met], points / 7, rtol=0, atol=ROUNDING / np.sqrt(square[met].min()))
+    np.testing.assert_allclose(
+        hits.points[met], points, rtol=0, atol=ROUNDING * 7 / np.sqrt(square[met].min())
+    )
+    np.testing.assert_allclose(
+        hits.normals[met], points / 7, rtol=0, atol=ROUNDING / np.sqrt(square[met].min())
+    )
 
 
 @pytest.mark.parametrize("name", LENSES)
 def test_lens_faces_are_met_on_the_surface_of_the_lens(name):
-    """First the front, from below; from there straight on, the rear or an edge face: heights and normals by the kernel."""
+    """First the front, from below; from there straight on, the rear or an edge face: heights and normals by
+    the kernel."""
     lens = LENSES[name]
     rng = np.random.default_rng(3)
     h = np.minimum(lens.front.half_width, lens.rear.half_width)
@@ -63,7 +74,9 @@ def test_lens_faces_are_met_on_the_surface_of_the_lens(name):
     for hits, surface, vertex, sign in ((front, lens.front, 0.0, -1), (rear, lens.rear, lens.thickness, 1)):
         assert hits.faces.tolist() == [0 if sign < 0 else 1] * 40
         # a conic that is no paraboloid is within 1e-11 mm
-        np.testing.assert_allclose(hits.points, np.column_stack([x, y, vertex + surface(x, y)]), rtol=0, atol=2e-11)
+        np.testing.assert_allclose(
+            hits.points, np.column_stack([x, y, vertex + surface(x, y)]), rtol=0, atol=2e-11
+        )
         normal = np.column_stack([-surface(x, y, (1, 0)), -surface(x, y, (0, 1)), np.ones(40)])
         normal *= sign / np.linalg.norm(normal, axis=1, keepdims=True)
         np.testing.assert_allclose(hits.normals, normal, rtol=0, atol=1e-10)

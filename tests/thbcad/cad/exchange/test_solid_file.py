@@ -1,4 +1,5 @@
-"""Names, colours and materials in CAD files: written for every schema, read back by OCCT and, in ISO 10303-21, from the text."""
+"""Names, colours and materials in CAD files: written for every schema, read back by OCCT and, in ISO
+10303-21, from the text."""
 
 import getpass
 import re
@@ -20,14 +21,28 @@ from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS
-from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_ColorTool, XCAFDoc_DocumentTool, XCAFDoc_Material, XCAFDoc_ShapeTool
+from OCP.XCAFDoc import (
+    XCAFDoc_ColorSurf,
+    XCAFDoc_ColorTool,
+    XCAFDoc_DocumentTool,
+    XCAFDoc_Material,
+    XCAFDoc_ShapeTool,
+)
 
 from tests.thbcad.cad.exchange.test_step import LENSES, assert_same_surface
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
 from thbcad.cad.exchange.reading import explore
 from thbcad.cad.exchange.solid_file import SolidFile, solid_volume
-from thbcad.cad.exchange.step import COLOURS, OTHER_COLOUR, SCHEMAS, part_step, read_step, step_bytes, write_step
+from thbcad.cad.exchange.step import (
+    COLOURS,
+    OTHER_COLOUR,
+    SCHEMAS,
+    part_step,
+    read_step,
+    step_bytes,
+    write_step,
+)
 from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import NAMES, Part, lens_part, lens_surfaces
 from thbcad.io import having, read_brep as read_text, read_part21
@@ -35,7 +50,15 @@ from thbcad.lens import Product
 
 LENS = LENSES["ruled"]
 PRODUCT = Product("Pearl lens", "A. Grinder", "Optics Ltd", "PMMA", 1.19, 1.49)
-SCRIPTS = ["Linse Ü ß", "O'Brien's \\ lens", "透镜", "😀 x", "a\\X2\\00DC\\X0\\b", "long " * 40 + "name", "#12=1.50;/*c*/"]
+SCRIPTS = [
+    "Linse Ü ß",
+    "O'Brien's \\ lens",
+    "透镜",
+    "😀 x",
+    "a\\X2\\00DC\\X0\\b",
+    "long " * 40 + "name",
+    "#12=1.50;/*c*/",
+]
 
 
 @pytest.fixture(scope="module", params=SCHEMAS)
@@ -54,7 +77,10 @@ def decoded(text):
         return bytes.fromhex(digits).decode("utf-16-be" if wide == "2" else "utf-32-be")
 
     parts = re.split(r"(\\\\)", text.replace("''", "'"))
-    return "".join("\\" if part == "\\\\" else re.sub(r"\\X([24])\\([0-9A-F]+)\\X0\\", characters, part) for part in parts)
+    return "".join(
+        "\\" if part == "\\\\" else re.sub(r"\\X([24])\\([0-9A-F]+)\\X0\\", characters, part)
+        for part in parts
+    )
 
 
 def labels(sequence):
@@ -63,11 +89,16 @@ def labels(sequence):
 
 def name(label):
     found = TDataStd_Name()
-    return found.Get().ToExtString() if label.IsAttribute(found.ID()) and label.FindAttribute(found.ID(), found) else ""
+    return (
+        found.Get().ToExtString()
+        if label.IsAttribute(found.ID()) and label.FindAttribute(found.ID(), found)
+        else ""
+    )
 
 
 def opened(path, reader):
-    """Return (document, label of the one solid) as OCCT's reader of names, colours and materials sees a file."""
+    """Return (document, label of the one solid) as OCCT's reader of names, colours and materials sees a
+    file."""
     silence()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
     for mode in ("SetNameMode", "SetColorMode", "SetMatMode"):
@@ -96,7 +127,12 @@ def names_of_faces():
 def test_names_read_back(written):
     schema, path = written
     read = read_step(path)
-    assert (read.product, read.author, read.organization, read.material) == ("Pearl lens", "A. Grinder", "Optics Ltd", "PMMA")
+    assert (read.product, read.author, read.organization, read.material) == (
+        "Pearl lens",
+        "A. Grinder",
+        "Optics Ltd",
+        "PMMA",
+    )
     assert (read.schema, read.face_names) == (schema, NAMES)
 
 
@@ -114,7 +150,9 @@ def test_face_names_stand_at_their_faces(written):
     """By the own reader of the text: the splines of the faces that the file calls front and rear."""
     _, path = written
     entities = read_part21(path)
-    named = {face.number: entities[face.number].parameters("ADVANCED_FACE", 4)[0] for face in read_text(path).faces}
+    named = {
+        face.number: entities[face.number].parameters("ADVANCED_FACE", 4)[0] for face in read_text(path).faces
+    }
     assert tuple(named.values()) == NAMES
     for face, own in zip(read_text(path).faces, lens_surfaces(LENS)):
         assert_same_surface(face.surface, own)
@@ -138,7 +176,10 @@ def test_an_opener_sees_names_colours_and_material(written, names_of_faces):
     (label,) = labels(materials)
     material = XCAFDoc_Material()
     assert label.FindAttribute(XCAFDoc_Material.GetID_s(), material)
-    assert (material.GetName().ToCString(), material.GetDescription().ToCString()) == ("PMMA", "refractive index 1.49")
+    assert (material.GetName().ToCString(), material.GetDescription().ToCString()) == (
+        "PMMA",
+        "refractive index 1.49",
+    )
     assert material.GetDensity() == pytest.approx(1.19, rel=1e-15)
 
 
@@ -165,7 +206,9 @@ def test_a_file_names_neither_machine_nor_user_nor_day(written):
     for word in (socket.gethostname(), getpass.getuser()):
         assert f"'{word}" not in text
     assert set(re.findall(r"\d{4}-\d\d-\d\dT[\d:]+", text)) == {"2000-01-01T00:00:00"}
-    assert set(re.findall(r"CALENDAR_DATE\(.*\)", text)) == ({"CALENDAR_DATE(2000,1,1)"} if schema == "AP203" else set())
+    assert set(re.findall(r"CALENDAR_DATE\(.*\)", text)) == (
+        {"CALENDAR_DATE(2000,1,1)"} if schema == "AP203" else set()
+    )
 
 
 def test_ap203_declares_the_colours_as_its_second_list_of_entities(written):
@@ -190,7 +233,9 @@ def test_texts_of_every_script_read_back(text, schema, tmp_path):
     read = read_step(tmp_path / "lens.step")
     assert (read.product, read.author, read.organization, read.material) == (text, text, text, text)
     written = (tmp_path / "lens.step").read_text("ascii")
-    (head,) = re.findall(r"FILE_NAME\(\s*('(?:[^']|'')*')\s*,\s*'2000[^']*'\s*,\s*\(\s*('(?:[^']|'')*')", written)
+    (head,) = re.findall(
+        r"FILE_NAME\(\s*('(?:[^']|'')*')\s*,\s*'2000[^']*'\s*,\s*\(\s*('(?:[^']|'')*')", written
+    )
     (entity,) = re.findall(r"=PRODUCT\(\s*('(?:[^']|'')*')", written)
     assert [decoded(part[1:-1]) for part in (*head, entity)] == [text] * 3
 
@@ -211,7 +256,9 @@ def test_a_face_name_of_two_lines_is_refused():
 def test_a_part_of_another_shape_is_written(tmp_path):
     solid = BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Solid()
     faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
-    (tmp_path / "box.step").write_bytes(part_step(Part(solid, [f"edge {k}" for k in range(6)], faces), Product("box")))
+    (tmp_path / "box.step").write_bytes(
+        part_step(Part(solid, [f"edge {k}" for k in range(6)], faces), Product("box"))
+    )
     box = build123d.import_step(tmp_path / "box.step")
     assert (box.label, box.volume) == ("box", pytest.approx(6.0))
 
@@ -248,7 +295,10 @@ def test_other_files_in_between_do_not_change_the_bytes(schema, tmp_path):
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [((PRODUCT, "AP209"), "schema must be AP242, AP214, AP203, got 'AP209'"), (("lens",), "product must be a Product, got str")],
+    [
+        ((PRODUCT, "AP209"), "schema must be AP242, AP214, AP203, got 'AP209'"),
+        (("lens",), "product must be a Product, got str"),
+    ],
 )
 def test_other_arguments_are_refused(arguments, message, tmp_path):
     with pytest.raises(ValueError, match=message):
@@ -272,12 +322,22 @@ def test_iges_has_names(tmp_path):
 
 
 def test_all_formats_give_one_record(tmp_path):
-    for suffix, data, read in (("step", step_bytes, read_step), ("igs", iges_bytes, read_iges), ("brep", brep_bytes, read_brep)):
+    for suffix, data, read in (
+        ("step", step_bytes, read_step),
+        ("igs", iges_bytes, read_iges),
+        ("brep", brep_bytes, read_brep),
+    ):
         path = tmp_path / f"lens.{suffix}"
         path.write_bytes(data(LENS))
         found = read(path)
         assert isinstance(found, SolidFile)
-        assert (found.solids, found.faces, found.free_edges, found.closed, found.valid) == (1, 6, 0, True, True)
+        assert (found.solids, found.faces, found.free_edges, found.closed, found.valid) == (
+            1,
+            6,
+            0,
+            True,
+            True,
+        )
         assert found.volume == pytest.approx(LENS.volume(), rel=1e-6)
         for face, own in zip((found.front, found.rear), lens_surfaces(LENS)):
             assert np.array_equal(face.coefficients, own.coefficients)
@@ -288,13 +348,19 @@ def test_all_formats_give_one_record(tmp_path):
 def test_the_volume_keeps_its_tolerance(lens, tolerance, tmp_path):
     """Against the closed form, which holds conics to 1e-11 mm of height."""
     write_step(lens, tmp_path / "lens.step")
-    assert solid_volume(read_step(tmp_path / "lens.step").shape, tolerance) == pytest.approx(lens.volume(), rel=tolerance)
+    assert solid_volume(read_step(tmp_path / "lens.step").shape, tolerance) == pytest.approx(
+        lens.volume(), rel=tolerance
+    )
 
 
 def test_a_box_has_its_volume_wherever_it_lies():
     for corner in (gp_Pnt(0, 0, 0), gp_Pnt(5, -7, 11), gp_Pnt(-1, -1, -1.5)):
-        assert solid_volume(BRepPrimAPI_MakeBox(corner, 2.0, 3.0, 4.0).Shape(), 1e-9) == pytest.approx(24, rel=1e-13)
-    assert solid_volume(BRepPrimAPI_MakeSphere(gp_Pnt(1, 2, 3), 2.0).Shape(), 1e-9) == pytest.approx(32 / 3 * pi, rel=1e-9)
+        assert solid_volume(BRepPrimAPI_MakeBox(corner, 2.0, 3.0, 4.0).Shape(), 1e-9) == pytest.approx(
+            24, rel=1e-13
+        )
+    assert solid_volume(BRepPrimAPI_MakeSphere(gp_Pnt(1, 2, 3), 2.0).Shape(), 1e-9) == pytest.approx(
+        32 / 3 * pi, rel=1e-9
+    )
 
 
 def test_a_rough_lens_keeps_the_tolerance():

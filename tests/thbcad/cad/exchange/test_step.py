@@ -38,11 +38,27 @@ def corner_sag(degree=(3, 3), steps=2, amplitude=0.1, right=False, low=-0.0):
 
 LENSES = {
     "plano": Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-80.0, -1.0)), 5.0, 1.5),
-    "freeform": Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), corner_sag()), 5.0, 1.5),
-    "paraboloids": Lens(FreeformSurface((9, 9), Conic(60.0, -1.0)), FreeformSurface((9, 9), Conic(-70.0, -1.0), corner_sag()), 6.0, 1.5),
-    "sphere": Lens(FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5),
-    "table63": Lens(FreeformSurface((5, 5), Conic(-5.0, -1.0)), FreeformSurface((8, 8), Conic(-10.0, -1.0)), 5.0, 1.5),
-    "ruled": Lens(FreeformSurface((5, 4), Conic(-90.0, -1.0)), FreeformSurface((4, 8), Conic(50.0, -1.0), corner_sag((4, 4))), 6.0, 1.5),
+    "freeform": Lens(
+        FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), corner_sag()), 5.0, 1.5
+    ),
+    "paraboloids": Lens(
+        FreeformSurface((9, 9), Conic(60.0, -1.0)),
+        FreeformSurface((9, 9), Conic(-70.0, -1.0), corner_sag()),
+        6.0,
+        1.5,
+    ),
+    "sphere": Lens(
+        FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5
+    ),
+    "table63": Lens(
+        FreeformSurface((5, 5), Conic(-5.0, -1.0)), FreeformSurface((8, 8), Conic(-10.0, -1.0)), 5.0, 1.5
+    ),
+    "ruled": Lens(
+        FreeformSurface((5, 4), Conic(-90.0, -1.0)),
+        FreeformSurface((4, 8), Conic(50.0, -1.0), corner_sag((4, 4))),
+        6.0,
+        1.5,
+    ),
     "wider": Lens(FreeformSurface((5, 4), Conic(-30.0, 0.0)), FreeformSurface((6, 4)), 3.0, 1.5),
     "deeper": Lens(FreeformSurface((5, 4), Conic(40.0, -1.0)), FreeformSurface((5, 7)), 3.0, 1.5),
     "awkward": Lens(
@@ -110,12 +126,15 @@ def test_poles_and_knots_read_back_bit_for_bit(written):
 
 
 def test_the_file_holds_the_surface_of_the_lens(written):
-    """Points on the splines of the file against conic + sag in closed form: 1e-11 mm of interpolation, else rounding."""
+    """Points on the splines of the file against conic + sag in closed form: 1e-11 mm of interpolation, else
+    rounding."""
     lens, _, read = written
     s = np.linspace(0, 1, 41)
     for surface, vertex, freeform in ((read.front, 0.0, lens.front), (read.rear, lens.thickness, lens.rear)):
         u, v = (kv.start + (kv.stop - kv.start) * s for kv in (surface.kv_u, surface.kv_v))
-        x, y, z = np.moveaxis(surface.grid(np.clip(u, None, surface.kv_u.stop), np.clip(v, None, surface.kv_v.stop)), -1, 0)
+        x, y, z = np.moveaxis(
+            surface.grid(np.clip(u, None, surface.kv_u.stop), np.clip(v, None, surface.kv_v.stop)), -1, 0
+        )
         a, b = freeform.half_width
         assert abs(x - a * (2 * s[:, None] - 1)).max() <= 1e-14 * a
         assert abs(y - b * (2 * s[None, :] - 1)).max() <= 1e-14 * b
@@ -123,7 +142,8 @@ def test_the_file_holds_the_surface_of_the_lens(written):
 
 
 def test_the_solid_is_oriented_before_any_reader_heals_it(written):
-    """Readers turn faces round; the raw solid must have every normal outside: signed volume and face by face."""
+    """Readers turn faces round; the raw solid must have every normal outside: signed volume and face by
+    face."""
     lens, _, _ = written
     solid = build123d.Solid(lens_solid(lens))
     assert solid.is_valid
@@ -138,7 +158,12 @@ def test_the_solid_is_oriented_before_any_reader_heals_it(written):
 def test_rims_are_the_boundary_rows_of_the_nets(written):
     """The eight rim curves in the file carry the very poles of the two surfaces."""
     lens, path, _ = written
-    wanted = {bits(row + 0.0) for s in lens_surfaces(lens) for c in [s.coefficients] for row in (c[0], c[-1], c[:, 0], c[:, -1])}
+    wanted = {
+        bits(row + 0.0)
+        for s in lens_surfaces(lens)
+        for c in [s.coefficients]
+        for row in (c[0], c[-1], c[:, 0], c[:, -1])
+    }
     found = set()
     for edge in build123d.import_step(path).edges():
         curve = BRep_Tool.Curve_s(edge.wrapped, 0.0, 1.0)
@@ -157,7 +182,8 @@ def test_front_and_rear_share_their_relative_knots(written):
 
 
 def test_volume(written):
-    """OCCT integrates to 1e-6; the closed form agrees with the flux through the faces to the conics' 1e-11 mm."""
+    """OCCT integrates to 1e-6; the closed form agrees with the flux through the faces to the conics' 1e-11
+    mm."""
     lens, _, read = written
     assert read.volume == pytest.approx(lens.volume(), rel=1e-6)
     area = max(4 * h[0] * h[1] for h in (lens.front.half_width, lens.rear.half_width))
@@ -177,7 +203,10 @@ def test_build123d_reads_a_valid_solid_in_millimetres(written):
     widest = [2 * max(a, b) for a, b in zip(lens.front.half_width, lens.rear.half_width)]
     assert size[:2] == pytest.approx(widest, abs=1e-5)
     s = np.linspace(-1, 1, 201)
-    z = [vertex + f.grid(s * f.half_width[0], s * f.half_width[1]) for f, vertex in ((lens.front, 0), (lens.rear, lens.thickness))]
+    z = [
+        vertex + f.grid(s * f.half_width[0], s * f.half_width[1])
+        for f, vertex in ((lens.front, 0), (lens.rear, lens.thickness))
+    ]
     bottom, top = min(a.min() for a in z), max(a.max() for a in z)
     # the box holds the solid; OCCT may bound splines by their nets, which reach further than the surface
     assert low[2] <= bottom + 1e-6
@@ -203,7 +232,9 @@ def test_reals_are_the_shortest_texts_that_read_back(text):
     for real in reals:
         mantissa, _, exponent = repr(float(real)).partition("e")
         mantissa = mantissa.removesuffix("0") if mantissa.endswith(".0") else mantissa
-        assert real == mantissa + ("" if "." in mantissa else ".") * bool(exponent) + (f"E{int(exponent)}" if exponent else "")
+        assert real == mantissa + ("" if "." in mantissa else ".") * bool(exponent) + (
+            f"E{int(exponent)}" if exponent else ""
+        )
 
 
 @settings(max_examples=300)
@@ -213,9 +244,14 @@ def test_reals_are_the_shortest_texts_that_read_back(text):
 @example(1.7976931348623157e308)
 @example(0.1 + 0.2)
 def test_any_float64_keeps_its_bits(x):
-    """OCCT writes 17 digits; what stays is the shortest text with the same bits, and it follows the grammar."""
-    written = compact(f"#1 = CARTESIAN_POINT('',({x:#.17G},{-x:#.17G},\n    {x:#.17G}));\n#2 = VECTOR('',#3,{x:#.17G});\n")
-    found = re.fullmatch(r"#1=CARTESIAN_POINT\(''(?:,\(?(\S+?),(\S+?),(\S+?))\)\);\n#2=VECTOR\('',#3,(\S+)\);\n", written).groups()
+    """OCCT writes 17 digits; what stays is the shortest text with the same bits, and it follows the
+    grammar."""
+    written = compact(
+        f"#1 = CARTESIAN_POINT('',({x:#.17G},{-x:#.17G},\n    {x:#.17G}));\n#2 = VECTOR('',#3,{x:#.17G});\n"
+    )
+    found = re.fullmatch(
+        r"#1=CARTESIAN_POINT\(''(?:,\(?(\S+?),(\S+?),(\S+?))\)\);\n#2=VECTOR\('',#3,(\S+)\);\n", written
+    ).groups()
     assert all(re.fullmatch(r"-?\d+\.\d*(E-?\d+)?", real) for real in found)
     assert [float(real) for real in found] == [x, -x, x, x]
     assert all(len(real) <= len(repr(x)) + 2 for real in found)
@@ -239,10 +275,17 @@ def test_the_same_lens_gives_the_same_bytes(name, tmp_path):
 def test_another_process_gives_the_same_bytes_and_prints_nothing(tmp_path):
     program = (
         "from thbcad import *; import sys\n"
-        "lens = Lens(FreeformSurface((5, 5), Conic(-5.0, -1.0)), FreeformSurface((8, 8), Conic(-10.0, -1.0)), 5.0, 1.5)\n"
+        "lens = Lens(FreeformSurface((5, 5), Conic(-5.0, -1.0)), FreeformSurface((8, 8), Conic(-10.0, "
+        "-1.0)), 5.0, 1.5)\n"
         "write_step(lens, sys.argv[1])"
     )
-    done = subprocess.run([sys.executable, "-c", program, str(tmp_path / "a.step")], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a.step")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert (done.stdout, done.stderr) == ("", "")
     write_step(LENSES["table63"], tmp_path / "b.step")
     assert (tmp_path / "a.step").read_bytes() == (tmp_path / "b.step").read_bytes()
@@ -254,7 +297,10 @@ def test_settings_of_other_programs_do_not_change_the_file(tmp_path, occt_settin
     Interface_Static.SetCVal_s("write.step.schema", "AP203")
     Interface_Static.SetCVal_s("write.step.unit", "M")
     write_step(LENSES["table63"], tmp_path / "after.step")
-    unnamed = [re.sub(r"PRODUCT\('[^']*','[^']*'", "PRODUCT(", (tmp_path / f).read_text()) for f in ("before.step", "after.step")]
+    unnamed = [
+        re.sub(r"PRODUCT\('[^']*','[^']*'", "PRODUCT(", (tmp_path / f).read_text())
+        for f in ("before.step", "after.step")
+    ]
     assert unnamed[0] == unnamed[1]
 
 
@@ -274,7 +320,8 @@ def test_a_refined_corner_exports_only_its_knots(tmp_path):
 
 
 def test_a_lens_refined_in_one_quarter_is_a_small_file():
-    """32^2 spans, of which one quarter is refined to 256^2: poles in lines through the quarter, (16 + 128)^2 of 256^2."""
+    """32^2 spans, of which one quarter is refined to 256^2: poles in lines through the quarter, (16 + 128)^2
+    of 256^2."""
     space = THBSpace(*[KnotVector.uniform(3, 32)] * 2)
     for level in range(3):
         space = space.refine({level: np.argwhere(np.ones((16 << level, 16 << level)))})
@@ -283,7 +330,18 @@ def test_a_lens_refined_in_one_quarter_is_a_small_file():
     sizes = []
     for each in (space, full):
         sag = THBSurface(each, 1e-3 * rng.standard_normal(each.dim))
-        sizes.append(len(step_bytes(Lens(FreeformSurface((50, 50)), FreeformSurface((50, 50), Conic(-150.0, -1.0), sag), 20.0, 1.5))))
+        sizes.append(
+            len(
+                step_bytes(
+                    Lens(
+                        FreeformSurface((50, 50)),
+                        FreeformSurface((50, 50), Conic(-150.0, -1.0), sag),
+                        20.0,
+                        1.5,
+                    )
+                )
+            )
+        )
     assert sizes[0] <= sizes[1] / 3
 
 
@@ -296,7 +354,9 @@ def test_front_and_rear_are_told_apart_by_place_not_by_pole_density(tmp_path):
     middle = THBSpace(kv, kv)
     for level in range(3):
         n = 4 << level
-        middle = middle.refine({level: [(i, j) for i in range(n // 2 - 2, n // 2 + 2) for j in range(n // 2 - 2, n // 2 + 2)]})
+        middle = middle.refine(
+            {level: [(i, j) for i in range(n // 2 - 2, n // 2 + 2) for j in range(n // 2 - 2, n // 2 + 2)]}
+        )
     front = FreeformSurface((20, 20), Conic(25.0, -1.0), corner_sag(steps=3, amplitude=0, right=True))
     rear = FreeformSurface((20, 20), Conic(25.0, -1.0), THBSurface(middle, np.zeros(middle.dim)))
     lens = Lens(front, rear, 2.0, 1.5)
@@ -311,7 +371,12 @@ def test_front_and_rear_are_told_apart_by_place_not_by_pole_density(tmp_path):
 def test_lenses_of_mixed_degrees(degrees, rear_size, tmp_path):
     """Every lens that can be made can be written."""
     sags = [corner_sag(p, steps=1) for p in degrees]
-    lens = Lens(FreeformSurface((5, 4), Conic(), sags[0]), FreeformSurface(rear_size, Conic(-99.0, -1.0), sags[1]), 4.0, 1.5)
+    lens = Lens(
+        FreeformSurface((5, 4), Conic(), sags[0]),
+        FreeformSurface(rear_size, Conic(-99.0, -1.0), sags[1]),
+        4.0,
+        1.5,
+    )
     write_step(lens, tmp_path / "lens.step")
     read = read_step(tmp_path / "lens.step")
     assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (1, 6, 0, True, True)
@@ -348,7 +413,9 @@ def test_truncated_files_are_refused(text, tmp_path, share):
         read_step(path)
 
 
-@pytest.mark.parametrize("data", [b"", b"hello\n", b"\x00\xff" * 500, b"ISO-10303-21;\n", b'{"schema": "thbcad-lens"}'])
+@pytest.mark.parametrize(
+    "data", [b"", b"hello\n", b"\x00\xff" * 500, b"ISO-10303-21;\n", b'{"schema": "thbcad-lens"}']
+)
 def test_files_that_are_no_step_are_refused(data, tmp_path):
     path = tmp_path / "other.step"
     path.write_bytes(data)

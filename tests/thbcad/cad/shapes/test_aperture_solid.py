@@ -1,4 +1,5 @@
-"""The elliptic aperture: volumes against closed forms, rims on their surfaces, solids that read back closed with every pole."""
+"""The elliptic aperture: volumes against closed forms, rims on their surfaces, solids that read back closed
+with every pole."""
 
 from itertools import pairwise
 from math import gamma
@@ -17,12 +18,25 @@ from thbcad.cad.exchange import part_step, read_step, solid_volume, step_writing
 from thbcad.cad.shapes.aperture_solid import trimmed_part
 from thbcad.cad.shapes.plain_solid import lens_surfaces
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import DEGREE, TOLERANCE, Ellipse, FreeformSurface, Lens, Product, aperture_volume, ellipse_integral, kinks, rim_curve
+from thbcad.lens import (
+    DEGREE,
+    TOLERANCE,
+    Ellipse,
+    FreeformSurface,
+    Lens,
+    Product,
+    aperture_volume,
+    ellipse_integral,
+    kinks,
+    rim_curve,
+)
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
 from thbcad.surfaces import THBSurface
 
-BETWEEN = 2 * TOLERANCE  # a rim is held at eight places in every span; between them the error of degree 5 is less than twice that
+BETWEEN = (
+    2 * TOLERANCE
+)  # a rim is held at eight places in every span; between them the error of degree 5 is less than twice that
 
 
 def rough(degree=(3, 3), spans=(7, 6), amplitude=0.05, seed=1):
@@ -33,19 +47,46 @@ def rough(degree=(3, 3), spans=(7, 6), amplitude=0.05, seed=1):
 
 
 CASES = {
-    "round": (Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), rough()), 5.0, 1.5), (7.0, 7.0)),
-    "flat": (Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-90.0, -1.0), rough((4, 3))), 5.0, 1.5), (9.3, 4.1)),
+    "round": (
+        Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), rough()), 5.0, 1.5),
+        (7.0, 7.0),
+    ),
+    "flat": (
+        Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-90.0, -1.0), rough((4, 3))), 5.0, 1.5),
+        (9.3, 4.1),
+    ),
     "upright": (
-        Lens(FreeformSurface((9, 9), Conic(60.0, -1.0), rough()), FreeformSurface((9, 9), Conic(-70.0, -1.0)), 6.0, 1.5),
+        Lens(
+            FreeformSurface((9, 9), Conic(60.0, -1.0), rough()),
+            FreeformSurface((9, 9), Conic(-70.0, -1.0)),
+            6.0,
+            1.5,
+        ),
         (4.0, 8.0),
     ),
-    "touching": (Lens(FreeformSurface((6, 6), Conic(60.0, -1.0)), FreeformSurface((6, 6), Conic(), rough()), 6.0, 1.5), (6.0, 6.0)),
-    "front smaller": (Lens(FreeformSurface((5, 4), Conic(), rough()), FreeformSurface((7, 8), Conic(50.0, -1.0)), 6.0, 1.5), (4.5, 3.9)),
+    "touching": (
+        Lens(FreeformSurface((6, 6), Conic(60.0, -1.0)), FreeformSurface((6, 6), Conic(), rough()), 6.0, 1.5),
+        (6.0, 6.0),
+    ),
+    "front smaller": (
+        Lens(FreeformSurface((5, 4), Conic(), rough()), FreeformSurface((7, 8), Conic(50.0, -1.0)), 6.0, 1.5),
+        (4.5, 3.9),
+    ),
     "rear smaller": (
-        Lens(FreeformSurface((7, 8), Conic(), rough((2, 2))), FreeformSurface((4, 5), Conic(), rough()), 6.0, 1.5),
+        Lens(
+            FreeformSurface((7, 8), Conic(), rough((2, 2))),
+            FreeformSurface((4, 5), Conic(), rough()),
+            6.0,
+            1.5,
+        ),
         (3.5, 4.9),
     ),
-    "sphere": (Lens(FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5), (3.0, 3.5)),
+    "sphere": (
+        Lens(
+            FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5
+        ),
+        (3.0, 3.5),
+    ),
 }
 
 
@@ -63,7 +104,9 @@ def written(request, tmp_path_factory):
 
 def same_bits(a, b):
     rows = ((s.kv_u.knots, s.kv_v.knots, s.coefficients) for s in (a, b))
-    return all((x + 0.0).tobytes() == (y + 0.0).tobytes() for x, y in zip(*rows, strict=True))  # 0.0 and -0.0 are the same place
+    return all(
+        (x + 0.0).tobytes() == (y + 0.0).tobytes() for x, y in zip(*rows, strict=True)
+    )  # 0.0 and -0.0 are the same place
 
 
 def semi_axes():
@@ -82,10 +125,14 @@ def test_moments_of_the_ellipse(p, q, data):
     a, b = data.draw(semi_axes())
     kvs = [KnotVector.uniform(degree, data.draw(st.integers(1, 5)), -5.0, 5.0) for degree in (p, q)]
     graph = interpolate(*kvs, lambda x, y: (x / a) ** i * (y / b) ** j)
-    turn = 2 * gamma((i + 1) / 2) * gamma((j + 1) / 2) / gamma((i + j) / 2 + 1) if i % 2 == j % 2 == 0 else 0.0
+    turn = (
+        2 * gamma((i + 1) / 2) * gamma((j + 1) / 2) / gamma((i + j) / 2 + 1) if i % 2 == j % 2 == 0 else 0.0
+    )
     # rounding of the coefficients counts against the integral of the greatest one
     scale = a * b * max(abs(graph.coefficients).max(), 1.0)
-    assert ellipse_integral(graph, Ellipse((a, b))) == pytest.approx(a * b * turn / (i + j + 2), abs=1e-13 * scale)
+    assert ellipse_integral(graph, Ellipse((a, b))) == pytest.approx(
+        a * b * turn / (i + j + 2), abs=1e-13 * scale
+    )
 
 
 @given(st.tuples(*[st.sampled_from([np.inf, 40.0, -33.0, 150.0])] * 2), semi_axes())
@@ -94,12 +141,15 @@ def test_volume_between_paraboloids(radii, axes):
     a, b = axes
     lens = Lens(*(FreeformSurface(h, Conic(r, -1.0)) for h, r in zip(((5, 6), (7, 5)), radii)), 9.0, 1.5)
     bend = sum(sign / (2 * r) for sign, r in zip((-1, 1), radii))
-    assert aperture_volume(lens, axes) == pytest.approx(np.pi * a * b * (9.0 + bend * (a * a + b * b) / 4), rel=1e-13)
+    assert aperture_volume(lens, axes) == pytest.approx(
+        np.pi * a * b * (9.0 + bend * (a * a + b * b) / 4), rel=1e-13
+    )
 
 
 @pytest.mark.parametrize("name", ["round", "upright", "rear smaller"])
 def test_volume_of_rough_surfaces_against_scipy(name):
-    """Slices x = a sin w of the ellipse: exact integrals of scipy's splines over y, adaptive quadrature over w."""
+    """Slices x = a sin w of the ellipse: exact integrals of scipy's splines over y, adaptive quadrature over
+    w."""
     lens, (a, b) = CASES[name]
     total = 0.0
     for sign, graph in zip((-1, 1), lens.graphs()):
@@ -107,12 +157,18 @@ def test_volume_of_rough_surfaces_against_scipy(name):
         def slice_area(w, graph=graph):
             row = BSpline(graph.kv_u.knots, graph.coefficients, graph.kv_u.degree)(a * np.sin(w))
             edge = b * np.cos(w)
-            return a * np.cos(w) * float(BSpline(graph.kv_v.knots, row, graph.kv_v.degree).integrate(-edge, edge))
+            return (
+                a
+                * np.cos(w)
+                * float(BSpline(graph.kv_v.knots, row, graph.kv_v.degree).integrate(-edge, edge))
+            )
 
         angles, _ = Ellipse((a, b)).crossings(graph.kv_u.breaks, graph.kv_v.breaks)
         x, _ = Ellipse((a, b))(angles)
         places = np.unique(np.r_[-np.pi / 2, np.arcsin(np.clip(x / a, -1, 1)), np.pi / 2])
-        total += sign * sum(quad(slice_area, *pair, epsabs=1e-12)[0] for pair in pairwise(places) if pair[1] - pair[0] > 1e-9)
+        total += sign * sum(
+            quad(slice_area, *pair, epsabs=1e-12)[0] for pair in pairwise(places) if pair[1] - pair[0] > 1e-9
+        )
     assert aperture_volume(lens, (a, b)) == pytest.approx(np.pi * a * b * lens.thickness + total, rel=1e-11)
 
 
@@ -139,7 +195,9 @@ def test_rims_lie_on_rough_graphs(rng, axes, degree):
         kv, poles = rim_curve(graph, ellipse, half)
         t = np.linspace(kv.start, kv.stop, 4001)
         x, y = (np.clip(row, -5, 5) for row in ellipse(t))
-        assert abs(BSpline(kv.knots, poles, DEGREE)(t) - np.column_stack([x, y, graph(x, y)])).max() <= BETWEEN
+        assert (
+            abs(BSpline(kv.knots, poles, DEGREE)(t) - np.column_stack([x, y, graph(x, y)])).max() <= BETWEEN
+        )
 
 
 def test_a_rim_is_as_smooth_as_its_surface():
@@ -179,7 +237,10 @@ def test_rims_in_the_file_lie_on_the_cylinder_and_on_the_surfaces(written):
     solid = build123d.import_step(path).solids()[0]
     assert solid.is_valid
     kinds = {face.geom_type for face in solid.faces()}
-    assert kinds == {build123d.GeomType.BSPLINE, build123d.GeomType.CYLINDER if a == b else build123d.GeomType.EXTRUSION}
+    assert kinds == {
+        build123d.GeomType.BSPLINE,
+        build123d.GeomType.CYLINDER if a == b else build123d.GeomType.EXTRUSION,
+    }
     rims = []
     for edge in solid.edges():
         first, last = BRep_Tool.Range_s(edge.wrapped)
@@ -193,7 +254,8 @@ def test_rims_in_the_file_lie_on_the_cylinder_and_on_the_surfaces(written):
         assert abs(ellipse - 1).max() * max(a, b) <= BETWEEN
         x, y = x / ellipse, y / ellipse
         low, high = abs(z - lens.front(x, y)).max(), abs(z - lens.thickness - lens.rear(x, y)).max()
-        # beside the rim's own error: a slope below 1 times its sideways error, 1e-11 mm of interpolated conics
+        # beside the rim's own error: a slope below 1 times its sideways error, 1e-11 mm of interpolated
+        # conics
         assert min(low, high) <= 2 * BETWEEN
 
 

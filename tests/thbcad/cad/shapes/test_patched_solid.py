@@ -56,7 +56,9 @@ def corner(degree=(3, 3), levels=2):
 
 LENSES = {
     "plano": Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-80.0, -1.0)), 5.0, 1.5),
-    "disk": Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), sag(disk())), 5.0, 1.5),
+    "disk": Lens(
+        FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), sag(disk())), 5.0, 1.5
+    ),
     "both": Lens(
         FreeformSurface((9, 9), Conic(60.0, -1.0), sag(corner((2, 4)))),
         FreeformSurface((9, 9), Conic(), sag(disk((4, 3), levels=2))),
@@ -70,7 +72,10 @@ LENSES = {
         1.5,
     ),
     "smaller": Lens(
-        FreeformSurface((7, 20 / 3), Conic(80.0, -1.0), sag(disk())), FreeformSurface((5, 1 / 0.3), Conic(-90.0, -1.0)), 6.0, 1.5
+        FreeformSurface((7, 20 / 3), Conic(80.0, -1.0), sag(disk())),
+        FreeformSurface((5, 1 / 0.3), Conic(-90.0, -1.0)),
+        6.0,
+        1.5,
     ),
     "conics": Lens(
         FreeformSurface((3.1, 3), Conic(-40.0, 0.0), sag(corner())),
@@ -96,7 +101,8 @@ def thick_lenses(draw):
 
 
 def allowed(lens):
-    """What separates a file from the lens, mm: the conic's tolerance, and rounding of sums of at most 25 values of the heights' size."""
+    """What separates a file from the lens, mm: the conic's tolerance, and rounding of sums of at most 25
+    values of the heights' size."""
     exact = all(surface.conic.is_paraboloid for surface in (lens.front, lens.rear))
     size = lens.thickness + max(abs(graph.coefficients).max() for graph in lens.graphs())
     return (0.0 if exact else CONIC) + 50 * EPS * size
@@ -122,7 +128,10 @@ def owners(shape):
     """Return [(edge, its faces), ...]."""
     table = TopTools_IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, table)
-    return [(TopoDS.Edge_s(table.FindKey(k)), [TopoDS.Face_s(f) for f in table.FindFromIndex(k)]) for k in range(1, table.Extent() + 1)]
+    return [
+        (TopoDS.Edge_s(table.FindKey(k)), [TopoDS.Face_s(f) for f in table.FindFromIndex(k)])
+        for k in range(1, table.Extent() + 1)
+    ]
 
 
 def assert_closed(shape):
@@ -172,7 +181,9 @@ def test_faces_read_back_lie_on_the_surfaces(written):
     lens, part, _, shape = written
     rng = np.random.default_rng(0)
     for name, face in zip(part.names, explore(shape, TopAbs_FACE)):
-        surface, vertex = {"front": (lens.front, 0.0), "rear": (lens.rear, lens.thickness)}.get(name.split()[0], (None, None))
+        surface, vertex = {"front": (lens.front, 0.0), "rear": (lens.rear, lens.thickness)}.get(
+            name.split()[0], (None, None)
+        )
         if surface is None:
             continue
         occt = BRepAdaptor_Surface(TopoDS.Face_s(face))
@@ -213,7 +224,9 @@ def test_edges_lie_on_both_faces_at_equal_parameters(written):
 def test_vertices_are_the_corners_of_patches(written):
     lens, part, _, _ = written
     for patches, name in zip(lens_patches(lens), ("front", "rear")):
-        corners = {(u, v) for p in patches for u in (p.kv_u.start, p.kv_u.stop) for v in (p.kv_v.start, p.kv_v.stop)}
+        corners = {
+            (u, v) for p in patches for u in (p.kv_u.start, p.kv_u.stop) for v in (p.kv_v.start, p.kv_v.stop)
+        }
         faces = [face for face, own in zip(part.faces, part.names) if own.startswith(name)]
         vertices = TopTools_IndexedMapOfShape()
         for face in faces:
@@ -232,13 +245,19 @@ def test_build123d_reads_a_valid_solid(written):
 
 def test_t_junctions_divide_the_sides_of_coarse_patches():
     part = patched_part(LENSES["disk"])
-    edges = [count(face, TopAbs_EDGE) for face, name in zip(part.faces, part.names) if name.startswith("rear")]
+    edges = [
+        count(face, TopAbs_EDGE) for face, name in zip(part.faces, part.names) if name.startswith("rear")
+    ]
     assert min(edges) == 4 < max(edges)
 
 
 def test_a_lens_without_sags_is_the_lens_of_six_faces():
     lens = LENSES["plano"]
-    text = part_step(patched_part(lens), Product()).replace(b"'front 1'", b"'front'").replace(b"'rear 1'", b"'rear'")
+    text = (
+        part_step(patched_part(lens), Product())
+        .replace(b"'front 1'", b"'front'")
+        .replace(b"'rear 1'", b"'rear'")
+    )
     assert text == part_step(lens_part(lens), Product())
 
 
@@ -269,7 +288,10 @@ def test_patches_have_the_parameters_of_the_one_face(lens):
     for patches, whole in zip(lens_patches(lens), lens_surfaces(lens)):
         for patch in patches:
             middle = [[(kv.start + kv.stop) / 2] for kv in (patch.kv_u, patch.kv_v)]
-            assert abs(patch.grid(*middle) - whole.grid(*middle)).max() <= 2 * allowed(lens) + 50 * EPS * abs(whole.coefficients).max()
+            assert (
+                abs(patch.grid(*middle) - whole.grid(*middle)).max()
+                <= 2 * allowed(lens) + 50 * EPS * abs(whole.coefficients).max()
+            )
 
 
 def test_the_deviation_is_what_was_moved(written):
