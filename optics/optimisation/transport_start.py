@@ -24,6 +24,7 @@ from optics.system import problem_rays, source_profile, target_irradiance, targe
 from optics.target import BSplineWindow, Screen, Splat
 from optics.tracing import Tracer
 from thbcad.hierarchy import MultilevelBasis
+from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class TransportStart:
         kept = sag.coefficients * min(1.0, self._bound / self.reach) if self.reach else sag.coefficients
         for _ in range(HALVINGS):
             try:
-                self._lens.with_rear(self._lens.rear.with_sag(THBSurface(space, kept)))
+                require_sound(self._lens.with_rear(self._lens.rear.with_sag(THBSurface(space, kept))))
                 break
             except ValueError:
                 kept, self.crosses = kept / 2, True

@@ -13,7 +13,7 @@ from optics.runtime import UserError
 from optics.sources import Beam, Profile, Rays, collimated_beam, lambertian_parts, point_rays
 from optics.target import Screen, fit_picture, formula_light, read_picture, uniform_region
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens, Product, one_line
+from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -32,7 +32,7 @@ def base_lens(problem: Problem) -> Lens:
     spec = problem.lens
     front, rear = _surface("front", spec.front), _surface("rear", spec.rear)
     try:
-        return Lens(front, rear, spec.thickness, spec.index)
+        return require_sound(Lens(front, rear, spec.thickness, spec.index))
     except ValueError as error:
         raise UserError(f"lens: {error}") from None
 

@@ -12,7 +12,7 @@ from optics.system import lens_product
 from optics.verification.reference_tracer import trace_step
 from optics.verification.trace_comparison import compared
 from thbcad.cad.exchange import solid_volume, step_bytes
-from thbcad.cad.shapes import lens_surfaces
+from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def verify(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> li
     if off > limits.volume:  # OCCT's estimate of its own error is too low on rough surfaces: ask for more
         off = abs(solid_volume(step.shape, FINE_VOLUME) / volume - 1)
     checks.append(Check("volume by OCCT against the closed form, relative", off, limits.volume, ""))
-    for name, read, own in zip(("front", "rear"), (step.front, step.rear), lens_surfaces(lens)):
+    for name, read, own in zip(("front", "rear"), (step.front, step.rear), placed_surfaces(lens)):
         checks.append(
             Check(
                 f"{name} poles and knots that differ from the lens in memory",

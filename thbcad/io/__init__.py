@@ -15,6 +15,8 @@ if TYPE_CHECKING:
         volume as volume,
     )
     from thbcad.io.lens_json import (
+        lens_from_dict as lens_from_dict,
+        lens_to_dict as lens_to_dict,
         read_lens as read_lens,
         write_lens as write_lens,
     )
@@ -61,6 +63,8 @@ _FILES = {
         "volume",
     ),
     "lens_json": (
+        "lens_from_dict",
+        "lens_to_dict",
         "read_lens",
         "write_lens",
     ),

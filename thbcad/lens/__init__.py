@@ -15,10 +15,11 @@ if TYPE_CHECKING:
         Flange as Flange,
         flanged_volume as flanged_volume,
         require_clear as require_clear,
-        ruled_edges as ruled_edges,
     )
     from thbcad.lens.freeform_surface import (
         FreeformSurface as FreeformSurface,
+    )
+    from thbcad.lens.lens import (
         Lens as Lens,
     )
     from thbcad.lens.manufacture_bounds import (
@@ -41,6 +42,23 @@ if TYPE_CHECKING:
         kinks as kinks,
         rim_curve as rim_curve,
     )
+    from thbcad.lens.rims import (
+        CORNERS as CORNERS,
+        SIDES as SIDES,
+        UNIT as UNIT,
+        Corner as Corner,
+        Side as Side,
+        Surfaces as Surfaces,
+        placed_surfaces as placed_surfaces,
+        rim as rim,
+        rim_indices as rim_indices,
+        rim_parameter as rim_parameter,
+        ruled_edge as ruled_edge,
+        ruled_edges as ruled_edges,
+    )
+    from thbcad.lens.soundness import (
+        require_sound as require_sound,
+    )
     from thbcad.lens.triangulation import (
         EDGES as EDGES,
         FRONT as FRONT,
@@ -60,12 +78,9 @@ _FILES = {
         "Flange",
         "flanged_volume",
         "require_clear",
-        "ruled_edges",
     ),
-    "freeform_surface": (
-        "FreeformSurface",
-        "Lens",
-    ),
+    "freeform_surface": ("FreeformSurface",),
+    "lens": ("Lens",),
     "manufacture_bounds": (
         "HeightRange",
         "Manufacturability",
@@ -86,6 +101,21 @@ _FILES = {
         "kinks",
         "rim_curve",
     ),
+    "rims": (
+        "CORNERS",
+        "Corner",
+        "SIDES",
+        "Side",
+        "Surfaces",
+        "UNIT",
+        "placed_surfaces",
+        "rim",
+        "rim_indices",
+        "rim_parameter",
+        "ruled_edge",
+        "ruled_edges",
+    ),
+    "soundness": ("require_sound",),
     "triangulation": (
         "EDGES",
         "FRONT",

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from thbcad.checks import half_widths, require_type
-from thbcad.lens.freeform_surface import Lens
+from thbcad.lens.lens import Lens
 from thbcad.splines import BSplineSurface, gauss_rule
 
 
@@ -74,8 +74,7 @@ class Ellipse:
 
 
 def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Ellipse:
-    """Return the ellipse of an aperture that both surfaces reach; a Lens has proven that the rear lies behind
-    the front there.
+    """Return the ellipse of an aperture that both surfaces reach.
 
     Raises
     ------

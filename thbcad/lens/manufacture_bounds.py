@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from thbcad.certified import Enclosure, greatest_slope, least_radii, minimum, rounding, value_range
 from thbcad.checks import EPS, require_number, require_type
-from thbcad.lens.freeform_surface import FreeformSurface, Lens
+from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens import Lens
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
 

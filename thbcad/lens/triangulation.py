@@ -25,14 +25,16 @@ from numpy.typing import NDArray
 
 from thbcad.certified import Orders, bernstein
 from thbcad.checks import read_only, rebuilt, require_number, require_type
-from thbcad.lens.freeform_surface import Lens
-from thbcad.sags import gap_graph, graph_poles
+from thbcad.lens.lens import Lens
+from thbcad.lens.rims import placed_surfaces, rim_indices
+from thbcad.lens.soundness import require_sound
+from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
 
 MOST_TRIANGLES = 20_000_000
 LEAST_CHORD = 1e-8  # mm
 ALLOWANCE = 1e-10  # mm; what conics as splines (1e-11 mm) and the rounding of vertices within 10 m add
-FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges at low y, high x, high y, low x
+FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges in the order of SIDES
 
 Array = NDArray[np.float64]
 
@@ -43,8 +45,7 @@ class Tessellation:
 
     vertices : (n, 3) float, mm
     triangles : (t, 3) int, vertex numbers; the front comes first, then the rear, then the edges
-    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges at low y, high x, high y,
-        low x
+    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges in the order of SIDES
     chord : float, mm, bound of the distance of any point of the mesh from its face; on front and rear also of
         the error in z
     """
@@ -69,14 +70,13 @@ def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
 
     Raises
     ------
-    ValueError : a chord below 1e-8 mm, or too small for float32; more than 20 million triangles;
-        vertices that float32 does not tell apart.
+    ValueError : as `require_sound`; a chord below 1e-8 mm, or too small for float32; more than 20 million
+        triangles; vertices that float32 does not tell apart.
     """
     require_type("lens", lens, Lens)
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
-    front, rear = lens.graphs()
-    surfaces = graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
-    gap = gap_graph(front, rear, lens.thickness)
+    surfaces = placed_surfaces(require_sound(lens))
+    gap = gap_graph(*lens.graphs(), lens.thickness)
     added = ALLOWANCE + (_rounding(surfaces) if single else 0.0)
     if added > chord / 2:
         raise ValueError(
@@ -185,15 +185,9 @@ def _rows(
     return rows, max((float((bend + turn / rows).max()) for bend, turn in sides), default=0.0)
 
 
-def _ring(nu: int, nv: int) -> NDArray[np.int64]:
-    """Return the numbers of the rim's vertices in a grid of nu x nv cells, counter-clockwise seen from +z."""
-    grid = np.arange((nu + 1) * (nv + 1)).reshape(nu + 1, nv + 1)
-    return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
-
-
 def _vertices(grids: list[Array], rows: int, single: bool) -> Array:
     """Return the vertices of front, rear and the rows between their rims, front first, (n, 3)."""
-    ring = _ring(*(n - 1 for n in grids[0].shape[:2]))
+    ring = rim_indices(*grids[0].shape[:2])
     front, rear = (g.reshape(-1, 3) for g in grids)
     share = (np.arange(1, rows) / rows)[:, None, None]
     between = (1 - share) * front[ring] + share * rear[ring]
@@ -203,7 +197,7 @@ def _vertices(grids: list[Array], rows: int, single: bool) -> Array:
 
 def _triangles(nu: int, nv: int, rows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the vertex numbers of all triangles and the face of each."""
-    count, ring = (nu + 1) * (nv + 1), _ring(nu, nv)
+    count, ring = (nu + 1) * (nv + 1), rim_indices(nu + 1, nv + 1)
     grid = np.arange(count).reshape(nu + 1, nv + 1)
     rear = _halves(grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
     between = 2 * count + np.arange((rows - 1) * len(ring)).reshape(rows - 1, len(ring))

@@ -19,7 +19,7 @@ from tests.optics.cases import write_problem
 from tests.optics.commands.test_cli import refused, strict_json
 from tests.optics.verification.test_step_checks import moved_point
 from thbcad.cad.exchange import read_step
-from thbcad.cad.shapes import lens_surfaces
+from thbcad.lens import placed_surfaces
 
 BRIEF = {
     "optimizer.iterations": [2],
@@ -214,7 +214,7 @@ def failures(capsys, folder):
 @pytest.mark.parametrize(("face", "word"), [(0, "front"), (1, "rear")])
 def test_a_pole_moved_by_a_nanometre_is_caught(copy, capsys, face, word):
     path = copy / "lens.step"
-    pole = lens_surfaces(ResultFolder(copy).read_lens())[face].coefficients[2, 1]
+    pole = placed_surfaces(ResultFolder(copy).read_lens())[face].coefficients[2, 1]
     path.write_text(moved_point(path.read_text(), pole, np.array([0.0, 0.0, 1e-6])))
     names = failures(capsys, copy)
     assert f"{word} poles and knots that differ from the lens in memory" in names

@@ -13,7 +13,7 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
 from tests.thbcad.cad.exchange.test_step import LENSES, ROOT, assert_same_surface
 from thbcad.cad.exchange import read_faces, read_step, step_bytes, step_writing as writing, write_step
-from thbcad.cad.shapes import lens_solid, lens_surfaces
+from thbcad.cad.shapes import lens_solid
 from thbcad.io.step_brep import MILLIMETRE, brep, length_unit, read_brep
 from thbcad.io.step_text import (
     MOST_NESTED,
@@ -25,6 +25,7 @@ from thbcad.io.step_text import (
     having,
     read_part21,
 )
+from thbcad.lens import placed_surfaces
 from thbcad.splines import NURBSSurface
 
 HEAD = "ISO-10303-21;\nHEADER;\nFILE_NAME('a; ENDSEC;','');\nENDSEC;\nDATA;\n"
@@ -148,7 +149,7 @@ def test_what_is_no_file_is_refused(tmp_path):
 
 
 def test_the_reader_is_independent_of_occt():
-    program = "import sys, thbcad.part21_surfaces; print(*{m.split('.')[0] for m in sys.modules})"
+    program = "import sys, thbcad.io.step_brep; print(*{m.split('.')[0] for m in sys.modules})"
     loaded = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
@@ -173,7 +174,7 @@ def test_the_text_holds_the_very_splines(tmp_path, name):
         0,
         0,
     )
-    for face, by_occt, own in zip(solid.faces, (step.front, step.rear), lens_surfaces(LENSES[name])):
+    for face, by_occt, own in zip(solid.faces, (step.front, step.rear), placed_surfaces(LENSES[name])):
         assert_same_surface(face.surface, by_occt)
         assert_same_surface(face.surface, own)
     for face, other in zip(solid.faces, read_faces(path), strict=True):

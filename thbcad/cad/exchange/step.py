@@ -65,7 +65,7 @@ def write_step(lens: Lens, path: str | Path, product: Product | None = None, sch
     Raises
     ------
     OSError : the file cannot be written.
-    ValueError : another schema.
+    ValueError : another schema; as `require_sound`.
     RuntimeError : OCCT refuses the solid.
     """
     require_type("lens", lens, Lens)

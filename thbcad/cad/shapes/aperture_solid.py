@@ -13,10 +13,10 @@ from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE
-from thbcad.cad.shapes.plain_solid import closed_part, lens_surfaces, spline_face
 from thbcad.cad.shapes.rings import wall_faces
+from thbcad.cad.shapes.topology import closed_part, spline_face
 from thbcad.cad.shapes.walls import EllipticWall, trace
-from thbcad.lens import Ellipse, require_aperture, rim_curve
+from thbcad.lens import Ellipse, placed_surfaces, require_aperture, require_sound, rim_curve
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
@@ -39,9 +39,9 @@ def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
 
     Raises
     ------
-    ValueError : no Lens; semi-axes that are not two positive numbers or exceed a half-width.
+    ValueError : as `require_sound`; semi-axes that are not two positive numbers or exceed a half-width.
     """
-    ellipse = require_aperture(lens, semi_axes)
+    ellipse = require_aperture(require_sound(lens), semi_axes)
     builder, wall = BRep_Builder(), EllipticWall(ellipse)
     (front, low), (rear, high) = elliptic_faces(builder, lens, ellipse)
     return closed_part(("front", "rear", *EDGES), (front, rear, *wall_faces(builder, wall, low, high)))
@@ -52,7 +52,7 @@ def elliptic_faces(builder: BRep_Builder, lens: Lens, ellipse: Ellipse) -> list[
     found = []
     rectangle = lens.rear.half_width
     for k, (graph, surface, freeform) in enumerate(
-        zip(lens.graphs(), lens_surfaces(lens), (lens.front, lens.rear))
+        zip(lens.graphs(), placed_surfaces(lens), (lens.front, lens.rear))
     ):
         curves = [rim_curve(graph, ellipse, half) for half in (0, 1)]
         lifted = [(kv, poles + np.array([0.0, 0.0, k * lens.thickness])) for kv, poles in curves]

@@ -12,10 +12,19 @@ from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.aperture_solid import EDGES, elliptic_faces
 from thbcad.cad.shapes.occt_splines import TOLERANCE
-from thbcad.cad.shapes.plain_solid import NAMES, boundary, closed_part, lens_surfaces, side_line, spline_face
 from thbcad.cad.shapes.rings import plane_face, wall_faces
+from thbcad.cad.shapes.topology import NAMES, closed_part, side_line, spline_face
 from thbcad.cad.shapes.walls import EllipticWall, PlaneWall, RuledWall, side_ring
-from thbcad.lens import Flange, require_aperture, require_clear, ruled_edges
+from thbcad.lens import (
+    SIDES,
+    Flange,
+    placed_surfaces,
+    require_aperture,
+    require_clear,
+    require_sound,
+    rim,
+    ruled_edges,
+)
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
@@ -36,9 +45,9 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
 
     Raises
     ------
-    ValueError : as `trimmed_part`; a rim less than 1e-6 mm away from the flange.
+    ValueError : as `trimmed_part` and `require_sound`; a rim less than 1e-6 mm away from the flange.
     """
-    require_clear(lens, flange, semi_axes)
+    require_clear(require_sound(lens), flange, semi_axes)
     builder = BRep_Builder()
     if semi_axes is None:
         wall, (front, bottom), (rear, top) = _rectangular(builder, lens)
@@ -70,11 +79,11 @@ def _rectangular(
     planar = lens.front.half_width == lens.rear.half_width
     wall = PlaneWall(lens.rear.half_width) if planar else RuledWall(ruled_edges(lens))
     found = []
-    for k, surface in enumerate(lens_surfaces(lens)):
-        rims = [boundary(surface, side) for side in range(4)]
+    for k, surface in enumerate(placed_surfaces(lens)):
+        rims = [rim(surface, side) for side in SIDES]
         ring = side_ring(builder, rims) if planar else wall.rim(builder, rims, float(k))
         face = spline_face(builder, surface, ring.edges)
-        for side, edge in enumerate(ring.edges):
+        for side, edge in zip(SIDES, ring.edges):
             builder.UpdateEdge(TopoDS.Edge_s(edge), side_line(surface, side), face, TOLERANCE)
         found.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
     return wall, *found

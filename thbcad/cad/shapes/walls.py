@@ -21,9 +21,9 @@ from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 
 from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface
-from thbcad.cad.shapes.plain_solid import CORNERS, UNIT, new_edge, new_vertex, turned
 from thbcad.cad.shapes.rings import Ring
-from thbcad.lens import Ellipse, fitted_curve, kinks
+from thbcad.cad.shapes.topology import new_edge, new_vertex, turned
+from thbcad.lens import CORNERS, SIDES, UNIT, Ellipse, Side, fitted_curve, kinks
 from thbcad.splines import BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
@@ -45,7 +45,8 @@ class PlaneWall:
 
     def corner(self, k: int) -> tuple[float, float]:
         """Return (x, y) of a corner, mm."""
-        return tuple(h * (2 * side - 1) for h, side in zip(self.half_width, CORNERS[k % 4]))
+        x, y = (h if end else -h for h, end in zip(self.half_width, CORNERS[k % 4]))
+        return x, y
 
     def surface(self, panel: int) -> Geom_Surface:
         return Geom_Plane(gp_Pln(gp_Pnt(*self.corner(panel), 0.0), gp_Dir(*OUTWARD[panel])))
@@ -142,7 +143,7 @@ class RuledWall:
         return geom_surface(self.panels[panel])
 
     def strut(self, corner: int) -> Geom_Curve:
-        return geom_curve(UNIT, self.panels[corner].coefficients[_first(corner)])
+        return geom_curve(UNIT, self.panels[corner].coefficients[_first(SIDES[corner])])
 
     def rim(
         self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]], v: float
@@ -160,7 +161,7 @@ class RuledWall:
         curves = [self._level(panel, z) for panel in self.panels]
         flat = [(kv, np.column_stack([poles[:, :2], np.full(len(poles), z)])) for kv, poles in curves]
         traces = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves]
-        heights = [float(poles[_first(side), 2]) for side, (_, poles) in enumerate(curves)]
+        heights = [float(poles[_first(side), 2]) for side, (_, poles) in zip(SIDES, curves)]
         return replace(side_ring(builder, flat), traces=traces, heights=heights)
 
     def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, NDArray[np.float64]]:
@@ -178,21 +179,20 @@ class RuledWall:
 def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
     """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have
     their z as height."""
-    starts = [poles[_first(side)] for side, (_, poles) in enumerate(curves)]
+    starts = [poles[_first(side)] for side, (_, poles) in zip(SIDES, curves)]
     vertices = [new_vertex(builder, place) for place in starts]
     edges = []
-    for side, (kv, poles) in enumerate(curves):
-        pair = vertices[side], vertices[(side + 1) % 4]
-        start, stop = pair if side < 2 else pair[::-1]
-        edges.append(
-            turned(new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, start, stop), side >= 2)
-        )
+    for k, (side, (kv, poles)) in enumerate(zip(SIDES, curves)):
+        pair = vertices[k], vertices[(k + 1) % 4]
+        ends = pair[::-1] if side.clockwise else pair
+        edge = new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, *ends)
+        edges.append(turned(edge, side.clockwise))
     return Ring(vertices, edges, (), [float(place[2]) for place in starts])
 
 
-def _first(side: int) -> int:
-    """Return the index of the first pole counter-clockwise: x or y falls along the sides 2 and 3."""
-    return 0 if side < 2 else -1
+def _first(side: Side) -> int:
+    """Return the index of the first pole of a rim, counter-clockwise."""
+    return -1 if side.clockwise else 0
 
 
 def trace(kv: KnotVector, poles: NDArray[np.float64]) -> Geom2d_BSplineCurve:

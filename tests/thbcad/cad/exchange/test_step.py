@@ -18,10 +18,10 @@ from oracles.spline_definitions import flux_volume
 from tests.cases import ROOT
 from thbcad.cad.exchange.step import read_step, step_bytes, write_step
 from thbcad.cad.exchange.step_writing import compact
-from thbcad.cad.shapes import lens_solid, lens_surfaces
+from thbcad.cad.shapes import lens_solid
 from thbcad.hierarchy import THBSpace
 from thbcad.io import atomic_files as files
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -120,7 +120,7 @@ def test_one_closed_solid_of_six_faces(written):
 
 def test_poles_and_knots_read_back_bit_for_bit(written):
     lens, _, read = written
-    front, rear = lens_surfaces(lens)
+    front, rear = placed_surfaces(lens)
     assert_same_surface(read.front, front)
     assert_same_surface(read.rear, rear)
 
@@ -160,7 +160,7 @@ def test_rims_are_the_boundary_rows_of_the_nets(written):
     lens, path, _ = written
     wanted = {
         bits(row + 0.0)
-        for s in lens_surfaces(lens)
+        for s in placed_surfaces(lens)
         for c in [s.coefficients]
         for row in (c[0], c[-1], c[:, 0], c[:, -1])
     }
@@ -176,7 +176,7 @@ def test_rims_are_the_boundary_rows_of_the_nets(written):
 def test_front_and_rear_share_their_relative_knots(written):
     """Knots at the same relative place are the same float64: the ruled faces hold no sliver spans."""
     lens, _, _ = written
-    for a, b in zip(*([s.kv_u, s.kv_v] for s in lens_surfaces(lens))):
+    for a, b in zip(*([s.kv_u, s.kv_v] for s in placed_surfaces(lens))):
         assert (a.start, a.stop) == (b.start, b.stop)
         assert np.diff(np.unique(np.r_[a.knots, b.knots])).min() > 1e-6 * a.stop
 
@@ -362,8 +362,8 @@ def test_front_and_rear_are_told_apart_by_place_not_by_pole_density(tmp_path):
     lens = Lens(front, rear, 2.0, 1.5)
     write_step(lens, tmp_path / "lens.step")
     read = read_step(tmp_path / "lens.step")
-    assert_same_surface(read.front, lens_surfaces(lens)[0])
-    assert_same_surface(read.rear, lens_surfaces(lens)[1])
+    assert_same_surface(read.front, placed_surfaces(lens)[0])
+    assert_same_surface(read.rear, placed_surfaces(lens)[1])
 
 
 @pytest.mark.parametrize("degrees", [((3, 3), (4, 4)), ((3, 3), (2, 3)), ((2, 4), (2, 4))])
@@ -392,7 +392,7 @@ def test_lengths_are_converted_to_millimetres(text, tmp_path):
     assert metres != text
     path.write_text(metres)
     read = read_step(path)
-    front, rear = lens_surfaces(LENSES["table63"])
+    front, rear = placed_surfaces(LENSES["table63"])
     assert np.allclose(read.front.coefficients, 1000 * front.coefficients, rtol=1e-15, atol=0)
     assert np.allclose(read.rear.coefficients, 1000 * rear.coefficients, rtol=1e-15, atol=0)
     assert read.volume == pytest.approx(1e9 * LENSES["table63"].volume(), rel=1e-6)
