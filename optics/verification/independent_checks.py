@@ -16,8 +16,8 @@ from optics.verification.step_checks import differing_numbers
 from optics.verification.trace_comparison import compared
 from thbcad.cad.exchange import face_hits, spline_faces
 from thbcad.io import MILLIMETRE, Brep, BrepEdge, BrepFace, areas, volume as brep_volume
-from thbcad.lens import CORNERS, SIDES, UNIT, placed_surfaces, rim, ruled_edge
-from thbcad.splines import BSplineSurface
+from thbcad.lens import CORNERS, SIDES, placed_surfaces, rim, ruled_edge
+from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
     from optics.problem import Problem

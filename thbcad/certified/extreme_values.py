@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Array, Cells, Graph, Orders, bernstein, whole_graph
-from thbcad.checks import require_number
+from thbcad.certified.bernstein_cells import Cells, Graph, Orders, bernstein, whole_graph
+from thbcad.checks import Floats, require_number
 
 MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
@@ -49,9 +49,9 @@ class Assessment:
     scale : float, what a relative tolerance refers to
     """
 
-    corners: Array
+    corners: Floats
     error: float
-    upper: Array
+    upper: Floats
     scale: float
 
 
@@ -121,7 +121,7 @@ def greatest(
     return Enclosure(lower, max(closed, float(upper.max(initial=value))), value, u, v)
 
 
-def corners(values: Array) -> Array:
+def corners(values: Floats) -> Floats:
     """Return the corners (0, 0), (0, 1), (1, 0), (1, 1) of coefficients (..., p + 1, q + 1, n), as (..., 4,
     n)."""
     return values[..., [0, 0, -1, -1], [0, -1, 0, -1], :]

@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Array, Cells, Graph, bernstein, rounding, whole_graph
+from thbcad.certified.bernstein_cells import Cells, Graph, bernstein, rounding, whole_graph
 from thbcad.certified.extreme_values import Assessment, Enclosure, corners, greatest
-from thbcad.checks import EPS
+from thbcad.checks import EPS, Floats
 
 ROUNDINGS = 40  # more than any entry or eigenvalue below takes
 DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -107,7 +107,7 @@ def _curvature(cells: Cells, best: float) -> Assessment:
     return Assessment(values, float(error + 3 * slope_error * size), upper, kappa)
 
 
-def _greater_curvature(z_x: Array, z_y: Array, z_xx: Array, z_xy: Array, z_yy: Array) -> Array:
+def _greater_curvature(z_x: Floats, z_y: Floats, z_xx: Floats, z_xy: Floats, z_yy: Floats) -> Floats:
     """Return the greater eigenvalue of S A S / W with S = (I + g g^T)^(-1/2) = I - g g^T / (W (W + 1))."""
     w = np.sqrt(1 + z_x**2 + z_y**2)
     share = 1 / (w * (w + 1))
@@ -124,7 +124,7 @@ def _greater_curvature(z_x: Array, z_y: Array, z_xx: Array, z_xy: Array, z_yy: A
     )
 
 
-def _upper(derivatives: Array, kappa: float, slope_error: float, error: float) -> Array:
+def _upper(derivatives: Floats, kappa: float, slope_error: float, error: float) -> Floats:
     """Return the bound of max(k, 0) on every cell; `error` is that of the Hessian and of sums of its
     entries."""
     z_x, z_y, z_xx, z_xy, z_yy = derivatives
@@ -148,6 +148,6 @@ def _upper(derivatives: Array, kappa: float, slope_error: float, error: float) -
     return np.minimum(kappa + np.maximum(mu, 0) / least_w, np.maximum(nu, 0) / least_w)
 
 
-def _greater_eigenvalue(a: Array, b: Array, c: Array) -> Array:
+def _greater_eigenvalue(a: Floats, b: Floats, c: Floats) -> Floats:
     """Return the greater eigenvalue of the symmetric matrix ((a, b), (b, c))."""
     return (a + c) / 2 + np.hypot((a - c) / 2, b)

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import require_integer, require_number, require_type
+from thbcad.checks import Floats, Integers, require_integer, require_number, require_type
 from thbcad.fitting.cell_samples import cell_points, gauss_points
 from thbcad.fitting.least_squares_fit import Samples, Underdetermined, least_squares
 from thbcad.hierarchy import MAX_LEVEL, THBSpace
@@ -104,7 +104,7 @@ def held_out(count: int) -> NDArray[np.bool_]:
 def _refined(
     space: THBSpace,
     approximate: Callable[[THBSpace], THBSurface],
-    measure: Callable[[THBSurface], NDArray[np.float64]],
+    measure: Callable[[THBSurface], Floats],
     tolerance: float,
     max_level: int,
 ) -> Fit:
@@ -122,17 +122,20 @@ def _refined(
         outcome = _outcome(least, below, tolerance)
         if outcome is None:
             finer = _finer(space, space.cells[coarse & (errors > tolerance)])
-            outcome = "max level" if finer is None else "too large" if finer.dim > MOST_FUNCTIONS else None
-        if outcome is None:
-            try:
-                space, surface = finer, approximate(finer)
-            except Underdetermined:
-                outcome = "too few samples"
+            if finer is None:
+                outcome = "max level"
+            elif finer.dim > MOST_FUNCTIONS:
+                outcome = "too large"
+            else:
+                try:
+                    space, surface = finer, approximate(finer)
+                except Underdetermined:
+                    outcome = "too few samples"
         if outcome is not None:
             return Fit(best, least, outcome, tuple(history))
 
 
-def _finer(space: THBSpace, cells: NDArray[np.int64]) -> THBSpace | None:
+def _finer(space: THBSpace, cells: Integers) -> THBSpace | None:
     """Return the space with the surroundings of the cells refined; None where they would be too short for
     float64."""
     try:
@@ -153,7 +156,7 @@ def _outcome(error: float, below: list[float], tolerance: float) -> Outcome | No
     return None
 
 
-def surroundings(space: THBSpace, cells: NDArray[np.int64]) -> dict[int, NDArray[np.int64]]:
+def surroundings(space: THBSpace, cells: Integers) -> dict[int, Integers]:
     """Return {level: cells}: the leaf cells, not finer, that meet the (p // 2, q // 2) neighbours of given
     leaf cells.
 
@@ -181,7 +184,7 @@ def _projected(space: THBSpace, function: Function, smoothing: float) -> THBSurf
     return least_squares(space, Samples(u, v, evaluate(function, u, v), weights), smoothing)
 
 
-def _function_errors(surface: THBSurface, function: Function) -> NDArray[np.float64]:
+def _function_errors(surface: THBSurface, function: Function) -> Floats:
     """Return the greatest error on every leaf cell, (cells,)."""
     space = surface.space
     shares = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
@@ -190,7 +193,7 @@ def _function_errors(surface: THBSurface, function: Function) -> NDArray[np.floa
     return _distance(difference).reshape(u.shape).max(axis=1)
 
 
-def _sample_errors(surface: THBSurface, samples: Samples) -> NDArray[np.float64]:
+def _sample_errors(surface: THBSurface, samples: Samples) -> Floats:
     """Return the greatest error at the samples in every leaf cell, (cells,), 0 where there is none."""
     errors = np.zeros(len(surface.space.cells))
     distance = _distance(surface(samples.u, samples.v) - samples.values)
@@ -198,5 +201,5 @@ def _sample_errors(surface: THBSurface, samples: Samples) -> NDArray[np.float64]
     return errors
 
 
-def _distance(difference: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distance(difference: Floats) -> Floats:
     return np.linalg.norm(difference.reshape(len(difference), -1), axis=1)

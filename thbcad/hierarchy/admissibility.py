@@ -17,9 +17,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import require_integer
+from thbcad.checks import Integers, require_integer
 from thbcad.hierarchy.domains import Domains, checked_cells
-from thbcad.hierarchy.levels import DyadicAxis, Integers
+from thbcad.hierarchy.levels import DyadicAxis
 
 
 def closure(domains: Domains, cells: Mapping[int, ArrayLike], m: int) -> dict[int, Integers]:

@@ -21,11 +21,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
-from thbcad.checks import locked
-from thbcad.hierarchy.levels import Integers, Level
+from thbcad.checks import Floats, Integers, locked
+from thbcad.hierarchy.levels import Level
 
 
 class Nets:
@@ -52,7 +51,7 @@ class Nets:
             locked(step.data)
         return steps
 
-    def coefficients(self, c: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    def coefficients(self, c: Floats) -> Iterator[Floats]:
         """Yield G_0, G_1, ... for the THB coefficients c, (dim,) or (dim, d)."""
         parts = np.split(c, self.starts[1:-1])
         net = np.zeros((self.sizes[0], *c.shape[1:]))

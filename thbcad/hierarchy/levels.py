@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import EPS, locked, read_only
+from thbcad.checks import EPS, Floats, Integers, locked, read_only
 from thbcad.splines import KnotVector, blossom
-
-Integers = NDArray[np.int64]
 
 
 class DyadicAxis:
@@ -43,7 +41,7 @@ class DyadicAxis:
         """Return the number of non-empty spans of a level."""
         return self.spans0 << level
 
-    def value(self, level: int, breaks: Integers) -> NDArray[np.float64]:
+    def value(self, level: int, breaks: Integers) -> Floats:
         """Return the positions of breaks of a level, float."""
         row = self.knot_vector.breaks
         whole = np.minimum(breaks >> level, self.spans0 - 1)
@@ -67,7 +65,7 @@ class DyadicAxis:
         whole = np.searchsorted(starts, knots, side="right") - 1
         return (whole << level) + np.maximum(knots - starts[whole] - self._multiplicity[whole] + 1, 0)
 
-    def knots(self, level: int, index: Integers) -> NDArray[np.float64]:
+    def knots(self, level: int, index: Integers) -> Floats:
         """Return knots of a level by their indices."""
         return self.value(level, self.knot_break(level, index))
 
@@ -79,7 +77,7 @@ class DyadicAxis:
         """Return the breaks between which functions of a level are positive."""
         return self.knot_break(level, functions), self.knot_break(level, functions + self.degree + 1)
 
-    def knots_around(self, level: int, spans: Integers) -> NDArray[np.float64]:
+    def knots_around(self, level: int, spans: Integers) -> Floats:
         """Return the p knots of a level on either side of the inner of each span, (2p, n)."""
         offsets = np.arange(1, 2 * self.degree + 1)
         return self.knots(level, self.acting(level, spans) + offsets[:, None])
@@ -121,7 +119,7 @@ class DyadicAxis:
         all_keys = np.sort(np.r_[old, keys])
         return KnotVector(self.degree, self.value(level, all_keys)), all_keys
 
-    def span_at(self, level: int, u: NDArray[np.float64]) -> Integers:
+    def span_at(self, level: int, u: Floats) -> Integers:
         """Return for parameters u inside the domain the span of a level that contains them."""
         row = self.knot_vector.breaks
         whole = np.clip(np.searchsorted(row, u, "right") - 1, 0, self.spans0 - 1)
@@ -169,7 +167,8 @@ class Level:
     @cached_property
     def places(self) -> tuple[Integers, Integers]:
         """Positions (a, b) of the acting functions in `distinct`, two (m,) int."""
-        return tuple(map(locked, np.divmod(self.keys, len(self.distinct[1]))))
+        a, b = np.divmod(self.keys, len(self.distinct[1]))
+        return locked(a), locked(b)
 
     @cached_property
     def functions(self) -> Integers:
@@ -224,7 +223,14 @@ def make_level(
     active = supported & (count.data >> 8 < area)
     keys = a * len(distinct[1]) + b
     return Level(
-        number, axes, locked(cells), locked(refined), tuple(distinct), *map(locked, (keys, supported, active))
+        number=number,
+        axes=axes,
+        cells=locked(cells),
+        refined=locked(refined),
+        distinct=(distinct[0], distinct[1]),
+        keys=locked(keys),
+        supported=locked(supported),
+        active=locked(active),
     )
 
 

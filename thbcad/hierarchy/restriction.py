@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from thbcad.checks import Floats, Integers
 from thbcad.hierarchy.level_nets import Nets
-from thbcad.hierarchy.levels import DyadicAxis, Integers, Level
+from thbcad.hierarchy.levels import DyadicAxis, Level
 from thbcad.hierarchy.support_rectangles import intervals, least_norm, whole_cells
 
 GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
@@ -29,13 +30,13 @@ GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
 
 def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:
     """Return Q where the finer space refines only more cells of one level than the coarser one."""
-    index = []
+    found = []
     for coarse, fine, start in zip(coarser, finer.hierarchy, finer.starts):
         at = fine.find(coarse.functions[coarse.active])
         order = np.cumsum(fine.active) - 1
-        index.append(np.where((at >= 0) & fine.active[at], start + order[at], -1))
-    lost = index[level] < 0
-    index = np.concatenate(index)
+        found.append(np.where((at >= 0) & fine.active[at], start + order[at], -1))
+    lost = found[level] < 0
+    index = np.concatenate(found)
     rows = np.flatnonzero(index >= 0)
     keep = csr_array((np.ones(len(rows)), (rows, index[rows])), shape=(len(index), finer.dim))
     if not lost.any():
@@ -90,9 +91,9 @@ class _Inverses:
     """Functionals of n B-splines of a level on all intervals of their supports, in terms of the next level's
     coefficients."""
 
-    norms: NDArray[np.float64]  # (n, m), inf where the support has no such interval
+    norms: Floats  # (n, m), inf where the support has no such interval
     first: Integers  # (n, m), the first B-spline of the next level
-    weights: NDArray[np.float64]  # (n, m, 3 p + 2), zero beyond those in use
+    weights: Floats  # (n, m, 3 p + 2), zero beyond those in use
 
 
 def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
@@ -120,7 +121,7 @@ def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
 
 def _two_scale_blocks(
     axis: DyadicAxis, level: int, fine: Integers, coarse: Integers, shape: tuple[int, int]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the blocks of the two-scale relation that start at rows `fine` and columns `coarse`, (n,
     *shape)."""
     all_rows, all_columns = (np.unique(at[:, None] + np.arange(n)) for at, n in zip((fine, coarse), shape))
@@ -135,9 +136,7 @@ def _two_scale_blocks(
     return blocks
 
 
-def _inverse_rows(
-    blocks: NDArray[np.float64], target: Integers
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _inverse_rows(blocks: Floats, target: Integers) -> tuple[Floats, Floats]:
     """Return row `target` of the pseudo-inverse of every block and its norm, (n, r, c) and (n,) -> (n, r) and
     (n,), by QR.
 

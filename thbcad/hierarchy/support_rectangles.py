@@ -11,12 +11,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.hierarchy.levels import Integers, Level
+from thbcad.checks import Floats, Integers
+from thbcad.hierarchy.levels import Level
 
 
-def least_norm(
-    leaves: NDArray[np.bool_], norms_u: NDArray[np.float64], norms_v: NDArray[np.float64]
-) -> tuple[Integers, NDArray[np.float64]]:
+def least_norm(leaves: NDArray[np.bool_], norms_u: Floats, norms_v: Floats) -> tuple[Integers, Floats]:
     """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2,
     n), and the norms, (n,).
 

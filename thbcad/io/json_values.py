@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
 from thbcad.io.atomic_files import write_text
 
 
@@ -48,12 +48,12 @@ def a_number(data: dict[str, Any], key: str) -> float:
     return float(a_row([data[key]], key)[0])
 
 
-def numbers(data: dict[str, Any], key: str) -> NDArray[np.float64]:
+def numbers(data: dict[str, Any], key: str) -> Floats:
     """Return the list of numbers under a key."""
     return a_row(data[key], key)
 
 
-def a_row(values: object, key: str) -> NDArray[np.float64]:
+def a_row(values: object, key: str) -> Floats:
     """Return a list of JSON numbers as floats; nothing else passes for a number."""
     if not isinstance(values, list) or not all(type(v) in (int, float) for v in values):
         raise ValueError(f"the file's {key} must hold numbers only")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
 from thbcad.io.step_brep import MILLIMETRE, read_brep
 from thbcad.lens import Lens
 from thbcad.sags import lobatto_nodes
@@ -30,10 +30,11 @@ def patched_deviation(path: str | Path, lens: Lens) -> float:
     if solid.unit != MILLIMETRE:
         raise ValueError(f"{path} must be in {MILLIMETRE}, got {solid.unit}")
     splines = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
-    points: tuple[list[NDArray[np.float64]], ...] = ([], [])
+    points: tuple[list[Floats], ...] = ([], [])
     for spline in splines:
         if min(spline.kv_u.degree, spline.kv_v.degree) > 1:
-            net = spline.grid(*(lobatto_nodes(kv.breaks, kv.degree) for kv in (spline.kv_u, spline.kv_v)))
+            u, v = (lobatto_nodes(kv.breaks, kv.degree) for kv in (spline.kv_u, spline.kv_v))
+            net = spline.grid(u, v)
             points[_nearer(lens, net[len(net) // 2, net.shape[1] // 2])].append(net)
     greatest = 0.0
     for name, surface, vertex, nets in zip(
@@ -49,7 +50,7 @@ def patched_deviation(path: str | Path, lens: Lens) -> float:
     return greatest
 
 
-def _nearer(lens: Lens, point: NDArray[np.float64]) -> int:
+def _nearer(lens: Lens, point: Floats) -> int:
     """Return 0 where a point, (3,), is nearer to the front in z, 1 where it is nearer to the rear."""
     distances = [
         abs(vertex + surface(*point[:2])[0] - point[2])

@@ -9,9 +9,8 @@ from __future__ import annotations
 import io
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import require_integer, require_type
+from thbcad.checks import Floats, require_integer, require_type
 from thbcad.lens import FreeformSurface
 
 LEAST_POINTS = 5  # what OpticStudio wants per direction
@@ -83,9 +82,7 @@ def cloud_text(surface: FreeformSurface, vertex: float, upwards: bool, size: tup
     return text.getvalue()
 
 
-def _lines(
-    surface: FreeformSurface, size: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lines(surface: FreeformSurface, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return x and y of the grid."""
     for name, n in zip(("nx", "ny"), size):
         require_integer(name, n, LEAST_POINTS)

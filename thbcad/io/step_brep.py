@@ -10,8 +10,8 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
 from thbcad.io.step_text import REAL, STRING, Entity, Reference, Value, having, read_part21
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
@@ -39,7 +39,7 @@ class BrepFace:
     number: int
     kind: str
     surface: BSplineSurface | NURBSSurface | None
-    plane: NDArray[np.float64] | None
+    plane: Floats | None
     outward: bool
     loops: tuple[tuple[tuple[int, bool], ...], ...]
 
@@ -54,9 +54,9 @@ class BrepEdge:
     """
 
     number: int
-    ends: NDArray[np.float64]
+    ends: Floats
     kv: KnotVector | None
-    poles: NDArray[np.float64] | None
+    poles: Floats | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +169,8 @@ def _loops(entities: Entities, face: Entity) -> list[list[tuple[int, bool]]]:
     loops = []
     for bound in (_entity(entities, k, face) for k in _list(face.parameters("ADVANCED_FACE", 4)[1], face)):
         kind = "FACE_OUTER_BOUND" if "FACE_OUTER_BOUND" in bound.parts else "FACE_BOUND"
-        _, loop, forwards = bound.parameters(kind, 3)
-        loop = _entity(entities, loop, bound)
+        _, around, forwards = bound.parameters(kind, 3)
+        loop = _entity(entities, around, bound)
         uses = []
         for edge in (_entity(entities, k, loop) for k in _list(loop.parameters("EDGE_LOOP", 2)[1], loop)):
             _, _, _, curve, along = edge.parameters("ORIENTED_EDGE", 5)
@@ -190,7 +190,8 @@ def _gaps(entities: Entities, loop: list[tuple[int, bool]]) -> int:
 
 def _face(entities: Entities, face: Entity) -> BrepFace:
     surface = _entity(entities, face.parameters("ADVANCED_FACE", 4)[2], face)
-    spline = plane = None
+    spline: BSplineSurface | NURBSSurface | None = None
+    plane = None
     if "B_SPLINE_SURFACE_WITH_KNOTS" in surface.parts:
         row = _spline_row(surface, "SURFACE", 13)
         knots = _knots(surface, row[1], row[8], row[10]), _knots(surface, row[2], row[9], row[11])
@@ -217,22 +218,20 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
 
 
 def _edge(entities: Entities, edge: Entity) -> BrepEdge:
-    _, start, stop, curve, along = edge.parameters("EDGE_CURVE", 5)
+    _, start, stop, carrier, along = edge.parameters("EDGE_CURVE", 5)
     vertices = [_entity(entities, k, edge) for k in ((start, stop) if _flag(along, edge) else (stop, start))]
     ends = _points(entities, [v.parameters("VERTEX_POINT", 2)[1] for v in vertices], edge)
-    curve = _entity(entities, curve, edge)
-    for kind in {
-        "SURFACE_CURVE",
-        "SEAM_CURVE",
-    } & curve.parts.keys():  # a curve with its images in the faces' parameters
+    curve = _entity(entities, carrier, edge)
+    # a curve with its images in the faces' parameters
+    for kind in {"SURFACE_CURVE", "SEAM_CURVE"} & curve.parts.keys():
         curve = _entity(entities, curve.parameters(kind, 4)[1], curve)
     if "LINE" in curve.parts:
-        _, point, vector = curve.parameters("LINE", 3)
-        vector = _entity(entities, vector, curve)
+        _, start, along = curve.parameters("LINE", 3)
+        vector = _entity(entities, along, curve)
         _, direction, length = vector.parameters("VECTOR", 3)
-        point = _points(entities, [point], curve)[0]
-        way = _direction(entities, direction, vector) * _reals([length], vector)[0]
-        return BrepEdge(edge.number, ends, None, np.stack([point, point + way]))
+        point = _points(entities, [start], curve)[0]
+        step = _direction(entities, direction, vector) * _reals([length], vector)[0]
+        return BrepEdge(edge.number, ends, None, np.stack([point, point + step]))
     if "B_SPLINE_CURVE_WITH_KNOTS" not in curve.parts:
         return BrepEdge(edge.number, ends, None, None)
     row = _spline_row(curve, "CURVE", 9)
@@ -244,7 +243,7 @@ def _edge(entities: Entities, edge: Entity) -> BrepEdge:
     return BrepEdge(edge.number, ends, kv, _points(entities, poles, curve))
 
 
-def _direction(entities: Entities, value: Value, user: Entity) -> NDArray[np.float64]:
+def _direction(entities: Entities, value: Value, user: Entity) -> Floats:
     """Return the three components of a DIRECTION."""
     direction = _entity(entities, value, user)
     row = _reals(direction.parameters("DIRECTION", 2)[1], direction)
@@ -268,14 +267,15 @@ def _spline_row(entity: Entity, what: str, count: int) -> list[Value]:
 
 def _knots(entity: Entity, degree: Value, times: Value, values: Value) -> KnotVector:
     """Return the knot vector of distinct knots and how often each occurs."""
-    times, knots = _list(times, entity), _reals(values, entity)
+    counts, knots = _list(times, entity), _reals(values, entity)
     # no knot occurs more often than degree + 1 times, so that repeating them takes little memory
-    if not all(type(t) is int and 1 <= t <= 11 for t in [degree, *times]) or len(times) != len(knots):
+    whole = [n for n in [degree, *counts] if type(n) is int and 1 <= n <= 11]
+    if len(whole) != 1 + len(counts) or len(counts) != len(knots):
         raise ValueError(
             f"STEP entity #{entity.number} must have as many multiplicities, from 1 to 11, as knots"
         )
     try:
-        return KnotVector(degree, np.repeat(knots, times))
+        return KnotVector(whole[0], np.repeat(knots, whole[1:]))
     except ValueError as error:
         raise ValueError(f"STEP entity #{entity.number}: {error}") from None
 
@@ -293,18 +293,19 @@ def _net(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[list
     return rows
 
 
-def _points(entities: Entities, references: Sequence[Value], user: Entity) -> NDArray[np.float64]:
+def _points(entities: Entities, references: Sequence[Value], user: Entity) -> Floats:
     """Return the coordinates of CARTESIAN_POINTs, (n, 3)."""
     points = [_entity(entities, k, user) for k in references]
-    found = [POINT.fullmatch(point.text) for point in points]
-    if not all(found):
-        bad = points[found.index(None)]
-        raise ValueError(
-            f"STEP entity #{bad.number} must be a CARTESIAN_POINT of three reals, got {bad.text[:60]!r}"
-        )
-    rows = np.fromiter(
-        map(float, chain.from_iterable(p.groups() for p in found)), np.float64, 3 * len(found)
-    ).reshape(-1, 3)
+    coordinates: list[str] = []
+    for point in points:
+        found = POINT.fullmatch(point.text)
+        if found is None:
+            raise ValueError(
+                f"STEP entity #{point.number} must be a CARTESIAN_POINT of three reals, got "
+                f"{point.text[:60]!r}"
+            )
+        coordinates.extend(found.groups())
+    rows = np.fromiter(map(float, coordinates), np.float64, len(coordinates)).reshape(-1, 3)
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         raise ValueError(
@@ -329,9 +330,10 @@ def _list(value: Value, user: Entity) -> list[Value]:
 
 def _reals(value: Value, user: Entity) -> list[float]:
     values = _list(value, user)
-    if not all(type(v) is float for v in values):
+    reals = [v for v in values if type(v) is float]
+    if len(reals) != len(values):
         raise ValueError(f"STEP entity #{user.number} must have a list of reals")
-    return values
+    return reals
 
 
 def _flag(value: Value, user: Entity) -> bool:

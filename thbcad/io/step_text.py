@@ -8,7 +8,7 @@ asked for. Nothing in the file is executed, and sizes are checked before memory 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -58,7 +58,7 @@ class Typed:
 
 Value = int | float | str | Reference | Enumeration | Typed | list["Value"] | None  # None: $ or *, not given
 
-CONVERT = {
+CONVERT: Mapping[str, Callable[[str], Value]] = {
     "reference": Reference,
     "real": float,
     "integer": int,
@@ -211,7 +211,7 @@ class _Parser:
 
     def _next(self) -> tuple[str, str]:
         token = TOKEN.match(self._text, self._place)
-        if token is None:
+        if token is None or token.lastgroup is None:
             raise self._wrong()
         self._place = token.end()
         return token.lastgroup, token[token.lastgroup]

@@ -6,10 +6,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from thbcad.checks import require_type
+from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
 from thbcad.io.json_values import a_list, a_row, numbers, read_json, require_schema, write_json
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
@@ -44,8 +41,9 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
     if isinstance(surface, THBSurface):
         shape = list(surface.coefficients.shape)
         return head | {"kind": "thb", "shape": shape} | sag_to_dict(surface)
+    extra: dict[str, Any] = {"kind": "bspline"}
     if isinstance(surface, BSplineSurface):
-        net, extra = surface.coefficients, {"kind": "bspline"}
+        net = surface.coefficients
     else:
         net, extra = surface.points, {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
     return (
@@ -125,7 +123,7 @@ def _space_from_dict(data: dict[str, Any]) -> THBSpace:
     return space
 
 
-def _shaped(data: dict[str, Any], key: str, shape: list[Any]) -> NDArray[np.float64]:
+def _shaped(data: dict[str, Any], key: str, shape: list[Any]) -> Floats:
     """Return the numbers under a key in a shape that the file gives."""
     row = numbers(data, key)
     if not all(type(n) is int and n > 0 for n in shape) or prod(shape) != len(row):

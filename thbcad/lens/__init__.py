@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from thbcad.lens.rims import (
         CORNERS as CORNERS,
         SIDES as SIDES,
-        UNIT as UNIT,
         Corner as Corner,
         Side as Side,
         Surfaces as Surfaces,
@@ -107,7 +106,6 @@ _FILES = {
         "SIDES",
         "Side",
         "Surfaces",
-        "UNIT",
         "placed_surfaces",
         "rim",
         "rim_indices",

@@ -40,6 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.certified import Interval, minimum, positive, range_over, rounding
+from thbcad.checks import Floats
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
 
@@ -47,7 +48,6 @@ SAMPLES = np.linspace(0, 1, 65) ** 2  # where the worst point of a crossing is l
 NEAR = 1e-12  # of a half-width: knots that agree but for rounding, as in `thbcad.graph`
 SLACK = 1e-9  # of the slopes: covers the rounding of differences and of few products
 
-Array = NDArray[np.float64]
 Pair = tuple[BSplineSurface, BSplineSurface]
 
 
@@ -72,7 +72,7 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
     for base, axis, sign in product((0, 1), (0, 1), (-1, 1)):
         _require_edge(graphs, gap, (base, axis, sign))
     if growth[0] * growth[1] < 0:
-        for signs in product((-1, 1), repeat=2):
+        for signs in product((-1, 1), (-1, 1)):
             _require_corner(graphs, gap, int(growth[1] > 0), signs)
 
 
@@ -85,7 +85,7 @@ class _EdgeOverBase:
     d: float
     e: float
 
-    def __call__(self, t: Array, w: Array) -> Array:
+    def __call__(self, t: Floats, w: Floats) -> Floats:
         """Return g / w, its limit at w = 0, and inf beside the base."""
         a, b = self.base.kv_u.stop, self.base.kv_v.stop
         x, y = self.place(t, w)
@@ -97,11 +97,11 @@ class _EdgeOverBase:
             mean = np.where(w > 0, mean, limit)
         return np.where(self._inside(t, w), lift + mean, np.inf)
 
-    def place(self, t: Array, w: Array) -> tuple[Array, Array]:
+    def place(self, t: Floats, w: Floats) -> tuple[Floats, Floats]:
         """Return x and y of points of the edge."""
         return self.base.kv_u.stop - w * self.d, t * (self.base.kv_v.stop + w * self.e)
 
-    def lower(self, t: Interval, w: Interval) -> Array:
+    def lower(self, t: Interval, w: Interval) -> Floats:
         """Return bounds of g / w on boxes that touch w = 0, of g on others, and inf on those beside the base;
         t keeps its sign in a box."""
         base, gap, b = self.base, self.gap, self.base.kv_v.stop
@@ -133,7 +133,7 @@ class _EdgeOverBase:
         value = value - rounding(count, abs(base.coefficients).max() + abs(gap.coefficients).max())
         return np.where(w.low > 0, value, np.where(self._inside(near, w.low), by_w.low, np.inf))
 
-    def _inside(self, t: Array, w: Array) -> NDArray[np.bool_]:
+    def _inside(self, t: Floats, w: Floats) -> NDArray[np.bool_]:
         b = self.base.kv_v.stop
         return abs(t) * (b + w * self.e) <= b * (1 + 4 * np.finfo(float).eps)
 
@@ -148,7 +148,7 @@ class _Corner:
     da: float
     db: float
 
-    def __call__(self, w: Array, later: Array) -> Array:
+    def __call__(self, w: Floats, later: Floats) -> Floats:
         """Return the distance over later - w, and inf where w >= later."""
         (s, t), (a, b), (c, d) = self._relative(w, later), self._ends(self.front, w), self._ends(self.gap, w)
         low = self.front(a, t * b) + w * self.gap(c, t * d)
@@ -156,11 +156,11 @@ class _Corner:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(w < later, (high - low) / (later - w), np.inf)
 
-    def place(self, w: Array, later: Array) -> tuple[Array, Array]:
+    def place(self, w: Floats, later: Floats) -> tuple[Floats, Floats]:
         """Return x and y of the points that are compared."""
         return self.front.kv_u.stop + w * self.da, self.front.kv_v.stop - later * self.db
 
-    def lower(self, w: Interval, later: Interval) -> Array:
+    def lower(self, w: Interval, later: Interval) -> Floats:
         """Return bounds that are positive only where the distance is, or the distance over later - w; inf on
         boxes with w >= later."""
         (a, b), (c, d) = ([Interval(x, x) for x in self._ends(g, w.low)] for g in (self.front, self.gap))
@@ -179,7 +179,7 @@ class _Corner:
         ratio = ratio + by_t * Interval(self.db / y.high, self.db / y.low)
         return np.where(w.low < later.high, np.maximum((high - low).low, ratio.low), np.inf)
 
-    def _relative(self, w: Array, later: Array) -> tuple[Array, Array]:
+    def _relative(self, w: Floats, later: Floats) -> tuple[Floats, Floats]:
         """Return s and t of the module."""
         a, b = self._ends(self.front, w)
         return np.minimum(1, (a + w * self.da) / (a + later * self.da)), np.minimum(
@@ -187,14 +187,15 @@ class _Corner:
         )
 
     @staticmethod
-    def _ends(graph: BSplineSurface, like: Array) -> tuple[Array, Array]:
+    def _ends(graph: BSplineSurface, like: Floats) -> tuple[Floats, Floats]:
         return np.full_like(like, graph.kv_u.stop), np.full_like(like, graph.kv_v.stop)
 
 
 def _require_order(graphs: Pair, thickness: float) -> None:
     """Raise ValueError where front and rear cross at equal (x, y)."""
     half = [min(getattr(g, kv).stop for g in graphs) for kv in ("kv_u", "kv_v")]
-    least = minimum(gap_graph(*(_segment(g, half) for g in graphs), thickness), tolerance=1e-12)
+    front, rear = (_segment(g, half) for g in graphs)
+    least = minimum(gap_graph(front, rear, thickness), tolerance=1e-12)
     if least.lower <= 0:
         amount = abs(min(least.value, 0.0))
         raise ValueError(
@@ -274,7 +275,7 @@ def _undecided(what: str) -> str:
     )
 
 
-def _where(place: tuple[float, float], axis: int, signs: tuple[int, int]) -> str:
+def _where(place: tuple[Floats, Floats], axis: int, signs: tuple[int, int]) -> str:
     """Return the place in x and y of a point given in oriented coordinates."""
     x, y = (sign * float(a) + 0.0 for a, sign in zip(place, signs))
     return f"x = {(x, y)[axis]:.6g}, y = {(y, x)[axis]:.6g} mm"
@@ -310,4 +311,5 @@ def _oriented(graph: BSplineSurface, axis: int, signs: tuple[int, int]) -> BSpli
         if sign < 0:
             vectors[k] = KnotVector(vectors[k].degree, 0.0 - vectors[k].knots[::-1])
             net = np.flip(net, k)
-    return BSplineSurface(*vectors, net)
+    kv_u, kv_v = vectors
+    return BSplineSurface(kv_u, kv_v, net)

@@ -11,8 +11,8 @@ from thbcad.checks import require_number, require_type
 from thbcad.lens.elliptic_aperture import Ellipse, aperture_volume, require_aperture
 from thbcad.lens.lens import Lens
 from thbcad.lens.rim_curves import rim_curve
-from thbcad.lens.rims import SIDES, UNIT, rim, ruled_edges
-from thbcad.splines import BSplineSurface, gauss_rule
+from thbcad.lens.rims import SIDES, rim, ruled_edges
+from thbcad.splines import UNIT, BSplineSurface, gauss_rule
 
 LEAST = 1e-6  # mm; CAD kernels take points within 1e-7 mm for one
 NODES = 16  # of the Gauss rule on every span; its error falls by a factor per node
@@ -48,11 +48,13 @@ class Flange:
 
     def rectangle(self, lens: Lens) -> tuple[float, float]:
         """Return the half-widths of the outline round a rectangular lens, mm."""
-        return tuple(max(pair) + self.width for pair in zip(lens.front.half_width, lens.rear.half_width))
+        a, b = (max(pair) + self.width for pair in zip(lens.front.half_width, lens.rear.half_width))
+        return a, b
 
     def ellipse(self, aperture: Ellipse) -> Ellipse:
         """Return the outline round a lens with an elliptic aperture."""
-        return Ellipse(tuple(s + self.width for s in aperture.semi_axes))
+        a, b = aperture.semi_axes
+        return Ellipse((a + self.width, b + self.width))
 
 
 def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> None:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import half_widths, require_orders, require_type
+from thbcad.checks import Floats, half_widths, require_orders, require_type
 from thbcad.sags import Conic, conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -47,9 +47,7 @@ class FreeformSurface:
         object.__setattr__(self, "half_width", h)
         self.conic.require(h)
 
-    def __call__(
-        self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)
-    ) -> NDArray[np.float64]:
+    def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a partial derivative at scattered points, (n,).
 
         Raises
@@ -64,7 +62,7 @@ class FreeformSurface:
             z = z + self.sag(u, v, derivative) * self._chain(derivative)
         return z
 
-    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a partial derivative on the grid x x y, (len(x), len(y)).
 
         Raises
@@ -83,7 +81,7 @@ class FreeformSurface:
         """Return the surface with another sag on the same conic."""
         return FreeformSurface(self.half_width, self.conic, sag)
 
-    def _inside(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _inside(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
         """Return positions as rows, on the rim those that rounding put beside it; refuse others."""
         rows = []
         for name, a, h in zip("xy", (x, y), self.half_width):
@@ -96,22 +94,18 @@ class FreeformSurface:
             rows.append(np.clip(a, -h, h))
         return rows[0], rows[1]
 
-    def to_parameters(
-        self, x: NDArray[np.float64], y: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def to_parameters(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return the spline parameters (u, v) of positions (x, y).
 
         Raises
         ------
         ValueError : a surface without sag.
         """
-        if self.sag is None:
-            raise ValueError("a surface without sag has no spline parameters")
-        space = self.sag.space
-        return tuple(
+        u, v = (
             np.clip(kv.start + (a + h) * s, kv.start, kv.stop)
-            for a, h, s, kv in zip((x, y), self.half_width, self._scale(), (space.kv_u, space.kv_v))
+            for a, h, s, kv in zip((x, y), self.half_width, self._scale(), self._knots())
         )
+        return u, v
 
     def graph(self, degrees: tuple[int, int] = (3, 3)) -> BSplineSurface:
         """Return the surface as a scalar BSplineSurface z(x, y) on x, y in mm.
@@ -126,11 +120,14 @@ class FreeformSurface:
         kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width))
         return conic_graph(self.conic, kv_x, kv_y, sag.coefficients)
 
+    def _knots(self) -> tuple[KnotVector, KnotVector]:
+        if self.sag is None:
+            raise ValueError("a surface without sag has no spline parameters")
+        return self.sag.space.kv_u, self.sag.space.kv_v
+
     def _scale(self) -> tuple[float, float]:
-        space = self.sag.space
-        return tuple(
-            (kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.half_width)
-        )
+        su, sv = ((kv.stop - kv.start) / (2 * h) for kv, h in zip(self._knots(), self.half_width))
+        return su, sv
 
     def _chain(self, derivative: tuple[int, int]) -> float:
         su, sv = self._scale()

@@ -63,15 +63,12 @@ class Lens:
     @cached_property
     def _graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
         spaces = [f.sag.space for f in (self.front, self.rear) if f.sag is not None]
-        default = (
-            3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5
-        )  # other conics need fewer knots then
-        common = tuple(
-            max((kv.degree for kv in row), default=default)
-            for row in ([s.kv_u for s in spaces], [s.kv_v for s in spaces])
-        )
-        graphs = self.front.graph(common), self.rear.graph(common)
-        return graphs[0].elevated(common), graphs[1].elevated(common)
+        # conics that are no paraboloids need fewer knots of degree 5
+        default = 3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5
+        p = max((space.kv_u.degree for space in spaces), default=default)
+        q = max((space.kv_v.degree for space in spaces), default=default)
+        front, rear = (f.graph((p, q)).elevated((p, q)) for f in (self.front, self.rear))
+        return front, rear
 
     def volume(self) -> float:
         """Return the volume in mm^3, by Gauss quadrature that is exact for the splines."""

@@ -13,14 +13,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thbcad.certified import Enclosure, greatest_slope, least_radii, minimum, rounding, value_range
-from thbcad.checks import EPS, require_number, require_type
+from thbcad.checks import EPS, Floats, require_number, require_type
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
 from thbcad.sags import gap_graph
-from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
+from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
+from thbcad.surfaces import THBSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
 BENDING = 1e-5  # relative tolerance of slopes and radii: finer than a workshop measures them
@@ -184,7 +184,7 @@ def _area(graph: BSplineSurface, points: int) -> float:
     return total
 
 
-def _quadrature(kv: KnotVector, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _quadrature(kv: KnotVector, points: int) -> tuple[Floats, Floats]:
     """Return Gauss points and weights on every span, the spans cut into equal parts where they are few."""
     parts = -(-LEAST_SPANS // kv.spans)
     steps = np.arange(parts) / parts
@@ -196,12 +196,19 @@ def _quadrature(kv: KnotVector, points: int) -> tuple[NDArray[np.float64], NDArr
 def _figures(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceFigures:
     radii = least_radii(graph, BENDING)
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
-    departure = (
-        None if surface.sag is None else HeightRange(*value_range(_sag_graph(surface), tolerance=HEIGHT))
-    )
-    heights = HeightRange(*value_range(graph, tolerance=HEIGHT))
+    departure = None
+    if surface.sag is not None:
+        departure = HeightRange(*value_range(_sag_graph(surface, surface.sag), tolerance=HEIGHT))
+    square, error = area(graph)
     return SurfaceFigures(
-        _slope_angle(graph), concave, convex, heights, departure, _feature(surface), *area(graph)
+        slope=_slope_angle(graph),
+        concave=concave,
+        convex=convex,
+        heights=HeightRange(*value_range(graph, tolerance=HEIGHT)),
+        departure=departure,
+        feature=_feature(surface),
+        area=square,
+        area_error=error,
     )
 
 
@@ -224,21 +231,20 @@ def _at_centre(gap: BSplineSurface) -> Enclosure:
 
 def _at_rim(gap: BSplineSurface) -> Enclosure:
     """Return the least gap on the four sides; a side is a graph that does not vary across."""
-    across, found = KnotVector.uniform(1, 1), []
+    found = []
     for end, x, y in ((0, gap.kv_u.start, gap.kv_v.start), (-1, gap.kv_u.stop, gap.kv_v.stop)):
-        along_x = minimum(BSplineSurface(gap.kv_u, across, gap.coefficients[:, [end, end]]), tolerance=HEIGHT)
-        along_y = minimum(BSplineSurface(across, gap.kv_v, gap.coefficients[[end, end]]), tolerance=HEIGHT)
+        along_x = minimum(BSplineSurface(gap.kv_u, UNIT, gap.coefficients[:, [end, end]]), tolerance=HEIGHT)
+        along_y = minimum(BSplineSurface(UNIT, gap.kv_v, gap.coefficients[[end, end]]), tolerance=HEIGHT)
         found += [replace(along_x, v=y), replace(along_y, u=x)]
     best = min(found, key=lambda side: side.value)
     return replace(best, lower=min(side.lower for side in found), upper=min(side.upper for side in found))
 
 
-def _sag_graph(surface: FreeformSurface) -> BSplineSurface:
+def _sag_graph(surface: FreeformSurface, sag: THBSurface) -> BSplineSurface:
     """Return the sag alone over the rectangle of its surface, mm."""
-    sag = surface.sag.to_bspline()
-    return BSplineSurface(
-        *(kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width)), sag.coefficients
-    )
+    spline = sag.to_bspline()
+    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((spline.kv_u, spline.kv_v), surface.half_width))
+    return BSplineSurface(kv_x, kv_y, spline.coefficients)
 
 
 def _feature(surface: FreeformSurface) -> Feature | None:
@@ -249,7 +255,5 @@ def _feature(surface: FreeformSurface) -> Feature | None:
     boxes = space.boxes[np.isin(space.cells[:, 0], levels)]
     knots = space.kv_u, space.kv_v
     shortest = (boxes[:, 1::2] - boxes[:, ::2]).min(axis=0)
-    span = tuple(
-        float(s) * 2 * h / (kv.stop - kv.start) for s, h, kv in zip(shortest, surface.half_width, knots)
-    )
-    return Feature(int(levels.max()), span, tuple(kv.degree * s for kv, s in zip(knots, span)))
+    x, y = (float(s) * 2 * h / (kv.stop - kv.start) for s, h, kv in zip(shortest, surface.half_width, knots))
+    return Feature(int(levels.max()), (x, y), (space.kv_u.degree * x, space.kv_v.degree * y))

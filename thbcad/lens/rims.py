@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats, Integers
 from thbcad.sags import graph_poles
-from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
     from thbcad.lens.lens import Lens
-
-UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])  # of the rulings, from front to rear
 
 Corner = tuple[int, int]  # the indices, 0 or -1, of the pole in the corner
 Surfaces = tuple[BSplineSurface, BSplineSurface]
@@ -65,7 +63,7 @@ def placed_surfaces(lens: Lens) -> Surfaces:
     return graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
 
 
-def rim(surface: BSplineSurface, side: Side) -> tuple[KnotVector, NDArray[np.float64]]:
+def rim(surface: BSplineSurface, side: Side) -> tuple[KnotVector, Floats]:
     """Return knots and poles, (n, ...), of the boundary curve of a surface on a side, x or y rising."""
     net = surface.coefficients
     return (surface.kv_u, surface.kv_v)[side.axis], net[:, side.end] if side.axis == 0 else net[side.end]
@@ -95,7 +93,7 @@ def ruled_edges(lens: Lens) -> list[BSplineSurface]:
     return [ruled_edge(surfaces, side) for side in SIDES]
 
 
-def rim_indices(nx: int, ny: int) -> NDArray[np.int64]:
+def rim_indices(nx: int, ny: int) -> Integers:
     """Return the numbers of the points on the rim of a grid of nx x ny points, y first, counter-clockwise."""
     grid = np.arange(nx * ny).reshape(nx, ny)
     return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])

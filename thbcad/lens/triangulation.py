@@ -21,10 +21,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thbcad.certified import Orders, bernstein
-from thbcad.checks import read_only, rebuilt, require_number, require_type
+from thbcad.checks import Floats, Integers, read_only, rebuilt, require_number, require_type
 from thbcad.lens.lens import Lens
 from thbcad.lens.rims import placed_surfaces, rim_indices
 from thbcad.lens.soundness import require_sound
@@ -35,8 +34,6 @@ MOST_TRIANGLES = 20_000_000
 LEAST_CHORD = 1e-8  # mm
 ALLOWANCE = 1e-10  # mm; what conics as splines (1e-11 mm) and the rounding of vertices within 10 m add
 FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges in the order of SIDES
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +47,9 @@ class Tessellation:
         the error in z
     """
 
-    vertices: Array
-    triangles: NDArray[np.int64]
-    faces: NDArray[np.int64]
+    vertices: Floats
+    triangles: Integers
+    faces: Integers
     chord: float
 
     def __post_init__(self) -> None:
@@ -108,7 +105,7 @@ def _heights(surface: BSplineSurface) -> BSplineSurface:
     return BSplineSurface(surface.kv_u, surface.kv_v, surface.coefficients[..., 2])
 
 
-def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Array:
+def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Floats:
     """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells
     u, cells v)."""
     found = [
@@ -135,7 +132,7 @@ def _rounding(surfaces: tuple[BSplineSurface, BSplineSurface]) -> float:
     return max(factors) * float(np.spacing(np.float32(size))) / 2
 
 
-def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array, Array, float]:
+def _positions(bends: Floats, mesh: BSplineSurface, chord: float) -> tuple[Floats, Floats, float]:
     """Return parameters u and v of the grid lines, and the bound that the cells then keep.
 
     As 2 h k M_uv <= (h^2 + k^2) M_uv, h^2 (M_uu + M_uv) <= 4 chord and k^2 (M_vv + M_uv) <= 4 chord are
@@ -163,7 +160,7 @@ def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array,
 
 
 def _rows(
-    lens: Lens, gap: BSplineSurface, bends: Array, lines: tuple[Array, Array], chord: float
+    lens: Lens, gap: BSplineSurface, bends: Floats, lines: tuple[Floats, Floats], chord: float
 ) -> tuple[int, float]:
     """Return how many rows of triangles the ruled edges need, and the bound that they then keep.
 
@@ -185,7 +182,7 @@ def _rows(
     return rows, max((float((bend + turn / rows).max()) for bend, turn in sides), default=0.0)
 
 
-def _vertices(grids: list[Array], rows: int, single: bool) -> Array:
+def _vertices(grids: list[Floats], rows: int, single: bool) -> Floats:
     """Return the vertices of front, rear and the rows between their rims, front first, (n, 3)."""
     ring = rim_indices(*grids[0].shape[:2])
     front, rear = (g.reshape(-1, 3) for g in grids)
@@ -195,7 +192,7 @@ def _vertices(grids: list[Array], rows: int, single: bool) -> Array:
     return vertices.astype(np.float32).astype(np.float64) if single else vertices
 
 
-def _triangles(nu: int, nv: int, rows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:
     """Return the vertex numbers of all triangles and the face of each."""
     count, ring = (nu + 1) * (nv + 1), rim_indices(nu + 1, nv + 1)
     grid = np.arange(count).reshape(nu + 1, nv + 1)
@@ -209,8 +206,6 @@ def _triangles(nu: int, nv: int, rows: int) -> tuple[NDArray[np.int64], NDArray[
     return triangles, np.concatenate([np.repeat([FRONT, REAR], len(rear)), side])
 
 
-def _halves(
-    a: NDArray[np.int64], b: NDArray[np.int64], c: NDArray[np.int64], d: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _halves(a: Integers, b: Integers, c: Integers, d: Integers) -> Integers:
     """Return the triangles a b c and a c d of the quadrangles a b c d, alternating, (2 n, 3)."""
     return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)

@@ -15,15 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import read_only, require_number, require_real, require_type
+from thbcad.checks import Floats, read_only, require_number, require_real, require_type
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import banded_least_squares, tensor_apply
 
 # nets are (n, m, d): n coefficients along the knots, m across them, d components
-Net = NDArray[np.float64]
+Net = Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Removal:
     """
 
     kv: KnotVector
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
     bound: float
 
 
@@ -103,7 +103,7 @@ def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRe
     return SurfaceRemoval(BSplineSurface(by_u.kv, by_v.kv, scale * fitted.reshape(shape)), scale * bound)
 
 
-def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def removal_errors(kv: KnotVector, coefficients: Floats) -> Floats:
     """Return for each interior break the least max_i |c - P d|_i over all d, one copy of it removed, (spans -
     1,).
 
@@ -118,7 +118,7 @@ def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray
     return scale * _defects(kv, coefficients.reshape(kv.dim, 1, -1) / scale)[:, 0]
 
 
-def _defects(kv: KnotVector, net: Net) -> NDArray[np.float64]:
+def _defects(kv: KnotVector, net: Net) -> Floats:
     """Return the `removal_errors` of every column of the net, (spans - 1, m)."""
     p, t = kv.degree, kv.knots
     last = np.searchsorted(t, kv.breaks[1:-1], "right") - 1
@@ -147,7 +147,7 @@ def _thinned(kv: KnotVector, net: Net, tolerance: float) -> _Fit:
     return _swept(kv, net, tolerance, best)
 
 
-def _most(kv: KnotVector, net: Net, tolerance: float, best: _Fit, order: NDArray[np.float64]) -> _Fit:
+def _most(kv: KnotVector, net: Net, tolerance: float, best: _Fit, order: Floats) -> _Fit:
     """Return the fit without one copy of the first k breaks of `order`, for the greatest k that bisection
     finds."""
     start, low, high = best.kv, 0, len(order) + 1
@@ -177,7 +177,7 @@ def _swept(kv: KnotVector, net: Net, tolerance: float, best: _Fit) -> _Fit:
     return best
 
 
-def _fit(kv: KnotVector, net: Net, own: KnotVector, breaks: NDArray[np.float64]) -> _Fit:
+def _fit(kv: KnotVector, net: Net, own: KnotVector, breaks: Floats) -> _Fit:
     """Return the least-squares fit to the net over `kv` on the knots `own` without one copy of each of the
     breaks."""
     coarser = KnotVector(kv.degree, np.delete(own.knots, np.searchsorted(own.knots, breaks, "right") - 1))
@@ -194,7 +194,7 @@ def _distance(net: Net, other: Net) -> float:
     return float(np.linalg.norm(net - other, axis=2).max())
 
 
-def _power_of_two(net: NDArray[np.float64]) -> float:
+def _power_of_two(net: Floats) -> float:
     """Return the power of two that makes the greatest size 1 to 2: squares of the scaled net keep its
     digits."""
     return float(np.ldexp(1.0, np.frexp(abs(net).max())[1] - 1))

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from thbcad.checks import (
+    Floats,
     read_only,
     rebuilt,
     require_degree,
@@ -49,7 +50,7 @@ class PeriodicKnotVector:
     """
 
     degree: int
-    knots: NDArray[np.float64]
+    knots: Floats
 
     def __post_init__(self) -> None:
         p = self.degree
@@ -97,7 +98,7 @@ class PeriodicKnotVector:
         return self.stop - self.start
 
     @cached_property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """Distinct knots from `start` to `stop`, both included, (spans + 1,)."""
         return read_only(np.unique(self.knots))
 
@@ -107,7 +108,7 @@ class PeriodicKnotVector:
         return len(self.breaks) - 1
 
     @cached_property
-    def extended(self) -> NDArray[np.float64]:
+    def extended(self) -> Floats:
         """The knots t_(-p) ... t_(n+p), (dim + 2 p + 1,): function i lies on entries i ... i + p + 1."""
         t = self.knots
         turn, k = np.divmod(np.arange(-self.degree, self.dim + self.degree + 1), self.dim)
@@ -116,14 +117,14 @@ class PeriodicKnotVector:
         before = self.start + (turn + 1) * self.period - (self.stop - t[k])
         return read_only(np.where(turn == 0, t[k], np.where(turn > 0, after, before)))
 
-    def greville(self) -> NDArray[np.float64]:
+    def greville(self) -> Floats:
         """Return the Greville abscissae g_i = (t_(i-p+1) + ... + t_i) / p, (dim,), which do not decrease.
 
         The first ones may lie before `start`; `collocation` takes them as they are.
         """
         return greville_abscissae(self.extended[: self.dim + self.degree + 1], self.degree)
 
-    def reduced(self, u: ArrayLike) -> NDArray[np.float64]:
+    def reduced(self, u: ArrayLike) -> Floats:
         """Return u - k T in [start, stop), the same shape; what lies there already does not change.
 
         Raises
@@ -151,7 +152,7 @@ class PeriodicKnotVector:
         u = self.reduced(u)
         return self._polar(u, np.broadcast_to(u[:, None], (len(u), self.degree)), int(derivative))
 
-    def integrals(self) -> NDArray[np.float64]:
+    def integrals(self) -> Floats:
         """Return the integrals of the functions over one period, (t_(i+1) - t_(i-p)) / (p + 1), (dim,)."""
         p = self.degree
         return (self.extended[p + 1 : p + 1 + self.dim] - self.extended[: self.dim]) / (p + 1)
@@ -209,16 +210,14 @@ class PeriodicKnotVector:
             self.degree + 1
         )
 
-    def _windows(self) -> NDArray[np.float64]:
+    def _windows(self) -> Floats:
         """Return the first p + 1 knots of every function, (dim, p + 1), moved by whole periods until the
         first lies in [start, stop)."""
         p = self.degree
         first = (np.arange(self.dim) - p) % self.dim
         return self.extended[p + first[:, None] + np.arange(p + 1)]
 
-    def _polar(
-        self, at: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0
-    ) -> csr_array:
+    def _polar(self, at: Floats, arguments: Floats, derivative: int = 0) -> csr_array:
         """Return the polar forms at `arguments`, (n, p), of the pieces that hold `at`, (n,) in [start, stop):
         csr_array (n, dim)."""
         p = self.degree

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.hierarchy import DyadicAxis, Integers, THBSpace
+from thbcad.checks import Floats, Integers
+from thbcad.hierarchy import DyadicAxis, THBSpace
 from thbcad.splines import KnotVector, band_matrix, blossom, tensor_apply
 from thbcad.surfaces.rectangle_partition import rectangles
 
@@ -27,9 +27,7 @@ def cell_rectangles(space: THBSpace) -> Integers:
     return np.concatenate(rows)
 
 
-def patches(
-    space: THBSpace, coefficients: NDArray[np.float64]
-) -> Iterator[tuple[KnotVector, KnotVector, NDArray[np.float64]]]:
+def patches(space: THBSpace, coefficients: Floats) -> Iterator[tuple[KnotVector, KnotVector, Floats]]:
     """Yield (knot vector in u, knot vector in v, net) of every patch, nets (n_u, n_v, ...)."""
     nets = list(space.nets.coefficients(coefficients))
     known: dict[tuple[int, int, int, int], tuple[KnotVector, csr_array, Integers]] = {}

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-Integers = NDArray[np.int64]
+from thbcad.checks import Integers
 
 
 def rectangles(cells: Integers) -> Integers:

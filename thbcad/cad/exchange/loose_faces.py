@@ -65,7 +65,8 @@ EXCEPTIONS = [
     for e in vars(module).values()
     if isinstance(e, type) and issubclass(e, Exception)
 ]
-OCCT_ERRORS = tuple(EXCEPTIONS)  # they have no common base
+OCCT_ERRORS: tuple[type[Exception], ...] = tuple(EXCEPTIONS)  # they have no common base
+READ_ERRORS: tuple[type[Exception], ...] = (ValueError, *OCCT_ERRORS)
 LEAST_SIZE = 1e-6  # mm; OCCT drops smaller faces
 
 
@@ -187,7 +188,7 @@ def _read_face(path: Path, number: int, face: TopoDS_Face) -> BSplineSurface | N
             raise ValueError("it is no surface that NURBS hold exactly")
         trimmed = Geom_RectangularTrimmedSurface(geom, *_rectangle(face, geom))
         return spline_surface(GeomConvert.SurfaceToBSplineSurface_s(trimmed))
-    except (ValueError, *OCCT_ERRORS) as error:
+    except READ_ERRORS as error:
         raise ValueError(f"face {number} of {path} cannot be read: {error}") from error
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from OCP.BRep import BRep_Tool
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
@@ -20,6 +20,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from thbcad.cad.exchange.reading import step_shape
 from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import TOLERANCE
+from thbcad.checks import Floats, Integers
 from thbcad.io import read_brep
 
 if TYPE_CHECKING:
@@ -36,9 +37,9 @@ class FaceHits:
     faces : (n,) int, the place of the face in the shape, -1 for none.
     """
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    points: Floats
+    normals: Floats
+    faces: Integers
 
 
 def step_solid(path: str | Path) -> TopoDS_Shape:
@@ -93,7 +94,7 @@ def face_hits(
     return FaceHits(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), faces)
 
 
-def _normal(face: TopoDS_Face, u: float, v: float) -> NDArray[np.float64]:
+def _normal(face: TopoDS_Face, u: float, v: float) -> Floats:
     """Return the outward normal of a face, of any length."""
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
     BRep_Tool.Surface_s(TopoDS.Face_s(face)).D1(u, v, point, along_u, along_v)

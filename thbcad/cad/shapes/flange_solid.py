@@ -5,6 +5,7 @@ The flange is a frame round the lens: its two planes cut the edges of the lens, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from OCP.BRep import BRep_Builder
@@ -49,6 +50,9 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     """
     require_clear(require_sound(lens), flange, semi_axes)
     builder = BRep_Builder()
+    wall: Wall
+    outline: Wall
+    edges: Sequence[str]
     if semi_axes is None:
         wall, (front, bottom), (rear, top) = _rectangular(builder, lens)
         outline, edges = PlaneWall(flange.rectangle(lens)), NAMES[2:]
@@ -77,13 +81,14 @@ def _rectangular(
 ) -> tuple[Wall, tuple[TopoDS_Face, Ring], tuple[TopoDS_Face, Ring]]:
     """Return the wall of the edges and (face, ring of its rim) of front and rear."""
     planar = lens.front.half_width == lens.rear.half_width
-    wall = PlaneWall(lens.rear.half_width) if planar else RuledWall(ruled_edges(lens))
+    ruled = RuledWall(ruled_edges(lens))
     found = []
     for k, surface in enumerate(placed_surfaces(lens)):
         rims = [rim(surface, side) for side in SIDES]
-        ring = side_ring(builder, rims) if planar else wall.rim(builder, rims, float(k))
+        ring = side_ring(builder, rims) if planar else ruled.rim(builder, rims, float(k))
         face = spline_face(builder, surface, ring.edges)
         for side, edge in zip(SIDES, ring.edges):
             builder.UpdateEdge(TopoDS.Edge_s(edge), side_line(surface, side), face, TOLERANCE)
         found.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
-    return wall, *found
+    front, rear = found
+    return PlaneWall(lens.rear.half_width) if planar else ruled, front, rear

@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
@@ -30,6 +29,7 @@ from thbcad.cad.shapes.topology import (
     strut,
     turned,
 )
+from thbcad.checks import Floats
 from thbcad.lens import (
     CORNERS,
     SIDES,
@@ -44,6 +44,7 @@ from thbcad.lens import (
 )
 from thbcad.sags import conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
@@ -90,17 +91,18 @@ def lens_patches(lens: Lens) -> tuple[list[BSplineSurface], list[BSplineSurface]
     target = lens.rear.half_width
     rows = zip((lens.front, lens.rear), placed_surfaces(lens), (0.0, lens.thickness))
     front, rear = (
-        [whole] if surface.sag is None else list(_placed(surface, vertex, target))
+        [whole] if surface.sag is None else list(_placed(surface, surface.sag, vertex, target))
         for surface, whole, vertex in rows
     )
     return front, rear
 
 
-def _placed(surface: FreeformSurface, vertex: float, target: tuple[float, float]) -> Iterator[BSplineSurface]:
+def _placed(
+    surface: FreeformSurface, sag: THBSurface, vertex: float, target: tuple[float, float]
+) -> Iterator[BSplineSurface]:
     """Yield the patches of conic + sag over the rectangle with half-widths `target`; equal positions get
     equal knots."""
-    space, patches = surface.sag.space, surface.sag.to_patches()
-    domains, half = (space.kv_u, space.kv_v), surface.half_width
+    domains, patches = (sag.space.kv_u, sag.space.kv_v), sag.to_patches()
     marks = [
         np.unique(
             np.concatenate(
@@ -110,27 +112,27 @@ def _placed(surface: FreeformSurface, vertex: float, target: tuple[float, float]
         for d in (0, 1)
     ]
     for patch in patches:
-        own = [
+        kv_x, kv_y = (
             KnotVector(kv.degree, _mapped(kv.knots, domain, h))
-            for kv, domain, h in zip((patch.kv_u, patch.kv_v), domains, half)
-        ]
-        graph = conic_graph(surface.conic, *own, patch.coefficients)
+            for kv, domain, h in zip((patch.kv_u, patch.kv_v), domains, surface.half_width)
+        )
+        graph = conic_graph(surface.conic, kv_x, kv_y, patch.coefficients)
         x, y = np.meshgrid(graph.kv_u.greville(), graph.kv_v.greville(), indexing="ij")
         poles = np.stack([x, y, vertex + graph.coefficients], axis=-1)
-        knots = [
-            _snapped(kv.knots * (t / h), m)
-            for kv, t, h, m in zip((graph.kv_u, graph.kv_v), target, half, marks)
-        ]
-        yield BSplineSurface(*(KnotVector(kv.degree, t) for kv, t in zip(own, knots)), poles)
+        kv_u, kv_v = (
+            KnotVector(kv.degree, _snapped(kv.knots * (t / h), m))
+            for kv, t, h, m in zip((graph.kv_u, graph.kv_v), target, surface.half_width, marks)
+        )
+        yield BSplineSurface(kv_u, kv_v, poles)
 
 
-def _mapped(knots: NDArray[np.float64], domain: KnotVector, half: float) -> NDArray[np.float64]:
+def _mapped(knots: Floats, domain: KnotVector, half: float) -> Floats:
     """Return knots of a sag as positions in [-half, half]; the same knot always gives the same float."""
     share = (knots - domain.start) / (domain.stop - domain.start)
     return np.where(share == 1, half, -half + 2 * half * share)
 
 
-def _snapped(knots: NDArray[np.float64], marks: NDArray[np.float64]) -> NDArray[np.float64]:
+def _snapped(knots: Floats, marks: Floats) -> Floats:
     """Return the knots; those that are a mark but for rounding become it."""
     room = NEAR * marks[-1]
     near = marks[np.minimum(np.searchsorted(marks, knots - room), len(marks) - 1)]

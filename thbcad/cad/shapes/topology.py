@@ -7,7 +7,6 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
 from OCP.Geom import Geom_Line, Geom_Plane
 from OCP.Geom2d import Geom2d_Line
@@ -25,8 +24,9 @@ from OCP.TopoDS import (
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
 from thbcad.cad.shapes.part import Part
-from thbcad.lens import SIDES, UNIT, Corner, Side, Surfaces, rim, rim_parameter, ruled_edge
-from thbcad.splines import BSplineSurface
+from thbcad.checks import Floats
+from thbcad.lens import SIDES, Corner, Side, Surfaces, rim, rim_parameter, ruled_edge
+from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
     from OCP.Geom import Geom_Curve
@@ -47,7 +47,7 @@ def closed_part(names: Sequence[str], faces: Sequence[TopoDS_Face]) -> Part:
     return Part(solid, tuple(names), tuple(faces))
 
 
-def new_vertex(builder: BRep_Builder, point: NDArray[np.float64]) -> TopoDS_Vertex:
+def new_vertex(builder: BRep_Builder, point: Floats) -> TopoDS_Vertex:
     """Return a vertex at a point, (3,) float, mm."""
     vertex = TopoDS_Vertex()
     builder.MakeVertex(vertex, gp_Pnt(*point.tolist()), TOLERANCE)

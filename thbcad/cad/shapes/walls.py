@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Geom import (
     Geom_Circle,
     Geom_CylindricalSurface,
@@ -23,8 +22,9 @@ from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface
 from thbcad.cad.shapes.rings import Ring
 from thbcad.cad.shapes.topology import new_edge, new_vertex, turned
-from thbcad.lens import CORNERS, SIDES, UNIT, Ellipse, Side, fitted_curve, kinks
-from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.checks import Floats
+from thbcad.lens import CORNERS, SIDES, Ellipse, Side, fitted_curve, kinks
+from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
     from OCP.BRep import BRep_Builder
@@ -90,7 +90,7 @@ class EllipticWall:
             else Geom_Ellipse(self._axes(z), max(a, b), min(a, b))
         )
 
-    def _places(self, z: Sequence[float]) -> NDArray[np.float64]:
+    def _places(self, z: Sequence[float]) -> Floats:
         return np.column_stack([*self.ellipse([0.0, np.pi]), z])
 
     def surface(self, panel: int) -> Geom_Surface:
@@ -108,7 +108,7 @@ class EllipticWall:
         ]
         return Ring(vertices, edges, (Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0)),) * 2, (z, z))
 
-    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
+    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
         """Return the ring along two splines (x, y, z) over the angle, one for each half."""
         heights = tuple(float(poles[0, 2]) for _, poles in curves)
         vertices = [new_vertex(builder, place) for place in self._places(heights)]
@@ -145,9 +145,7 @@ class RuledWall:
     def strut(self, corner: int) -> Geom_Curve:
         return geom_curve(UNIT, self.panels[corner].coefficients[_first(SIDES[corner])])
 
-    def rim(
-        self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]], v: float
-    ) -> Ring:
+    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]], v: float) -> Ring:
         """Return the ring of the front's (v = 0) or the rear's rim (v = 1)."""
         return replace(
             side_ring(builder, curves),
@@ -164,10 +162,10 @@ class RuledWall:
         heights = [float(poles[_first(side), 2]) for side, (_, poles) in zip(SIDES, curves)]
         return replace(side_ring(builder, flat), traces=traces, heights=heights)
 
-    def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, NDArray[np.float64]]:
+    def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, Floats]:
         """Return knots and poles (x, y, v) of the level line of a panel."""
 
-        def line(s: NDArray[np.float64]) -> NDArray[np.float64]:
+        def line(s: Floats) -> Floats:
             front, rear = np.moveaxis(panel.grid(s, [0.0, 1.0]), 1, 0)
             v = (z - front[:, 2]) / (rear[:, 2] - front[:, 2])
             return np.column_stack([front[:, :2] + v[:, None] * (rear - front)[:, :2], v])
@@ -176,7 +174,7 @@ class RuledWall:
         return fitted_curve(line, np.r_[panel.kv_u.start, breaks, panel.kv_u.stop], np.r_[1, counts, 1])
 
 
-def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
+def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
     """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have
     their z as height."""
     starts = [poles[_first(side)] for side, (_, poles) in zip(SIDES, curves)]
@@ -195,6 +193,6 @@ def _first(side: Side) -> int:
     return -1 if side.clockwise else 0
 
 
-def trace(kv: KnotVector, poles: NDArray[np.float64]) -> Geom2d_BSplineCurve:
+def trace(kv: KnotVector, poles: Floats) -> Geom2d_BSplineCurve:
     """Return a spline with poles (n, 2) as a curve in the parameters of a face."""
     return GeomAPI.To2d_s(geom_curve(kv, np.column_stack([poles, np.zeros(len(poles))])), gp_Pln())
