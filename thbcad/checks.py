@@ -42,11 +42,11 @@ def rebuilt(noun: Any) -> tuple[partial[Any], tuple[()]]:
     return partial(make, **given), ()
 
 
-def require_type(name: str, value: object, *kinds: type) -> None:
+def require_type(name: str, value: object, *types: type) -> None:
     """Raise ValueError unless the value is of one of these types."""
-    if not isinstance(value, kinds):
+    if not isinstance(value, types):
         raise ValueError(
-            f"{name} must be a {' or '.join(kind.__name__ for kind in kinds)}, got {type(value).__name__}"
+            f"{name} must be a {' or '.join(each.__name__ for each in types)}, got {type(value).__name__}"
         )
 
 
@@ -83,8 +83,8 @@ def require_number(
         and (number > above or above == -np.inf)
     )
     if not good or (finite and not abs(number) < np.inf):
-        kind = "finite number" if finite else "number"
-        wanted = f"a positive {kind}" if above == 0 else f"a {kind}"
+        noun = "finite number" if finite else "number"
+        wanted = f"a positive {noun}" if above == 0 else f"a {noun}"
         wanted += (
             f" of at least {least:g}"
             if least > -np.inf

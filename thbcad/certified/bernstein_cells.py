@@ -146,7 +146,8 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     if isinstance(whole, THBSurface):
         # two products with polar forms for every level of the hierarchy
         count = whole.space.levels * _roundings(whole.space.kv_u.degree, whole.space.kv_v.degree)
-        patches, error = [whole.to_bspline()], rounding(count, float(np.abs(whole.coefficients).max()))
+        patches = [whole.to_bspline()]
+        error = rounding(count, float(np.abs(whole.coefficients).max()))
     else:
         patches = [whole] if isinstance(whole, BSplineSurface) else list(whole)
     for patch in patches:
@@ -172,9 +173,11 @@ def _differentiated(patch: BSplineSurface, orders: Orders, error: float) -> tupl
     net = patch.coefficients
     for kv, order in zip((patch.kv_u, patch.kv_v), orders):
         if order > kv.degree:
-            net, error = np.zeros_like(net), 0.0
+            net = np.zeros_like(net)
+            error = 0.0
         for done in range(order if order <= kv.degree else 0):
-            p, knots = kv.degree - done, kv.knots[done + 1 : len(kv.knots) - done - 1]
+            p = kv.degree - done
+            knots = kv.knots[done + 1 : len(kv.knots) - done - 1]
             width = (knots[p:] - knots[:-p])[:, None]
             real = width > 0  # a function without support has no coefficient
             with np.errstate(over="ignore", invalid="ignore"):  # refused later
@@ -191,7 +194,8 @@ def _extraction(kv: KnotVector, order: int, degree: int) -> csr_array:
     every span."""
     if order > kv.degree:
         return csr_array((kv.spans * (degree + 1), kv.dim))
-    p, knots = kv.degree - order, kv.knots[order : len(kv.knots) - order]
+    p = kv.degree - order
+    knots = kv.knots[order : len(kv.knots) - order]
     span = np.flatnonzero(np.diff(knots) > 0)
     rows = bezier_rows(knots[span + np.arange(1 - p, p + 1)[:, None]])
     return band_matrix(

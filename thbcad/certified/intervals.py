@@ -74,7 +74,8 @@ def range_over(
         np.cumsum(count_u * count_v) - count_u * count_v, count_u * count_v
     )
     for first in range(0, len(pieces), STRIP):
-        owner, k = pieces[first : first + STRIP], number[first : first + STRIP]
+        owner = pieces[first : first + STRIP]
+        k = number[first : first + STRIP]
         start_u, a = _restricted(
             surface.kv_u,
             Interval(u.low[owner], u.high[owner]),
@@ -117,9 +118,9 @@ def positive(
         if spent > MOST_BOXES:
             return False, None
         middle = boxes.mean(axis=0)
-        found = value(*middle)
-        if found.min() <= 0:
-            return False, middle[:, np.argmin(found)]
+        values = value(*middle)
+        if values.min() <= 0:
+            return False, middle[:, np.argmin(values)]
         boxes = boxes[..., ~(lower(*(Interval(*boxes[:, axis]) for axis in (0, 1))) > 0)]
         for axis in (0, 1):
             if (boxes[0, axis] < boxes[1, axis]).any():

@@ -37,7 +37,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The fit of least error, and how it was found.
+    """The fit of least error, and how the search ended.
 
     outcome : "reached" (error <= tolerance), "max level" (no cell above the tolerance may be refined
         further, or cells would be too short for float64), "no progress" (three refinements did not lower the
@@ -77,7 +77,7 @@ def fit(
     ------
     ValueError : a tolerance that is not positive, a level outside 0..24, fewer than three samples of positive
         weight, function values that are not finite.
-    Underdetermined : the samples do not even determine a spline of the given space.
+    Underdetermined : the samples do not determine a spline of the given space.
     """
     require_type("space", space, THBSpace)
     require_number("tolerance", tolerance, above=0)
@@ -111,7 +111,8 @@ def _refined(
     """Return the fit: approximate, measure the error of every leaf cell, refine, until there is an
     outcome."""
     best = surface = approximate(space)
-    history, below = [], []
+    history = []
+    below = []
     while True:
         errors = measure(surface)
         history.append(Step(space.dim, float(errors.max())))
@@ -163,18 +164,18 @@ def surroundings(space: THBSpace, cells: Integers) -> dict[int, Integers]:
     cells : (n, 3) int [level, i, j].  Refining them makes room for functions of the next level around every
         given cell.
     """
-    found = []
+    chosen = []
     for level in np.unique(cells[:, 0]).tolist():
         here = cells[cells[:, 0] == level, 1:]
-        reach = [np.arange(-(kv.degree // 2), kv.degree // 2 + 1) for kv in (space.kv_u, space.kv_v)]
-        ring = (here[:, None] + np.stack(np.meshgrid(*reach), axis=-1).reshape(1, -1, 2)).reshape(-1, 2)
+        offsets = [np.arange(-(kv.degree // 2), kv.degree // 2 + 1) for kv in (space.kv_u, space.kv_v)]
+        ring = (here[:, None] + np.stack(np.meshgrid(*offsets), axis=-1).reshape(1, -1, 2)).reshape(-1, 2)
         ring = np.unique(
             np.clip(ring, 0, [(kv.spans << level) - 1 for kv in (space.kv_u, space.kv_v)]), axis=0
         )
         centres = (axis.value(level + 1, 2 * k + 1) for axis, k in zip(space.axes, ring.T))
         leaves = space.cells[np.unique(space.locate(*centres))]
-        found.append(leaves[leaves[:, 0] <= level])
-    leaves = np.unique(np.concatenate(found), axis=0)
+        chosen.append(leaves[leaves[:, 0] <= level])
+    leaves = np.unique(np.concatenate(chosen), axis=0)
     return {level: leaves[leaves[:, 0] == level, 1:] for level in np.unique(leaves[:, 0]).tolist()}
 
 
@@ -187,8 +188,8 @@ def _projected(space: THBSpace, function: Function, smoothing: float) -> THBSurf
 def _function_errors(surface: THBSurface, function: Function) -> Floats:
     """Return the greatest error on every leaf cell, (cells,)."""
     space = surface.space
-    shares = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
-    u, v = cell_points(space, *shares)
+    fractions = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
+    u, v = cell_points(space, *fractions)
     difference = surface(u.ravel(), v.ravel()) - evaluate(function, u.ravel(), v.ravel())
     return _distance(difference).reshape(u.shape).max(axis=1)
 

@@ -9,7 +9,7 @@ from thbcad.hierarchy import THBSpace
 
 
 def cell_points(space: THBSpace, shares_u: Floats, shares_v: Floats) -> tuple[Floats, Floats]:
-    """Return (u, v), each (cells, n_u n_v): the points at the given shares of every cell's sides, u first,
+    """Return (u, v), each (cells, n_u n_v): the points at the given fractions of every cell's sides, u first,
     then v."""
     u0, u1, v0, v1 = space.boxes.T[:, :, None]
     u, v = u0 + (u1 - u0) * shares_u, v0 + (v1 - v0) * shares_v

@@ -126,14 +126,16 @@ def least_squares(space: THBSpace, samples: Samples, smoothing: float = 0.0) -> 
     energy = smoothing * thin_plate(space) if smoothing else csr_array((space.dim, space.dim))
     normal = weighted @ a + energy
     lu, scale = _factorised(normal, space, smoothing)
-    coefficients, least = np.zeros((space.dim, *samples.values.shape[1:])), float("inf")
+    coefficients = np.zeros((space.dim, *samples.values.shape[1:]))
+    least = float("inf")
     for _ in range(MOST_SOLVES):
         gradient = weighted @ (samples.values - a @ coefficients) - energy @ coefficients
         correction = (scale * lu.solve((scale * gradient.T).T).T).T
         size = float(np.linalg.norm(correction))
         if size >= least:
             break
-        coefficients, least = coefficients + correction, size
+        coefficients = coefficients + correction
+        least = size
     return THBSurface(space, coefficients)
 
 

@@ -73,7 +73,8 @@ def _level_functionals(space: THBSpace, level: int) -> list[Floats]:
     """Return points and weights in u, points and weights in v of the active functions of a level, (n, 2 p +
     1) each."""
     functions = space.functions[space.functions[:, 0] == level, 1:]
-    tables, rows = [], []
+    tables = []
+    rows = []
     for axis, index in zip(space.axes, functions.T):
         distinct, inverse = np.unique(index, return_inverse=True)
         tables.append(_axis_functionals(axis, level, distinct))

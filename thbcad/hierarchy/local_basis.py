@@ -56,5 +56,5 @@ class LocalBasis:
 
 def _knots_around(level: Level, direction: int) -> Floats:
     """Return the knots on either side of every leaf cell of a level, (2p, cells)."""
-    spans, place = np.unique(level.leaves[:, direction], return_inverse=True)
-    return level.axes[direction].knots_around(level.number, spans)[:, place]
+    spans, position = np.unique(level.leaves[:, direction], return_inverse=True)
+    return level.axes[direction].knots_around(level.number, spans)[:, position]

@@ -36,7 +36,8 @@ class MultilevelBasis:
     def coefficients(self, weights: Floats) -> Floats:
         """Return M w."""
         e = self._embedding
-        parts, out = np.split(weights, np.cumsum(self._counts)[:-1]), []
+        parts = np.split(weights, np.cumsum(self._counts)[:-1])
+        out = []
         net = np.zeros(e.shape(0))
         for level, (part, scale) in enumerate(zip(parts, self._scales)):
             net = e.refined(level, net) if level else net
@@ -47,7 +48,8 @@ class MultilevelBasis:
     def adjoint(self, gradient: Floats) -> Floats:
         """Return M^T g."""
         e = self._embedding
-        parts, out = np.split(gradient, np.cumsum([len(rows) for rows in e.active])[:-1]), []
+        parts = np.split(gradient, np.cumsum([len(rows) for rows in e.active])[:-1])
+        out = []
         top = len(self._counts) - 1
         net = np.zeros(e.shape(top))
         for level in range(top, -1, -1):

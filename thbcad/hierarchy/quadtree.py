@@ -40,7 +40,8 @@ class Quadtree:
         return self._order[np.searchsorted(self._codes_in_order, self._codes(i, j), side="right") - 1]
 
     def _codes(self, i: Integers, j: Integers) -> Integers:
-        top, below = self._top, (1 << self._top) - 1
+        top = self._top
+        below = (1 << self._top) - 1
         base = (i >> top) * self._axes[1].spans(0) + (j >> top)
         return (base << (2 * top)) + (_spread(i & below) << 1) + _spread(j & below)
 

@@ -1,6 +1,6 @@
 """Rectangles of leaf cells inside the supports of B-splines.
 
-A coefficient can be found on any rectangle of leaf cells in the support of its B-spline: the more
+A coefficient can be computed on any rectangle of leaf cells in the support of its B-spline: the more
 cells, the less a functional magnifies rounding errors.
 """
 

@@ -2,7 +2,7 @@
 
 W_l is the tensor-product space on the level-0 knots and only those dyadic knots up to level
 l that some refined cell needs.  Every active function of level l is a B-spline of W_l, so a
-THB spline with coefficients c_l is found by "refine, then overwrite":
+THB spline with coefficients c_l follows by "refine, then overwrite":
 
     G_0 = c_0,    G_l = P_u G_(l-1) P_v^T,    then G_l[active] = c_l,
 
@@ -70,7 +70,8 @@ class Embedding:
 
     def _positions(self, level: Level, functions: Integers) -> Integers:
         """Return where functions of a level whose supports lie in Omega_l sit in the flat net of W_l."""
-        top, index = len(self._hierarchy) - 1, []
+        top = len(self._hierarchy) - 1
+        index = []
         for d, axis in enumerate(self._axes):
             head = axis.knot_break(level.number, functions[:, d])
             rank = functions[:, d] - axis.first_knot(level.number, head)

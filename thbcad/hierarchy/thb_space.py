@@ -63,7 +63,8 @@ class THBSpace:
     __reduce__ = rebuilt
 
     def __repr__(self) -> str:
-        degrees, cells = (self.kv_u.degree, self.kv_v.degree), len(self.cells)
+        degrees = (self.kv_u.degree, self.kv_v.degree)
+        cells = len(self.cells)
         return f"THBSpace(degree {degrees}, {self.levels} levels, {cells} cells, dim {self.dim})"
 
     @property
@@ -116,7 +117,8 @@ class THBSpace:
     @cached_property
     def hierarchy(self) -> tuple[Level, ...]:
         """The levels as `Level` records, coarsest first."""
-        d, levels = self._domains, []
+        d = self._domains
+        levels = []
         for number in range(d.levels):
             keys = d.cells(number)
             refined = np.zeros(len(keys), dtype=bool)
@@ -212,7 +214,8 @@ class THBSpace:
         if not isinstance(coarser, THBSpace):
             raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
         coarser._require_nested(self)
-        whole, operator = self, eye_array(self.dim, format="csr")
+        whole = self
+        operator = eye_array(self.dim, format="csr")
         for level in range(self.levels - 2, -1, -1):
             extra = np.setdiff1d(whole._domains.refined(level), coarser._domains.refined(level))
             if len(extra):
@@ -283,7 +286,8 @@ class THBSpace:
             non-negative integer.
         """
         u, v = self._points(u, v)
-        orders, cell = require_orders(derivative), self._quadtree.locate(u, v)
+        orders = require_orders(derivative)
+        cell = self._quadtree.locate(u, v)
         return *self.local_basis.values(cell, u, v, orders), cell
 
     @cached_property
@@ -294,7 +298,9 @@ class THBSpace:
         the finest spans, which costs a coarse cell in the rows or columns of fine ones a factor of at most
         2^(levels - 1) longest / shortest level-0 span: that must not exceed 256.
         """
-        sizes, local, spread = 1, 1, 1.0
+        sizes = 1
+        local = 1
+        spread = 1.0
         for d, kv in enumerate((self.kv_u, self.kv_v)):
             sizes *= kv.dim + sum(len(np.unique(level.cells[level.refined, d])) for level in self.hierarchy)
             local *= kv.degree + 1

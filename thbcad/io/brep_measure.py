@@ -5,9 +5,9 @@
 Of a spline face X(u, v) the integrand (X - O) . (X_u x X_v) is a polynomial of degree 3 p - 1 on every span:
 Gauss quadrature is exact.  On a plane face (X - O) . n is constant; its area is half of n . (integral of X x
 dX) around its loops, which is exact for lines and splines.  The area of a spline face is the integral of |X_u
-x X_v|, of which two numbers of nodes tell the error.
+x X_v|, of which two numbers of nodes show the error.
 
-Faces are planes, or splines that are not rational and end at the four sides of their own rectangle.
+Faces are planes, or splines that are not rational and end at the four sides of their rectangle.
 
 Source: R. N. Goldman, Area of planar polygons and volume of polyhedra, Graphics Gems II (1991); G. H. Golub
 and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23 (1969).
@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.step_brep import Brep, BrepEdge, BrepFace
+from thbcad.io.brep_records import Brep, BrepEdge, BrepFace
 from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
 
 ACCURACY = 1e-10  # relative, of areas
@@ -77,7 +77,7 @@ def _spline(face: BrepFace) -> BSplineSurface:
     """Return the surface of a face that is no plane; raise ValueError unless it is a spline, not rational."""
     if not isinstance(face.surface, BSplineSurface):
         raise ValueError(
-            f"face #{face.number} must be a plane or a spline that is not rational, got {face.kind}"
+            f"face #{face.number} must be a plane or a spline that is not rational, got {face.surface_type}"
         )
     return face.surface
 
@@ -85,7 +85,9 @@ def _spline(face: BrepFace) -> BSplineSurface:
 def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
     """Raise ValueError unless the edges of a spline face are the four sides of its rectangle."""
     surface = _spline(face)
-    kv_u, kv_v, net = surface.kv_u, surface.kv_v, surface.coefficients
+    kv_u = surface.kv_u
+    kv_v = surface.kv_v
+    net = surface.coefficients
     sides = [(kv_u, net[:, 0]), (kv_u, net[:, -1]), (kv_v, net[0]), (kv_v, net[-1])]
     if len(face.loops) == 1 and len(face.loops[0]) == 4:
         for number, _ in face.loops[0]:
@@ -95,16 +97,18 @@ def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
 
 
 def _covers(edge: BrepEdge, kv: KnotVector, poles: Floats) -> bool:
-    """Return whether an edge is the spline (kv, poles), of which it may lack some knots, run along either
-    way."""
-    own, points = edge.kv or UNIT, _poles(edge)
+    """Return whether an edge is the spline (kv, poles), of which it may lack some knots, run in either
+    direction."""
+    curve = edge.kv or UNIT
+    points = _poles(edge)
     if _same(poles[[0, -1]], points[[-1, 0]]):
-        own, points = KnotVector(own.degree, 0.0 - own.knots[::-1]), points[::-1]
-    if own.degree != kv.degree or not _same(poles[[0, -1]], points[[0, -1]]):
+        curve = KnotVector(curve.degree, 0.0 - curve.knots[::-1])
+        points = points[::-1]
+    if curve.degree != kv.degree or not _same(poles[[0, -1]], points[[0, -1]]):
         return False
-    own = own.rescaled(kv.start, kv.stop)
-    both = own.merged(kv)
-    return _same(own.prolongation(both) @ points, kv.prolongation(both) @ poles)
+    curve = curve.rescaled(kv.start, kv.stop)
+    both = curve.merged(kv)
+    return _same(curve.prolongation(both) @ points, kv.prolongation(both) @ poles)
 
 
 def _same(a: Floats, b: Floats) -> bool:
@@ -140,16 +144,19 @@ def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Floats) -> floa
 def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
     if face.plane is not None:
         return _plane_area(face, face.plane, edges)
-    surface, before, more = _spline(face), np.inf, 2
+    surface = _spline(face)
+    before = np.inf
+    more = 2
     while more <= MOST_NODES:
         p, q = surface.kv_u.degree, surface.kv_v.degree
         nodes = min(p + more, MOST_NODES), min(q + more, MOST_NODES)
-        found = sum(
+        area = sum(
             float(wu @ np.linalg.norm(normal, axis=2) @ wv) for wu, wv, _, normal in _normals(surface, nodes)
         )
-        if abs(found - before) <= ACCURACY * found:
-            return found
-        before, more = found, more + max(2, more // 2)
+        if abs(area - before) <= ACCURACY * area:
+            return area
+        before = area
+        more = more + max(2, more // 2)
     raise ValueError(
         f"the area of face #{face.number} cannot be found to {ACCURACY:g} with {MOST_NODES} nodes per span"
     )

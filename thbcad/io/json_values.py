@@ -17,28 +17,28 @@ def write_json(data: object, path: str | Path) -> None:
     write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False))
 
 
-def read_json(path: str | Path, kind: str) -> Any:
+def read_json(path: str | Path, content: str) -> Any:
     """Return the content of a JSON file.
 
     Raises
     ------
-    OSError : unreadable; ValueError : no JSON, `kind` names what was wanted.
+    OSError : unreadable; ValueError : no JSON, `content` names what was wanted.
     """
     try:
         return json.loads(Path(path).read_text("utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not a {kind} file: {error}") from None
+        raise ValueError(f"{path} is not a {content} file: {error}") from None
     except RecursionError:
-        raise ValueError(f"{path} is not a {kind} file: it is nested too deeply") from None
+        raise ValueError(f"{path} is not a {content} file: it is nested too deeply") from None
 
 
-def require_schema(data: object, schema: str, version: int, kind: str) -> dict[str, Any]:
+def require_schema(data: object, schema: str, version: int, content: str) -> dict[str, Any]:
     """Return the object with this schema and version, or raise ValueError."""
     if not isinstance(data, dict) or data.get("schema") != schema:
-        raise ValueError(f"not a {kind} file: its schema is not {schema!r}")
+        raise ValueError(f"not a {content} file: its schema is not {schema!r}")
     if data.get("version") != version:
         raise ValueError(
-            f"{kind} file version {data.get('version')!r} is unknown, this program reads version {version}"
+            f"{content} file version {data.get('version')!r} is unknown, this program reads version {version}"
         )
     return data
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.step_brep import MILLIMETRE, read_brep
+from thbcad.io.brep_records import MILLIMETRE
+from thbcad.io.step_brep import parse_brep
 from thbcad.lens import Lens
 from thbcad.sags import lobatto_nodes
 from thbcad.splines import BSplineSurface
@@ -18,15 +19,15 @@ UNCOVERED = 1e-9  # of the area of a surface
 def patched_deviation(path: str | Path, lens: Lens) -> float:
     """Return the greatest distance in z between front and rear of a STEP file and those of the lens, mm.
 
-    Every spline face of degree 2 or more both ways is compared with the nearer surface, in every knot span at
-    the extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
+    Every spline face of degree 2 or more in both directions is compared with the nearer surface, in every
+    knot span at the extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
 
     Raises
     ------
     OSError : the file cannot be read.
     ValueError : not a STEP file with one solid in mm, or its faces do not cover front and rear.
     """
-    solid = read_brep(path)
+    solid = parse_brep(path)
     if solid.unit != MILLIMETRE:
         raise ValueError(f"{path} must be in {MILLIMETRE}, got {solid.unit}")
     splines = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]

@@ -76,9 +76,9 @@ def cloud_text(surface: FreeformSurface, vertex: float, upwards: bool, size: tup
     z, zx, zy = (surface.grid(x, y, order).ravel() for order in ORDERS[:3])
     normals = np.column_stack([-zx, -zy, np.ones_like(z)]) * (1 if upwards else -1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    places = [a.ravel() for a in np.meshgrid(x, y, indexing="ij")]
+    positions = [a.ravel() for a in np.meshgrid(x, y, indexing="ij")]
     text = io.BytesIO()
-    np.savetxt(text, np.column_stack([*places, vertex + z, normals]), "%.17g")
+    np.savetxt(text, np.column_stack([*positions, vertex + z, normals]), "%.17g")
     return text.getvalue()
 
 

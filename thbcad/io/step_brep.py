@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from thbcad.checks import Floats
+from thbcad.io.brep_records import Brep, BrepEdge, BrepFace
 from thbcad.io.step_text import REAL, STRING, Entity, Reference, Value, having, read_part21
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
@@ -22,62 +22,9 @@ POINT = re.compile(
 )
 PLACED = ("MAPPED_ITEM", "ITEM_DEFINED_TRANSFORMATION", "CARTESIAN_TRANSFORMATION_OPERATOR_3D")
 OTHER_SOLIDS = ("BREP_WITH_VOIDS", "FACETED_BREP", "SHELL_BASED_SURFACE_MODEL")
-MILLIMETRE = "MILLI METRE"
 
 
-@dataclass(frozen=True, eq=False)
-class BrepFace:
-    """An ADVANCED_FACE: its number in the file and the type of its surface.
-
-    surface : where it is a spline, else None.  plane : where it is one, a point and the normal, (2, 3) float,
-        else None.
-    outward : whether the normal of the surface points out of the solid.
-    loops : around the face, seen from outside to the left: edges by number, each with whether it is passed
-        along its curve.
-    """
-
-    number: int
-    kind: str
-    surface: BSplineSurface | NURBSSurface | None
-    plane: Floats | None
-    outward: bool
-    loops: tuple[tuple[tuple[int, bool], ...], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class BrepEdge:
-    """An EDGE_CURVE: ends (2, 3) float, in the direction of its curve.
-
-    kv, poles : knots and poles (n, 3) float of a spline.  A line has no knots; its poles are its point and
-        one a vector on.
-    Both are None for other curves.
-    """
-
-    number: int
-    ends: Floats
-    kv: KnotVector | None
-    poles: Floats | None
-
-
-@dataclass(frozen=True, eq=False)
-class Brep:
-    """The one solid of a STEP file, in its unit of length.
-
-    name : of the product.  unit : of length, "MILLI METRE" in files of this package.  faces : in the order of
-        the shell.
-    unpaired : how many edges do not border two faces, once in each direction.
-    gaps : how many edges do not begin where the edge before them around a face ends.
-    """
-
-    name: str
-    unit: str
-    faces: tuple[BrepFace, ...]
-    edges: tuple[BrepEdge, ...]
-    unpaired: int
-    gaps: int
-
-
-def read_brep(path: str | Path) -> Brep:
+def parse_brep(path: str | Path) -> Brep:
     """Read the one solid of a STEP file from its text, without OCCT; numbers come bit for bit.
 
     Raises
@@ -94,7 +41,7 @@ def read_brep(path: str | Path) -> Brep:
 
 
 def brep(entities: Entities) -> Brep:
-    """Return the one solid of a file's entities; raise ValueError as `read_brep`."""
+    """Return the one solid of a file's entities; raise ValueError as `parse_brep`."""
     names = [_text(e.parameters("PRODUCT", 4)[0], e) for e in having(entities, "PRODUCT")]
     placed = [e for kind in PLACED for e in having(entities, kind)]
     if placed:
@@ -145,7 +92,8 @@ def length_unit(entities: Entities) -> str:
 
 
 def _solid(entities: Entities) -> Entity:
-    solids, others = having(entities, "MANIFOLD_SOLID_BREP"), [k for k in OTHER_SOLIDS if having(entities, k)]
+    solids = having(entities, "MANIFOLD_SOLID_BREP")
+    others = [k for k in OTHER_SOLIDS if having(entities, k)]
     if len(solids) != 1 or others:
         raise ValueError(
             "the file must hold one MANIFOLD_SOLID_BREP, got "
@@ -204,9 +152,9 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
             weights = _net(surface.parameters("RATIONAL_B_SPLINE_SURFACE", 1)[0], knots, surface)
             spline = NURBSSurface(*knots, poles, np.array([_reals(line, surface) for line in weights]))
     if "PLANE" in surface.parts:
-        place = _entity(entities, surface.parameters("PLANE", 2)[1], surface)
-        _, point, axis, _ = place.parameters("AXIS2_PLACEMENT_3D", 4)
-        plane = np.stack([_points(entities, [point], place)[0], _direction(entities, axis, place)])
+        placement = _entity(entities, surface.parameters("PLANE", 2)[1], surface)
+        _, point, axis, _ = placement.parameters("AXIS2_PLACEMENT_3D", 4)
+        plane = np.stack([_points(entities, [point], placement)[0], _direction(entities, axis, placement)])
     along = {
         k: _flag(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k])
         for loop in _loops(entities, face)
@@ -235,7 +183,8 @@ def _edge(entities: Entities, edge: Entity) -> BrepEdge:
     if "B_SPLINE_CURVE_WITH_KNOTS" not in curve.parts:
         return BrepEdge(edge.number, ends, None, None)
     row = _spline_row(curve, "CURVE", 9)
-    kv, poles = _knots(curve, row[1], row[6], row[7]), _list(row[2], curve)
+    kv = _knots(curve, row[1], row[6], row[7])
+    poles = _list(row[2], curve)
     if len(poles) != kv.dim:
         raise ValueError(
             f"STEP entity #{curve.number} must have {kv.dim} poles by its knots, got {len(poles)}"
@@ -254,7 +203,8 @@ def _direction(entities: Entities, value: Value, user: Entity) -> Floats:
 
 def _spline_row(entity: Entity, what: str, count: int) -> list[Value]:
     """Return the parameters of a spline as those of the simple form, also where a complex one splits them."""
-    base, with_knots = f"B_SPLINE_{what}", f"B_SPLINE_{what}_WITH_KNOTS"
+    base = f"B_SPLINE_{what}"
+    with_knots = f"B_SPLINE_{what}_WITH_KNOTS"
     row = entity.parts[with_knots]
     if base in entity.parts:
         row = [None, *entity.parts[base], *row]
@@ -267,7 +217,8 @@ def _spline_row(entity: Entity, what: str, count: int) -> list[Value]:
 
 def _knots(entity: Entity, degree: Value, times: Value, values: Value) -> KnotVector:
     """Return the knot vector of distinct knots and how often each occurs."""
-    counts, knots = _list(times, entity), _reals(values, entity)
+    counts = _list(times, entity)
+    knots = _reals(values, entity)
     # no knot occurs more often than degree + 1 times, so that repeating them takes little memory
     whole = [n for n in [degree, *counts] if type(n) is int and 1 <= n <= 11]
     if len(whole) != 1 + len(counts) or len(counts) != len(knots):
@@ -283,12 +234,12 @@ def _knots(entity: Entity, degree: Value, times: Value, values: Value) -> KnotVe
 def _net(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[list[Value]]:
     """Return rows of poles or weights, as many as the knots want."""
     rows = [_list(line, entity) for line in _list(value, entity)]
-    wanted, widths = (knots[0].dim, knots[1].dim), {len(line) for line in rows}
+    wanted = (knots[0].dim, knots[1].dim)
+    widths = {len(line) for line in rows}
     if len(rows) != wanted[0] or widths != {wanted[1]}:
-        found = f"{len(rows)} x {' or '.join(map(str, sorted(widths)[:3]))}"
+        got = f"{len(rows)} x {' or '.join(map(str, sorted(widths)[:3]))}"
         raise ValueError(
-            f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got "
-            f"{found}"
+            f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got {got}"
         )
     return rows
 

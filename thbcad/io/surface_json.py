@@ -45,7 +45,8 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
     if isinstance(surface, BSplineSurface):
         net = surface.coefficients
     else:
-        net, extra = surface.points, {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
+        net = surface.points
+        extra = {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
     return (
         head
         | extra
@@ -63,7 +64,8 @@ def surface_from_dict(data: object) -> Surface:
     """
     table = require_schema(data, SCHEMA, VERSION, "surface")
     try:
-        kind, net = table["kind"], _shaped(table, "coefficients", a_list(table, "shape"))
+        kind = table["kind"]
+        net = _shaped(table, "coefficients", a_list(table, "shape"))
         if kind == "thb":
             return THBSurface(_space_from_dict(table), net)
         if kind == "bspline":
@@ -102,7 +104,8 @@ def _knots_to_dict(kv_u: KnotVector, kv_v: KnotVector) -> dict[str, Any]:
 
 
 def _knots_from_dict(data: dict[str, Any]) -> tuple[KnotVector, KnotVector]:
-    degrees, knots = a_list(data, "degree"), a_list(data, "knots")
+    degrees = a_list(data, "degree")
+    knots = a_list(data, "knots")
     if len(degrees) != 2 or len(knots) != 2:
         raise ValueError(
             f"a surface has 2 degrees and 2 knot vectors, the file has {len(degrees)} and {len(knots)}"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         NM_PER_MM as NM_PER_MM,
         HeightRange as HeightRange,
         Manufacturability as Manufacturability,
-        SurfaceFigures as SurfaceFigures,
+        SurfaceMetrics as SurfaceMetrics,
         manufacturability as manufacturability,
         mass as mass,
     )
@@ -84,7 +84,7 @@ _FILES = {
         "HeightRange",
         "Manufacturability",
         "NM_PER_MM",
-        "SurfaceFigures",
+        "SurfaceMetrics",
         "manufacturability",
         "mass",
     ),

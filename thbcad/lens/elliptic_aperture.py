@@ -60,21 +60,23 @@ class Ellipse:
 
         Returns (angles, lines): (n,) float and (n,) int, lines i of x and len(x) + j of y; not sorted.
         """
-        angles, lines, start = [], [], 0
+        angles = []
+        lines = []
+        start = 0
         for d, row in enumerate((x, y)):
-            share = np.asarray(row, dtype=np.float64) / self.semi_axes[d]
-            hit = np.flatnonzero(abs(share) <= 1)
+            relative = np.asarray(row, dtype=np.float64) / self.semi_axes[d]
+            hit = np.flatnonzero(abs(relative) <= 1)
             # angles from the axis d, then from the longer semi-axis
             turn = (np.pi / 2 if d == 1 else 0.0) - (np.pi / 2 if self.upright else 0.0)
             for sign in (1, -1):
-                angles.append((turn + sign * np.arccos(share[hit])) % (2 * np.pi))
+                angles.append((turn + sign * np.arccos(relative[hit])) % (2 * np.pi))
                 lines.append(start + hit)
-            start += len(share)
+            start += len(relative)
         return np.concatenate(angles), np.concatenate(lines)
 
 
 def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Ellipse:
-    """Return the ellipse of an aperture that both surfaces reach.
+    """Return the ellipse of an aperture within both surfaces.
 
     Raises
     ------

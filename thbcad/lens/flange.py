@@ -20,7 +20,7 @@ NODES = 16  # of the Gauss rule on every span; its error falls by a factor per n
 
 @dataclass(frozen=True)
 class Flange:
-    """A flange between the planes z = low and z = high that reaches `width` beyond the lens on all sides.
+    """A flange between the planes z = low and z = high that extends `width` beyond the lens on all sides.
 
     Its outline is a rectangle with half-widths, or an ellipse with semi-axes, that are `width` greater
     than those of the lens; of surfaces of different size the greater half-widths count.
@@ -125,10 +125,12 @@ def _inside(lens: Lens, flange: Flange) -> float:
         s, weights = gauss_rule(edge.kv_u.breaks, NODES)
         (front, rear), (slope, other) = (np.moveaxis(edge.grid(s, [0.0, 1.0], (d, 0)), 1, 0) for d in (0, 1))
         low, high = ((z - front[:, 2]) / (rear - front)[:, 2] for z in (flange.low, flange.high))
-        for share, weight in zip(*gauss_rule(np.array([0.0, 1.0]), 2)):
-            v = (low + share * (high - low))[:, None]
-            place, along, up = front + v * (rear - front), slope + v * (other - slope), rear - front
-            x, y, _ = place.T
+        for fraction, weight in zip(*gauss_rule(np.array([0.0, 1.0]), 2)):
+            v = (low + fraction * (high - low))[:, None]
+            point = front + v * (rear - front)
+            along = slope + v * (other - slope)
+            up = rear - front
+            x, y, _ = point.T
             form = (x * along[:, 1] - y * along[:, 0]) * up[:, 2] - (x * up[:, 1] - y * up[:, 0]) * along[
                 :, 2
             ]

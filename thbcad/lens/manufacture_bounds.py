@@ -1,4 +1,4 @@
-"""What a workshop asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
+"""What manufacturing asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
 
 Extremes come as certified enclosures of the spline graphs of `Lens.graphs`, which are the surfaces that the
 CAD files hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Volume and areas come
@@ -23,7 +23,7 @@ from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
 from thbcad.surfaces import THBSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
-BENDING = 1e-5  # relative tolerance of slopes and radii: finer than a workshop measures them
+BENDING = 1e-5  # relative tolerance of slopes and radii: finer than they are measured
 LEAST_SPANS = 32  # per direction, of the quadrature of an area
 STRIP = 512  # rows of quadrature points at a time
 NM_PER_MM = 1e6
@@ -32,14 +32,14 @@ MM3_PER_CM3 = 1e3
 
 @dataclass(frozen=True)
 class HeightRange:
-    """Bounds of max h - min h of a height h(x, y), mm, and both extremes with their places."""
+    """Bounds of max h - min h of a height h(x, y), mm, and both extremes with their positions."""
 
     least: Enclosure
     greatest: Enclosure
 
     @property
     def value(self) -> float:
-        """The best value found, mm."""
+        """The best value, mm."""
         return self.greatest.value - self.least.value
 
     @property
@@ -80,8 +80,8 @@ class Feature:
 
 
 @dataclass(frozen=True)
-class SurfaceFigures:
-    """Figures of one surface; places are x = u, y = v in mm.
+class SurfaceMetrics:
+    """Metrics of one surface; positions are x = u, y = v in mm.
 
     slope : degrees, greatest angle between surface and plane z = 0
     concave, convex : mm, least radius of curvature as seen from the air, infinite where there is none
@@ -103,8 +103,8 @@ class SurfaceFigures:
 
 @dataclass(frozen=True)
 class Manufacturability:
-    """Figures of a lens; thicknesses in mm, in z between points of equal relative position, with the place on
-    the rear.
+    """Metrics of a lens; thicknesses in mm, in z between points of equal relative position, with the
+    position on the rear.
 
     thickness : the least anywhere.  edge_thickness : the least at the rim.  centre_thickness : at x = y = 0
     volume : mm^3.  density : g/cm^3 or None
@@ -113,13 +113,13 @@ class Manufacturability:
     thickness: Enclosure
     centre_thickness: Enclosure
     edge_thickness: Enclosure
-    front: SurfaceFigures
-    rear: SurfaceFigures
+    front: SurfaceMetrics
+    rear: SurfaceMetrics
     volume: float
     density: float | None
 
     @property
-    def surfaces(self) -> dict[str, SurfaceFigures]:
+    def surfaces(self) -> dict[str, SurfaceMetrics]:
         """The surfaces by name, front first."""
         return {"front": self.front, "rear": self.rear}
 
@@ -135,7 +135,7 @@ def mass(volume: float, density: float) -> float:
 
 
 def manufacturability(lens: Lens, density: float | None = None) -> Manufacturability:
-    """Return the figures of a lens for the workshop.
+    """Return the metrics of a lens for its manufacture.
 
     Bounds of heights differ by 1e-8 of the greatest, those of slopes and radii by 1e-5, or more where a whole
     curve or face holds the extreme.
@@ -155,8 +155,8 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
         thickness=minimum(gap, tolerance=HEIGHT),
         centre_thickness=_at_centre(gap),
         edge_thickness=_at_rim(gap),
-        front=_figures(lens.front, front, air_above=False),
-        rear=_figures(lens.rear, rear, air_above=True),
+        front=_metrics(lens.front, front, air_above=False),
+        rear=_metrics(lens.rear, rear, air_above=True),
         volume=lens.volume(),
         density=density,
     )
@@ -178,9 +178,9 @@ def _area(graph: BSplineSurface, points: int) -> float:
     (x, wx), (y, wy) = (_quadrature(kv, points) for kv in (graph.kv_u, graph.kv_v))
     total = 0.0
     for first in range(0, len(x), STRIP):
-        own = slice(first, first + STRIP)
-        z_x, z_y = (graph.grid(x[own], y, orders) for orders in ((1, 0), (0, 1)))
-        total += float(wx[own] @ np.sqrt(1 + z_x**2 + z_y**2) @ wy)
+        strip = slice(first, first + STRIP)
+        z_x, z_y = (graph.grid(x[strip], y, orders) for orders in ((1, 0), (0, 1)))
+        total += float(wx[strip] @ np.sqrt(1 + z_x**2 + z_y**2) @ wy)
     return total
 
 
@@ -193,14 +193,14 @@ def _quadrature(kv: KnotVector, points: int) -> tuple[Floats, Floats]:
     return np.clip(x, kv.start, kv.stop), weights
 
 
-def _figures(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceFigures:
+def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceMetrics:
     radii = least_radii(graph, BENDING)
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
     departure = None
     if surface.sag is not None:
         departure = HeightRange(*value_range(_sag_graph(surface, surface.sag), tolerance=HEIGHT))
     square, error = area(graph)
-    return SurfaceFigures(
+    return SurfaceMetrics(
         slope=_slope_angle(graph),
         concave=concave,
         convex=convex,
@@ -215,9 +215,10 @@ def _figures(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -
 def _slope_angle(graph: BSplineSurface) -> Enclosure:
     """Return the greatest slope in degrees; the arctangent and the product with 180 / pi round by less than 4
     EPS."""
-    found = greatest_slope(graph, BENDING)
-    lower, value, upper = (float(np.degrees(np.arctan(s))) for s in (found.lower, found.value, found.upper))
-    return replace(found, lower=lower * (1 - 4 * EPS), value=value, upper=min(upper * (1 + 4 * EPS), 90.0))
+    steepest = greatest_slope(graph, BENDING)
+    ends = steepest.lower, steepest.value, steepest.upper
+    lower, value, upper = (float(np.degrees(np.arctan(s))) for s in ends)
+    return replace(steepest, lower=lower * (1 - 4 * EPS), value=value, upper=min(upper * (1 + 4 * EPS), 90.0))
 
 
 def _at_centre(gap: BSplineSurface) -> Enclosure:
@@ -231,13 +232,13 @@ def _at_centre(gap: BSplineSurface) -> Enclosure:
 
 def _at_rim(gap: BSplineSurface) -> Enclosure:
     """Return the least gap on the four sides; a side is a graph that does not vary across."""
-    found = []
+    sides = []
     for end, x, y in ((0, gap.kv_u.start, gap.kv_v.start), (-1, gap.kv_u.stop, gap.kv_v.stop)):
         along_x = minimum(BSplineSurface(gap.kv_u, UNIT, gap.coefficients[:, [end, end]]), tolerance=HEIGHT)
         along_y = minimum(BSplineSurface(UNIT, gap.kv_v, gap.coefficients[[end, end]]), tolerance=HEIGHT)
-        found += [replace(along_x, v=y), replace(along_y, u=x)]
-    best = min(found, key=lambda side: side.value)
-    return replace(best, lower=min(side.lower for side in found), upper=min(side.upper for side in found))
+        sides += [replace(along_x, v=y), replace(along_y, u=x)]
+    best = min(sides, key=lambda side: side.value)
+    return replace(best, lower=min(side.lower for side in sides), upper=min(side.upper for side in sides))
 
 
 def _sag_graph(surface: FreeformSurface, sag: THBSurface) -> BSplineSurface:

@@ -26,7 +26,7 @@ MOST_SPANS = 100_000
 def fitted_curve(
     curve: Callable[[Floats], Floats], breaks: Floats, counts: Integers
 ) -> tuple[KnotVector, Floats]:
-    """Return knots and poles (n, d) of a spline of degree 5 that stays within 1e-9 of a curve at eight places
+    """Return knots and poles (n, d) of a spline of degree 5 that stays within 1e-9 of a curve at eight points
     in every span.
 
     curve : function of t, (n,), that returns (n, d)
@@ -50,10 +50,8 @@ def fitted_curve(
             return kv, spline.c
         middles = breaks[:-1][failing] + np.diff(breaks)[failing] / 2
         order = np.argsort(np.r_[breaks, middles])
-        breaks, counts = (
-            np.r_[breaks, middles][order],
-            np.r_[counts, np.ones(len(middles), dtype=np.int64)][order],
-        )
+        breaks = np.r_[breaks, middles][order]
+        counts = np.r_[counts, np.ones(len(middles), dtype=np.int64)][order]
     raise ValueError(f"the curve needs more than {MOST_SPANS} spans for {TOLERANCE:g} mm")
 
 
@@ -90,7 +88,8 @@ def _crossings(graph: BSplineSurface, ellipse: Ellipse, start: float, stop: floa
     counts = np.concatenate([counts_x, counts_y])[line]
     chosen = (angles > start + NEAR) & (angles < stop - NEAR)
     order = np.argsort(angles[chosen])
-    angles, counts = angles[chosen][order], counts[chosen][order]
+    angles = angles[chosen][order]
+    counts = counts[chosen][order]
     first = np.flatnonzero(np.diff(angles, prepend=-1.0) > NEAR)
     merged = np.maximum.reduceat(counts, first) if len(first) else counts
     return np.r_[start, angles[first], stop], np.r_[1, merged, 1]

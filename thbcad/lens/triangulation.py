@@ -108,15 +108,15 @@ def _heights(surface: BSplineSurface) -> BSplineSurface:
 def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Floats:
     """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells
     u, cells v)."""
-    found = [
+    strips = [
         np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)
     ]
-    own = np.concatenate(found, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
+    bounds = np.concatenate(strips, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
     i, j = (
         np.searchsorted(kv.breaks, fine.breaks[:-1], "right") - 1
         for kv, fine in ((graph.kv_u, mesh.kv_u), (graph.kv_v, mesh.kv_v))
     )
-    return own[:, i[:, None], j[None, :]]
+    return bounds[:, i[:, None], j[None, :]]
 
 
 def _rounding(surfaces: tuple[BSplineSurface, BSplineSurface]) -> float:
@@ -140,7 +140,8 @@ def _positions(bends: Floats, mesh: BSplineSurface, chord: float) -> tuple[Float
     """
     uu, uv, vv = bends
     needs = (uu + uv).max(axis=1), (vv + uv).max(axis=0)
-    lines, steps = [], []
+    lines = []
+    steps = []
     for kv, need in zip((mesh.kv_u, mesh.kv_v), needs):
         width = np.diff(kv.breaks)
         parts = np.ceil(np.clip(width * np.sqrt(need / (4 * chord)), 1, MOST_TRIANGLES))
@@ -150,10 +151,12 @@ def _positions(bends: Floats, mesh: BSplineSurface, chord: float) -> tuple[Float
                 "greater one"
             )
         parts = parts.astype(np.int64)
-        share = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(
+        fraction = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(
             parts, parts
         )
-        lines.append(np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * share, kv.stop))
+        lines.append(
+            np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * fraction, kv.stop)
+        )
         steps.append(width / parts)
     h, k = steps[0][:, None], steps[1][None, :]
     return lines[0], lines[1], float((h * h * uu + 2 * h * k * uv + k * k * vv).max()) / 8
@@ -186,15 +189,16 @@ def _vertices(grids: list[Floats], rows: int, single: bool) -> Floats:
     """Return the vertices of front, rear and the rows between their rims, front first, (n, 3)."""
     ring = rim_indices(*grids[0].shape[:2])
     front, rear = (g.reshape(-1, 3) for g in grids)
-    share = (np.arange(1, rows) / rows)[:, None, None]
-    between = (1 - share) * front[ring] + share * rear[ring]
+    fraction = (np.arange(1, rows) / rows)[:, None, None]
+    between = (1 - fraction) * front[ring] + fraction * rear[ring]
     vertices = np.concatenate([front, rear, between.reshape(-1, 3)])
     return vertices.astype(np.float32).astype(np.float64) if single else vertices
 
 
 def _triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:
     """Return the vertex numbers of all triangles and the face of each."""
-    count, ring = (nu + 1) * (nv + 1), rim_indices(nu + 1, nv + 1)
+    count = (nu + 1) * (nv + 1)
+    ring = rim_indices(nu + 1, nv + 1)
     grid = np.arange(count).reshape(nu + 1, nv + 1)
     rear = _halves(grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
     between = 2 * count + np.arange((rows - 1) * len(ring)).reshape(rows - 1, len(ring))

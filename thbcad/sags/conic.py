@@ -51,12 +51,12 @@ class Conic:
 
     def require(self, half_width: tuple[float, float]) -> None:
         """Raise ValueError unless the conic is defined on the whole rectangle."""
-        reach = np.hypot(*half_width)
-        if not self.is_plane and (1 + self.constant) * (reach / self.radius) ** 2 >= 1:
+        corner = np.hypot(*half_width)
+        if not self.is_plane and (1 + self.constant) * (corner / self.radius) ** 2 >= 1:
             limit = abs(self.radius) / np.sqrt(1 + self.constant)
             raise ValueError(
                 f"the conic (radius {self.radius}, K {self.constant}) ends at r = {limit:.6g} mm, "
-                f"but the corner of the aperture lies at r = {reach:.6g} mm"
+                f"but the corner of the aperture lies at r = {corner:.6g} mm"
             )
 
     def __call__(self, x: Coordinate, y: Coordinate, derivative: tuple[int, int] = (0, 0)) -> Coordinate:
@@ -85,7 +85,7 @@ class Conic:
 
         Raises
         ------
-        ValueError : a grid that reaches beyond the end of the conic.
+        ValueError : a grid that extends beyond the end of the conic.
         """
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         self.require((float(abs(x).max()), float(abs(y).max())))
@@ -137,7 +137,8 @@ class Conic:
             return self.derivative_bound(order, 0, y, x).T
         (near, far), (low, high) = _distances(x), _distances(y)
         if self.constant >= -1:
-            far, high = far[:, None], high[None, :]
+            far = far[:, None]
+            high = high[None, :]
             w = 1 - (1 + self.constant) * (far**2 + high**2) / self.radius**2
             # the terms are all positive; what matters is the rounding of w, at most 8 EPS / w of it, in
             # w^(1/2 - n)
@@ -207,10 +208,10 @@ def meridian(conic: Conic, radius: float) -> NURBSCurve:
             f"the conic (radius {conic.radius}, K {conic.constant}) ends at r = {limit:.6g} mm, before r = "
             f"{radius:.6g} mm"
         )
-    share = 1 + np.sqrt(square)
-    points = [[0.0, 0.0], [radius / share, 0.0], [radius, radius**2 / (conic.radius * share)]]
+    divisor = 1 + np.sqrt(square)
+    points = [[0.0, 0.0], [radius / divisor, 0.0], [radius, radius**2 / (conic.radius * divisor)]]
     return NURBSCurve(
         KnotVector(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])),
         np.array(points),
-        np.array([1.0, 1.0, 2 / share]),
+        np.array([1.0, 1.0, 2 / divisor]),
     )

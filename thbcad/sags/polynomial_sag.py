@@ -1,7 +1,7 @@
 """Polynomial sags over a rectangle: Chebyshev, Legendre and Zernike terms.
 
 Every sag is kept in tensor-product Chebyshev polynomials, in which values, derivatives and bounds
-are well conditioned.  `thbcad.approximation.approximated` turns it into a spline: exactly, but for
+are well conditioned.  `approximated` turns it into a spline: exactly, but for
 rounding, where the degrees of the spline suffice.
 
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3 and 4; V.
@@ -72,7 +72,7 @@ class PolynomialSag:
     def zernike(
         cls, half_width: tuple[float, float], radius: float, terms: Mapping[tuple[int, int], float]
     ) -> PolynomialSag:
-        """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may reach beyond the
+        """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may extend beyond the
         disk.
 
         terms : {(n, m): a_nm in mm}, see `zernike`; ``osa_orders(j)`` gives the (n, m) of an OSA/ANSI index j
@@ -106,18 +106,18 @@ class PolynomialSag:
 
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative at scattered points, (n,)."""
-        own = self.derivative(*require_orders(derivative))
+        derived = self.derivative(*require_orders(derivative))
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) / h for a, h in zip((x, y), self.half_width))
-        return np.asarray(chebyshev.chebval2d(x, y, own.coefficients), dtype=np.float64)
+        return np.asarray(chebyshev.chebval2d(x, y, derived.coefficients), dtype=np.float64)
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative on the grid x x y, (len(x), len(y))."""
-        own = self.derivative(*require_orders(derivative))
+        derived = self.derivative(*require_orders(derivative))
         by_x, by_y = (
             chebyshev.chebvander(np.asarray(a) / h, n)
-            for a, h, n in zip((x, y), self.half_width, own.degrees)
+            for a, h, n in zip((x, y), self.half_width, derived.degrees)
         )
-        return by_x @ own.coefficients @ by_y.T
+        return by_x @ derived.coefficients @ by_y.T
 
     def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return bounds of |d^order z| along an axis on the cells of a grid within the rectangle.
@@ -130,9 +130,9 @@ class PolynomialSag:
         require_order(order)
         self._require_inside(x, y)
         orders = (order, 0) if axis == 0 else (0, order)
-        own = self.derivative(*orders)
-        p, q = (max(n, 1) for n in own.degrees)
-        at_nodes = cell_maxima(own.grid(lobatto_nodes(x, p), lobatto_nodes(y, q)), (p, q))
+        derived = self.derivative(*orders)
+        p, q = (max(n, 1) for n in derived.degrees)
+        at_nodes = cell_maxima(derived.grid(lobatto_nodes(x, p), lobatto_nodes(y, q)), (p, q))
         # coefficients of derivatives are sums of multiples >= 0 of those of z: rounding errs relative to the
         # sums of the sizes
         sizes = PolynomialSag(self.half_width, abs(self.coefficients)).derivative(*orders)

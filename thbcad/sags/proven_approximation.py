@@ -86,8 +86,8 @@ def lobatto_nodes(breaks: ArrayLike, degree: int) -> Floats:
     Neighbours share the break between them.
     """
     b = np.asarray(breaks, dtype=np.float64)
-    share = np.sin(np.arange(degree) * np.pi / (2 * degree)) ** 2
-    return np.append((b[:-1, None] + np.diff(b)[:, None] * share).ravel(), b[-1])
+    nodes = np.sin(np.arange(degree) * np.pi / (2 * degree)) ** 2
+    return np.append((b[:-1, None] + np.diff(b)[:, None] * nodes).ravel(), b[-1])
 
 
 def cell_maxima(values: Floats, degrees: tuple[int, int]) -> Floats:

@@ -224,8 +224,8 @@ class KnotVector:
             require_number(name, end, finite=True)
         if (self.start, self.stop) == (start, stop):
             return self
-        share = (self.knots - self.start) / (self.stop - self.start)
-        return KnotVector(self.degree, np.where(share == 1, stop, start + (stop - start) * share))
+        fraction = (self.knots - self.start) / (self.stop - self.start)
+        return KnotVector(self.degree, np.where(fraction == 1, stop, start + (stop - start) * fraction))
 
     def prolongation(self, finer: KnotVector) -> csr_array:
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
@@ -259,7 +259,7 @@ class KnotVector:
 
     def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:
         """Return the clamped knot vector of the piece on [start, stop] and the operator to its coefficients,
-        csr_array (own.dim, dim).
+        csr_array (piece.dim, dim).
 
         Splitting at u is the two segments [start, u] and [u, stop].
 
@@ -274,8 +274,8 @@ class KnotVector:
                 f"a segment needs {self.start} <= start < stop <= {self.stop}, got {start} and {stop}"
             )
         inner = self.knots[(self.knots > start) & (self.knots < stop)]
-        own = KnotVector.clamped(self.degree, inner, start, stop)
-        return own, self._polar(own)
+        piece = KnotVector.clamped(self.degree, inner, start, stop)
+        return piece, self._polar(piece)
 
     def bezier(self) -> csr_array:
         """Return the Bezier extraction, csr_array (spans (p + 1), dim): Bernstein coefficients of every span
@@ -288,12 +288,12 @@ class KnotVector:
         rows = bezier_rows(self.knots[span + np.arange(1 - p, p + 1)[:, None]])
         return band_matrix(np.repeat(span - p, p + 1), rows.reshape(-1, p + 1), self.dim)
 
-    def _polar(self, own: KnotVector) -> csr_array:
-        """Return the operator to the coefficients on `own`, a clamped piece of these knots and possibly more:
-        polar forms at its knots."""
+    def _polar(self, piece: KnotVector) -> csr_array:
+        """Return the operator to the coefficients on `piece`, clamped knots that hold those of this vector
+        there: polar forms at its knots."""
         p = self.degree
-        span = self.span_of(own.knots[: own.dim])
-        return band_matrix(span - p, blossom_rows(self.knots, p, span, own.inner_knots()), self.dim)
+        span = self.span_of(piece.knots[: piece.dim])
+        return band_matrix(span - p, blossom_rows(self.knots, p, span, piece.inner_knots()), self.dim)
 
     def elevate(self) -> KnotVector:
         """Return the knot vector of degree p + 1 whose splines contain those of this one.
@@ -314,7 +314,8 @@ class KnotVector:
         ------
         ValueError : degree 10 already.
         """
-        p, finer = self.degree, self.elevate()
+        p = self.degree
+        finer = self.elevate()
         span = self.span_of(finer.knots[: finer.dim])
         arguments = finer.inner_knots()
         rows = sum(

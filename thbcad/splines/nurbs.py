@@ -41,7 +41,8 @@ def quotient(jet: Floats) -> Floats:
     jet : (a + 1, b + 1, ..., d + 1) float, derivative (i, j) of (w x, w) in jet[i, j].
     Returns (..., d) float.  Source: The NURBS Book, (4.20).
     """
-    weight, out = jet[..., -1:], jet[..., :-1].copy()
+    weight = jet[..., -1:]
+    out = jet[..., :-1].copy()
     for a, b in product(*map(range, jet.shape[:2])):
         for i, j in product(range(a + 1), range(b + 1)):
             if i or j:
@@ -105,7 +106,7 @@ class NURBSCurve:
     def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSCurve:
         """Return the affine image A C(u) + b.
 
-        matrix : (e, d) float, so that (3, 2) places a plane curve in space.  offset : (e,) float or one
+        matrix : (e, d) float, so that (3, 2) puts a plane curve into space.  offset : (e,) float or one
             number.
         """
         return NURBSCurve(self.kv, _image(self.points, matrix, offset), self.weights)
@@ -189,7 +190,8 @@ class NURBSSurface:
 def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
     """Return both as read-only arrays of the shapes (*shape, d) and shape."""
     require_real(weights)
-    points, weights = read_only(points), np.asarray(weights, dtype=np.float64)
+    points = read_only(points)
+    weights = np.asarray(weights, dtype=np.float64)
     if points.ndim != len(shape) + 1 or points.shape[:-1] != shape or points.size == 0:
         raise ValueError(f"points must have shape {(*shape, 'd')}, got {points.shape}")
     if not np.isfinite(points).all():

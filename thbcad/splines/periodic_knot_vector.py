@@ -1,7 +1,7 @@
 """Periodic B-splines: one period of knots, functions that run across the seam.
 
 The knots go on in both directions by t_(i+n) = t_i + T, where T is the period, and so do the
-functions.  All values come from the polar form of `thbcad.polar`, with indices modulo n.
+functions.  All values come from the polar form of `polar_forms`, with indices modulo n.
 
 Source: L. Schumaker, Spline Functions: Basic Theory, section 8.1; L. Piegl and W. Tiller, The
 NURBS Book, section 12.2 (unclamping).
@@ -190,10 +190,10 @@ class PeriodicKnotVector:
 
     def clamp(self) -> tuple[KnotVector, csr_array]:
         """Return the clamped knot vector on [start, stop] and the exact operator to its coefficients,
-        csr_array (own.dim, dim)."""
+        csr_array (piece.dim, dim)."""
         inner = self.knots[(self.knots > self.start) & (self.knots < self.stop)]
-        own = KnotVector.clamped(self.degree, inner, self.start, self.stop)
-        return own, self._polar(own.knots[: own.dim], own.inner_knots())
+        piece = KnotVector.clamped(self.degree, inner, self.start, self.stop)
+        return piece, self._polar(piece.knots[: piece.dim], piece.inner_knots())
 
     def elevate(self) -> PeriodicKnotVector:
         """Return the knot vector of degree p + 1 whose splines contain those of this one."""
@@ -205,7 +205,8 @@ class PeriodicKnotVector:
         """Return the degree elevation, csr_array (elevate().dim, dim), by the mean of polar forms of
         `KnotVector.elevation`."""
         windows = self.elevate()._windows()
-        start, arguments = windows[:, 0], windows[:, 1:]
+        start = windows[:, 0]
+        arguments = windows[:, 1:]
         return sum(self._polar(start, np.delete(arguments, k, axis=1)) for k in range(self.degree + 1)) / (
             self.degree + 1
         )

@@ -38,7 +38,8 @@ def blossom(near: Floats, arguments: Floats, derivative: int = 0) -> Floats:
         return np.zeros((count, degree + 1))
     rows = [np.ones(count)]
     for k in range(1, degree + 1):
-        argument, out = arguments[:, k - 1], [np.zeros(0)] * (k + 1)
+        argument = arguments[:, k - 1]
+        out = [np.zeros(0)] * (k + 1)
         for r, before in enumerate(rows):
             # function mu - k + 1 + r of degree k - 1 lies on [low, high] = [t_j, t_(j+k)]
             low, high = near[degree + r - k], near[degree + r]
@@ -72,7 +73,8 @@ def bezier_rows(near: Floats) -> Floats:
 
     Coefficient k of a span is the polar form at degree - k times a and k times b.
     """
-    p, n = len(near) // 2, near.shape[1]
+    p = len(near) // 2
+    n = near.shape[1]
     late = np.arange(p) >= p - np.arange(p + 1)[:, None]
     arguments = np.moveaxis(near[p - 1 + late], -1, 0).reshape(n * (p + 1), p)
     return blossom(np.repeat(near, p + 1, axis=1), arguments).reshape(n, p + 1, p + 1)

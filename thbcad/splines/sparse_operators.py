@@ -16,9 +16,9 @@ def csr_rows(values: Floats, indices: Integers, columns: int) -> csr_array:
     """
     n = len(values)
     width = values.size // n if n else 1
-    kind = np.int32 if max(columns, values.size) < np.iinfo(np.int32).max else np.int64
-    indptr = np.arange(n + 1, dtype=kind) * width
-    return csr_array((values.ravel(), indices.ravel().astype(kind), indptr), shape=(n, columns))
+    dtype = np.int32 if max(columns, values.size) < np.iinfo(np.int32).max else np.int64
+    indptr = np.arange(n + 1, dtype=dtype) * width
+    return csr_array((values.ravel(), indices.ravel().astype(dtype), indptr), shape=(n, columns))
 
 
 def band_matrix(first: Integers, values: Floats, columns: int) -> csr_array:

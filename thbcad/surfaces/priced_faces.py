@@ -80,7 +80,8 @@ def faces(space: THBSpace, surface: BSplineSurface, price: float) -> Iterator[BS
 
 
 def _side(space: THBSpace, d: int) -> _Side:
-    axis, top = space.hierarchy[0].axes[d], space.levels - 1
+    axis = space.hierarchy[0].axes[d]
+    top = space.levels - 1
     old = np.arange(axis.spans0 + 1)
     none = np.zeros(0, dtype=np.int64)
     low = np.concatenate([none, *(c[:, d] << (top - level) for level, c in enumerate(space.refined))])
@@ -98,11 +99,11 @@ def _side(space: THBSpace, d: int) -> _Side:
 
 
 def _cheapest(sides: tuple[_Side, _Side], box: Box, cells: Integers, price: float) -> tuple[float, list[Box]]:
-    """Return (cost, boxes) of the cheapest way to cover a box that some of the refined cells meet."""
-    own, cells = _points(sides, box, cells)
+    """Return (cost, boxes) of the cheapest cover of a box that some of the refined cells meet."""
+    points, cells = _points(sides, box, cells)
     least = int(np.prod([side.axis.degree + 1 for side in sides]))
-    if own + price <= 2 * (least + price):
-        return own + price, [box]
+    if points + price <= 2 * (least + price):
+        return points + price, [box]
     options = []
     for d, side in enumerate(sides):
         at = side.middle(*box[d])
@@ -112,11 +113,13 @@ def _cheapest(sides: tuple[_Side, _Side], box: Box, cells: Integers, price: floa
             ]
             options.append((sum(_points(sides, half, cells)[0] for half in halves), halves))
     if not options:
-        return own + price, [box]
+        return points + price, [box]
     _, halves = min(options, key=lambda option: option[0])
     parts = [_cheapest(sides, half, cells, price) for half in halves]
     cost = sum(part[0] for part in parts)
-    return (cost, [b for part in parts for b in part[1]]) if cost < own + price else (own + price, [box])
+    return (
+        (cost, [b for part in parts for b in part[1]]) if cost < points + price else (points + price, [box])
+    )
 
 
 def _points(sides: tuple[_Side, _Side], box: Box, cells: Integers) -> tuple[int, Integers]:
@@ -133,11 +136,11 @@ def _face(sides: tuple[_Side, _Side], surface: BSplineSurface, box: Box) -> BSpl
     """Return the face over a box: the segment of the surface, without the knots that only others need."""
     _, cells = _points(sides, box, np.arange(len(sides[0].low)))
     vectors = [side.knot_vector(*ends, cells) for side, ends in zip(sides, box)]
-    segments = [kv.segment(own.start, own.stop) for own, kv in zip(vectors, (surface.kv_u, surface.kv_v))]
+    segments = [kv.segment(face.start, face.stop) for face, kv in zip(vectors, (surface.kv_u, surface.kv_v))]
     (_, by_u), (_, by_v) = segments
     net = tensor_apply(by_u, by_v, surface.coefficients)
-    for own, (segment, _) in zip(vectors, segments):
-        rows = banded_least_squares(own.prolongation(segment), own.degree, net.reshape(len(net), -1))
-        net = np.moveaxis(rows.reshape(own.dim, *net.shape[1:]), 0, 1)
+    for face, (segment, _) in zip(vectors, segments):
+        rows = banded_least_squares(face.prolongation(segment), face.degree, net.reshape(len(net), -1))
+        net = np.moveaxis(rows.reshape(face.dim, *net.shape[1:]), 0, 1)
     kv_u, kv_v = vectors
     return BSplineSurface(kv_u, kv_v, net)

@@ -94,8 +94,8 @@ class THBSurface:
         u, v = points(u, v)
         strips = []
         for first in range(0, max(len(u), 1), STRIP):
-            own = slice(first, first + STRIP)
-            by_u, by_v, cell = self.space.local_values(u[own], v[own], derivative)
+            strip = slice(first, first + STRIP)
+            by_u, by_v, cell = self.space.local_values(u[strip], v[strip], derivative)
             strips.append(np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True))
         return np.concatenate(strips)
 
@@ -114,7 +114,7 @@ class THBSurface:
         return self.space.local_basis.bernstein(self._local)
 
     def to_faces(self, price: float) -> list[BSplineSurface]:
-        """Return the same surface as faces on only their own needed knots, between one face and many.
+        """Return the same surface as faces on only the knots that each needs, between one face and many.
 
         price : how many control points a face is worth; 0 gives the fewest control points that
             bisection finds, inf one face.

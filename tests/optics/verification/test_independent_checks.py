@@ -17,7 +17,7 @@ from tests.optics.verification.test_step_checks import LENSES, moved_point, shap
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
 from thbcad.cad.shapes import lens_solid
-from thbcad.io import read_brep
+from thbcad.io import parse_brep
 from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
 
@@ -227,7 +227,7 @@ def test_faces_in_another_order_pass(good, tmp_path, backend):
         failed(good, tmp_path, good.text.replace(shell, ",".join([*rest[:1], b, *rest[1:], a])), backend)
         == set()
     )
-    assert _optical(read_brep(tmp_path / "lens.step")) == (5, 1)
+    assert _optical(parse_brep(tmp_path / "lens.step")) == (5, 1)
     assert not step_solid(tmp_path / "lens.step").IsNull()
 
 

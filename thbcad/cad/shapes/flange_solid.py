@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
-from thbcad.cad.shapes.aperture_solid import EDGES, elliptic_faces
+from thbcad.cad.shapes.aperture_solid import HALVES, elliptic_faces
 from thbcad.cad.shapes.occt_splines import TOLERANCE
 from thbcad.cad.shapes.rings import plane_face, wall_faces
 from thbcad.cad.shapes.topology import NAMES, closed_part, side_line, spline_face
@@ -41,7 +41,7 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
 
     semi_axes : (a, b) float of an elliptic aperture, mm, as in `trimmed_part`; None is the rectangular lens
 
-    Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight places
+    Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight points
     of every span.
 
     Raises
@@ -55,11 +55,13 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     edges: Sequence[str]
     if semi_axes is None:
         wall, (front, bottom), (rear, top) = _rectangular(builder, lens)
-        outline, edges = PlaneWall(flange.rectangle(lens)), NAMES[2:]
+        outline = PlaneWall(flange.rectangle(lens))
+        edges = NAMES[2:]
     else:
         ellipse = require_aperture(lens, semi_axes)
         wall, ((front, bottom), (rear, top)) = EllipticWall(ellipse), elliptic_faces(builder, lens, ellipse)
-        outline, edges = EllipticWall(flange.ellipse(ellipse)), EDGES
+        outline = EllipticWall(flange.ellipse(ellipse))
+        edges = HALVES
     inner, outer = ([w.level(builder, z) for z in (flange.low, flange.high)] for w in (wall, outline))
     faces = [
         front,
@@ -82,13 +84,13 @@ def _rectangular(
     """Return the wall of the edges and (face, ring of its rim) of front and rear."""
     planar = lens.front.half_width == lens.rear.half_width
     ruled = RuledWall(ruled_edges(lens))
-    found = []
+    optical = []
     for k, surface in enumerate(placed_surfaces(lens)):
         rims = [rim(surface, side) for side in SIDES]
         ring = side_ring(builder, rims) if planar else ruled.rim(builder, rims, float(k))
         face = spline_face(builder, surface, ring.edges)
         for side, edge in zip(SIDES, ring.edges):
             builder.UpdateEdge(TopoDS.Edge_s(edge), side_line(surface, side), face, TOLERANCE)
-        found.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
-    front, rear = found
+        optical.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
+    front, rear = optical
     return PlaneWall(lens.rear.half_width) if planar else ruled, front, rear

@@ -72,7 +72,8 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
 
 def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
     values, counts = np.unique(kv.knots, return_counts=True)
-    knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
+    knots = TColStd_Array1OfReal(1, len(values))
+    multiplicities = TColStd_Array1OfInteger(1, len(values))
     for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
         knots.SetValue(k, value)
         multiplicities.SetValue(k, count)

@@ -2,7 +2,7 @@
 surface.
 
 Patches meet at T-junctions.  The corners of all patches are vertices; an edge is the piece of a patch's
-boundary between two consecutive vertices, so that exactly two faces share it.  Nothing is sewn.
+boundary between two consecutive vertices, so that it belongs to exactly two faces.  Nothing is sewn.
 """
 
 from __future__ import annotations
@@ -102,7 +102,8 @@ def _placed(
 ) -> Iterator[BSplineSurface]:
     """Yield the patches of conic + sag over the rectangle with half-widths `target`; equal positions get
     equal knots."""
-    domains, patches = (sag.space.kv_u, sag.space.kv_v), sag.to_patches()
+    domains = (sag.space.kv_u, sag.space.kv_v)
+    patches = sag.to_patches()
     marks = [
         np.unique(
             np.concatenate(
@@ -128,15 +129,15 @@ def _placed(
 
 def _mapped(knots: Floats, domain: KnotVector, half: float) -> Floats:
     """Return knots of a sag as positions in [-half, half]; the same knot always gives the same float."""
-    share = (knots - domain.start) / (domain.stop - domain.start)
-    return np.where(share == 1, half, -half + 2 * half * share)
+    fraction = (knots - domain.start) / (domain.stop - domain.start)
+    return np.where(fraction == 1, half, -half + 2 * half * fraction)
 
 
 def _snapped(knots: Floats, marks: Floats) -> Floats:
     """Return the knots; those that are a mark but for rounding become it."""
-    room = NEAR * marks[-1]
-    near = marks[np.minimum(np.searchsorted(marks, knots - room), len(marks) - 1)]
-    return np.where(abs(near - knots) < room, near, knots)
+    tolerance = NEAR * marks[-1]
+    near = marks[np.minimum(np.searchsorted(marks, knots - tolerance), len(marks) - 1)]
+    return np.where(abs(near - knots) < tolerance, near, knots)
 
 
 class _Sheet:
@@ -155,34 +156,35 @@ class _Sheet:
                 if position not in self.vertices:
                     self.vertices[position] = new_vertex(builder, patch.coefficients[corner])
         # by axis and line: the positions of the vertices on the line v (axis 0) or u (axis 1)
-        self._places: tuple[dict[float, list[float]], dict[float, list[float]]] = ({}, {})
+        self._positions: tuple[dict[float, list[float]], dict[float, list[float]]] = ({}, {})
         for u, v in sorted(self.vertices):
-            self._places[0].setdefault(v, []).append(u)
-            self._places[1].setdefault(u, []).append(v)
+            self._positions[0].setdefault(v, []).append(u)
+            self._positions[1].setdefault(u, []).append(v)
         self.faces = [self._face(patch) for patch in patches]
 
     def chain(self, side: Side, surface: BSplineSurface) -> list[TopoDS_Edge]:
         """Return the edges along a side of a patch, or of all patches, towards increasing x or y; makes those
         that are not there."""
-        axis, line = side.axis, rim_parameter(surface, side)
+        axis = side.axis
+        line = rim_parameter(surface, side)
         kv, poles = rim(surface, side)
-        places = self._places[axis][line]
-        between = places[bisect_left(places, kv.start) : bisect_right(places, kv.stop)]
-        found = []
+        positions = self._positions[axis][line]
+        between = positions[bisect_left(positions, kv.start) : bisect_right(positions, kv.stop)]
+        edges = []
         for start, stop in pairwise(between):
             key = axis, line, start
             if key not in self._edges:
-                own, piece = kv.segment(start, stop)
-                points = piece @ poles
+                segment, operator = kv.segment(start, stop)
+                points = operator @ poles
                 if np.linalg.norm(points[-1] - points[0]) <= 2 * TOLERANCE:
                     raise ValueError(
                         f"a patch has an edge of at most {2 * TOLERANCE:g} mm at {points[0]} mm; use fewer "
                         "levels"
                     )
                 ends = [self.vertices[(t, line) if axis == 0 else (line, t)] for t in (start, stop)]
-                self._edges[key] = new_edge(self._builder, geom_curve(own, points), start, stop, *ends)
-            found.append(self._edges[key])
-        return found
+                self._edges[key] = new_edge(self._builder, geom_curve(segment, points), start, stop, *ends)
+            edges.append(self._edges[key])
+        return edges
 
     def _face(self, patch: BSplineSurface) -> TopoDS_Face:
         chains = {side: self.chain(side, patch) for side in SIDES}

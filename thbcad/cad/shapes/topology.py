@@ -37,7 +37,9 @@ NAMES = ("front", "rear", *(side.name for side in SIDES))
 
 def closed_part(names: Sequence[str], faces: Sequence[TopoDS_Face]) -> Part:
     """Return the solid between faces that share their edges and whose normals point outward."""
-    builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
+    builder = BRep_Builder()
+    shell = TopoDS_Shell()
+    solid = TopoDS_Solid()
     builder.MakeShell(shell)
     for face in faces:
         builder.Add(shell, face)
@@ -94,7 +96,8 @@ def strut(
         length = float(np.linalg.norm(ends[1] - ends[0]))
         curve = Geom_Line(gp_Pnt(*ends[0].tolist()), gp_Dir(*(ends[1] - ends[0]).tolist()))
     else:
-        length, curve = 1.0, geom_curve(UNIT, ends)
+        length = 1.0
+        curve = geom_curve(UNIT, ends)
     return new_edge(builder, curve, 0.0, length, vertices[0][corner], vertices[1][corner])
 
 

@@ -55,13 +55,13 @@ class PlaneWall:
         return Geom_Line(gp_Pnt(*self.corner(corner), 0.0), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        places = [np.array([*self.corner(k), z]) for k in range(4)]
-        vertices = [new_vertex(builder, place) for place in places]
+        points = [np.array([*self.corner(k), z]) for k in range(4)]
+        vertices = [new_vertex(builder, point) for point in points]
         edges = []
         for k in range(4):
-            step = places[(k + 1) % 4] - places[k]
+            step = points[(k + 1) % 4] - points[k]
             length = float(np.linalg.norm(step))
-            line = Geom_Line(gp_Pnt(*places[k].tolist()), gp_Dir(*step.tolist()))
+            line = Geom_Line(gp_Pnt(*points[k].tolist()), gp_Dir(*step.tolist()))
             edges.append(new_edge(builder, line, 0.0, length, vertices[k], vertices[(k + 1) % 4]))
         return Ring(vertices, edges, (), (z,) * 4)
 
@@ -90,7 +90,7 @@ class EllipticWall:
             else Geom_Ellipse(self._axes(z), max(a, b), min(a, b))
         )
 
-    def _places(self, z: Sequence[float]) -> Floats:
+    def _points(self, z: Sequence[float]) -> Floats:
         return np.column_stack([*self.ellipse([0.0, np.pi]), z])
 
     def surface(self, panel: int) -> Geom_Surface:
@@ -99,10 +99,10 @@ class EllipticWall:
         return Geom_SurfaceOfLinearExtrusion(self._curve(0.0), UP)
 
     def strut(self, corner: int) -> Geom_Curve:
-        return Geom_Line(gp_Pnt(*self._places((0.0, 0.0))[corner].tolist()), UP)
+        return Geom_Line(gp_Pnt(*self._points((0.0, 0.0))[corner].tolist()), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        vertices = [new_vertex(builder, place) for place in self._places((z, z))]
+        vertices = [new_vertex(builder, point) for point in self._points((z, z))]
         edges = [
             new_edge(builder, self._curve(z), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)
         ]
@@ -111,7 +111,7 @@ class EllipticWall:
     def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
         """Return the ring along two splines (x, y, z) over the angle, one for each half."""
         heights = tuple(float(poles[0, 2]) for _, poles in curves)
-        vertices = [new_vertex(builder, place) for place in self._places(heights)]
+        vertices = [new_vertex(builder, point) for point in self._points(heights)]
         edges = [
             new_edge(builder, geom_curve(*curves[k]), *self.ends[k], vertices[k], vertices[1 - k])
             for k in (0, 1)
@@ -178,14 +178,14 @@ def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]
     """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have
     their z as height."""
     starts = [poles[_first(side)] for side, (_, poles) in zip(SIDES, curves)]
-    vertices = [new_vertex(builder, place) for place in starts]
+    vertices = [new_vertex(builder, point) for point in starts]
     edges = []
     for k, (side, (kv, poles)) in enumerate(zip(SIDES, curves)):
         pair = vertices[k], vertices[(k + 1) % 4]
         ends = pair[::-1] if side.clockwise else pair
         edge = new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, *ends)
         edges.append(turned(edge, side.clockwise))
-    return Ring(vertices, edges, (), [float(place[2]) for place in starts])
+    return Ring(vertices, edges, (), [float(point[2]) for point in starts])
 
 
 def _first(side: Side) -> int:

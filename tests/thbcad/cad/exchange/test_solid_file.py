@@ -45,7 +45,7 @@ from thbcad.cad.exchange.step import (
 )
 from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import NAMES, Part, lens_part
-from thbcad.io import having, read_brep as read_text, read_part21
+from thbcad.io import having, parse_brep, read_part21
 from thbcad.lens import Product, placed_surfaces
 
 LENS = LENSES["ruled"]
@@ -151,10 +151,11 @@ def test_face_names_stand_at_their_faces(written):
     _, path = written
     entities = read_part21(path)
     named = {
-        face.number: entities[face.number].parameters("ADVANCED_FACE", 4)[0] for face in read_text(path).faces
+        face.number: entities[face.number].parameters("ADVANCED_FACE", 4)[0]
+        for face in parse_brep(path).faces
     }
     assert tuple(named.values()) == NAMES
-    for face, own in zip(read_text(path).faces, placed_surfaces(LENS)):
+    for face, own in zip(parse_brep(path).faces, placed_surfaces(LENS)):
         assert_same_surface(face.surface, own)
 
 

@@ -22,7 +22,7 @@ from thbcad.cad.exchange import explore, part_step, step_shape
 from thbcad.cad.shapes.patched_solid import lens_patches, patched_part
 from thbcad.cad.shapes.plain_solid import lens_part
 from thbcad.hierarchy import THBSpace
-from thbcad.io import patched_deviation, read_brep
+from thbcad.io import parse_brep, patched_deviation
 from thbcad.lens import FreeformSurface, Lens, Product, placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
@@ -205,7 +205,7 @@ def test_the_text_names_the_faces(written):
 
 def test_the_text_pairs_every_edge_without_occt(written):
     _, part, path, _ = written
-    solid = read_brep(path)
+    solid = parse_brep(path)
     assert (len(solid.faces), solid.unpaired, solid.gaps) == (len(part.faces), 0, 0)
 
 
