@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
 import shutil
 import signal
@@ -22,44 +21,7 @@ from optics.commands import main
 from optics.problem import load_problem
 from tests.cases import ROOT
 from tests.optics.cases import picture, write_problem
-
-QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
-FIGURES = {
-    "target",
-    "irradiance",
-    "error",
-    "irradiance_02",
-    "sag",
-    "mesh",
-    "loss",
-    "solid",
-    "solid_before",
-    "scene",
-}
-
-
-def strict_json(text):
-    """Return parsed JSON; NaN and Infinity, which JSON does not know, are errors."""
-
-    def refuse(word):
-        raise ValueError(f"{word} is not JSON")
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def command(*arguments, **options):
-    """Start the command line as a process of its own."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        [sys.executable, "-m", "optics", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        # as in a terminal, also where the tests themselves run with Ctrl-C ignored
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        **options,
-    )
+from tests.optics.commands.cases import FIGURES, QUICK, command, refused, strict_json
 
 
 @pytest.fixture(scope="module")
@@ -72,19 +34,6 @@ def golden(tmp_path_factory):
     return SimpleNamespace(
         path=folder / "result", problem=problem, code=process.returncode, stdout=stdout, stderr=stderr
     )
-
-
-def refused(capsys, *arguments):
-    """Run a command that must end with exit code 2 and one line on stderr, and return the line."""
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    assert code == 2
-    assert captured.out == ""
-    lines = captured.err.splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("thbcad: ")
-    assert "Traceback" not in captured.err
-    return lines[0]
 
 
 # A whole run

@@ -16,7 +16,7 @@ from optics.sources import Profile, collimated_beam, lambertian_parts
 from optics.target import BSplineWindow, Screen, Splat, filter_image
 from optics.tracing import Tracer
 from tests.optics.cases import coefficients, hollow_lens, picture, rough, small_lens, small_space
-from tests.optics.optimisation.test_loop import run
+from tests.optics.optimisation.cases import run
 from thbcad.sags import Conic
 
 WINDOW = BSplineWindow(3)

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from fractions import Fraction
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,44 +15,12 @@ from optics.optimisation.level_objective import PROBES, _vertices, stage_window
 from optics.optimisation.loop import Interrupted, design, transmitted_flux
 from optics.optimisation.stage_plan import stages
 from optics.optimisation.state import State, first_state
-from optics.problem import load_problem
 from optics.runtime import NumericalError, UserError
-from optics.system import base_lens, target_light, target_screen
+from optics.system import base_lens, target_screen
 from tests.cases import ROOT
 from tests.optics.cases import write_problem
+from tests.optics.optimisation.cases import FLAT, loaded, rows_of, run
 from thbcad.surfaces import THBSurface
-
-FLAT = {"optimizer.start": "flat"}
-
-
-def loaded(folder, changes=None, **options):
-    """Return (problem, light) of the small problem with changes."""
-    problem = load_problem(write_problem(folder, changes, **options))
-    return problem, target_light(problem)
-
-
-def run(folder, backend, changes):
-    """Return the small problem designed: problem, light, lens, state, the plan, the progress calls, the
-    checkpoints and the notes."""
-    problem, light = loaded(folder, changes)
-    calls, checkpoints, plans, notes = [], [], [], []
-
-    def progress(plan, stage, row):
-        plans.append(plan)
-        calls.append((stage, row))
-
-    lens, state = design(problem, light, backend, None, progress, checkpoints.append, notes.append)
-    assert all(plan is plans[0] for plan in plans)
-    return SimpleNamespace(
-        problem=problem,
-        light=light,
-        lens=lens,
-        state=state,
-        plan=plans[0],
-        calls=calls,
-        checkpoints=checkpoints,
-        notes=notes,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +39,6 @@ def moved(tmp_path_factory, backend):
 def either(request, small, moved):
     """Both designs, one after the other."""
     return small if request.param == "flat" else moved
-
-
-def rows_of(history, level):
-    return [row for row in history if row.level == level]
 
 
 # A whole run

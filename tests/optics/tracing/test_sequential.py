@@ -12,41 +12,24 @@ from optics.sources import Profile, beam_rays, collimated_beam
 from optics.tracing.intersections import KnownHits, SearchedHits
 from optics.tracing.refraction import refract
 from optics.tracing.sequential import FluxBudget, Tracer
-from optics.verification import trace_step
 from oracles.light_formulas import fresnel, meridional, refracted_vector
-from tests.optics.cases import coefficients, rough, small_lens, small_space
-from thbcad import read_step, write_step
+from tests.optics.cases import (
+    TARGET_Z,
+    coefficients,
+    landing_points,
+    mesh,
+    rough,
+    small_lens,
+    small_space,
+    traced,
+)
+from tests.optics.tracing.cases import step_trace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
 PLANE = Conic()
 INDEX = 1.5
-TARGET_Z = 66.0
-
-
-def traced(backend, lens, source=(9.5, 9.5), rays=(41, 37), target_z=TARGET_Z, target=(20.0, 20.0)):
-    """Return (Hits of the rear, Landing, FluxBudget, Beam) of a lens in a collimated beam."""
-    beam = collimated_beam(source, 1.0, lens.front.half_width, rays)
-    tracer = Tracer(backend, lens, beam, target_z)
-    hits, landing = tracer.trace(coefficients(lens))
-    return hits[-1], landing, tracer.budget(landing, target), beam
-
-
-def mesh(beam):
-    """Return the rays' x and y, (n,), in the order of the tracer: y first."""
-    return np.repeat(beam.x, len(beam.y)), np.tile(beam.y, len(beam.x))
-
-
-def landing_points(landing):
-    return np.column_stack([landing.x.numpy(), landing.y.numpy()])
-
-
-def step_trace(lens, rays, folder, target_z=TARGET_Z):
-    """Return the ReferenceRays of the independent trace of the lens's STEP file."""
-    write_step(lens, folder / "lens.step")
-    step = read_step(folder / "lens.step")
-    return trace_step(step, rays.origin.T, rays.direction.T, rays.ray_flux, lens.index, target_z)
 
 
 # Fresnel and Snell

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeTorus
-from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
-from tests.thbcad.cad.exchange.test_step import LENSES, ROOT, assert_same_surface
+from tests.cases import ROOT
+from tests.thbcad.cases import LENSES, assert_same_surface
+from tests.thbcad.io.cases import written
 from thbcad.cad.exchange import read_faces, read_step, step_bytes, step_writing as writing, write_step
 from thbcad.cad.shapes import lens_solid, lens_surfaces
 from thbcad.io.step_brep import MILLIMETRE, brep, length_unit, read_brep
@@ -195,13 +196,6 @@ def test_the_unit_is_told(unit):
     finally:
         writing.SETTINGS.update(before)
     assert length_unit(entities_of_text(text)) == wanted
-
-
-def written(shape, path):
-    writer = STEPControl_Writer()
-    writer.Transfer(shape, STEPControl_AsIs)
-    writer.Write(str(path))
-    return path
 
 
 def test_rational_faces_read_as_occt_reads_them(tmp_path):

@@ -14,7 +14,7 @@ from OCP.GProp import GProp_GProps
 from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
 from OCP.Interface import Interface_Static
 
-from tests.thbcad.splines.test_nurbs import nurbs_surfaces
+from tests.thbcad.cases import nurbs_surfaces
 from thbcad.cad.exchange.loose_faces import FORMATS, read_faces, write_faces
 from thbcad.cad.shapes import rational_geom
 from thbcad.io import atomic_files as files

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from tests.thbcad.cad.shapes.test_aperture_solid import CASES, rough, same_bits
+from tests.thbcad.cad.shapes.cases import CASES, rough, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume, step_writing as writing
 from thbcad.cad.shapes.flange_solid import flanged_part
 from thbcad.cad.shapes.plain_solid import lens_surfaces
