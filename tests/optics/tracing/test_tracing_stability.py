@@ -7,7 +7,6 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from benchmarks.tracing.tracing_stability import LIMIT, cases, measure
 from optics.optimisation import Objective
 from optics.runtime import load_backend
 from optics.sources import Profile, Rays, collimated_beam, lambertian_parts
@@ -16,6 +15,7 @@ from optics.tracing.refraction import refract
 from optics.tracing.sequential import Tracer
 from optics.verification import trace_step
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
+from oracles.tracing_accuracy import LIMIT, cases, measure
 from tests.optics.cases import coefficients, hollow_lens, rough
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, read_step, write_step
 

@@ -17,7 +17,6 @@ from OCP.Interface import Interface_Static
 from tests.thbcad.cases import nurbs_surfaces
 from thbcad.cad.exchange.loose_faces import FORMATS, read_faces, write_faces
 from thbcad.cad.shapes import rational_geom
-from thbcad.io import atomic_files as files
 from thbcad.sags import Conic, meridian
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, circular_arc, line, revolved, ruled
 
@@ -377,7 +376,7 @@ def test_a_failed_write_leaves_the_old_file(kind, tmp_path, monkeypatch):
     def fail(*arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(files.os, "replace", fail)
+    monkeypatch.setattr("os.replace", fail)
     with pytest.raises(OSError, match="No space left"):
         write_faces([WAVE], path)
     monkeypatch.undo()

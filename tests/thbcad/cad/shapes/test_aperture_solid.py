@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from tests.thbcad import cases as strategies
 from tests.thbcad.cad.shapes.cases import CASES, same_bits
-from thbcad.cad.exchange import part_step, read_step, solid_volume, step_writing as writing
+from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes.aperture_solid import trimmed_part
 from thbcad.cad.shapes.plain_solid import lens_surfaces
 from thbcad.lens import (
@@ -44,9 +44,7 @@ def written(request, tmp_path_factory):
     lens, semi_axes = CASES[request.param]
     part = trimmed_part(lens, semi_axes)
     path = tmp_path_factory.mktemp("aperture") / "lens.step"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(writing.SETTINGS, "write.surfacecurve.mode", "1")
-        path.write_bytes(part_step(part, Product()))
+    path.write_bytes(part_step(part, Product()))
     return lens, semi_axes, part, path, read_step(path)
 
 
