@@ -82,7 +82,7 @@ def throughput(problem: Problem, lens: Lens, light: Array) -> Throughput:
 
     arriving = T min(Phi, L U) with the flux Phi that meets the front, the transmittance T of two uncoated
     faces and U = integral of S cos^3 / D^2 over the target.
-    light : the picture, as `optics.model.target_light` gives it.
+    light : the picture, as `optics.system.target_light` gives it.
     """
     flux, etendue = problem.source.flux, source_etendue(problem)
     share = front_share(problem, lens.front)

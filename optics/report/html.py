@@ -29,7 +29,7 @@ figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overfl
 class Report:
     """What a report shows.
 
-    metrics : figures by name.  verification : as `optics.checks.verification`.  manufacture : rows (name,
+    metrics : figures by name.  verification : as `optics.runtime.verification`.  manufacture : rows (name,
         value, unit, place).
     pictures : (caption, PNG bytes) by name.  limit : a sentence on what etendue allows.
     """

@@ -44,7 +44,7 @@ from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
 
 SAMPLES = np.linspace(0, 1, 65) ** 2  # where the worst point of a crossing is looked for: dense at the rim
-NEAR = 1e-12  # of a half-width: knots that agree but for rounding, as in `thbcad.graph`
+NEAR = 1e-12  # of a half-width: knots that agree but for rounding, as in `thbcad.sags`
 SLACK = 1e-9  # of the slopes: covers the rounding of differences and of few products
 
 Array = NDArray[np.float64]

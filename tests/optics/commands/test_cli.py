@@ -347,7 +347,7 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(tmp_path, monkeypa
     def interrupted(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("optics.optimisation.loop.design", interrupted)
+    monkeypatch.setattr("optics.optimisation.design", interrupted)
     assert (
         main(["design", str(write_problem(tmp_path, QUICK | {"lens.index": 1.6})), "--out", str(out)]) == 130
     )

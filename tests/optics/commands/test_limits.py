@@ -240,8 +240,8 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
 def test_advice_does_not_load_the_cad_kernel(tmp_path):
     write_problem(tmp_path, {"limits.radius": 50.0})
     program = (
-        "import sys; from optics.limits import limit_advice; from optics.problem import load_problem; from "
-        "optics.model import base_lens; "
+        "import sys; from optics.problem import limit_advice; from optics.problem import load_problem; from "
+        "optics.system import base_lens; "
         "p = load_problem(sys.argv[1]); print(len(limit_advice(p, base_lens(p))), 'OCP' in sys.modules)"
     )
     done = subprocess.run(

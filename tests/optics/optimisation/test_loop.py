@@ -308,9 +308,9 @@ ON_ONE_THREAD = """
 import sys
 from hashlib import sha256
 from dataclasses import replace
-from optics.backend import load_backend
-from optics.design import design
-from optics.model import target_light
+from optics.runtime import load_backend
+from optics.optimisation import design
+from optics.system import target_light
 from optics.problem import load_problem
 for path in sys.argv[1:]:
     problem = load_problem(path)

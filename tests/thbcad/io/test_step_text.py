@@ -149,7 +149,7 @@ def test_what_is_no_file_is_refused(tmp_path):
 
 
 def test_the_reader_is_independent_of_occt():
-    program = "import sys, thbcad.part21_surfaces; print(*{m.split('.')[0] for m in sys.modules})"
+    program = "import sys, thbcad.io.step_brep; print(*{m.split('.')[0] for m in sys.modules})"
     loaded = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()

@@ -192,7 +192,7 @@ def test_only_lenses_are_taken(make):
 
 
 def test_the_module_loads_neither_library():
-    program = "import sys, thbcad.cad.objects; print(*{'build123d', 'cadquery'} & set(sys.modules))"
+    program = "import sys, thbcad.cad.exchange.handover; print(*{'build123d', 'cadquery'} & set(sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
