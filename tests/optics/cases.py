@@ -36,7 +36,7 @@ SMALL = {
     "target.pixels": [48, 48],
     "optimizer.iterations": [6],
     "verify.rays": 33,
-    "run.threads": 2,
+    "run.threads": 1,
 }
 
 

@@ -26,9 +26,9 @@ from tests.optics.commands.cases import FIGURES, QUICK, command, refused, strict
 
 @pytest.fixture(scope="module")
 def golden(tmp_path_factory):
-    """A whole run as a process: its folder, exit code, output, and the problem file."""
+    """A whole run as a process, on two threads: its folder, exit code, output, and the problem file."""
     folder = tmp_path_factory.mktemp("golden")
-    problem = write_problem(folder, QUICK)
+    problem = write_problem(folder, QUICK | {"run.threads": 2})
     process = command("design", problem, "--out", folder / "result", "--json", cwd=folder)
     stdout, stderr = process.communicate()
     return SimpleNamespace(

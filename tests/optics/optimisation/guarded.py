@@ -108,7 +108,7 @@ def main():
     from thbcad.sags import Conic
     from thbcad.splines import KnotVector
 
-    backend = load_backend("double", 2)
+    backend = load_backend("double", 1)
     space = small_space()
     vertices = KnotVector.uniform(1, 7, -10.0, 10.0), KnotVector.uniform(1, 9, -10.0, 10.0)
     hollow = [tuple(KnotVector.uniform(1, 7, -h, h) for _ in "xy") for h in (5.0, 8.0)]

@@ -165,7 +165,7 @@ def test_vertex_gradients_of_both_surfaces(backend):
     _, gradients = objective(coefficients(BOTH))
     _, hits, _ = objective._backward(coefficients(BOTH))
     for g, signed, gradient in zip(found, tracer.pull_back(hits, knots), gradients, strict=True):
-        # two threads add a vertex's rays in any order
+        # several threads add a vertex's rays in any order
         np.testing.assert_allclose(np.abs(signed), g, rtol=0, atol=1e-12 * g.max())
         assert signed.sum() == pytest.approx(gradient.sum(), abs=1e-10 * np.abs(gradient).sum())
         assert g.max() > 0
