@@ -12,6 +12,10 @@ from thbcad.splines import KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
 
 SCALES = (1.0, 1 / 7, 0.1, 25.4)  # 1 keeps all knots and their bisections exact in float64
+EPS = np.finfo(float).eps
+# points of an aperture of 10 mm by 8 mm, and their squared distances from the axis
+X, Y = (a.ravel() for a in np.meshgrid(np.linspace(-5, 5, 21), np.linspace(-4, 4, 17)))
+R2 = X * X + Y * Y
 AWKWARD = np.array([-0.0, 5e-324, 1 / 3, -0.1, 2.0**-52, -np.pi, 1e-17])
 
 

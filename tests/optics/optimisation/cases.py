@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
+
+from optics.optimisation.level_objective import PROBES
 from optics.optimisation.loop import design
 from optics.optimisation.objective import Objective
 from optics.problem import load_problem
@@ -78,3 +81,11 @@ def rough_by(height, seed=5):
 REAR, BOTH = hollow_lens(rough_by(0.3), spans=(4, 3)), hollow_lens(rough_by(0.3), rough_by(0.1, 6), (4, 3))
 GLOWING = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 40.0, Profile(), 1 << 12, 0, 1 << 40))
 WIDE, ANGLES = Screen((1000.0, 1000.0), (48, 48), 8), Screen((45.0, 45.0), (48, 48), 8)
+
+
+def check_counts(history):
+    """Evaluations are counted one by one, and PROBES more where the optimisation of a level (or what is left
+    of it) begins."""
+    steps = np.diff([0] + [row.evaluation for row in history])
+    assert set(steps) <= {1, 1 + PROBES}
+    return int((steps > 1).sum())

@@ -6,6 +6,8 @@ from optics.verification import trace_step
 from tests.optics.cases import TARGET_Z
 from thbcad import read_step, write_step
 
+INDEX = 1.5
+
 
 def step_trace(lens, rays, folder, target_z=TARGET_Z):
     """Return the ReferenceRays of the independent trace of the lens's STEP file."""
