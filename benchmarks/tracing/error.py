@@ -16,15 +16,9 @@ import numpy as np
 from benchmarks.tracing.error_cases import STORE, Case, Reference, cases, reference
 from benchmarks.tracing.error_figure import draw
 from benchmarks.tracing.error_limits import limit_rows
-from benchmarks.tracing.error_methods import (
-    BOX,
-    Point,
-    camera_noise,
-    camera_points,
-    exact_points,
-    mesh_points,
-)
+from benchmarks.tracing.error_methods import BOX, camera_noise, camera_points, exact_points, mesh_points
 from optics.runtime import Row, load_backend
+from oracles.error_measures import Point, observed_order, seconds_at
 
 WANTED = 1e-3  # relative L2 error of the irradiance at which run times are compared
 CLEAR = 3.0  # times the reference's own error: points below it say nothing of the order
@@ -57,32 +51,6 @@ def methods(points: list[Point]) -> dict[str, list[Point]]:
     """Return the points by method, fewest rays first."""
     names = dict.fromkeys(p.method for p in points)
     return {name: sorted((p for p in points if p.method == name), key=lambda p: p.rays) for name in names}
-
-
-def observed_order(rays: list[int], errors: list[float], least: float) -> float:
-    """Return k of error ~ rays^-k by a straight line through the logarithms of the errors above `least`; NaN
-    for fewer than two."""
-    pairs = [(n, e) for n, e in zip(rays, errors) if np.isfinite(e) and e > least]
-    if len(pairs) < 2:
-        return np.nan
-    return -float(np.polyfit(*np.log(pairs).T, 1)[0])
-
-
-def seconds_at(points: list[Point], error: float) -> float:
-    """Return the run time at which a method reaches an error of the irradiance, between its points on log-log
-    scales.
-
-    Where already its quickest point is better, that one's time; inf where none is.
-    """
-    before = None
-    for p in points:
-        if p.error <= error:
-            if before is None:
-                return p.seconds
-            share = np.log(before.error / error) / np.log(before.error / p.error)
-            return float(before.seconds * (p.seconds / before.seconds) ** share)
-        before = p
-    return np.inf
 
 
 def _reference_rows(case: Case, truth: Reference) -> list[Row]:

@@ -1,4 +1,4 @@
-"""The lenses of `thbcad bench error`, their rays by four samplings, and the reference.
+"""The lenses of `thbcad bench error`, their rays on grids, and the reference.
 
 The reference is the mean of two sets of very many rays in double precision; half their distance is its own
 error.
@@ -6,22 +6,22 @@ error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from benchmarks.checkout import ROOT
 from optics.optimisation import design
 from optics.problem import Problem, load_problem
 from optics.runtime import Backend, DrArray
-from optics.sources import Beam, Rays, beam_rays, collimated_beam, concentric
+from optics.sources import Beam, Rays
 from optics.system import base_lens, problem_rays, ray_parts, target_irradiance, target_light, target_screen
 from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Screen, Splat, filter_image
 from optics.tracing import Tracer
+from oracles.error_measures import relative, slope_of_fit
+from oracles.ray_samplings import grid_points, sampled_rays
 from thbcad import Lens, read_lens, write_lens
 
 STORE = ROOT / "exports" / "bench"
@@ -32,7 +32,6 @@ AT_ONCE = 1 << 21
 
 Window = BoxWindow | PixelWindow | BSplineWindow | GaussianWindow
 Floats = NDArray[np.float64]
-Units = Callable[[np.random.Generator, int, int], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +98,6 @@ def _case(backend: Backend, name: str, problem: Problem, lens: Lens) -> Case:
     )
 
 
-def slope_of_fit(image: Floats, target: Floats) -> Floats:
-    """Return the derivative of ||E - T||^2 / ||T||^2 by E."""
-    return 2 * (image - target) / np.square(target).sum()
-
-
 def reference(backend: Backend, case: Case, window: Window = WINDOW) -> Reference:
     """Return the Reference of a case."""
     images = [_image(backend, case, window, _many_rays(case, which)) for which in (0, 1)]
@@ -124,11 +118,6 @@ def _many_rays(case: Case, which: int) -> Iterator[Beam | Rays]:
     side = round(REFERENCE_RAYS**0.5) + 7 * which
     fresh = None if case.problem.source.kind == "collimated" else np.random.default_rng(1 + which)
     return ray_parts(case.problem, (side, side), fresh, AT_ONCE)
-
-
-def relative(values: Floats, exact: Floats) -> float:
-    """Return ||values - exact|| / ||exact||."""
-    return float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
 
 
 def _landed(backend: Backend, case: Case, window: Window, part: Beam | Rays) -> tuple[Tracer, list, DrArray]:
@@ -157,55 +146,9 @@ def _gradient(
     return total
 
 
-def random_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return `count` independent points of the unit cube, (count, dimension)."""
-    return rng.random((count, dimension))
-
-
-def jittered_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return one random point in each cell of a grid over the unit cube, (side^dimension, dimension)."""
-    return _cells(count, dimension, rng.random)
-
-
-def grid_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return the middles of the cells of a grid over the unit cube, (side^dimension, dimension)."""
-    return _cells(count, dimension, lambda shape: np.full(shape, 0.5))
-
-
-def sobol_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return scrambled Sobol points of the unit cube, (count, dimension)."""
-    return qmc.Sobol(dimension, scramble=True, seed=rng).random(count)
-
-
-def _cells(count: int, dimension: int, within: Callable[[tuple[int, int]], Floats]) -> Floats:
-    side = round(count ** (1 / dimension))
-    corners = np.stack(np.meshgrid(*[np.arange(side)] * dimension, indexing="ij"), axis=-1).reshape(
-        -1, dimension
-    )
-    return (corners + within(corners.shape)) / side
-
-
-def sampled_rays(case: Case, points: Units, count: int, seed: int = 3) -> Rays:
-    """Return about `count` rays of equal flux of a case's source, its position (and direction) by points of
-    the unit cube."""
-    source, rng = case.problem.source, np.random.default_rng(seed)
-    if source.kind == "collimated":
-        s, t = 2 * points(rng, count, 2).T - 1
-        ends = collimated_beam(source.half_width, source.flux, case.lens.front.half_width, (1, 1))
-        start = beam_rays(ends, case.lens)
-        hx, hy = (min(a, b) for a, b in zip(source.half_width, case.lens.front.half_width))
-        origin = np.stack([hx * s, hy * t, np.full_like(s, start.origin[2, 0])])
-        return Rays(origin, np.repeat(start.direction, len(s), axis=1), ends.entering / len(s))
-    s, t, a, b = 2 * points(rng, count, 4).T - 1
-    p, q = (r * sin(radians(source.half_angle)) for r in concentric(a, b))
-    origin = np.stack([source.half_width[0] * s, source.half_width[1] * t, np.full_like(s, -source.distance)])
-    direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-    return Rays(origin, direction, source.flux / len(s))
-
-
 def grid_rays(case: Case, count: int) -> Beam | Rays:
     """Return the grid of about `count` rays that the tracer likes best: a Beam for a collimated source."""
     if case.problem.source.kind == "collimated":
         side = round(count**0.5)
         return problem_rays(case.problem, (side, side))
-    return sampled_rays(case, grid_points, count)
+    return sampled_rays(case.problem.source, case.lens, grid_points, count)

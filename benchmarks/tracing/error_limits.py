@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from statistics import median
 from time import perf_counter
 
@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
-from benchmarks.tracing.error_cases import WINDOW, designed, relative
+from benchmarks.tracing.error_cases import WINDOW, designed
 from optics.optimisation import SOFT_RIM, Objective, stage_objective, stages
 from optics.problem import Problem, load_problem
 from optics.runtime import Backend, Row, load_backend, median_seconds
 from optics.system import base_lens, problem_rays, target_irradiance, target_light, target_screen
 from optics.target import BSplineWindow, GaussianWindow, PixelWindow, Splat
 from optics.tracing import Tracer
+from oracles.error_measures import relative, worst_difference
 from thbcad import Lens
 
 RAYS = (449, 449)
 EXTENDED_RAYS = (1024, 1024)
 REPEATS = 9
-DIRECTIONS = 20
 STEP = 1e-6  # mm, of the differences
 SMOOTH = BSplineWindow(
     5
@@ -34,7 +34,7 @@ STARTS = 5
 START = """
 from time import perf_counter
 begin = perf_counter()
-from benchmarks.error_limits import first_gradient
+from benchmarks.tracing.error_limits import first_gradient
 imported = perf_counter()
 first_gradient()
 print(imported - begin, perf_counter() - imported)
@@ -168,20 +168,6 @@ def _differences(backend: Backend) -> list[Row]:
                 )
             )
     return out
-
-
-def worst_difference(loss: Callable[[Floats], float], at: Floats, gradient: Floats, step: float) -> float:
-    """Return the greatest |slope - g . d| / |g| over random directions d of unit root mean square g . d /
-    |g|.
-
-    slope : the fourth-order central difference (8 (L(h) - L(-h)) - (L(2 h) - L(-2 h))) / (12 h), h in mm.
-    """
-    rng, errors = np.random.default_rng(1), []
-    for _ in range(DIRECTIONS):
-        d = rng.standard_normal(len(at))
-        near, far = (loss(at + k * step * d) - loss(at - k * step * d) for k in (1, 2))
-        errors.append(abs((8 * near - far) / (12 * step) - gradient @ d))
-    return max(errors) / float(np.linalg.norm(gradient))
 
 
 def first_gradient() -> float:

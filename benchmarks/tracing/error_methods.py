@@ -19,22 +19,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.tracing.error_cases import (
-    WINDOW,
-    Case,
-    Reference,
-    grid_rays,
-    jittered_points,
-    random_points,
-    relative,
-    sampled_rays,
-    slope_of_fit,
-    sobol_points,
-)
+from benchmarks.tracing.error_cases import WINDOW, Case, Reference, grid_rays
 from optics.optimisation import Objective
 from optics.runtime import Backend, load_backend, median_seconds
 from optics.target import Splat, filter_image
 from optics.tracing import Tracer
+from oracles.error_measures import Point, relative, slope_of_fit
+from oracles.ray_samplings import jittered_points, random_points, sampled_rays, sobol_points
 
 if TYPE_CHECKING:
     from optics.mitsuba import LensMesh, MeshTracer
@@ -49,24 +40,6 @@ REPEATS = 5
 CAMERA, BOX = "Mitsuba ptracer + camera", "its box pixels"
 SAMPLINGS = {"random": random_points, "jittered": jittered_points, "Sobol": sobol_points}
 CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
-
-
-@dataclass(frozen=True)
-class Point:
-    """One run.  rays : number.  seconds, gradient_seconds : of the irradiance, of loss and gradient.
-
-    error, gradient_error : relative L2; NaN where the way has none.  megabytes : that the gradient's run adds
-        to the process.
-    """
-
-    case: str
-    method: str
-    rays: int
-    seconds: float
-    error: float
-    gradient_seconds: float
-    gradient_error: float
-    megabytes: float
 
 
 @dataclass(frozen=True)
@@ -89,7 +62,9 @@ def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -
             few = counts[:-1] if name in ("random", "jittered") else counts
             for count in (*counts, LONG) if precision == "single" else few:
                 rays = (
-                    grid_rays(case, count) if name == "grid" else sampled_rays(case, SAMPLINGS[name], count)
+                    grid_rays(case, count)
+                    if name == "grid"
+                    else sampled_rays(case.problem.source, case.lens, SAMPLINGS[name], count)
                 )
                 tracer = Tracer(backend, case.lens, rays, case.problem.target_z)
                 out.append(_point(backend, case, truth, tracer, f"ours, {name}, {short}", _number(rays)))
@@ -104,7 +79,11 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
     out, mesh = [], LensMesh.even(case.lens, VERTICES)
     collimated = case.problem.source.kind == "collimated"
     for count in counts:
-        rays = grid_rays(case, count) if collimated else sampled_rays(case, sobol_points, count)
+        rays = (
+            grid_rays(case, count)
+            if collimated
+            else sampled_rays(case.problem.source, case.lens, sobol_points, count)
+        )
         tracer = MeshTracer(mesh, rays, case.problem.target_z)
         out.append(_point(tracer.backend, case, truth, tracer, "Mitsuba mesh + splat", _number(rays)))
     return out

@@ -22,6 +22,7 @@ from optics.runtime import Backend, Row, load_backend, median_seconds
 from optics.system import base_lens, problem_rays, target_irradiance, target_light, target_screen
 from optics.target import PixelWindow
 from optics.tracing import Tracer
+from oracles.error_measures import exponent
 from thbcad import KnotVector, Lens, THBSpace, THBSurface
 
 RAYS = tuple(1 << k for k in range(14, 23))
@@ -54,11 +55,6 @@ def rows() -> list[Row]:
     out += _series("cores", cores, [_seconds(load_backend("double", n), problem, net, 1025) for n in cores])
     load_backend("double", 1)
     return out
-
-
-def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
-    """Return k of seconds ~ sizes^k by a straight line through the logarithms."""
-    return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
 
 
 def _series(

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from benchmarks.kernel.stability import coarsened, deepest, measure, projection_defect, window
 from oracles.exact_splines import ExactAxis, ExactTHB, roundings
+from oracles.kernel_accuracy import coarsened, deepest, measure, projection_defect, window
 from oracles.spline_definitions import DefinitionTHB, boehm, gamma
 from oracles.stresses import STRESSES, clamped, corner, random_breaks
 from tests.thbcad.cases import coefficients, hierarchies, knot_vectors, points, seeds

@@ -15,9 +15,8 @@ from optics.commands.cli import main
 from optics.optimisation import ResultFolder
 from optics.problem import load_problem
 from optics.system import lens_product
-from tests.optics.cases import write_problem
-from tests.optics.commands.test_cli import refused, strict_json
-from tests.optics.verification.test_step_checks import moved_point
+from tests.optics.cases import moved_point, write_problem
+from tests.optics.commands.cases import refused, strict_json
 from thbcad.cad.exchange import read_step
 from thbcad.cad.shapes import lens_surfaces
 

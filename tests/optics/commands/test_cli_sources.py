@@ -12,7 +12,7 @@ from PIL import Image
 from optics.commands.cli import main
 from optics.problem import load_problem
 from tests.optics.cases import write_problem
-from tests.optics.commands.test_cli import FIGURES, refused, strict_json
+from tests.optics.commands.cases import FIGURES, refused, strict_json
 
 EXTENDED = {
     "title": "extended",

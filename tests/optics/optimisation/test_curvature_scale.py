@@ -11,12 +11,11 @@ from PIL import Image
 
 from optics.optimisation.bounded_variables import LEAST, BoundedVariables
 from optics.optimisation.objective import Objective
-from optics.runtime import load_backend
 from optics.sources import Profile, collimated_beam, lambertian_parts
 from optics.target import BSplineWindow, Screen, Splat, filter_image
 from optics.tracing import Tracer
 from tests.optics.cases import coefficients, hollow_lens, picture, rough, small_lens, small_space
-from tests.optics.optimisation.test_loop import run
+from tests.optics.optimisation.cases import run
 from thbcad.sags import Conic
 
 WINDOW = BSplineWindow(3)
@@ -97,18 +96,11 @@ def test_the_mean_square_converges_to_half_the_hessians_diagonal(tiny):
     assert np.mean(errors[1] ** 2) < np.mean(errors[0] ** 2) / 4
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_other_signs(tiny, one_thread):
+def test_the_same_seed_gives_the_same_bytes_and_another_other_signs(tiny, backend):
+    backend.dr.set_thread_count(1)  # which adds rays in one order
     one, again, other = (probes(tiny, 2, seed) for seed in (3, 3, 4))
     assert one.tobytes() == again.tobytes()
     assert np.abs(other - one).max() > 0.1 * np.abs(one).max()
-
-
-@pytest.fixture
-def one_thread():
-    """Dr.Jit on one thread, where rays are added in one order."""
-    load_backend("double", 1)
-    yield
-    load_backend("double", 2)
 
 
 # The variables

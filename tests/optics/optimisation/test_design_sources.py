@@ -8,7 +8,7 @@ import pytest
 from optics.optimisation.state import earlier_state
 from optics.runtime import UserError
 from optics.system import base_lens
-from tests.optics.optimisation.test_loop import loaded, rows_of, run
+from tests.optics.optimisation.cases import loaded, rows_of, run
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}
 POINT = {"source.kind": "point", "source.half_angle": 45.0, "source.exponent": 1.0}

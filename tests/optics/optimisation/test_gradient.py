@@ -13,34 +13,24 @@ from optics.sources import Profile, collimated_beam, lambertian_parts, point_ray
 from optics.target import BSplineWindow, GaussianWindow, Screen, filter_image
 from optics.tracing import Tracer
 from oracles.light_formulas import brute_irradiance
-from tests.optics.cases import coefficients, hollow_lens, picture, rough, small_lens, small_space
+from tests.optics.cases import PLANE, TARGET_Z, coefficients, rough, small_lens, small_space
+from tests.optics.optimisation.cases import (
+    ANGLES,
+    BOTH,
+    CUBIC,
+    GLOWING,
+    REAR,
+    SCREEN,
+    SPHEROID,
+    WIDE,
+    asked_for,
+    make_objective,
+    make_tracer,
+)
 from thbcad.hierarchy import THBSpace
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
-
-PLANE = Conic()
-CUBIC = BSplineWindow(3)
-SPHEROID = Conic(45.0, 0.4)  # every second derivative differs from zero
-SCREEN = Screen((20.0, 20.0), (48, 48), 8)
-TARGET_Z = 66.0
-
-
-def asked_for(screen=SCREEN):
-    """Return an irradiance of 0.92 W without symmetry on the screen's pixels."""
-    image = picture(*screen.shape).astype(float)
-    return image * 0.92 / (image.sum() * screen.pixel_area)
-
-
-def make_tracer(backend, front, space, rays=85, source=(9.5, 9.5)):
-    beam = collimated_beam(source, 1.0, (10.0, 10.0), (rays, rays))
-    return Tracer(backend, small_lens(front, SPHEROID, space=space), beam, TARGET_Z)
-
-
-def make_objective(backend, front, space, window=CUBIC, **options):
-    return Objective(
-        backend, make_tracer(backend, front, space, **options), SCREEN, window, asked_for(), 100.0
-    )
 
 
 def of_vector(objective, *spaces):
@@ -110,15 +100,8 @@ def test_gradient_holds_where_light_misses_the_target_and_the_lens(backend):
     assert worst(objective, at, gradient, 1e-8) < 1e-4
 
 
-def rough_by(height, seed=5):
-    return lambda space: rough(space, height, seed)
-
-
-REAR, BOTH = hollow_lens(rough_by(0.3), spans=(4, 3)), hollow_lens(rough_by(0.3), rough_by(0.1, 6), (4, 3))
-GLOWING = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 40.0, Profile(), 1 << 12, 0, 1 << 40))
 POINT = point_rays(2.0, 1.0, 40.0, 1.0, (65, 63), (0.0, 0.0))
 BEAM = collimated_beam((3.0, 4.0), 1.0, (5.0, 5.0), (65, 63))
-WIDE, ANGLES = Screen((1000.0, 1000.0), (48, 48), 8), Screen((45.0, 45.0), (48, 48), 8)
 CASES = {
     "lambertian, rear": (REAR, GLOWING, 1005.0, WIDE),
     "lambertian, both": (BOTH, GLOWING, 1005.0, WIDE),
@@ -182,7 +165,7 @@ def test_vertex_gradients_of_both_surfaces(backend):
     _, gradients = objective(coefficients(BOTH))
     _, hits, _ = objective._backward(coefficients(BOTH))
     for g, signed, gradient in zip(found, tracer.pull_back(hits, knots), gradients, strict=True):
-        # two threads add a vertex's rays in any order
+        # several threads add a vertex's rays in any order
         np.testing.assert_allclose(np.abs(signed), g, rtol=0, atol=1e-12 * g.max())
         assert signed.sum() == pytest.approx(gradient.sum(), abs=1e-10 * np.abs(gradient).sum())
         assert g.max() > 0

@@ -13,7 +13,7 @@ from optics.optimisation.indicators import LEAST, promised_decrease, refined_onc
 from optics.optimisation.loop import design
 from optics.runtime import UserError
 from tests.optics.cases import small_space
-from tests.optics.optimisation.test_loop import loaded
+from tests.optics.optimisation.cases import loaded
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 

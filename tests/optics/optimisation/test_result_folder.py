@@ -56,7 +56,7 @@ def test_threads_and_the_pictures_place_may_change_between_runs(folder, problem_
     folder.write_checkpoint(load_problem(problem_file()), some_state())
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-    moved = load_problem(write_problem(elsewhere, {"run.threads": 1}))
+    moved = load_problem(write_problem(elsewhere, {"run.threads": 2}))
     assert folder.read_checkpoint(moved).level == 2
 
 

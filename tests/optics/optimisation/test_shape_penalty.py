@@ -8,7 +8,7 @@ import pytest
 
 from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
 from tests.optics.cases import coefficients, rough, small_space
-from tests.optics.optimisation.test_loop import run
+from tests.optics.optimisation.cases import run
 from thbcad.certified import least_radii
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens

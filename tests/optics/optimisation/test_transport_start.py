@@ -10,8 +10,7 @@ from optics.optimisation.transport_start import TransportStart, fit_slopes
 from optics.problem import load_problem
 from optics.system import base_lens, problem_rays, target_light
 from optics.tracing import Tracer
-from tests.optics.cases import coefficients, picture, rough, small_space, write_problem
-from tests.optics.tracing.test_sequential import mesh, traced
+from tests.optics.cases import coefficients, mesh, picture, rough, small_space, traced, write_problem
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector

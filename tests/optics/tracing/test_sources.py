@@ -10,8 +10,8 @@ from hypothesis import given, settings, strategies as st
 from optics.sources import Beam, Profile, beam_rays, collimated_beam, lambertian_parts, point_rays
 from optics.tracing.sequential import Tracer
 from oracles.light_formulas import fresnel, meridional
-from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space
-from tests.optics.tracing.test_sequential import landing_points, step_trace
+from tests.optics.cases import coefficients, hollow_lens, landing_points, rough, small_lens, small_space
+from tests.optics.tracing.cases import step_trace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface

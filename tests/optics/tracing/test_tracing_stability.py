@@ -7,7 +7,6 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from benchmarks.tracing.tracing_stability import LIMIT, cases, measure
 from optics.optimisation import Objective
 from optics.runtime import load_backend
 from optics.sources import Profile, Rays, collimated_beam, lambertian_parts
@@ -16,6 +15,7 @@ from optics.tracing.refraction import refract
 from optics.tracing.sequential import Tracer
 from optics.verification import trace_step
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
+from oracles.tracing_accuracy import LIMIT, cases, measure
 from tests.optics.cases import coefficients, hollow_lens, rough
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, read_step, write_step
 
@@ -27,7 +27,7 @@ HARD = [name for name in CASES if not name.startswith(("degree", "lengths"))]
 @pytest.fixture(scope="module")
 def single():
     """Dr.Jit in single precision."""
-    return load_backend("single", 2)
+    return load_backend("single", 1)
 
 
 @pytest.mark.parametrize("name", [*HARD, *QUICK])
@@ -68,7 +68,7 @@ def test_the_referee_knows_the_ray_through_a_plate():
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_a_lens_in_other_units_gives_the_same_bits(precision):
     """Powers of two scale without rounding: nothing in the tracer may be an absolute length."""
-    backend = load_backend(precision, 2)
+    backend = load_backend(precision, 1)
     base = hollow_lens(rough_300(8), rough_300(5), (4, 4))
     rays = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 89.9, Profile(), 1 << 12, 3, 1 << 12))
     expected = landing(backend, base, rays, 1000.0)

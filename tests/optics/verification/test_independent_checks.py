@@ -12,8 +12,8 @@ import pytest
 from optics.verification.independent_checks import _optical, bare_checks, stranger_checks, trace_faces
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import meridional
-from tests.optics.cases import small_lens
-from tests.optics.verification.test_step_checks import LENSES, moved_point, shaped
+from tests.optics.cases import moved_point, small_lens
+from tests.optics.verification.cases import LENSES, shaped
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
 from thbcad.cad.shapes import lens_solid, lens_surfaces

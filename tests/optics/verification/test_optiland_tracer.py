@@ -14,8 +14,8 @@ from optics.verification.optiland_tracer import optiland_available, optiland_che
 from optics.verification.reference_tracer import trace_step
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import fresnel, meridional
-from tests.optics.cases import hollow_lens, small_lens
-from tests.optics.verification.test_step_checks import LENSES, moved_point, shaped
+from tests.optics.cases import hollow_lens, moved_point, small_lens
+from tests.optics.verification.cases import LENSES, shaped
 from thbcad import read_step, write_step
 from thbcad.cad.shapes import lens_surfaces
 from thbcad.sags import Conic

@@ -13,9 +13,7 @@ from optics.sources import Rays
 from optics.tracing import SearchedHits, Tracer
 from optics.verification.reference_tracer import SAMPLES, ParametricFace, _intersect, trace_step
 from oracles.light_formulas import refracted_vector
-from tests.optics.cases import coefficients
-from tests.optics.tracing.test_intersections import grazing_rays
-from tests.optics.tracing.test_sequential import landing_points
+from tests.optics.cases import coefficients, grazing_rays, landing_points
 from thbcad.cad.shapes import lens_surfaces
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens

@@ -14,8 +14,7 @@ from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
 
 from tests.cases import ROOT
-from tests.thbcad.cad.exchange.test_step import LENSES
-from tests.thbcad.cases import lenses
+from tests.thbcad.cases import LENSES, lenses
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
 from thbcad.cad.shapes import NAMES, lens_part, lens_surfaces, spline_surface
 

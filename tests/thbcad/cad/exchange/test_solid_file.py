@@ -29,7 +29,7 @@ from OCP.XCAFDoc import (
     XCAFDoc_ShapeTool,
 )
 
-from tests.thbcad.cad.exchange.test_step import LENSES, assert_same_surface
+from tests.thbcad.cases import LENSES, assert_same_surface
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
 from thbcad.cad.exchange.reading import explore
