@@ -10,6 +10,7 @@ from optics.optimisation import ResultFolder
 from optics.problem import limit_checks
 from optics.runtime import UserError, check_lines, note
 from optics.system import OpticalSystem
+from thbcad.doors import pip_command
 
 
 def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
@@ -45,7 +46,7 @@ def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
             if options.optiland and optiland_available():
                 checks += optiland_checks(system, lens, file, backend)
             elif options.optiland:
-                note("optiland is not installed and does not trace the file: pip install thbcad[verify]")
+                note(f"optiland is not installed and does not trace the file; {pip_command('verify')}")
     except OSError as error:
         raise UserError(f"cannot read {error.filename or path}: {error.strerror}") from None
     except ValueError as error:
