@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     )
     from optics.optimisation.loop import (
         design as design,
-        nearest_lens as nearest_lens,
         transmitted_flux as transmitted_flux,
     )
     from optics.optimisation.objective import (
@@ -55,7 +54,6 @@ _FILES = {
     ),
     "loop": (
         "design",
-        "nearest_lens",
         "transmitted_flux",
     ),
     "objective": ("Objective",),

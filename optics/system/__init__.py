@@ -17,6 +17,9 @@ if TYPE_CHECKING:
         advice as advice,
         solvable_system as solvable_system,
     )
+    from optics.system.source import (
+        LightSource as LightSource,
+    )
     from optics.system.target import (
         target_irradiance as target_irradiance,
     )
@@ -36,6 +39,7 @@ _FILES = {
         "advice",
         "solvable_system",
     ),
+    "source": ("LightSource",),
     "target": ("target_irradiance",),
     "tracing_skips": (
         "skip_lines",

@@ -151,11 +151,11 @@ def moved_point(text, point, change):
 
 
 def traced(backend, lens, source=(9.5, 9.5), rays=(41, 37), target_z=TARGET_Z, target=(20.0, 20.0)):
-    """Return (Hits of the rear, Landing, FluxBudget, Beam) of a lens in a collimated beam."""
+    """Return (Hits of the rear, Landing, SequentialFates, RayGrid) of a lens in a collimated beam."""
     beam = collimated_beam(source, 1.0, lens.front.half_width, rays)
     tracer = Tracer(backend, lens, beam, target_z)
     hits, landing = tracer.trace(coefficients(lens))
-    return hits[-1], landing, tracer.budget(landing, target), beam
+    return hits[-1], landing, tracer.fates(landing, target), beam
 
 
 def mesh(beam):

@@ -56,8 +56,8 @@ def test_an_extended_problem_ends_well_too(extended):
     lens = strict_json((extended.path / "lens.json").read_text())
     assert metrics["dof"] == sum(len(lens[name]["sag"]["coefficients"]) for name in ("front", "rear"))
     assert metrics["levels"] == 2
-    assert sum(metrics["flux_budget_w"].values()) == pytest.approx(1.0, abs=1e-9)
-    assert metrics["flux_budget_w"]["unresolved"] == 0
+    assert sum(metrics["fates_w"].values()) == pytest.approx(1.0, abs=1e-9)
+    assert metrics["fates_w"]["unresolved"] == 0
     assert strict_json((extended.path / "verify.json").read_text())["ok"] is True
     page = (extended.path / "report.html").read_text("utf-8")
     assert page.count("data:image/png;base64,") == len(FIGURES) + 2

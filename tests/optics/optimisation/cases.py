@@ -11,7 +11,7 @@ from optics.optimisation.loop import design
 from optics.optimisation.objective import Objective
 from optics.problem import load_problem
 from optics.sources import Profile, collimated_beam, lambertian_parts
-from optics.system import target_light
+from optics.system import OpticalSystem
 from optics.target import BSplineWindow, Screen
 from optics.tracing import Tracer
 from tests.optics.cases import TARGET_Z, hollow_lens, picture, rough, small_lens, write_problem
@@ -24,26 +24,25 @@ SCREEN = Screen((20.0, 20.0), (48, 48), 8)
 
 
 def loaded(folder, changes=None, **options):
-    """Return (problem, light) of the small problem with changes."""
-    problem = load_problem(write_problem(folder, changes, **options))
-    return problem, target_light(problem)
+    """Return the OpticalSystem of the small problem with changes."""
+    return OpticalSystem(load_problem(write_problem(folder, changes, **options)))
 
 
 def run(folder, backend, changes):
     """Return the small problem designed: problem, light, lens, state, the plan, the progress calls, the
     checkpoints and the notes."""
-    problem, light = loaded(folder, changes)
+    system = loaded(folder, changes)
     calls, checkpoints, plans, notes = [], [], [], []
 
     def progress(plan, stage, row):
         plans.append(plan)
         calls.append((stage, row))
 
-    lens, state = design(problem, light, backend, None, progress, checkpoints.append, notes.append)
+    lens, state = design(system, backend, None, progress, checkpoints.append, notes.append)
     assert all(plan is plans[0] for plan in plans)
     return SimpleNamespace(
-        problem=problem,
-        light=light,
+        system=system,
+        problem=system.problem,
         lens=lens,
         state=state,
         plan=plans[0],

@@ -119,9 +119,9 @@ def main():
     ]
     far = Objective(backend, Tracer(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC, asked_for(ANGLES), 100.0)
     for objective, at, knots in [*cases, (far, coefficients(BOTH), hollow)]:
-        loss, gradients = objective(at)
-        assert np.isfinite(loss)
-        assert all(np.isfinite(gradient).all() for gradient in gradients)
+        found = objective(at)
+        assert np.isfinite(found.loss)
+        assert all(np.isfinite(gradient).all() for gradient in found.gradients)
         objective.vertex_gradients(at, knots)
         objective.image(at)
     print("guarded", len(sizes), flush=True)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from optics.commands import main
-from optics.optimisation import loop
-from optics.optimisation.loop import Interrupted, design, nearest_lens
+from optics.optimisation.loop import design, nearest_lens
+from optics.optimisation.recorder import Interrupted, Recorder
 from optics.optimisation.state import State
 from optics.problem import load_problem
-from optics.system import base_lens, sound
+from optics.system import OpticalSystem, solvable_system
 from tests.optics.cases import small_lens, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -45,16 +45,16 @@ def test_a_change_far_beyond_reason_is_dropped():
     assert wrong.endswith("none of the level's changes are kept")
 
 
-def crossing(problem, monkeypatch):
+def crossing(system, monkeypatch):
     """Let the optimiser drive the rear through the front at the first level only."""
-    genuine, calls = loop._minimize, []
+    genuine, calls = Recorder.minimized, []
 
-    def minimize(recorder, *arguments):
-        sags = genuine(recorder, *arguments)
+    def minimized(recorder):
+        sags = genuine(recorder)
         calls.append(sags)
-        return constant(base_lens(problem), -7.0) if len(calls) == 1 else sags
+        return constant(system.lens, -7.0) if len(calls) == 1 else sags
 
-    monkeypatch.setattr(loop, "_minimize", minimize)
+    monkeypatch.setattr(Recorder, "minimized", minimized)
 
 
 def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path, backend, monkeypatch):
@@ -64,13 +64,12 @@ def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path,
         "lens.rear.freeform.max_level": 1,
         "target.pixels": [24, 24],
     }
-    problem = load_problem(write_problem(tmp_path, changes))
-    light, _ = sound(problem)
-    crossing(problem, monkeypatch)
+    system = solvable_system(load_problem(write_problem(tmp_path, changes)))
+    crossing(system, monkeypatch)
     notes = []
-    lens, state = design(problem, light, backend, note=notes.append)
+    lens, state = design(system, backend, note=notes.append)
     assert lens.least_thickness().lower > 0
-    assert state.level == 2
+    assert state.stage == 2
     assert len(notes) == 1
     assert notes[0].startswith("level 0: the optimised lens cannot exist (the surfaces cross: ")
     assert "0.5 are kept; lower z_freedom" in notes[0]
@@ -84,7 +83,7 @@ def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypat
         "target.pixels": [24, 24],
     }
     path = write_problem(tmp_path, changes)
-    crossing(load_problem(path), monkeypatch)
+    crossing(OpticalSystem(load_problem(path)), monkeypatch)
     assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 0
     captured = capsys.readouterr()
     assert "the optimised lens cannot exist" in captured.err
@@ -100,19 +99,18 @@ def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, 
         "lens.rear.freeform.max_level": 0,
         "target.pixels": [24, 24],
     }
-    problem = load_problem(write_problem(tmp_path, changes))
-    light, base = sound(problem)
+    system = solvable_system(load_problem(write_problem(tmp_path, changes)))
 
-    def stopped(recorder, *arguments):
-        recorder(recorder.variables.zeros())
-        raise Interrupted(State(0, tuple(constant(base, -7.0)), True, recorder.state.history))
+    def stopped(recorder):
+        recorder(recorder._variables.zeros())
+        raise Interrupted(State(False, 0, tuple(constant(system.lens, -7.0)), recorder.history))
 
-    monkeypatch.setattr(loop, "_minimize", stopped)
+    monkeypatch.setattr(Recorder, "minimized", stopped)
     with pytest.raises(Interrupted) as caught:
-        design(problem, light, backend)
+        design(system, backend)
     monkeypatch.undo()
     state = caught.value.state
     np.testing.assert_array_equal(state.sags[0].coefficients, -3.5)
-    lens, state = design(problem, light, backend, state)
+    lens, state = design(system, backend, state)
     assert lens.least_thickness().lower > 0
-    assert state.level == 1
+    assert state.stage == 1

@@ -8,7 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from optics.optimisation.loop import Interrupted, design
+from optics.optimisation.loop import design
+from optics.optimisation.recorder import Interrupted
 from optics.optimisation.stage_plan import stages
 from tests.cases import ROOT
 from tests.optics.cases import write_problem
@@ -17,17 +18,14 @@ from tests.optics.optimisation.cases import FLAT, check_counts, loaded, rows_of
 ON_ONE_THREAD = """
 import sys
 from hashlib import sha256
-from dataclasses import replace
 from optics.runtime import load_backend
 from optics.optimisation import design
-from optics.system import target_light
 from optics.problem import load_problem
+from optics.system import OpticalSystem
 for path in sys.argv[1:]:
-    problem = load_problem(path)
-    light, backend, checkpoints = target_light(problem), load_backend("double", 1), []
-    keep = lambda state: checkpoints.append(replace(state, history=list(state.history)))
-    whole, _ = design(problem, light, backend, None, None, keep)
-    resumed, _ = design(problem, light, backend, checkpoints[0])
+    system, backend, checkpoints = OpticalSystem(load_problem(path)), load_backend("double", 1), []
+    whole, _ = design(system, backend, None, None, checkpoints.append)
+    resumed, _ = design(system, backend, checkpoints[0])
     print(*(sha256(lens.rear.sag.coefficients.tobytes()).hexdigest() for lens in (whole, resumed)))
 """
 
@@ -77,7 +75,7 @@ def interrupted_at(done, backend, evaluation):
             raise KeyboardInterrupt
 
     with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
-        design(done.problem, done.light, backend, None, stop)
+        design(done.system, backend, None, stop)
     assert caught.type is Interrupted, "Ctrl-C left no state"
     return caught.value.state
 
@@ -86,7 +84,7 @@ def interrupted_at(done, backend, evaluation):
 def test_an_interrupted_run_goes_on_to_the_end(small, backend, level):
     evaluation = rows_of(small.state.history, level)[3].evaluation
     state = interrupted_at(small, backend, evaluation)
-    assert state.level == level
+    assert state.stage == level
     assert state.evaluations == evaluation
     assert state.sags[0].space.dim == state.history[-1].dof
     check_going_on(small, backend, state)
@@ -99,7 +97,7 @@ def test_an_interrupted_run_goes_on_after_a_transport_start(moved, backend):
 
 def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backend):
     """Ctrl-C right after a step that made things worse, as line searches take them now and then."""
-    problem, light = loaded(tmp_path, FLAT | {"optimizer.iterations": [40]})
+    system = loaded(tmp_path, FLAT | {"optimizer.iterations": [40]})
     best = {}
 
     def stop(plan, stage, row):
@@ -108,12 +106,12 @@ def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backen
         best[row.level] = row.loss
 
     with pytest.raises(Interrupted) as caught:
-        design(problem, light, backend, None, stop)
+        design(system, backend, None, stop)
     state = caught.value.state
     before = len(state.history)
-    assert state.history[-1].loss > best[state.level]
-    _, final = design(problem, light, backend, state)
-    assert final.history[before].loss == pytest.approx(best[state.level], rel=1e-11)
+    assert state.history[-1].loss > best[state.stage]  # of a flat start, whose stages are the levels
+    _, final = design(system, backend, state)
+    assert final.history[before].loss == pytest.approx(best[state.stage], rel=1e-11)
 
 
 @pytest.mark.parametrize("row", [0, 1])
@@ -122,21 +120,21 @@ def test_ctrl_c_at_any_evaluation_leaves_a_state(either, backend, row):
     evaluation = either.state.history[row].evaluation
     state = interrupted_at(either, backend, evaluation)
     assert len(state.history) == row + 1
-    lens, _ = design(either.problem, either.light, backend, state)
+    lens, _ = design(either.system, backend, state)
     assert lens.rear.sag.space.levels == 3
 
 
 def check_going_on(done, backend, state):
     """Go on from an interrupted state and compare with what an interrupted run promises."""
-    before = list(state.history)
-    best = min(row.loss for row in rows_of(before, state.level))
-    lens, final = design(done.problem, done.light, backend, state)
+    before = state.history
+    best = min(row.loss for row in rows_of(before, done.plan[state.stage].level))
+    lens, final = design(done.system, backend, state)
     assert check_counts(final.history) > check_counts(before)
     assert final.history[: len(before)] == before
     assert final.history[len(before)].loss == pytest.approx(
         best, rel=1e-11
     )  # it goes on from the best surface so far
-    assert final.level == done.state.level
+    assert final.stage == done.state.stage
     assert lens.rear.sag.space.levels == 3
     assert final.history[-1].seconds >= before[-1].seconds
     assert min(row.loss for row in rows_of(final.history, 2)) < 2 * min(
@@ -148,7 +146,7 @@ def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, 
     """Ctrl-C while the result is measured or drawn: the checkpoint says that every level is done."""
     last = either.checkpoints[-1]
     evaluations = len(last.history)
-    lens, state = design(either.problem, either.light, backend, last)
+    lens, state = design(either.system, backend, last)
     x = np.linspace(-10, 10, 31)
     np.testing.assert_allclose(lens.rear.grid(x, x), either.lens.rear.grid(x, x), rtol=0, atol=1e-12)
     assert len(state.history) == evaluations
@@ -158,13 +156,13 @@ def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, 
 def test_levels_without_marked_cells_are_optimised_and_resumed_alike(tmp_path, backend, start):
     """A threshold that nothing passes: the mesh stays, the surface improves all the same, and the last
     checkpoint holds it."""
-    problem, light = loaded(tmp_path, {"optimizer.start": start, "refinement.alpha": [1e9]})
+    system = loaded(tmp_path, {"optimizer.start": start, "refinement.alpha": [1e9]})
     checkpoints = []
-    lens, state = design(problem, light, backend, None, None, checkpoints.append)
+    lens, state = design(system, backend, None, None, checkpoints.append)
     evaluations = len(state.history)
-    assert lens.rear.sag.space.levels == 1 + stages(problem, start == "transport")[0].level
+    assert lens.rear.sag.space.levels == 1 + stages(system, start == "transport")[0].level
     assert min(row.loss for row in state.history) < state.history[0].loss
-    resumed, after = design(problem, light, backend, checkpoints[-1])
+    resumed, after = design(system, backend, checkpoints[-1])
     assert len(after.history) == evaluations
     x = np.linspace(-10, 10, 31)
     np.testing.assert_allclose(resumed.rear.grid(x, x), lens.rear.grid(x, x), rtol=0, atol=1e-12)

@@ -8,15 +8,15 @@ import pytest
 
 from optics.problem import load_problem
 from optics.runtime import UserError
-from optics.system.soundness import CONIC_SLOPE, advice, sound
+from optics.system import solvable_system
+from optics.system.soundness import CONIC_SLOPE, advice
 from tests.optics.cases import write_problem
 
 # ---- advice ----
 
 
 def advised(folder, changes):
-    problem = load_problem(write_problem(folder, changes))
-    return advice(problem, sound(problem)[1])
+    return advice(solvable_system(load_problem(write_problem(folder, changes))))
 
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 4.0}
@@ -94,4 +94,4 @@ def test_missed_limits_are_part_of_the_advice(tmp_path):
 )
 def test_problems_that_cannot_be_solved_are_refused_before_any_tracing(tmp_path, changes, words):
     with pytest.raises(UserError, match=words):
-        sound(load_problem(write_problem(tmp_path, changes)))
+        solvable_system(load_problem(write_problem(tmp_path, changes)))

@@ -13,7 +13,7 @@ from hypothesis import given, settings, strategies as st
 from optics.commands import main
 from optics.problem import load_problem, problem_to_toml
 from optics.runtime import LONGEST, UserError
-from optics.system import target_irradiance, target_light, target_screen
+from optics.system import OpticalSystem, target_irradiance
 from optics.target.formula import ALLOWED, MAX_DEPTH, MAX_LENGTH, formula_light
 from tests.optics.cases import write_problem
 from tests.optics.target.cases import CALLS, EXAMPLE, MANY, expressions, refusal
@@ -187,7 +187,7 @@ def test_a_formula_needs_no_picture_and_survives_being_written(tmp_path):
     again = tmp_path / "again.toml"
     again.write_text(problem_to_toml(problem), "utf-8")
     assert load_problem(again) == problem
-    light = target_light(problem)
+    light = OpticalSystem(problem).target.light
     assert light.shape == problem.target.pixels[::-1]
     assert light[0, 0] == 1
     assert light[0, -1] == pytest.approx(1 / 1.5, rel=1e-15)
@@ -215,8 +215,8 @@ def test_light_that_is_made_on_the_pixels_is_not_fitted(tmp_path, fit, kind):
     square."""
     oblong = {"target.half_width": [20.0, 10.0], "target.pixels": [32, 32], "target.fit": fit}
     problem = load_problem(formula_file(tmp_path, oblong | kind))
-    light = target_light(problem)
-    target = target_irradiance(light, target_screen(problem), problem.target.placing, 1.0)
+    light = OpticalSystem(problem).target.light
+    target = target_irradiance(light, OpticalSystem(problem).target.screen(), problem.target.placing, 1.0)
     np.testing.assert_allclose(target / target.max(), light / light.max(), rtol=1e-13)
 
 

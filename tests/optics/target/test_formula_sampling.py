@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings, strategies as st
 
 from optics.problem import load_problem
 from optics.runtime import UserError
-from optics.system import target_irradiance, target_light, target_screen
+from optics.system import OpticalSystem, target_irradiance
 from optics.target.formula import BAND_POINTS, SUBPOINTS, formula_light
 from optics.target.regions import uniform_region
 from tests.optics.cases import write_problem
@@ -37,8 +37,8 @@ def test_the_target_shows_the_formula_upright(tmp_path):
     problem = load_problem(
         write_problem(tmp_path, {"target.kind": "function"} | changes, drop=("target.image",))
     )
-    light = target_light(problem)
-    screen = target_screen(problem)
+    light = OpticalSystem(problem).target.light
+    screen = OpticalSystem(problem).target.screen()
     target = target_irradiance(light, screen, problem.target.placing, 3.0)
     assert light.shape == target.shape == (16, 32)
     wanted = np.zeros((16, 32))

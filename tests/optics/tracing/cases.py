@@ -13,4 +13,4 @@ def step_trace(lens, rays, folder, target_z=TARGET_Z):
     """Return the ReferenceRays of the independent trace of the lens's STEP file."""
     write_step(lens, folder / "lens.step")
     step = read_step(folder / "lens.step")
-    return trace_step(step, rays.origin.T, rays.direction.T, rays.ray_flux, lens.index, target_z)
+    return trace_step(step, rays.origin.T, rays.direction.T, rays.flux, lens.index, target_z)

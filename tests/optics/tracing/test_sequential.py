@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optics.runtime import load_backend
-from optics.sources import Profile, beam_rays, collimated_beam
+from optics.sources import Profile, collimated_beam, single_rays
 from optics.tracing.intersections import KnownHits, SearchedHits
 from optics.tracing.sequential import Tracer
 from oracles.light_formulas import fresnel, meridional
@@ -49,7 +49,7 @@ def test_paraboloid_rear_lands_by_snells_law(backend, radius):
         .to(72.0)
     )
     np.testing.assert_allclose(landing_points(landing), ray.r[:, None] * unit, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(landing.flux.numpy(), ray.share * beam.ray_flux, rtol=1e-11)
+    np.testing.assert_allclose(landing.flux.numpy(), ray.share * beam.flux.ravel(), rtol=1e-11)
     np.testing.assert_allclose(hits.z.numpy(), r**2 / (2 * radius), rtol=0, atol=1e-14)
 
 
@@ -65,7 +65,7 @@ def test_tilted_plane_shifts_every_ray_alike(backend, slope):
     np.testing.assert_allclose(landing.x.numpy(), x + (60 - slope * x) * deflection, rtol=0, atol=1e-12)
     np.testing.assert_allclose(landing.y.numpy(), y, rtol=0, atol=1e-13)  # slopes of 1e-16 times 60 mm
     np.testing.assert_allclose(
-        landing.flux.numpy() / beam.ray_flux, 0.96 * fresnel(incident, INDEX, 1.0), rtol=1e-13
+        landing.flux.numpy() / beam.flux.ravel(), 0.96 * fresnel(incident, INDEX, 1.0), rtol=1e-13
     )
 
 
@@ -80,7 +80,7 @@ def test_paraboloid_front_and_plane_rear_land_by_snells_law(backend, radius):
     ray = type(ray)(r, r**2 / (2 * radius), ray.angle, ray.share).refracted(r / radius, 1.0, INDEX).to(6.0)
     ray = ray.refracted(0.0, INDEX, 1.0).to(TARGET_Z)
     np.testing.assert_allclose(landing_points(landing), ray.r[:, None] * unit, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(landing.flux.numpy(), ray.share * beam.ray_flux, rtol=1e-11)
+    np.testing.assert_allclose(landing.flux.numpy(), ray.share * beam.flux.ravel(), rtol=1e-11)
 
 
 def test_sphere_front_sends_parallel_light_through_its_focus(backend):
@@ -127,7 +127,7 @@ def test_independent_trace_of_the_step_file_lands_at_the_same_points(backend, tm
     space = small_space()
     lens = small_lens(front, Conic(40.0, -1.0), rough(space, 0.05), thickness=12.0, space=space)
     _, landing, _, beam = traced(backend, lens)
-    reference = step_trace(lens, beam_rays(beam, lens), tmp_path)
+    reference = step_trace(lens, single_rays(beam, lens), tmp_path)
     flux = landing.flux.numpy()
     np.testing.assert_array_equal(flux > 0, reference.flux > 0)
     arrives = flux > 0
@@ -135,13 +135,13 @@ def test_independent_trace_of_the_step_file_lands_at_the_same_points(backend, tm
     np.testing.assert_allclose(
         landing_points(landing)[arrives], reference.points[arrives], rtol=0, atol=1e-10
     )
-    np.testing.assert_allclose(flux, reference.flux, rtol=0, atol=1e-12 * beam.ray_flux)
+    np.testing.assert_allclose(flux, reference.flux, rtol=0, atol=1e-12 * beam.flux.max())
 
 
 def test_independent_trace_counts_total_reflection_alike(backend, tmp_path):
     lens = small_lens(PLANE, Conic(10.0, -1.0))
     _, landing, _, beam = traced(backend, lens)
-    reference = step_trace(lens, beam_rays(beam, lens), tmp_path)
+    reference = step_trace(lens, single_rays(beam, lens), tmp_path)
     assert (reference.flux == 0).any()
     np.testing.assert_array_equal(landing.flux.numpy() > 0, reference.flux > 0)
     assert np.isnan(reference.points[reference.flux == 0]).all()
@@ -198,7 +198,7 @@ def test_rays_of_a_profile_keep_their_own_flux(backend, front):
         beam = collimated_beam((9.5, 9.5), 2.0, (10.0, 10.0), rays, profile=chosen)
         tracer = Tracer(backend, lens, beam, TARGET_Z)
         _, landing = tracer.trace(coefficients(lens))
-        budget = tracer.budget(landing, (20.0, 20.0))
+        budget = tracer.fates(landing, (20.0, 20.0))
         assert sum(vars(budget).values()) == pytest.approx(2.0, rel=1e-13)
         landings.append(landing.flux.numpy())
     s, t = ((2 * np.arange(n) + 1) / n - 1 for n in rays)

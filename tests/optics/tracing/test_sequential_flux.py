@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import dblquad
 
 from optics.tracing.refraction import refract
-from optics.tracing.sequential import FluxBudget
+from optics.tracing.sequential import SequentialFates
 from oracles.light_formulas import fresnel, meridional, refracted_vector
 from tests.optics.cases import PLANE, landing_points, mesh, rough, small_lens, small_space, traced
 from tests.optics.tracing.cases import INDEX
@@ -70,7 +70,7 @@ def test_light_is_not_refracted_beyond_the_critical_angle_or_from_behind(backend
 
 def test_flat_plate_passes_the_square_of_96_percent(backend):
     *_, budget, _ = traced(backend, small_lens(rear=PLANE))
-    expected = FluxBudget(0.0, 0.04, 0.0, 0.0, 0.0, 0.96 * 0.04, 0.96**2, 0.0)
+    expected = SequentialFates(0.0, 0.04, 0.0, 0.0, 0.0, 0.96 * 0.04, 0.96**2, 0.0)
     for name, value in vars(expected).items():
         assert getattr(budget, name) == pytest.approx(value, abs=1e-13), name  # sums of 1517 rays
 

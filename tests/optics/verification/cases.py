@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from optics.problem import load_problem
-from optics.system import base_lens
+from optics.system import OpticalSystem
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -46,7 +46,7 @@ LENSES = {
 def shaped(folder, changes=None, height=0.05):
     """Return (problem, lens): the small problem's lens with a rough sag over three levels."""
     problem = load_problem(write_problem(folder, changes))
-    base = base_lens(problem)
+    base = OpticalSystem(problem).lens
     space = base.rear.sag.space.refine({0: [(1, 1), (1, 2), (2, 2)]}).refine({1: [(2, 2), (3, 3), (4, 5)]})
     sags = [THBSurface(s, rough(s, height)) for s in [*(sag.space for sag in base.sags[:-1]), space]]
     return problem, base.with_sags(sags)

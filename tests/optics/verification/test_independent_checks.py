@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.verification.independent_checks import _optical, bare_checks, stranger_checks, trace_faces
+from optics.system import OpticalSystem
+from optics.verification.independent_checks import _optical, bare_checks, text_and_occt_checks, trace_faces
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import meridional
 from tests.optics.cases import moved_point, small_lens
@@ -51,7 +52,9 @@ def failed(good, folder, text, backend):
     (folder / "lens.step").write_text(text)
     return {
         c.name
-        for c in stranger_checks(good.problem, good.lens, StepFile(folder / "lens.step"), backend)
+        for c in text_and_occt_checks(
+            OpticalSystem(good.problem), good.lens, StepFile(folder / "lens.step"), backend
+        )
         if not c.ok
     }
 
@@ -61,7 +64,7 @@ def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     path = tmp_path / "lens.step"
     write_step(lens, path)
-    checks = stranger_checks(problem, lens, StepFile(path), backend)
+    checks = text_and_occt_checks(OpticalSystem(problem), lens, StepFile(path), backend)
     assert [(c.name, c.value) for c in checks if not c.ok] == []
     assert {c.name for c in checks} >= {LANDING, REAR, FRONT, EDGES, RIMS, UNIT, FACES, UNPAIRED, GAPS}
     assert next(c for c in checks if c.name == LANDING).limit == problem.verify.landing == 1e-8
@@ -72,7 +75,9 @@ def test_rays_without_light_do_not_count(tmp_path, backend):
     problem, lens = shaped(tmp_path, {"source.profile": "round"})
     write_step(lens, tmp_path / "lens.step")
     assert [
-        c.name for c in stranger_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok
+        c.name
+        for c in text_and_occt_checks(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
+        if not c.ok
     ] == []
 
 

@@ -14,7 +14,7 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.TopoDS import TopoDS_Compound
 
 from optics.runtime import Check, verification
-from optics.system import lens_product
+from optics.system import OpticalSystem, lens_product
 from optics.target import Screen
 from optics.verification.reference_tracer import deposit
 from optics.verification.step_checks import TOLERANCE, differing_numbers, surface_deviation, verify
@@ -44,7 +44,9 @@ def good(tmp_path_factory):
 def failed(good, folder, text, backend):
     """Return the names of the checks that fail for a file with this text."""
     (folder / "lens.step").write_text(text)
-    checked = verification(verify(good.problem, good.lens, StepFile(folder / "lens.step"), backend))
+    checked = verification(
+        verify(OpticalSystem(good.problem), good.lens, StepFile(folder / "lens.step"), backend)
+    )
     names = [c["name"] for c in checked["checks"] if not c["ok"]]
     assert checked["ok"] == (not names)
     return names
@@ -54,7 +56,7 @@ def failed(good, folder, text, backend):
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     written(problem, lens, tmp_path / "lens.step")
-    checks = verify(problem, lens, StepFile(tmp_path / "lens.step"), backend)
+    checks = verify(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
     assert [c.name for c in checks if not c.ok] == []
     assert len(checks) == 15
 
@@ -62,7 +64,8 @@ def test_a_good_file_passes(tmp_path, backend, changes):
 def test_the_limits_are_the_problems(good, tmp_path, backend):
     (tmp_path / "lens.step").write_text(good.text)
     limits = {
-        c.name: c.limit for c in verify(good.problem, good.lens, StepFile(tmp_path / "lens.step"), backend)
+        c.name: c.limit
+        for c in verify(OpticalSystem(good.problem), good.lens, StepFile(tmp_path / "lens.step"), backend)
     }
     v = good.problem.verify
     assert sorted(limit for limit in limits.values() if limit) == sorted(
@@ -213,7 +216,7 @@ def test_a_file_without_a_lens_is_refused(good, tmp_path, backend, text):
 
 def test_a_missing_file_is_an_os_error(good, tmp_path, backend):
     with pytest.raises(OSError, match=r"none\.step"):
-        verify(good.problem, good.lens, StepFile(tmp_path / "none.step"), backend)
+        verify(OpticalSystem(good.problem), good.lens, StepFile(tmp_path / "none.step"), backend)
 
 
 @pytest.mark.parametrize("step", [1e-6, -1e-6])
