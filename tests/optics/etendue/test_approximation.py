@@ -45,7 +45,8 @@ def test_the_bound_holds_for_any_residual(kernel, target, seed):
 
 @given(kernels(), targets())
 def test_the_certificate_is_tight_at_the_optimum(kernel, target):
-    result = approximate(kernel, target, 1e-10, 20_000)
+    # images that light can equal converge slowly, but are not asked for: the others take up to 6000 steps
+    result = approximate(kernel, target, 1e-10, 8000)
     if result.residual > 0.05 and result.kkt <= 1e-10:
         assert result.residual - result.lower_bound <= 1e-4 * result.residual
 
