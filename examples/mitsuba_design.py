@@ -2,7 +2,7 @@
 integrator.
 
 A round beam of 95 mm is to light a disk.  Every render traces the spline surface itself, and `dr.backward`
-brings the loss's derivatives down to the coefficients.  Needs ``pip install thbcad[mitsuba]``.
+brings the loss's derivatives down to the coefficients.  Needs `pip install "thbcad[mitsuba]"`.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ an assembly.
     python examples/mount.py [lens.json or a folder with one] [folder]
 
 reads a lens that `thbcad design` has made, or makes a small one, and writes mount.step into the folder
-(exports/mount by default).  Needs `pip install thbcad[cad]`.
+(exports/mount by default).  Needs `pip install "thbcad[cad]"`.
 """
 
 from __future__ import annotations

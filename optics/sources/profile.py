@@ -41,3 +41,6 @@ class Profile:
 def _mean_gaussian(sigma: float) -> float:
     """Return the mean of exp(-r^2 / (2 sigma^2)) over [-1, 1]."""
     return sqrt(pi / 2) * sigma * erf(1 / (sigma * sqrt(2)))
+
+
+UNIFORM = Profile()

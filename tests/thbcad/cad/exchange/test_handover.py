@@ -180,7 +180,7 @@ def test_an_assembly_reads_back(library, tmp_path):
 def test_a_missing_library_is_told_in_one_sentence(library, make, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(
-        ImportError, match=rf"^{library} cannot be imported \(.*\): pip install thbcad\[cad\]$"
+        ImportError, match=rf'^{library} cannot be imported \(.*\); pip install "thbcad\[cad\]"$'
     ):
         make(LENSES["plano"])
 
