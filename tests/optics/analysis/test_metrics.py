@@ -125,9 +125,10 @@ def test_the_seed_moves_the_rays_and_only_it(tmp_path, backend):
 def test_the_floor_is_the_size_of_the_estimators_error(tmp_path, backend, monkeypatch):
     """Against 8 times as many rays per direction, the error lies within a small factor of the floor that was
     told."""
-    usual = measured(tmp_path, backend)
+    small = {"target.pixels": [24, 24]}
+    usual = measured(tmp_path, backend, small)
     monkeypatch.setattr(metrics, "RAYS_PER_PIXEL", 8 * metrics.RAYS_PER_PIXEL)
-    exact = measured(tmp_path, backend)
+    exact = measured(tmp_path, backend, small)
     error = np.linalg.norm(usual.irradiance - exact.irradiance) / np.linalg.norm(usual.target)
     assert 0.3 < error / usual.metrics["rel_l2_floor"] < 3
     assert exact.metrics["rel_l2_floor"] < usual.metrics["rel_l2_floor"] / 4

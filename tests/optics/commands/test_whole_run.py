@@ -186,7 +186,7 @@ def test_verify_fails_a_changed_step_file(copy, capsys):
     )
     at = text.index("B_SPLINE_SURFACE") + number.end(1) - 1
     (copy / "lens.step").write_text(text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1 :])
-    assert main(["verify", str(copy)]) == 1
+    assert main(["verify", str(copy), "--no-optiland"]) == 1
     captured = capsys.readouterr()
     assert "FAILED" in captured.out
     assert captured.err == ""
@@ -196,7 +196,7 @@ def test_verify_fails_a_changed_lens_file(copy, capsys):
     data = json.loads((copy / "lens.json").read_text())
     data["rear"]["sag"]["coefficients"][5] += 1e-6
     (copy / "lens.json").write_text(json.dumps(data))
-    assert main(["verify", str(copy)]) == 1
+    assert main(["verify", str(copy), "--no-optiland"]) == 1
     assert "FAILED" in capsys.readouterr().out
 
 
@@ -250,4 +250,4 @@ def test_verify_refuses_a_folder_without_result_and_a_file(tmp_path, capsys):
 def test_verify_works_without_the_picture(copy):
     """The picture is not needed to check a solid."""
     (copy / "target.png").unlink()
-    assert main(["verify", str(copy)]) == 0
+    assert main(["verify", str(copy), "--no-optiland"]) == 0

@@ -7,13 +7,13 @@ import pytest
 from tests.optics.optimisation.cases import FLAT, run
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def small(tmp_path_factory, backend):
     """The small problem designed from the base conic, with one window on all levels."""
     return run(tmp_path_factory.mktemp("flat"), backend, FLAT | {"optimizer.window": "bspline"})
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def moved(tmp_path_factory, backend):
     """The small problem designed from an optimal-transport map."""
     return run(tmp_path_factory.mktemp("transport"), backend, {"optimizer.start": "transport"})

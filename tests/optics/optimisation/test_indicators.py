@@ -225,7 +225,7 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
 )
 def test_slopes_without_a_transport_start_or_with_a_free_front(tmp_path, backend, more):
     """The design refines the rear, or one sentence says why not."""
-    system = loaded(tmp_path, {"refinement.indicator": "slope"} | more)
+    system = loaded(tmp_path, {"refinement.indicator": "slope", "target.pixels": [32, 32]} | more)
     with suppress(UserError):
         lens, _ = design(system, backend)
         assert len(lens.rear.sag.space.cells) > 16

@@ -11,6 +11,8 @@ from optics.runtime import NumericalError, UserError
 from tests.optics.optimisation.cases import FLAT, loaded
 from thbcad.surfaces import THBSurface
 
+pytestmark = pytest.mark.xdist_group("small design")
+
 
 def test_a_loss_that_is_not_finite_is_named(small, backend):
     light = small.light.copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from optics.problem import load_problem
 from optics.system import OpticalSystem
@@ -22,8 +23,9 @@ LENSES = {
     "paraboloid front": {"lens.front.radius": 60.0, "lens.front.conic": -1.0},
     "sphere front": {"lens.front.radius": -400.0, "lens.rear.freeform.degree": 5},
     "hyperboloid rear": {"lens.rear.conic": -2.5, "lens.rear.radius": 200.0, "lens.rear.freeform.degree": 4},
-    "small rear": {"lens.front.radius": 60.0, "lens.rear.half_width": [8.0, 9.0]},
-    "large rear": {"lens.front.radius": -60.0, "lens.rear.half_width": [12.0, 11.0], "lens.thickness": 12.0},
+    "small rear": {"lens.front.radius": 400.0, "lens.rear.half_width": [8.0, 9.0]},
+    "large rear": {"lens.front.radius": -400.0, "lens.rear.half_width": [12.0, 11.0], "lens.thickness": 12.0},
+    "dense net": {"lens.front.radius": 60.0, "lens.rear.half_width": [8.0, 9.0]},  # 259 x 259 poles
     "oblong": {
         "lens.front.half_width": [10.0, 6.0],
         "lens.rear.half_width": [10.0, 6.0],
@@ -41,6 +43,12 @@ LENSES = {
     "lambertian, free front, far field": LAMBERTIAN | FREE_FRONT | FAR,
     "a picture that glows": LAMBERTIAN | {"source.profile": "image", "source.image": "picture.png"},
 }
+
+
+EVERY_LENS = [
+    pytest.param(changes, id=name, marks=[pytest.mark.slow] if name == "dense net" else [])
+    for name, changes in LENSES.items()
+]
 
 
 def shaped(folder, changes=None, height=0.05):

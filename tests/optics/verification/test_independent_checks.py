@@ -14,12 +14,14 @@ from optics.verification.independent_checks import _optical, bare_checks, text_a
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import meridional
 from tests.optics.cases import moved_point, small_lens
-from tests.optics.verification.cases import LENSES, shaped
+from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
 from thbcad.cad.shapes import lens_solid, lens_surfaces
 from thbcad.io import read_brep
 from thbcad.sags import Conic
+
+pytestmark = pytest.mark.xdist_group("independent checks")
 
 LANDING = "landing points by OCCT's intersections with the file"
 REAR = "text of the file: rear numbers that differ from the lens in memory"
@@ -59,7 +61,7 @@ def failed(good, folder, text, backend):
     }
 
 
-@pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
+@pytest.mark.parametrize("changes", EVERY_LENS)
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     path = tmp_path / "lens.step"

@@ -16,7 +16,7 @@ from optics.verification.reference_tracer import trace_step
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import fresnel, meridional
 from tests.optics.cases import hollow_lens, moved_point, small_lens
-from tests.optics.verification.cases import LENSES, shaped
+from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import read_step, write_step
 from thbcad.cad.shapes import lens_surfaces
 from thbcad.sags import Conic
@@ -48,7 +48,7 @@ def rough_hollow(height=0.1, spans=4):
     return hollow_lens(*waves, spans=(spans, spans))
 
 
-@pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
+@pytest.mark.parametrize("changes", EVERY_LENS)
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     write_step(lens, tmp_path / "lens.step")

@@ -20,11 +20,13 @@ from optics.verification.reference_tracer import deposit
 from optics.verification.step_checks import TOLERANCE, differing_numbers, surface_deviation, verify
 from optics.verification.step_file import StepFile
 from tests.optics.cases import moved_point
-from tests.optics.verification.cases import LENSES, shaped
+from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import KnotVector, write_step
 from thbcad.cad.exchange import compact, read_step
 from thbcad.cad.shapes import lens_solid, lens_surfaces
 from thbcad.splines import BSplineSurface
+
+pytestmark = pytest.mark.xdist_group("step checks")
 
 
 def written(problem, lens, path):
@@ -52,7 +54,7 @@ def failed(good, folder, text, backend):
     return names
 
 
-@pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
+@pytest.mark.parametrize("changes", EVERY_LENS)
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     written(problem, lens, tmp_path / "lens.step")

@@ -48,6 +48,8 @@ from thbcad.cad.shapes import NAMES, Part, lens_part, lens_surfaces
 from thbcad.io import having, read_brep as read_text, read_part21
 from thbcad.lens import Product
 
+pytestmark = pytest.mark.xdist_group("solid file")
+
 LENS = LENSES["ruled"]
 PRODUCT = Product("Pearl lens", "A. Grinder", "Optics Ltd", "PMMA", 1.19, 1.49)
 SCRIPTS = [
