@@ -16,8 +16,8 @@ Floats = NDArray[np.float64]
 class Point:
     """One run.  rays : number.  seconds, gradient_seconds : of the irradiance, of loss and gradient.
 
-    error, gradient_error : relative L2; NaN where the way has none.  megabytes : that the gradient's run adds
-        to the process.
+    error, gradient_error : relative L2; NaN where the method has none.  megabytes : that the gradient's run
+        adds to the process.
     """
 
     case: str

@@ -25,10 +25,10 @@ from thbcad import KnotVector, THBSpace, THBSurface
 
 POINTS = 4  # of each surface
 REFUSED = "restriction refused"
-Figures = dict[str, tuple[float, float]]  # quantity: (error, limit)
+Errors = dict[str, tuple[float, float]]  # quantity: (error, limit)
 
 
-def measure(space: THBSpace, rng: np.random.Generator) -> Figures:
+def measure(space: THBSpace, rng: np.random.Generator) -> Errors:
     """Return the errors of a random spline with coefficients up to 1, and their limits."""
     surface = THBSurface(space, np.append(rng.uniform(-1, 1, space.dim - 1), 1.0))
     twin = ExactTHB(surface)
@@ -48,7 +48,7 @@ def measure(space: THBSpace, rng: np.random.Generator) -> Figures:
         return [other(a, b)[0] for a, b in zip(u.tolist(), v.tolist())]
 
     limits = [float(gamma(n)) for n in (bound, 2 * bound, roundings(finer))]
-    figures = {
+    errors = {
         "sum of functions - 1": (float(abs(weights.sum(axis=1) - 1).max()), limits[1]),
         "negative part of functions": (float(max(0.0, -weights.data.min())), 0.0),
         "values of the surface": (against(surface(u, v).tolist()), limits[0]),
@@ -62,11 +62,11 @@ def measure(space: THBSpace, rng: np.random.Generator) -> Figures:
     try:
         defect, norm = projection_defect(space, finer)
     except ValueError:
-        return figures | {REFUSED: (1.0, np.inf)}
+        return errors | {REFUSED: (1.0, np.inf)}
     plain = (
         max(space.kv_u.degree, space.kv_v.degree) <= 5 and max(_spread(space.kv_u), _spread(space.kv_v)) <= 10
     )
-    return figures | {
+    return errors | {
         "Q P - I": (defect, 1e-13 if plain else np.inf),
         "Q P - I, to row sums of |Q|": (defect / norm, limits[2]),
         "row sums of |Q|": (norm, np.inf),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from optics.problem import Source
-from optics.sources import Rays, beam_rays, collimated_beam, concentric
+from optics.sources import Rays, collimated_beam, concentric, single_rays
 from thbcad import Lens
 
 Floats = NDArray[np.float64]
@@ -51,13 +51,14 @@ def sampled_rays(source: Source, lens: Lens, points: UnitPoints, count: int, see
     rng = np.random.default_rng(seed)
     if source.kind == "collimated":
         s, t = 2 * points(rng, count, 2).T - 1
-        ends = collimated_beam(source.half_width, source.flux, lens.front.half_width, (1, 1))
-        start = beam_rays(ends, lens)
+        one = collimated_beam(source.half_width, source.flux, lens.front.half_width, (1, 1))
+        start = single_rays(one, lens)
         hx, hy = (min(a, b) for a, b in zip(source.half_width, lens.front.half_width))
         origin = np.stack([hx * s, hy * t, np.full_like(s, start.origin[2, 0])])
-        return Rays(origin, np.repeat(start.direction, len(s), axis=1), ends.entering / len(s))
+        direction = np.repeat(start.direction, len(s), axis=1)
+        return Rays(origin, direction, np.full(len(s), one.total / len(s)))
     s, t, a, b = 2 * points(rng, count, 4).T - 1
     p, q = (r * sin(radians(source.half_angle)) for r in concentric(a, b))
     origin = np.stack([source.half_width[0] * s, source.half_width[1] * t, np.full_like(s, -source.distance)])
     direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-    return Rays(origin, direction, source.flux / len(s))
+    return Rays(origin, direction, np.full(len(s), source.flux / len(s)))

@@ -85,10 +85,10 @@ def cases() -> Iterator[Case]:
 def measure(backend: Backend, case: Case) -> Found:
     """Return how a case comes out."""
     unit = float(np.finfo(backend.dtype).eps) / 2
-    rays = Rays(
-        *(a.astype(backend.dtype).astype(float) for a in (case.setup.origin, case.setup.direction)), 1.0
-    )
-    setup = replace(case.setup, origin=rays.origin, direction=rays.direction)
+    rays = Rays(case.setup.origin, case.setup.direction, np.ones(case.setup.origin.shape[1]))
+    # the tracer rounds the rays to its precision: the exact ones are those
+    rounded = (a.astype(backend.dtype).astype(float) for a in (rays.origin, rays.direction))
+    setup = replace(case.setup, **dict(zip(("origin", "direction"), rounded)))
     lens = setup.lens(**case.spline)
     tracer = Tracer(backend, lens, rays, setup.thickness + setup.distance)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])

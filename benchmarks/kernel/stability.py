@@ -11,7 +11,7 @@ import numpy as np
 
 from optics.runtime import Row
 from oracles.exact_splines import roundings
-from oracles.kernel_accuracy import REFUSED, Figures, coarsened, deepest, measure, window
+from oracles.kernel_accuracy import REFUSED, Errors, coarsened, deepest, measure, window
 from oracles.spline_definitions import gamma
 from oracles.stresses import STRESSES, Case, clamped, random_breaks
 from thbcad import KnotVector, THBSpace, THBSurface
@@ -21,7 +21,7 @@ STEPS = 2
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     rng = np.random.default_rng(20)
     out = []
     for name, cases, per in STRESSES:
@@ -32,11 +32,11 @@ def rows() -> list[Row]:
     return [*out, *_walks(rng), *_refusals()]
 
 
-def _worst(name: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
+def _worst(name: str, measured: list[tuple[Case, Errors]]) -> list[Row]:
     """Return for each quantity the greatest error, of the cases above their limit if there are any."""
     out = []
-    for quantity in dict.fromkeys(quantity for _, figures in measured for quantity in figures):
-        held = [(figures[quantity], case.label) for case, figures in measured if quantity in figures]
+    for quantity in dict.fromkeys(quantity for _, errors in measured for quantity in errors):
+        held = [(errors[quantity], case.label) for case, errors in measured if quantity in errors]
         if quantity == REFUSED:
             out.append(
                 Row(f"{name}: {quantity}", len(held), "", f"of {len(measured)}, the first {held[0][1]}")
@@ -47,17 +47,13 @@ def _worst(name: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
     return out
 
 
-def _growth(name: str, per: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
+def _growth(name: str, per: str, measured: list[tuple[Case, Errors]]) -> list[Row]:
     """Return the factors exp(b) of the fits log(error) = a + b x; errors below half a unit roundoff count as
     that."""
     out = []
     for quantity in ("values of the surface", "derivatives, to the leaf cell's", "row sums of |Q|"):
         x, y = np.array(
-            [
-                (case.x, max(figures[quantity][0], 2.0**-54))
-                for case, figures in measured
-                if quantity in figures
-            ]
+            [(case.x, max(errors[quantity][0], 2.0**-54)) for case, errors in measured if quantity in errors]
         ).T
         slope, _ = np.polyfit(x, np.log(y), 1)
         out.append(
@@ -67,17 +63,17 @@ def _growth(name: str, per: str, measured: list[tuple[Case, Figures]]) -> list[R
 
 
 def _walks(rng: np.random.Generator) -> list[Row]:
-    """Return the worst figures of random sequences of refinement and coarsening, as multiples of their
+    """Return the worst errors of random sequences of refinement and coarsening, as multiples of their
     limits."""
-    figures = []
+    errors = []
     for _ in range(SEQUENCES):
         p, q = rng.integers(1, 5, 2)
         space = THBSpace(clamped(p, random_breaks(rng, p + 2)), clamped(q, random_breaks(rng, q + 2)))
         surface = THBSurface(space, rng.uniform(-1, 1, space.dim))
         for _ in range(STEPS):
             surface, found = _step(surface, rng)
-            figures.append(found)
-    unity, negative, moved, back = np.max(figures, axis=0).tolist()
+            errors.append(found)
+    unity, negative, moved, back = np.max(errors, axis=0).tolist()
     name = f"{SEQUENCES} random walks"
     return [
         Row(f"{name}: sum of functions - 1, of its limit", unity, "", f"{STEPS} steps each", 1),
@@ -90,7 +86,7 @@ def _walks(rng: np.random.Generator) -> list[Row]:
 def _step(
     surface: THBSurface, rng: np.random.Generator
 ) -> tuple[THBSurface, tuple[float, float, float, float]]:
-    """Return a surface over a coarsened or refined space, and four figures of the refinement tried."""
+    """Return a surface over a coarsened or refined space, and four errors of the refinement tried."""
     space, size = surface.space, float(abs(surface.coefficients).max())
     cells = window(space, rng)
     finer = surface.refine(cells)
@@ -98,14 +94,14 @@ def _step(
     weights, limit = finer.space.collocation(u, v), float(gamma(3 * roundings(finer.space)))
     q = finer.space.restriction(finer.space.coarsen(cells))
     back = abs(q @ finer.coefficients - surface.coefficients).max() / abs(q).sum(axis=1).max()
-    figures = (
+    errors = (
         float(abs(weights.sum(axis=1) - 1).max()) / limit,
         float(max(0.0, -weights.data.min())),
         float(abs(finer(u, v) - surface(u, v)).max()) / (size * limit),
         float(back) / (size * limit),
     )
     level = int(rng.integers(0, finer.space.levels - 1))
-    return finer if rng.random() < 0.6 else coarsened(finer, level, rng), figures
+    return finer if rng.random() < 0.6 else coarsened(finer, level, rng), errors
 
 
 def _refusals() -> list[Row]:

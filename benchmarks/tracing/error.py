@@ -1,5 +1,5 @@
-"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's ways and ours, on
-three lenses.
+"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's methods and ours,
+on three lenses.
 
 Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows
 the curves. The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.
@@ -26,7 +26,7 @@ FIGURE = STORE / "error.png"
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows, and draw the curves."""
     mitsuba = find_spec("mitsuba") is not None
     if mitsuba:
         from optics.mitsuba import load_mitsuba
@@ -35,7 +35,7 @@ def rows() -> list[Row]:
     backend = load_backend("double", 1)
     out, points, truths = [], [], {}
     for case in cases(backend):
-        truth = truths[case.name] = reference(backend, case)
+        truth = truths[case.name] = reference(case, backend)
         own = [
             *exact_points(case, truth),
             *(mesh_points(case, truth) + camera_points(case, truth) if mitsuba else []),

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
 from optics.optimisation import design
-from optics.problem import Problem, load_problem
+from optics.problem import load_problem
 from optics.runtime import Backend, DrArray
-from optics.sources import Beam, Rays
-from optics.system import base_lens, problem_rays, ray_parts, target_irradiance, target_light, target_screen
+from optics.sources import RayGrid, Rays
+from optics.system import OpticalSystem
 from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Screen, Splat, filter_image
-from optics.tracing import Tracer
+from optics.tracing import Hits, Tracer
 from oracles.error_measures import relative, slope_of_fit
 from oracles.ray_samplings import grid_points, sampled_rays
 from thbcad import Lens, read_lens, write_lens
@@ -40,14 +40,14 @@ class Case:
     unfiltered."""
 
     name: str
-    problem: Problem
+    system: OpticalSystem
     lens: Lens
     target: Floats
 
     @property
     def screen(self) -> Screen:
         """The pixels of the optimiser."""
-        return target_screen(self.problem, self.problem.optimizer.merge)
+        return self.system.target.screen(self.system.problem.optimizer.merge)
 
     @property
     def coefficients(self) -> list[Floats]:
@@ -64,46 +64,44 @@ class Reference:
     gradient_error: float
 
 
-def designed(backend: Backend, name: str) -> tuple[Problem, Lens]:
+def designed(name: str, backend: Backend) -> tuple[OpticalSystem, Lens]:
     """Return an example with a lens designed in few iterations; it is kept in exports/bench."""
     problem = load_problem(ROOT / "examples" / f"{name}.toml")
     path = STORE / f"{name}.json"
     if not path.exists():
         brief = replace(problem, optimizer=replace(problem.optimizer, iterations=(ITERATIONS[name],)))
-        lens, _ = design(brief, target_light(brief), backend)
+        lens, _ = design(OpticalSystem(brief), backend)
         STORE.mkdir(parents=True, exist_ok=True)
         write_lens(lens, path)
-    return problem, read_lens(path)
+    return OpticalSystem(problem), read_lens(path)
 
 
 def cases(backend: Backend) -> list[Case]:
     """Return the base lens, the pearl lens and the lens of the extended source."""
-    pearl, shaped = designed(backend, "pearl")
+    pearl, shaped = designed("pearl", backend)
     named = {
-        "base": (pearl, base_lens(pearl)),
+        "base": (pearl, pearl.lens),
         "pearl": (pearl, shaped),
-        "extended": designed(backend, "extended"),
+        "extended": designed("extended", backend),
     }
-    return [_case(backend, name, *pair) for name, pair in named.items()]
+    return [_case(name, *pair, backend) for name, pair in named.items()]
 
 
-def _case(backend: Backend, name: str, problem: Problem, lens: Lens) -> Case:
+def _case(name: str, system: OpticalSystem, lens: Lens, backend: Backend) -> Case:
     """Return the case whose target holds as much light as reaches the pixels."""
-    screen = target_screen(problem, problem.optimizer.merge)
-    tracer = Tracer(backend, lens, problem_rays(problem, (257, 257)), problem.target_z)
+    screen = system.target.screen(system.problem.optimizer.merge)
+    tracer = Tracer(backend, lens, system.source.rays((257, 257)), system.target.z)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-    flux = tracer.budget(landing, screen.half_width).on_target
-    return Case(
-        name, problem, lens, target_irradiance(target_light(problem), screen, problem.target.placing, flux)
-    )
+    flux = tracer.fates(landing, screen.half_width).on_target
+    return Case(name, system, lens, system.target.irradiance(screen, flux))
 
 
-def reference(backend: Backend, case: Case, window: Window = WINDOW) -> Reference:
+def reference(case: Case, backend: Backend, window: Window = WINDOW) -> Reference:
     """Return the Reference of a case."""
-    images = [_image(backend, case, window, _many_rays(case, which)) for which in (0, 1)]
+    images = [_image(case, backend, window, _many_rays(case, which)) for which in (0, 1)]
     image, target = (images[0] + images[1]) / 2, filter_image(case.target, window)
     gradients = [
-        _gradient(backend, case, window, _many_rays(case, k), slope_of_fit(e, target))
+        _gradient(case, backend, window, _many_rays(case, k), slope_of_fit(e, target))
         for k, e in enumerate(images)
     ]
     gradient = (gradients[0] + gradients[1]) / 2
@@ -112,43 +110,45 @@ def reference(backend: Backend, case: Case, window: Window = WINDOW) -> Referenc
     )
 
 
-def _many_rays(case: Case, which: int) -> Iterator[Beam | Rays]:
+def _many_rays(case: Case, which: int) -> Iterator[RayGrid | Rays]:
     """Return one of two sets: grids of different spacing (a shifted one would miss light at the beam's rim),
     or scrambled Sobol points."""
     side = round(REFERENCE_RAYS**0.5) + 7 * which
-    fresh = None if case.problem.source.kind == "collimated" else np.random.default_rng(1 + which)
-    return ray_parts(case.problem, (side, side), fresh, AT_ONCE)
+    fresh = None if case.system.source.collimated else np.random.default_rng(1 + which)
+    return case.system.source.parts((side, side), fresh, AT_ONCE)
 
 
-def _landed(backend: Backend, case: Case, window: Window, part: Beam | Rays) -> tuple[Tracer, list, DrArray]:
-    tracer = Tracer(backend, case.lens, part, case.problem.target_z)
+def _landed(
+    case: Case, backend: Backend, window: Window, part: RayGrid | Rays
+) -> tuple[Tracer, list[Hits], DrArray]:
+    tracer = Tracer(backend, case.lens, part, case.system.target.z)
     hits, landing = tracer.trace(case.coefficients)
     return tracer, hits, Splat(backend, case.screen, window)(landing.x, landing.y, landing.flux)
 
 
-def _image(backend: Backend, case: Case, window: Window, parts: Iterator[Beam | Rays]) -> Floats:
+def _image(case: Case, backend: Backend, window: Window, parts: Iterator[RayGrid | Rays]) -> Floats:
     total = np.zeros(case.screen.shape)
     with backend.dr.suspend_grad():
         for part in parts:
-            total += _landed(backend, case, window, part)[2].numpy().reshape(case.screen.shape, order="F")
+            total += _landed(case, backend, window, part)[2].numpy().reshape(case.screen.shape, order="F")
     return total
 
 
 def _gradient(
-    backend: Backend, case: Case, window: Window, parts: Iterator[Beam | Rays], seed: Floats
+    case: Case, backend: Backend, window: Window, parts: Iterator[RayGrid | Rays], seed: Floats
 ) -> Floats:
     """Return the derivative of sum(seed * image) by all coefficients, (dof,)."""
     total, weights = 0.0, backend.array(seed.T)
     for part in parts:
-        tracer, hits, image = _landed(backend, case, window, part)
+        tracer, hits, image = _landed(case, backend, window, part)
         backend.dr.backward(backend.dr.sum(image * weights))
         total = total + np.concatenate(tracer.pull_back(hits))
     return total
 
 
-def grid_rays(case: Case, count: int) -> Beam | Rays:
-    """Return the grid of about `count` rays that the tracer likes best: a Beam for a collimated source."""
-    if case.problem.source.kind == "collimated":
+def grid_rays(case: Case, count: int) -> RayGrid | Rays:
+    """Return about `count` rays on the grid that suits the tracer best: a RayGrid for a collimated source."""
+    if case.system.source.collimated:
         side = round(count**0.5)
-        return problem_rays(case.problem, (side, side))
-    return sampled_rays(case.problem.source, case.lens, grid_points, count)
+        return case.system.source.rays((side, side))
+    return sampled_rays(case.system.source.settings, case.lens, grid_points, count)

@@ -12,7 +12,7 @@ from oracles.tracing_accuracy import LIMIT, cases, measure
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     out = []
     for precision in ("double", "single"):
         backend = load_backend(precision, 1)
