@@ -1,12 +1,15 @@
 # make demo   sets everything up and designs the lens of examples/pearl.toml
-# make test   sets everything up and runs the tests
+# make test   sets everything up and runs the tests, on all cores
+# make quick  a fast part of the tests, of every room
+# make slow   the tests that `make test` leaves out: whole programs, statistical repetitions
+# make coverage  runs the tests and prints what they cover
 # make lint   ruff
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=
 export PYTHON
 
-.PHONY: demo test lint setup clean
+.PHONY: demo test quick slow coverage lint setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -14,8 +17,68 @@ demo:
 	@.venv/bin/thbcad design examples/pearl.toml --out exports/pearl
 	@echo "Done. Look at exports/pearl/report.html (pictures and checks) and exports/pearl/lens.step (the solid)."
 
+# Tests run side by side on all cores, each on one thread (tests/conftest.py).  Tests that share a costly
+# fixture stay together: they carry the same xdist_group.
+PYTEST = .venv/bin/python -m pytest -n logical --dist loadgroup
+
 test: setup
-	@.venv/bin/python -m pytest
+	@$(PYTEST) -m "not slow"
+
+slow: setup
+	@$(PYTEST) -m slow
+
+coverage: setup
+	@$(PYTEST) -m "not slow" --cov --cov-report=term
+
+# Quick files of tests: at least one for each room, those that need no whole design.
+# tests/test_architecture.py compares the rooms.
+QUICK = \
+	tests/test_architecture.py \
+	tests/test_bench_error.py \
+	tests/optics/analysis/test_metrics.py \
+	tests/optics/commands/test_limits.py \
+	tests/optics/commands/test_new.py \
+	tests/optics/deconvolution/test_analytic.py \
+	tests/optics/deconvolution/test_deconvolution.py \
+	tests/optics/etendue/test_kernel.py \
+	tests/optics/etendue/test_two_deltas.py \
+	tests/optics/export/test_formats.py \
+	tests/optics/mitsuba/test_mesh.py \
+	tests/optics/optimisation/test_bounded_variables.py \
+	tests/optics/optimisation/test_loop_failures.py \
+	tests/optics/optimisation/test_refinement.py \
+	tests/optics/optimisation/test_result_folder.py \
+	tests/optics/problem/test_schema.py \
+	tests/optics/problem/test_toml_text.py \
+	tests/optics/report/test_html.py \
+	tests/optics/runtime \
+	tests/optics/sources \
+	tests/optics/system/test_lens.py \
+	tests/optics/target/test_picture.py \
+	tests/optics/target/test_regions.py \
+	tests/optics/target/test_windows.py \
+	tests/optics/tracing/test_phase_space.py \
+	tests/optics/tracing/test_sequential.py \
+	tests/optics/tracing/test_span_search.py \
+	tests/optics/verification/test_step_checks.py \
+	tests/thbcad/test_identities.py \
+	tests/thbcad/cad/exchange/test_ray_faces.py \
+	tests/thbcad/cad/shapes/test_aperture_solid.py \
+	tests/thbcad/certified/test_slope_and_curvature.py \
+	tests/thbcad/fitting/test_quasi_interpolant.py \
+	tests/thbcad/hierarchy/test_levels.py \
+	tests/thbcad/hierarchy/test_reference_values.py \
+	tests/thbcad/hierarchy/test_thb_space.py \
+	tests/thbcad/io/test_surface_json.py \
+	tests/thbcad/lens/test_lens.py \
+	tests/thbcad/lens/test_product.py \
+	tests/thbcad/sags/test_conic.py \
+	tests/thbcad/splines/test_knot_vector.py \
+	tests/thbcad/splines/test_nurbs.py \
+	tests/thbcad/surfaces/test_priced_faces.py
+
+quick: setup
+	@$(PYTEST) -m "not slow" $(QUICK)
 
 lint: setup
 	@.venv/bin/ruff check .

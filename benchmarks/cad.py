@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from optics.export import export
-from optics.problem import Problem, load_problem
+from optics.problem import load_problem
 from optics.runtime import Backend, Check, Row, load_backend
-from optics.system import lens_product
-from optics.verification import StepFile, optiland_available, optiland_checks, stranger_checks, verify
+from optics.system import OpticalSystem
+from optics.verification import StepFile, optiland_available, optiland_checks, text_and_occt_checks, verify
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange import SolidFile, brep_bytes, iges_bytes, part_step, read_brep, read_iges, step_bytes
 from thbcad.cad.shapes import lens_part
@@ -52,15 +52,14 @@ class Trip:
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     found = []
-    problem = load_problem(PROBLEM)
-    backend = load_backend("double", 2)
+    system, backend = OpticalSystem(load_problem(PROBLEM)), load_backend("double", 2)
     with TemporaryDirectory() as folder:
-        step_trip(problem, rough_lens(19), Path(folder), backend)  # loads and compiles
+        step_trip(system, rough_lens(19), backend, Path(folder))  # loads and compiles
         for poles in MEGABYTES:
             lens = rough_lens(poles)
-            trip = step_trip(problem, lens, Path(folder), backend)
+            trip = step_trip(system, lens, backend, Path(folder))
             found += [*_time_rows(poles, trip), *_step_rows(poles, lens, trip), *_check_rows(poles, trip)]
             found += [*_other_rows(poles, lens, Path(folder)), _mesh_row(poles, lens, Path(folder))]
     return [*found, _quarter_row()]
@@ -77,7 +76,7 @@ def rough_lens(poles: int) -> Lens:
     return _lens(THBSurface(THBSpace(kv, kv), RELIEF * (heights / np.abs(heights).max()).ravel()))
 
 
-def step_trip(problem: Problem, lens: Lens, folder: Path, backend: Backend) -> Trip:
+def step_trip(system: OpticalSystem, lens: Lens, backend: Backend, folder: Path) -> Trip:
     """Build, write, read and verify a lens as `thbcad verify` does, by optiland too where it is installed."""
     seconds, path = {}, folder / "lens.step"
 
@@ -88,19 +87,19 @@ def step_trip(problem: Problem, lens: Lens, folder: Path, backend: Backend) -> T
         return result
 
     part = timed("build the solid", lambda: lens_part(lens))
-    timed("write the STEP file", lambda: path.write_bytes(part_step(part, lens_product(problem))))
+    timed("write the STEP file", lambda: path.write_bytes(part_step(part, system.product)))
     file = StepFile(path)
     timed("read its text", lambda: file.text)
     read = timed("read it with OCCT", lambda: file.solid)
     checks = timed(
         "compare text, OCCT's rays, volume and area with the lens",
-        lambda: stranger_checks(problem, lens, file, backend),
+        lambda: text_and_occt_checks(system, lens, file, backend),
     )
     checks += timed(
-        "verify solid, poles, landing points, irradiance", lambda: verify(problem, lens, file, backend)
+        "verify solid, poles, landing points, irradiance", lambda: verify(system, lens, file, backend)
     )
     if optiland_available():
-        checks += timed(OPTILAND, lambda: optiland_checks(problem, lens, file, backend))
+        checks += timed(OPTILAND, lambda: optiland_checks(system, lens, file, backend))
     return Trip(read, seconds, checks, path.stat().st_size / 1e6)
 
 
@@ -142,12 +141,12 @@ def _step_rows(poles: int, lens: Lens, trip: Trip) -> list[Row]:
 
 
 def _check_rows(poles: int, trip: Trip) -> list[Row]:
-    """Return how many checks failed, and the figures of landing points and volume."""
+    """Return how many checks failed, and the values of those of landing points and volume."""
     failed = sum(not c.ok for c in trip.checks)
-    told = [c for c in trip.checks if "landing" in c.name or "volume" in c.name]
+    shown = [c for c in trip.checks if "landing" in c.name or "volume" in c.name]
     return [
         Row(f"{poles}^2 poles: checks that failed", failed, "", f"of {len(trip.checks)}", 0),
-        *(Row(f"{poles}^2 poles: {c.name}", c.value, c.unit, "", c.limit) for c in told),
+        *(Row(f"{poles}^2 poles: {c.name}", c.value, c.unit, "", c.limit) for c in shown),
     ]
 
 

@@ -32,7 +32,7 @@ print(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) /
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     return [*_landscapes(), *_general(), *_large(), *_analytic(), *_comparison()]
 
 

@@ -49,7 +49,7 @@ def deconvolution(path: Path) -> Path:
     """Draw targets and responses of regularised deconvolution."""
     figure, axes = plt.subplots(3, 2, figsize=(10, 8), layout="constrained")
     for (left, right), case in zip(axes, figure_7_4()):
-        sources = " and ".join(f"{place:+g}" for place in case.sources)
+        sources = " and ".join(f"{position:+g}" for position in case.sources)
         left.plot(case.x, case.target, lw=1)
         left.vlines(case.sources, 0, 1, color="red", lw=1)
         left.set_title(f"half-width {case.half_width:g}, sources at {sources}", fontsize=10)

@@ -2,7 +2,7 @@
 integrator.
 
 A round beam of 95 mm is to light a disk.  Every render traces the spline surface itself, and `dr.backward`
-brings the loss's derivatives down to the coefficients.  Needs ``pip install thbcad[mitsuba]``.
+brings the loss's derivatives down to the coefficients.  Needs `pip install "thbcad[mitsuba]"`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from optics.mitsuba import exact_integrator, load_mitsuba
 from optics.problem import load_problem
-from optics.system import base_lens, target_irradiance, target_light, target_screen
+from optics.system import OpticalSystem
 
 PIXELS, RAYS_PER_PIXEL, STEPS = 64, 9, 10
 RATE = 0.1  # mm per step
@@ -26,16 +26,13 @@ def main() -> list[float]:
     import drjit as dr
 
     problem = load_problem(Path(__file__).with_name("tophat_circle.toml"))
-    problem = replace(problem, target=replace(problem.target, pixels=(PIXELS, PIXELS)))
+    system = OpticalSystem(replace(problem, target=replace(problem.target, pixels=(PIXELS, PIXELS))))
     film = {"type": "hdrfilm", "width": PIXELS, "height": PIXELS, "pixel_format": "luminance"}
     sensor = {"type": "perspective", "film": film}  # only its size counts
-    scene = mi.load_dict(
-        {"type": "scene", "integrator": exact_integrator(problem, base_lens(problem)), "sensor": sensor}
-    )
+    integrator = exact_integrator(system, system.lens)
+    scene = mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor})
     parameters = mi.traverse(scene)
-    wanted = target_irradiance(
-        target_light(problem), target_screen(problem), problem.target.placing, TRANSMITTED
-    )
+    wanted = system.target.irradiance(system.target.screen(), TRANSMITTED)
     target = mi.TensorXf(wanted[..., None])
 
     optimizer = mi.ad.Adam(lr=RATE)

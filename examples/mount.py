@@ -4,7 +4,7 @@ an assembly.
     python examples/mount.py [lens.json or a folder with one] [folder]
 
 reads a lens that `thbcad design` has made, or makes a small one, and writes mount.step into the folder
-(exports/mount by default).  Needs `pip install thbcad[cad]`.
+(exports/mount by default).  Needs `pip install "thbcad[cad]"`.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def mount_for(lens: Lens) -> bd.Solid:
     mount -= bd.Pos(Z=seat) * bd.Box(*pocket, top - seat, align=up)
     mount -= bd.Pos(Z=seat) * bd.Box(*window, PLATE, align=down)
     holes = bd.GridLocations(*(size - FLANGE for size in flange), 2, 2)
-    return mount - [bd.Pos(Z=seat - PLATE / 2) * place * bd.Cylinder(SCREW / 2, PLATE) for place in holes]
+    return mount - [bd.Pos(Z=seat - PLATE / 2) * hole * bd.Cylinder(SCREW / 2, PLATE) for hole in holes]
 
 
 def report(lens: bd.Shape, mount: bd.Shape) -> None:

@@ -109,12 +109,12 @@ def exact_trace(setup: Setup) -> Traced:
         passes = passes & (direction[2] > 0)
         fate = np.where(met & entered, np.where(hit, np.where(passes, ARRIVES, TOTAL), MISSED), BESIDE)
         arrives = fate == ARRIVES
-        way = (distance - point[2]) / np.where(arrives, direction[2], Decimal(1))
+        travel = (distance - point[2]) / np.where(arrives, direction[2], Decimal(1))
         return Traced(
             fate,
             *(
                 np.where(arrives, r, Decimal(0))
-                for r in (*(point[:2] + way * direction[:2]), share * share_rear)
+                for r in (*(point[:2] + travel * direction[:2]), share * share_rear)
             ),
         )
 

@@ -46,7 +46,7 @@ class ExactAxis:
         breaks, counts = np.unique(kv.knots, return_counts=True)
         self.degree, self.breaks, self.counts = kv.degree, breaks.tolist(), counts.tolist()
         self.surplus = [0, *np.cumsum(counts - 1).tolist()]
-        self._rows = {}
+        self._rows, self._values = {}, {}
 
     def position(self, level, number):
         """Return break `number` of a level as the kernel's float64 number."""
@@ -90,9 +90,12 @@ class ExactAxis:
 
     def basis(self, level, span, u, derivative=0):
         """Return {function: derivative at u} of the functions of a level that act on a span."""
-        p, mu = self.degree, self.inner(level, span)
-        values, _ = cox_de_boor(self.knots(level, mu - p, mu + p + 2), p, u, derivative)
-        return dict(zip(range(mu - p, mu + 1), values))
+        key = level, span, u, derivative
+        if key not in self._values:
+            p, mu = self.degree, self.inner(level, span)
+            values, _ = cox_de_boor(self.knots(level, mu - p, mu + p + 2), p, u, derivative)
+            self._values[key] = dict(zip(range(mu - p, mu + 1), values))
+        return self._values[key]
 
 
 class ExactTHB:

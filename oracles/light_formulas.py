@@ -33,7 +33,7 @@ def window_value(window, distance):
 
 
 def window_kinks(window):
-    """Return the places within which W is smooth."""
+    """Return the positions between which W is smooth."""
     if isinstance(window, GaussianWindow):
         return np.array([-1.0, 1.0]) * window.cut * window.sigma
     if isinstance(window, PixelWindow):

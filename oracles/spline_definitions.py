@@ -30,19 +30,25 @@ def cox_de_boor(knots, degree, u, derivative=0):
     t, u = [Fraction(float(x)) for x in knots], Fraction(float(u))
     last = max(k for k in range(len(t) - 1) if t[k] < t[k + 1])
     values = [Fraction(t[k] <= u < t[k + 1] or (u == t[-1] and k == last)) for k in range(len(t) - 1)]
-    sizes = list(values)
-    for k in range(1, degree + 1):
-        below, above = ([over(x[i], t[i + k] - t[i]) for i in range(len(t) - k)] for x in (values, sizes))
-        if k > degree - derivative:
-            values = [k * (a - b) for a, b in pairwise(below)]
-            sizes = [k * (a + b) for a, b in pairwise(above)]
-        else:
-            low = [u - t[i] for i in range(len(t) - k - 1)]
-            high = [t[i + k + 1] - u for i in range(len(t) - k - 1)]
-            values, sizes = (
-                [x * a + y * b for x, y, a, b in zip(low, high, w, w[1:])] for w in (below, above)
-            )
+    steep = max(degree - derivative, 0)
+    for k in range(1, steep + 1):
+        parts = _parts(values, t, k)
+        # most functions are zero at u: sums of zeros are left out
+        values = [
+            (u - t[i]) * a + (t[i + k + 1] - u) * b if a or b else a
+            for i, (a, b) in enumerate(pairwise(parts))
+        ]
+    sizes = values  # nothing is subtracted before the first difference
+    for k in range(steep + 1, degree + 1):
+        below, above = _parts(values, t, k), _parts(sizes, t, k)
+        values = [k * (a - b) for a, b in pairwise(below)]
+        sizes = [k * (a + b) for a, b in pairwise(above)]
     return values, sizes
+
+
+def _parts(values, t, k):
+    """Return the B-splines of degree k - 1, each over the width of its support; 0 / 0 is 0."""
+    return [over(x, t[i + k] - t[i]) if x else x for i, x in enumerate(values)]
 
 
 def boehm(knots, degree, new):

@@ -18,6 +18,8 @@ import pytest
 import thbcad
 from tests.cases import ROOT
 
+pytestmark = pytest.mark.xdist_group("architecture")  # which parses every file once
+
 FLOORS = [
     ["thbcad.doors", "thbcad.checks"],
     ["thbcad.splines"],
@@ -288,6 +290,14 @@ def test_tests_mirror_the_rooms():
         if name(p).startswith(("tests/thbcad/", "tests/optics/"))
     }
     assert folders <= rooms
+
+
+def test_the_quick_tests_touch_every_room():
+    _, _, rest = (ROOT / "Makefile").read_text("utf-8").partition("QUICK = \\\n")
+    quick = [ROOT / line.strip(" \t\\") for line in rest.partition("\n\n")[0].splitlines()]
+    assert [p for p in quick if not p.exists()] == []
+    rooms = {p.parent for p in (ROOT / "tests").rglob("test_*.py")}
+    assert {p if p.is_dir() else p.parent for p in quick} == rooms
 
 
 @pytest.mark.parametrize("path", [p for p in PACKAGE_FILES if name(p).startswith("thbcad")], ids=name)

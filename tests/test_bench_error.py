@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.tracing.error import observed_order, seconds_at
-from benchmarks.tracing.error_cases import (
-    grid_points,
-    jittered_points,
-    random_points,
-    sampled_rays,
-    slope_of_fit,
-    sobol_points,
-)
-from benchmarks.tracing.error_limits import worst_difference
-from benchmarks.tracing.error_methods import Point
-from benchmarks.tracing.scaling import exponent
 from optics.problem import load_problem
-from optics.system import base_lens
+from optics.system import OpticalSystem
+from oracles.error_measures import Point, exponent, observed_order, seconds_at, slope_of_fit, worst_difference
+from oracles.ray_samplings import grid_points, jittered_points, random_points, sampled_rays, sobol_points
 from tests.cases import ROOT
 
 ALL = [random_points, jittered_points, grid_points, sobol_points]
@@ -74,8 +63,8 @@ def test_rays_fill_the_source_and_carry_its_flux(sample, example):
     """The mean of u^2 over [-1, 1] is 1/3; of 4096 independent points it deviates by (4/45 / 4096)^(1/2) =
     0.0047; 5 of these."""
     problem = load_problem(ROOT / "examples" / f"{example}.toml")
-    rays = sampled_rays(SimpleNamespace(problem=problem, lens=base_lens(problem)), sample, 4096)
-    assert rays.entering == pytest.approx(problem.source.flux, rel=1e-12)
+    rays = sampled_rays(problem.source, OpticalSystem(problem).lens, sample, 4096)
+    assert rays.total == pytest.approx(problem.source.flux, rel=1e-12)
     for row, half in zip(rays.origin, problem.source.half_width):
         assert np.abs(row).max() < half
         # a grid of m = 8 points falls short of 1/3 by 1 / (3 m^2)

@@ -1,11 +1,10 @@
-"""The main job in figures: the pearl design from process start to end, and what it rests on.
+"""The main job: the pearl design from process start to end, and what it rests on.
 
 Run: thbcad bench overview
 """
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import tempfile
@@ -18,11 +17,12 @@ from numpy.typing import NDArray
 from scipy.integrate import dblquad
 
 from benchmarks.checkout import EXAMPLES
+from benchmarks.designs.design_run import LANDING, run_design
 from optics.optimisation import MARGIN, Objective
-from optics.problem import Problem, load_problem
+from optics.problem import load_problem
 from optics.runtime import Backend, Row, load_backend, median_seconds
 from optics.sources import collimated_beam
-from optics.system import base_lens, target_irradiance, target_light, target_screen
+from optics.system import OpticalSystem
 from optics.target import BSplineWindow, GaussianWindow, PixelWindow
 from optics.tracing import Tracer
 from thbcad import FreeformSurface, Lens, THBSurface, read_lens
@@ -46,27 +46,26 @@ STEP = 2e-7  # mm, of the central differences
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     out = []
     with tempfile.TemporaryDirectory() as folder:
         for name, limits in DESIGNS.items():
             out += _design(name, Path(folder) / name, limits)
         lens = read_lens(Path(folder) / "pearl" / "lens.json")
-    return [*out, *_objective(lens), *_flux(), *_start()]
+    system, backend = OpticalSystem(load_problem(PEARL)), load_backend("double", 1)
+    return [*out, *_objective(system, lens, backend), *_flux(system, backend), *_start()]
 
 
 def _design(name: str, folder: Path, limits: tuple[float, float, float]) -> list[Row]:
-    """Return the figures of a design; limits : seconds, rel_l2, dB."""
-    start = perf_counter()
-    command = [sys.executable, "-m", "optics", "design", str(EXAMPLES / f"{name}.toml"), "--out", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
-    seconds = perf_counter() - start
-    metrics = json.loads((folder / "metrics.json").read_text())
-    checks = {c["name"]: c["value"] for c in json.loads((folder / "verify.json").read_text())["checks"]}
-    faces = max(value for name, value in checks.items() if name.endswith("face against the lens in memory"))
+    """Return the rows of a design; limits : seconds, rel_l2, dB."""
+    run = run_design(EXAMPLES / f"{name}.toml", folder)
+    metrics = run.metrics
+    faces = max(
+        value for name, value in run.checks.items() if name.endswith("face against the lens in memory")
+    )
     thesis = THESIS if name.startswith("pearl") else dict.fromkeys(THESIS, "")
     return [
-        Row(f"{name}: process start to verified result", seconds, "s", thesis["seconds"], limits[0]),
+        Row(f"{name}: process start to verified result", run.seconds, "s", thesis["seconds"], limits[0]),
         Row(f"{name}: rel_l2", metrics["rel_l2"], "", "", limits[1]),
         Row(f"{name}: rel_l2 floor of the estimator", metrics["rel_l2_floor"]),
         Row(f"{name}: psnr", metrics["psnr_db"], "dB", "", limits[2], ">="),
@@ -82,20 +81,11 @@ def _design(name: str, folder: Path, limits: tuple[float, float, float]) -> list
         Row(f"{name}: degrees of freedom", metrics["dof"], "", thesis["dof"]),
         Row(f"{name}: peak memory", metrics["peak_mb"], "MB"),
         Row(f"{name}: STEP faces against the optimised surface", faces, "mm", "", 1e-10),
-        Row(
-            f"{name}: landing points, independent trace",
-            checks["landing points, independent trace of the file"],
-            "mm",
-            "",
-            1e-8,
-        ),
+        Row(f"{name}: landing points, independent trace", run.checks[LANDING], "mm", "", 1e-8),
     ]
 
 
-def _objective(lens: Lens) -> list[Row]:
-    backend = load_backend("double", 1)
-    problem = load_problem(PEARL)
-    light = target_light(problem)
+def _objective(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     uniform = lens.rear.sag
     for level in range(uniform.space.levels - 1):
         cells = uniform.space.cells
@@ -107,7 +97,7 @@ def _objective(lens: Lens) -> list[Row]:
         ("cubic B-spline window, 16 taps", BSplineWindow(3), None),
         ("default pixel window, 4 taps", PixelWindow(), None),
     ):
-        objective = _pearl_objective(backend, problem, light, lens, window)
+        objective = _pearl_objective(system, lens, backend, window)
         seconds = median_seconds(lambda o=objective: o([c]), 15)
         timings.append(
             Row(f"loss + gradient, 449^2 rays, 227^2 net, 1 core, {name}", seconds, "s", "", limit)
@@ -117,7 +107,7 @@ def _objective(lens: Lens) -> list[Row]:
         ("cubic B-spline window", BSplineWindow(3)),
         ("default pixel window", PixelWindow()),
     ):
-        objective = _pearl_objective(backend, problem, light, lens, window)
+        objective = _pearl_objective(system, lens, backend, window)
         differences.append(
             Row(
                 f"gradient, worst of 20 central differences, {name}",
@@ -131,46 +121,41 @@ def _objective(lens: Lens) -> list[Row]:
 
 
 def _pearl_objective(
-    backend: Backend,
-    problem: Problem,
-    light: NDArray[np.float64],
+    system: OpticalSystem,
     lens: Lens,
+    backend: Backend,
     window: PixelWindow | BSplineWindow | GaussianWindow,
 ) -> Objective:
-    screen = target_screen(problem, 1, MARGIN)
-    beam = collimated_beam(problem.source.half_width, problem.source.flux, lens.front.half_width, (449, 449))
-    tracer = Tracer(backend, lens, beam, problem.target_z)
-    target = target_irradiance(light, screen, problem.target.placing, 0.92)
-    return Objective(backend, tracer, screen, window, target, problem.optimizer.lost_flux_weight)
+    screen = system.target.screen(1, MARGIN)
+    tracer = Tracer(backend, lens, system.source.rays((449, 449)), system.target.z)
+    target = system.target.irradiance(screen, 0.92)
+    return Objective(backend, tracer, screen, window, target, system.problem.optimizer.lost_flux_weight)
 
 
 def _worst_difference(objective: Objective, c: NDArray[np.float64]) -> float:
     """Return the greatest relative difference, by a fourth-order central difference."""
-    _, (gradient,) = objective([c])
+    (gradient,) = objective([c]).gradients
     rng, worst = np.random.default_rng(1), 0.0
     for _ in range(DIRECTIONS):
         d = rng.standard_normal(len(c))
-        near, far = (objective([c + k * STEP * d])[0] - objective([c - k * STEP * d])[0] for k in (1, 2))
+        near, far = (objective([c + k * STEP * d]).loss - objective([c - k * STEP * d]).loss for k in (1, 2))
         slope = (8 * near - far) / (12 * STEP)
         worst = max(worst, abs(slope - gradient @ d) / abs(gradient @ d))
     return worst
 
 
-def _flux() -> list[Row]:
+def _flux(system: OpticalSystem, backend: Backend) -> list[Row]:
     """Transmitted flux against adaptive integration of the Fresnel formula."""
-    backend = load_backend("double", 1)
-    problem = load_problem(PEARL)
-    lens = base_lens(problem)
-    half, n = problem.source.half_width[0], problem.lens.index
-    out = []
+    lens, out = system.lens, []
+    half, n = system.problem.source.half_width[0], lens.index
     for name, radius in (("flat plate", np.inf), ("paraboloid R = 150", 150.0)):
         conic = type(lens.rear.conic)(radius, -1.0)
         sag = THBSurface(lens.rear.sag.space, np.zeros(lens.rear.sag.space.dim))
         shaped = Lens(lens.front, FreeformSurface((50, 50), conic, sag), lens.thickness, n)
         beam = collimated_beam((half, half), 1.0, (50, 50), (449, 449))
-        tracer = Tracer(backend, shaped, beam, problem.target_z)
+        tracer = Tracer(backend, shaped, beam, system.target.z)
         _, landing = tracer.trace([sag.coefficients])
-        traced = tracer.budget(landing, (1e6, 1e6)).transmitted
+        traced = tracer.fates(landing, (1e6, 1e6)).transmitted
         exact = (
             0.96
             * dblquad(lambda y, x, r=radius: _fresnel(np.hypot(x, y) / r, n), 0, half, 0, half)[0]

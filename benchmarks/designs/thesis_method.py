@@ -1,4 +1,4 @@
-"""The thesis's way to a lens, run with this project's tracer: batches of Adam steps between refinements.
+"""The thesis's method for a lens, run with this project's tracer: batches of Adam steps between refinements.
 
 Every batch minimises the Frobenius norm ||E - T|| (5.4) on all pixels with a Gaussian window of one
 pixel; coefficients are kept within z_freedom by an arctangent (4.33); cells are refined by vertex
@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.optimisation import MARGIN, Objective, mark, summed_over_cells, transmitted_flux, vertex_knots
-from optics.problem import Problem
 from optics.runtime import Backend
-from optics.system import base_lens, problem_rays, target_irradiance, target_screen
+from optics.system import OpticalSystem
 from optics.target import GaussianWindow
 from optics.tracing import Tracer
 from thbcad import Lens, THBSurface
@@ -28,17 +26,13 @@ RAYS = (513, 513)
 VERTICES = (450, 450)  # of Table 6.3
 
 
-def adam_batches(problem: Problem, light: NDArray[np.float64], backend: Backend) -> Iterator[Lens]:
-    """Yield the lens after every batch of a problem with a free rear."""
-    lens = base_lens(problem)
-    screen = target_screen(problem, 1, MARGIN)
-    target = target_irradiance(
-        light, screen, problem.target.placing, transmitted_flux(backend, problem, lens)
-    )
-    rays = problem_rays(problem, RAYS)
-    freeform = problem.lens.rear.freeform
+def adam_batches(system: OpticalSystem, backend: Backend) -> Iterator[Lens]:
+    """Yield the lens after every batch of a system with a free rear."""
+    lens, screen = system.lens, system.target.screen(1, MARGIN)
+    target = system.target.irradiance(screen, transmitted_flux(system, backend))
+    rays, freeform = system.source.rays(RAYS), system.problem.lens.rear.freeform
     for batch in range(BATCHES):
-        tracer = Tracer(backend, lens, rays, problem.target_z)
+        tracer = Tracer(backend, lens, rays, system.target.z)
         objective = Objective(backend, tracer, screen, GaussianWindow(1.0), target, 0.0)
         sag = _batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch)
         lens = lens.with_sags([sag])
@@ -60,8 +54,8 @@ def _batch(backend: Backend, objective: Objective, sag: THBSurface, bound: float
     for _ in range(ITERATIONS):
         x = optimizer["x"].numpy()
         coefficients = bound * 2 / np.pi * np.arctan(x)
-        square, (gradient,) = objective([coefficients])
-        norm = np.sqrt(square)
+        found = objective([coefficients])
+        norm, (gradient,) = np.sqrt(found.loss), found.gradients
         if norm < least:
             least, best = norm, coefficients
         dr.set_grad(optimizer["x"], Float(gradient / (2 * norm) * bound * 2 / np.pi / (1 + x * x)))

@@ -5,19 +5,18 @@ Run: thbcad bench untuned
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
+from benchmarks.designs.design_run import run_design
 from optics.problem import load_problem, problem_to_toml
 from optics.runtime import Row
 
@@ -57,23 +56,12 @@ def pictures() -> Iterator[tuple[str, NDArray[np.uint8]]]:
     yield "white text on black", np.asarray(page.resize((SIZE, SIZE)))
 
 
-def _design(folder: Path, name: str, picture: NDArray[np.uint8]) -> dict[str, float | dict[str, float]]:
+def _design(folder: Path, name: str, picture: NDArray[np.uint8]) -> dict[str, Any]:
+    """Return the metrics of the pearl design with another picture."""
     Image.fromarray(picture).save(folder / "picture.png")
     problem = load_problem(PEARL)
     rear = replace(problem.lens.rear, freeform=replace(problem.lens.rear.freeform, z_freedom=Z_FREEDOM))
     lens, target = replace(problem.lens, rear=rear), replace(problem.target, image="picture.png")
-    (folder / "problem.toml").write_text(
-        problem_to_toml(replace(problem, title=name, lens=lens, target=target)), "utf-8"
-    )
-    command = [
-        sys.executable,
-        "-m",
-        "optics",
-        "design",
-        str(folder / "problem.toml"),
-        "--out",
-        str(folder / name),
-        "--json",
-    ]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    return json.loads(done.stdout)["metrics"]
+    path = folder / "problem.toml"
+    path.write_text(problem_to_toml(replace(problem, title=name, lens=lens, target=target)), "utf-8")
+    return run_design(path, folder / name).metrics

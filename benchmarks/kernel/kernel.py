@@ -26,7 +26,7 @@ PYIGA = {"build": 75, "grid": 57, "gradient": 117, "collocation": 3300, "transfe
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     case = annulus_case()
     own = THBSurface(annulus(case.marks), coefficients(case.functions))
     tensor = own.to_bspline()

@@ -106,7 +106,7 @@ def _scipy_grid(
 
 
 def scipy(case: Annulus, knots: Knots, net: NDArray[np.float64]) -> Peer:
-    """Return scipy's figures on the tensor-product form of the spline, medians of several calls."""
+    """Return scipy's times and values on the tensor-product form of the spline, medians of several calls."""
     peer, spline = Peer("scipy"), NdBSpline(knots, net, 3)
     peer.values["grid"] = peer.timed("grid", lambda: _scipy_grid(knots, net, case.grid), 9)
     orders = ((0, 0), (1, 0), (0, 1))
@@ -119,7 +119,7 @@ def scipy(case: Annulus, knots: Knots, net: NDArray[np.float64]) -> Peer:
 
 
 def pygismo(case: Annulus) -> Peer:
-    """Return G+Smo's figures."""
+    """Return G+Smo's times and values."""
     from pygismo.hsplines import gsTHBSpline2
 
     peer, order = Peer("pygismo"), _u_fastest(case.functions)
@@ -172,8 +172,8 @@ def _u_fastest(functions: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def nutils(case: Annulus) -> Peer:
-    """Return nutils's figures, points already located; its evaluations include the compilation of the
-    expression."""
+    """Return nutils's times and values, points already located; its evaluations include the
+    compilation of the expression."""
     import treelog
     from nutils import function, mesh
 
@@ -254,7 +254,7 @@ def _levels(
 def splipy(
     knots: NDArray[np.float64], net: NDArray[np.float64], grid: NDArray[np.float64], new: NDArray[np.float64]
 ) -> Peer:
-    """Return splipy's figures on a bicubic surface with the same knots in u and in v."""
+    """Return splipy's times and values on a bicubic surface with the same knots in u and in v."""
     from splipy import BSplineBasis, Surface
 
     peer, grid = Peer("splipy"), grid.copy()  # splipy moves parameters near knots onto them, in place

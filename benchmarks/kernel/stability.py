@@ -2,40 +2,26 @@
 
 Run: thbcad bench stability
 
-Errors are relative: values to the greatest coefficient, Q P - I to the greatest absolute row sums of Q,
-derivatives to the sum of |derivatives| of the B-splines at the point times the greatest coefficient; of the
-B-splines of the tensor-product form, and of those of the leaf cell's own level, which are flatter where the
-cell lies in the row or column of deeper ones. The limits are u = 2^-53 times a bound of the number of
-roundings on the way.  Each step of a stable method is a sum with non-negative weights that come from
-differences of given numbers, so that the limit grows with degree and level, not with the knots.  Q P - I
-itself is held to 1e-13 up to degree 5 on spans of ratios up to 10, as in `thbcad bench kernel`; where a
-function keeps few whole cells of very unequal spans, the least functional is large and restriction loses
-digits, or refuses.
+`oracles.kernel_accuracy` says what the errors are relative to, and where their limits come from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from fractions import Fraction
-
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.runtime import Row
-from oracles.exact_splines import ExactPatches, ExactTHB, roundings
+from oracles.exact_splines import roundings
+from oracles.kernel_accuracy import REFUSED, Errors, coarsened, deepest, measure, window
 from oracles.spline_definitions import gamma
 from oracles.stresses import STRESSES, Case, clamped, random_breaks
 from thbcad import KnotVector, THBSpace, THBSurface
 
-POINTS = 4
 SEQUENCES = 2000
 STEPS = 2
-REFUSED = "restriction refused"
-Figures = dict[str, tuple[float, float]]  # quantity: (error, limit)
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     rng = np.random.default_rng(20)
     out = []
     for name, cases, per in STRESSES:
@@ -46,100 +32,11 @@ def rows() -> list[Row]:
     return [*out, *_walks(rng), *_refusals()]
 
 
-def measure(space: THBSpace, rng: np.random.Generator) -> Figures:
-    """Return the errors of a random spline with coefficients up to 1, and their limits."""
-    surface = THBSurface(space, np.append(rng.uniform(-1, 1, space.dim - 1), 1.0))
-    twin = ExactTHB(surface)
-    u, v = twin.sample(POINTS, rng)
-    bound = roundings(space)
-    exact = [twin(a, b)[0] for a, b in zip(u.tolist(), v.tolist())]
-    weights = space.collocation(u, v)
-    finer = further(space)
-    moved = ExactTHB(THBSurface(finer, space.prolongation(finer) @ surface.coefficients))
-    tensor, patches = ExactTHB.of_bspline(surface.to_bspline()), ExactPatches(surface)
-    by_tensor, by_cell = _derivative_errors(surface, twin, tensor, u, v)
-
-    def against(values: Sequence[float | Fraction]) -> float:
-        return max(float(abs(Fraction(a) - b)) for a, b in zip(values, exact))
-
-    def at_points(other: Callable[[float, float], tuple[Fraction, Fraction]]) -> list[Fraction]:
-        return [other(a, b)[0] for a, b in zip(u.tolist(), v.tolist())]
-
-    limits = [float(gamma(n)) for n in (bound, 2 * bound, roundings(finer))]
-    figures = {
-        "sum of functions - 1": (float(abs(weights.sum(axis=1) - 1).max()), limits[1]),
-        "negative part of functions": (float(max(0.0, -weights.data.min())), 0.0),
-        "values of the surface": (against(surface(u, v).tolist()), limits[0]),
-        "values, collocation": (against((weights @ surface.coefficients).tolist()), limits[0]),
-        "derivatives, to the tensor product's": (by_tensor, limits[0]),
-        "derivatives, to the leaf cell's": (by_cell, limits[0]),
-        "prolongation": (against(at_points(moved)), limits[2]),
-        "to_bspline": (against(at_points(tensor)), limits[0]),
-        "to_patches": (against(at_points(patches)), limits[1]),
-    }
-    try:
-        defect, norm = projection_defect(space, finer)
-    except ValueError:
-        return figures | {REFUSED: (1.0, np.inf)}
-    plain = (
-        max(space.kv_u.degree, space.kv_v.degree) <= 5 and max(_spread(space.kv_u), _spread(space.kv_v)) <= 10
-    )
-    return figures | {
-        "Q P - I": (defect, 1e-13 if plain else np.inf),
-        "Q P - I, to row sums of |Q|": (defect / norm, limits[2]),
-        "row sums of |Q|": (norm, np.inf),
-    }
-
-
-def _spread(kv: KnotVector) -> float:
-    """Return the ratio of the longest span to the shortest."""
-    return float(np.diff(kv.breaks).max() / np.diff(kv.breaks).min())
-
-
-def further(space: THBSpace) -> THBSpace:
-    """Return a finer space: p + 2 by q + 2 cells from the lowest leaf cell on, of the coarsest and of the
-    finest level."""
-    cells = {}
-    for level in {int(space.cells[0, 0]), space.levels - 1}:
-        leaves = space.cells[space.cells[:, 0] == level, 1:]
-        window = leaves[0] // 2 * 2 + [space.kv_u.degree + 2, space.kv_v.degree + 2]
-        cells[level] = leaves[(leaves < window).all(axis=1)]
-    return space.refine(cells)
-
-
-def projection_defect(space: THBSpace, finer: THBSpace) -> tuple[float, float]:
-    """Return the greatest entry of |Q P - I|, and the greatest row sums of |Q| of one level after the other,
-    multiplied."""
-    product, norm, whole = space.prolongation(finer), 1.0, finer
-    for level in range(finer.levels - 2, -1, -1):
-        held = space.refined[level] if level < space.levels - 1 else np.zeros((0, 2), dtype=np.int64)
-        extra = finer.refined[level][~(finer.refined[level][:, None] == held).all(axis=2).any(axis=1)]
-        less = whole.coarsen({level: extra})
-        q = whole.restriction(less)
-        product, norm, whole = q @ product, norm * float(abs(q).sum(axis=1).max()), less
-    product.setdiag(product.diagonal() - 1)
-    return float(abs(product).max()), norm
-
-
-def _derivative_errors(
-    surface: THBSurface, twin: ExactTHB, tensor: ExactTHB, u: NDArray[np.float64], v: NDArray[np.float64]
-) -> list[float]:
-    """Return the greatest error of the first derivatives, to the scale of the tensor-product form and to that
-    of the leaf cells."""
-    errors = []
-    for order in ((1, 0), (0, 1)):
-        for a, b, value in zip(u.tolist(), v.tolist(), surface(u, v, order).tolist()):
-            exact, scale = twin(a, b, order)
-            error = abs(Fraction(value) - exact)
-            errors.append([float(error / tensor(a, b, order)[1]), float(error / scale)])
-    return np.max(errors, axis=0).tolist()
-
-
-def _worst(name: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
+def _worst(name: str, measured: list[tuple[Case, Errors]]) -> list[Row]:
     """Return for each quantity the greatest error, of the cases above their limit if there are any."""
     out = []
-    for quantity in dict.fromkeys(quantity for _, figures in measured for quantity in figures):
-        held = [(figures[quantity], case.label) for case, figures in measured if quantity in figures]
+    for quantity in dict.fromkeys(quantity for _, errors in measured for quantity in errors):
+        held = [(errors[quantity], case.label) for case, errors in measured if quantity in errors]
         if quantity == REFUSED:
             out.append(
                 Row(f"{name}: {quantity}", len(held), "", f"of {len(measured)}, the first {held[0][1]}")
@@ -150,17 +47,13 @@ def _worst(name: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
     return out
 
 
-def _growth(name: str, per: str, measured: list[tuple[Case, Figures]]) -> list[Row]:
+def _growth(name: str, per: str, measured: list[tuple[Case, Errors]]) -> list[Row]:
     """Return the factors exp(b) of the fits log(error) = a + b x; errors below half a unit roundoff count as
     that."""
     out = []
     for quantity in ("values of the surface", "derivatives, to the leaf cell's", "row sums of |Q|"):
         x, y = np.array(
-            [
-                (case.x, max(figures[quantity][0], 2.0**-54))
-                for case, figures in measured
-                if quantity in figures
-            ]
+            [(case.x, max(errors[quantity][0], 2.0**-54)) for case, errors in measured if quantity in errors]
         ).T
         slope, _ = np.polyfit(x, np.log(y), 1)
         out.append(
@@ -170,17 +63,17 @@ def _growth(name: str, per: str, measured: list[tuple[Case, Figures]]) -> list[R
 
 
 def _walks(rng: np.random.Generator) -> list[Row]:
-    """Return the worst figures of random sequences of refinement and coarsening, as multiples of their
+    """Return the worst errors of random sequences of refinement and coarsening, as multiples of their
     limits."""
-    figures = []
+    errors = []
     for _ in range(SEQUENCES):
         p, q = rng.integers(1, 5, 2)
         space = THBSpace(clamped(p, random_breaks(rng, p + 2)), clamped(q, random_breaks(rng, q + 2)))
         surface = THBSurface(space, rng.uniform(-1, 1, space.dim))
         for _ in range(STEPS):
             surface, found = _step(surface, rng)
-            figures.append(found)
-    unity, negative, moved, back = np.max(figures, axis=0).tolist()
+            errors.append(found)
+    unity, negative, moved, back = np.max(errors, axis=0).tolist()
     name = f"{SEQUENCES} random walks"
     return [
         Row(f"{name}: sum of functions - 1, of its limit", unity, "", f"{STEPS} steps each", 1),
@@ -193,7 +86,7 @@ def _walks(rng: np.random.Generator) -> list[Row]:
 def _step(
     surface: THBSurface, rng: np.random.Generator
 ) -> tuple[THBSurface, tuple[float, float, float, float]]:
-    """Return a surface over a coarsened or refined space, and four figures of the refinement tried."""
+    """Return a surface over a coarsened or refined space, and four errors of the refinement tried."""
     space, size = surface.space, float(abs(surface.coefficients).max())
     cells = window(space, rng)
     finer = surface.refine(cells)
@@ -201,48 +94,14 @@ def _step(
     weights, limit = finer.space.collocation(u, v), float(gamma(3 * roundings(finer.space)))
     q = finer.space.restriction(finer.space.coarsen(cells))
     back = abs(q @ finer.coefficients - surface.coefficients).max() / abs(q).sum(axis=1).max()
-    figures = (
+    errors = (
         float(abs(weights.sum(axis=1) - 1).max()) / limit,
         float(max(0.0, -weights.data.min())),
         float(abs(finer(u, v) - surface(u, v)).max()) / (size * limit),
         float(back) / (size * limit),
     )
     level = int(rng.integers(0, finer.space.levels - 1))
-    return finer if rng.random() < 0.6 else coarsened(finer, level, rng), figures
-
-
-def window(space: THBSpace, rng: np.random.Generator) -> dict[int, NDArray[np.int64]]:
-    """Return the leaf cells of one level, at most 3, in a random window about a random one."""
-    leaves = space.cells[space.cells[:, 0] <= 3]
-    level, i, j = leaves[rng.integers(len(leaves))]
-    low = np.array([i, j]) - rng.integers(0, 4, 2)
-    same = leaves[leaves[:, 0] == level, 1:]
-    return {int(level): same[((same >= low) & (same < low + rng.integers(4, 9, 2))).all(axis=1)]}
-
-
-def coarsened(surface: THBSurface, level: int, rng: np.random.Generator) -> THBSurface:
-    """Return the projection of a surface to the space without some of the refined cells of a level."""
-    space = surface.space
-    children = (
-        space.refined[level + 1] // 2 if level + 1 < len(space.refined) else np.zeros((0, 2), dtype=np.int64)
-    )
-    keep = (space.refined[level][:, None] == children).all(axis=2).any(axis=1) | (
-        rng.random(len(space.refined[level])) < 0.3
-    )
-    coarser = space.coarsen({level: space.refined[level][~keep]})
-    return THBSurface(coarser, space.restriction(coarser) @ surface.coefficients)
-
-
-def deepest(kv: KnotVector, width: int) -> tuple[int, str]:
-    """Return the deepest level that the lowest cells reach, and the sentence that refuses the next."""
-    space, block = THBSpace(kv, kv), np.argwhere(np.ones((width, width)))
-    for level in range(64):
-        try:
-            space = space.refine({level: block})
-            THBSurface(space, np.ones(space.dim)).to_bspline()
-        except ValueError as error:
-            return level, str(error)
-    raise AssertionError("nothing refuses level 64")
+    return finer if rng.random() < 0.6 else coarsened(finer, level, rng), errors
 
 
 def _refusals() -> list[Row]:

@@ -1,5 +1,5 @@
-"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's ways and ours, on
-three lenses.
+"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's methods and ours,
+on three lenses.
 
 Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows
 the curves. The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.
@@ -16,15 +16,9 @@ import numpy as np
 from benchmarks.tracing.error_cases import STORE, Case, Reference, cases, reference
 from benchmarks.tracing.error_figure import draw
 from benchmarks.tracing.error_limits import limit_rows
-from benchmarks.tracing.error_methods import (
-    BOX,
-    Point,
-    camera_noise,
-    camera_points,
-    exact_points,
-    mesh_points,
-)
+from benchmarks.tracing.error_methods import BOX, camera_noise, camera_points, exact_points, mesh_points
 from optics.runtime import Row, load_backend
+from oracles.error_measures import Point, observed_order, seconds_at
 
 WANTED = 1e-3  # relative L2 error of the irradiance at which run times are compared
 CLEAR = 3.0  # times the reference's own error: points below it say nothing of the order
@@ -32,7 +26,7 @@ FIGURE = STORE / "error.png"
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows, and draw the curves."""
     mitsuba = find_spec("mitsuba") is not None
     if mitsuba:
         from optics.mitsuba import load_mitsuba
@@ -41,7 +35,7 @@ def rows() -> list[Row]:
     backend = load_backend("double", 1)
     out, points, truths = [], [], {}
     for case in cases(backend):
-        truth = truths[case.name] = reference(backend, case)
+        truth = truths[case.name] = reference(case, backend)
         own = [
             *exact_points(case, truth),
             *(mesh_points(case, truth) + camera_points(case, truth) if mitsuba else []),
@@ -57,32 +51,6 @@ def methods(points: list[Point]) -> dict[str, list[Point]]:
     """Return the points by method, fewest rays first."""
     names = dict.fromkeys(p.method for p in points)
     return {name: sorted((p for p in points if p.method == name), key=lambda p: p.rays) for name in names}
-
-
-def observed_order(rays: list[int], errors: list[float], least: float) -> float:
-    """Return k of error ~ rays^-k by a straight line through the logarithms of the errors above `least`; NaN
-    for fewer than two."""
-    pairs = [(n, e) for n, e in zip(rays, errors) if np.isfinite(e) and e > least]
-    if len(pairs) < 2:
-        return np.nan
-    return -float(np.polyfit(*np.log(pairs).T, 1)[0])
-
-
-def seconds_at(points: list[Point], error: float) -> float:
-    """Return the run time at which a method reaches an error of the irradiance, between its points on log-log
-    scales.
-
-    Where already its quickest point is better, that one's time; inf where none is.
-    """
-    before = None
-    for p in points:
-        if p.error <= error:
-            if before is None:
-                return p.seconds
-            share = np.log(before.error / error) / np.log(before.error / p.error)
-            return float(before.seconds * (p.seconds / before.seconds) ** share)
-        before = p
-    return np.inf
 
 
 def _reference_rows(case: Case, truth: Reference) -> list[Row]:

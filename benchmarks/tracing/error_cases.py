@@ -1,4 +1,4 @@
-"""The lenses of `thbcad bench error`, their rays by four samplings, and the reference.
+"""The lenses of `thbcad bench error`, their rays on grids, and the reference.
 
 The reference is the mean of two sets of very many rays in double precision; half their distance is its own
 error.
@@ -6,22 +6,22 @@ error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from benchmarks.checkout import ROOT
 from optics.optimisation import design
-from optics.problem import Problem, load_problem
+from optics.problem import load_problem
 from optics.runtime import Backend, DrArray
-from optics.sources import Beam, Rays, beam_rays, collimated_beam, concentric
-from optics.system import base_lens, problem_rays, ray_parts, target_irradiance, target_light, target_screen
+from optics.sources import RayGrid, Rays
+from optics.system import OpticalSystem
 from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Screen, Splat, filter_image
-from optics.tracing import Tracer
+from optics.tracing import Hits, Tracer
+from oracles.error_measures import relative, slope_of_fit
+from oracles.ray_samplings import grid_points, sampled_rays
 from thbcad import Lens, read_lens, write_lens
 
 STORE = ROOT / "exports" / "bench"
@@ -32,7 +32,6 @@ AT_ONCE = 1 << 21
 
 Window = BoxWindow | PixelWindow | BSplineWindow | GaussianWindow
 Floats = NDArray[np.float64]
-Units = Callable[[np.random.Generator, int, int], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +40,14 @@ class Case:
     unfiltered."""
 
     name: str
-    problem: Problem
+    system: OpticalSystem
     lens: Lens
     target: Floats
 
     @property
     def screen(self) -> Screen:
         """The pixels of the optimiser."""
-        return target_screen(self.problem, self.problem.optimizer.merge)
+        return self.system.target.screen(self.system.problem.optimizer.merge)
 
     @property
     def coefficients(self) -> list[Floats]:
@@ -65,51 +64,44 @@ class Reference:
     gradient_error: float
 
 
-def designed(backend: Backend, name: str) -> tuple[Problem, Lens]:
+def designed(name: str, backend: Backend) -> tuple[OpticalSystem, Lens]:
     """Return an example with a lens designed in few iterations; it is kept in exports/bench."""
     problem = load_problem(ROOT / "examples" / f"{name}.toml")
     path = STORE / f"{name}.json"
     if not path.exists():
         brief = replace(problem, optimizer=replace(problem.optimizer, iterations=(ITERATIONS[name],)))
-        lens, _ = design(brief, target_light(brief), backend)
+        lens, _ = design(OpticalSystem(brief), backend)
         STORE.mkdir(parents=True, exist_ok=True)
         write_lens(lens, path)
-    return problem, read_lens(path)
+    return OpticalSystem(problem), read_lens(path)
 
 
 def cases(backend: Backend) -> list[Case]:
     """Return the base lens, the pearl lens and the lens of the extended source."""
-    pearl, shaped = designed(backend, "pearl")
+    pearl, shaped = designed("pearl", backend)
     named = {
-        "base": (pearl, base_lens(pearl)),
+        "base": (pearl, pearl.lens),
         "pearl": (pearl, shaped),
-        "extended": designed(backend, "extended"),
+        "extended": designed("extended", backend),
     }
-    return [_case(backend, name, *pair) for name, pair in named.items()]
+    return [_case(name, *pair, backend) for name, pair in named.items()]
 
 
-def _case(backend: Backend, name: str, problem: Problem, lens: Lens) -> Case:
+def _case(name: str, system: OpticalSystem, lens: Lens, backend: Backend) -> Case:
     """Return the case whose target holds as much light as reaches the pixels."""
-    screen = target_screen(problem, problem.optimizer.merge)
-    tracer = Tracer(backend, lens, problem_rays(problem, (257, 257)), problem.target_z)
+    screen = system.target.screen(system.problem.optimizer.merge)
+    tracer = Tracer(backend, lens, system.source.rays((257, 257)), system.target.z)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-    flux = tracer.budget(landing, screen.half_width).on_target
-    return Case(
-        name, problem, lens, target_irradiance(target_light(problem), screen, problem.target.placing, flux)
-    )
+    flux = tracer.fates(landing, screen.half_width).on_target
+    return Case(name, system, lens, system.target.irradiance(screen, flux))
 
 
-def slope_of_fit(image: Floats, target: Floats) -> Floats:
-    """Return the derivative of ||E - T||^2 / ||T||^2 by E."""
-    return 2 * (image - target) / np.square(target).sum()
-
-
-def reference(backend: Backend, case: Case, window: Window = WINDOW) -> Reference:
+def reference(case: Case, backend: Backend, window: Window = WINDOW) -> Reference:
     """Return the Reference of a case."""
-    images = [_image(backend, case, window, _many_rays(case, which)) for which in (0, 1)]
+    images = [_image(case, backend, window, _many_rays(case, which)) for which in (0, 1)]
     image, target = (images[0] + images[1]) / 2, filter_image(case.target, window)
     gradients = [
-        _gradient(backend, case, window, _many_rays(case, k), slope_of_fit(e, target))
+        _gradient(case, backend, window, _many_rays(case, k), slope_of_fit(e, target))
         for k, e in enumerate(images)
     ]
     gradient = (gradients[0] + gradients[1]) / 2
@@ -118,94 +110,45 @@ def reference(backend: Backend, case: Case, window: Window = WINDOW) -> Referenc
     )
 
 
-def _many_rays(case: Case, which: int) -> Iterator[Beam | Rays]:
+def _many_rays(case: Case, which: int) -> Iterator[RayGrid | Rays]:
     """Return one of two sets: grids of different spacing (a shifted one would miss light at the beam's rim),
     or scrambled Sobol points."""
     side = round(REFERENCE_RAYS**0.5) + 7 * which
-    fresh = None if case.problem.source.kind == "collimated" else np.random.default_rng(1 + which)
-    return ray_parts(case.problem, (side, side), fresh, AT_ONCE)
+    fresh = None if case.system.source.collimated else np.random.default_rng(1 + which)
+    return case.system.source.parts((side, side), fresh, AT_ONCE)
 
 
-def relative(values: Floats, exact: Floats) -> float:
-    """Return ||values - exact|| / ||exact||."""
-    return float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
-
-
-def _landed(backend: Backend, case: Case, window: Window, part: Beam | Rays) -> tuple[Tracer, list, DrArray]:
-    tracer = Tracer(backend, case.lens, part, case.problem.target_z)
+def _landed(
+    case: Case, backend: Backend, window: Window, part: RayGrid | Rays
+) -> tuple[Tracer, list[Hits], DrArray]:
+    tracer = Tracer(backend, case.lens, part, case.system.target.z)
     hits, landing = tracer.trace(case.coefficients)
     return tracer, hits, Splat(backend, case.screen, window)(landing.x, landing.y, landing.flux)
 
 
-def _image(backend: Backend, case: Case, window: Window, parts: Iterator[Beam | Rays]) -> Floats:
+def _image(case: Case, backend: Backend, window: Window, parts: Iterator[RayGrid | Rays]) -> Floats:
     total = np.zeros(case.screen.shape)
     with backend.dr.suspend_grad():
         for part in parts:
-            total += _landed(backend, case, window, part)[2].numpy().reshape(case.screen.shape, order="F")
+            total += _landed(case, backend, window, part)[2].numpy().reshape(case.screen.shape, order="F")
     return total
 
 
 def _gradient(
-    backend: Backend, case: Case, window: Window, parts: Iterator[Beam | Rays], seed: Floats
+    case: Case, backend: Backend, window: Window, parts: Iterator[RayGrid | Rays], seed: Floats
 ) -> Floats:
     """Return the derivative of sum(seed * image) by all coefficients, (dof,)."""
     total, weights = 0.0, backend.array(seed.T)
     for part in parts:
-        tracer, hits, image = _landed(backend, case, window, part)
+        tracer, hits, image = _landed(case, backend, window, part)
         backend.dr.backward(backend.dr.sum(image * weights))
         total = total + np.concatenate(tracer.pull_back(hits))
     return total
 
 
-def random_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return `count` independent points of the unit cube, (count, dimension)."""
-    return rng.random((count, dimension))
-
-
-def jittered_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return one random point in each cell of a grid over the unit cube, (side^dimension, dimension)."""
-    return _cells(count, dimension, rng.random)
-
-
-def grid_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return the middles of the cells of a grid over the unit cube, (side^dimension, dimension)."""
-    return _cells(count, dimension, lambda shape: np.full(shape, 0.5))
-
-
-def sobol_points(rng: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return scrambled Sobol points of the unit cube, (count, dimension)."""
-    return qmc.Sobol(dimension, scramble=True, seed=rng).random(count)
-
-
-def _cells(count: int, dimension: int, within: Callable[[tuple[int, int]], Floats]) -> Floats:
-    side = round(count ** (1 / dimension))
-    corners = np.stack(np.meshgrid(*[np.arange(side)] * dimension, indexing="ij"), axis=-1).reshape(
-        -1, dimension
-    )
-    return (corners + within(corners.shape)) / side
-
-
-def sampled_rays(case: Case, points: Units, count: int, seed: int = 3) -> Rays:
-    """Return about `count` rays of equal flux of a case's source, its position (and direction) by points of
-    the unit cube."""
-    source, rng = case.problem.source, np.random.default_rng(seed)
-    if source.kind == "collimated":
-        s, t = 2 * points(rng, count, 2).T - 1
-        ends = collimated_beam(source.half_width, source.flux, case.lens.front.half_width, (1, 1))
-        start = beam_rays(ends, case.lens)
-        hx, hy = (min(a, b) for a, b in zip(source.half_width, case.lens.front.half_width))
-        origin = np.stack([hx * s, hy * t, np.full_like(s, start.origin[2, 0])])
-        return Rays(origin, np.repeat(start.direction, len(s), axis=1), ends.entering / len(s))
-    s, t, a, b = 2 * points(rng, count, 4).T - 1
-    p, q = (r * sin(radians(source.half_angle)) for r in concentric(a, b))
-    origin = np.stack([source.half_width[0] * s, source.half_width[1] * t, np.full_like(s, -source.distance)])
-    direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-    return Rays(origin, direction, source.flux / len(s))
-
-
-def grid_rays(case: Case, count: int) -> Beam | Rays:
-    """Return the grid of about `count` rays that the tracer likes best: a Beam for a collimated source."""
-    if case.problem.source.kind == "collimated":
+def grid_rays(case: Case, count: int) -> RayGrid | Rays:
+    """Return about `count` rays on the grid that suits the tracer best: a RayGrid for a collimated source."""
+    if case.system.source.collimated:
         side = round(count**0.5)
-        return problem_rays(case.problem, (side, side))
-    return sampled_rays(case, grid_points, count)
+        return case.system.source.rays((side, side))
+    return sampled_rays(case.system.source.settings, case.lens, grid_points, count)

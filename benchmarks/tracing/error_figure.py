@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.tracing.error_cases import Reference
-from benchmarks.tracing.error_methods import Point
+from oracles.error_measures import Point
 
 
 def draw(points: Sequence[Point], truths: Mapping[str, Reference], path: Path) -> None:

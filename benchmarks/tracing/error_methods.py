@@ -1,10 +1,10 @@
-"""Run time and error of the ways to compute irradiance and gradient: one `Point` per way and number of rays.
+"""Run time and error of the methods for irradiance and gradient: one `Point` per method and number of rays.
 
 Times are of one thread and of tracing and measuring alone: rays, meshes and scenes are ready.  The error of
 the gradient is that of the derivative of ||E - T||^2 / ||T||^2 by all THB coefficients.
 
-`ptracer`'s camera has a film with the same Gaussian filter, so that all ways measure the same; `camera_noise`
-is that of box pixels.
+`ptracer`'s camera has a film with the same Gaussian filter, so that all methods measure the same;
+`camera_noise` is that of box pixels.
 """
 
 from __future__ import annotations
@@ -19,22 +19,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.tracing.error_cases import (
-    WINDOW,
-    Case,
-    Reference,
-    grid_rays,
-    jittered_points,
-    random_points,
-    relative,
-    sampled_rays,
-    slope_of_fit,
-    sobol_points,
-)
+from benchmarks.tracing.error_cases import WINDOW, Case, Reference, grid_rays
 from optics.optimisation import Objective
 from optics.runtime import Backend, load_backend, median_seconds
 from optics.target import Splat, filter_image
 from optics.tracing import Tracer
+from oracles.error_measures import Point, relative, slope_of_fit
+from oracles.ray_samplings import jittered_points, random_points, sampled_rays, sobol_points
 
 if TYPE_CHECKING:
     from optics.mitsuba import LensMesh, MeshTracer
@@ -52,29 +43,11 @@ CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 
 
 @dataclass(frozen=True)
-class Point:
-    """One run.  rays : number.  seconds, gradient_seconds : of the irradiance, of loss and gradient.
-
-    error, gradient_error : relative L2; NaN where the way has none.  megabytes : that the gradient's run adds
-        to the process.
-    """
-
-    case: str
-    method: str
-    rays: int
-    seconds: float
-    error: float
-    gradient_seconds: float
-    gradient_error: float
-    megabytes: float
-
-
-@dataclass(frozen=True)
-class Way:
-    """One way to compute a case.  irradiance : returns (rows, columns), W/mm^2.  gradient : one array per
+class Method:
+    """One method for a case.  irradiance : returns (rows, columns), W/mm^2.  gradient : one array per
     sag."""
 
-    method: str
+    name: str
     rays: int
     irradiance: Callable[[], Floats]
     gradient: Callable[[], list[Floats]]
@@ -89,10 +62,12 @@ def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -
             few = counts[:-1] if name in ("random", "jittered") else counts
             for count in (*counts, LONG) if precision == "single" else few:
                 rays = (
-                    grid_rays(case, count) if name == "grid" else sampled_rays(case, SAMPLINGS[name], count)
+                    grid_rays(case, count)
+                    if name == "grid"
+                    else sampled_rays(case.system.source.settings, case.lens, SAMPLINGS[name], count)
                 )
-                tracer = Tracer(backend, case.lens, rays, case.problem.target_z)
-                out.append(_point(backend, case, truth, tracer, f"ours, {name}, {short}", _number(rays)))
+                tracer = Tracer(backend, case.lens, rays, case.system.target.z)
+                out.append(_point(case, truth, backend, tracer, f"ours, {name}, {short}", rays.flux.size))
     return out
 
 
@@ -102,11 +77,15 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
     from optics.mitsuba import LensMesh, MeshTracer
 
     out, mesh = [], LensMesh.even(case.lens, VERTICES)
-    collimated = case.problem.source.kind == "collimated"
+    collimated = case.system.source.collimated
     for count in counts:
-        rays = grid_rays(case, count) if collimated else sampled_rays(case, sobol_points, count)
-        tracer = MeshTracer(mesh, rays, case.problem.target_z)
-        out.append(_point(tracer.backend, case, truth, tracer, "Mitsuba mesh + splat", _number(rays)))
+        rays = (
+            grid_rays(case, count)
+            if collimated
+            else sampled_rays(case.system.source.settings, case.lens, sobol_points, count)
+        )
+        tracer = MeshTracer(mesh, rays, case.system.target.z)
+        out.append(_point(case, truth, tracer.backend, tracer, "Mitsuba mesh + splat", rays.flux.size))
     return out
 
 
@@ -116,7 +95,7 @@ def camera_points(case: Case, truth: Reference) -> list[Point]:
     from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi, mesh, out = current_mitsuba(), LensMesh.even(case.lens, VERTICES), []
-    scene = mitsuba_scene(case.problem, mesh)
+    scene = mitsuba_scene(case.system, mesh)
     camera = gaussian_camera(mi, scene, case)
     for spp in SPP:
         seconds = median_seconds(
@@ -165,13 +144,13 @@ def camera_noise(case: Case) -> list[tuple[str, float, float]]:
     """Return (measure, relative L2 noise, seconds) of the camera's box pixels and of the window, at the most
     light paths.
 
-    Two pictures are sqrt(2) noises apart.  Light that takes other ways than front, rear, screen is seen alike
+    Two pictures are sqrt(2) noises apart.  Light by other paths than front, rear, screen is seen alike
     in both, unlike in `Point`.
     """
     from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi = current_mitsuba()
-    scene = mitsuba_scene(case.problem, LensMesh.even(case.lens, VERTICES))
+    scene = mitsuba_scene(case.system, LensMesh.even(case.lens, VERTICES))
     cameras = {BOX: scene.sensors()[0], "the same window": gaussian_camera(mi, scene, case)}
     out = []
     for measure, camera in cameras.items():
@@ -227,7 +206,7 @@ def _camera_gradient(
 
 
 def _point(
-    backend: Backend, case: Case, truth: Reference, tracer: Tracer | MeshTracer, method: str, rays: int
+    case: Case, truth: Reference, backend: Backend, tracer: Tracer | MeshTracer, method: str, rays: int
 ) -> Point:
     """Return the point of a tracer whose rays are ready, with Splat and Objective."""
     screen = case.screen
@@ -239,27 +218,24 @@ def _point(
             _, landing = tracer.trace(case.coefficients)
             return splat(landing.x, landing.y, landing.flux).numpy().reshape(screen.shape, order="F")
 
-    return _measured(case, truth, Way(method, rays, irradiance, lambda: objective(case.coefficients)[1]))
-
-
-def _measured(case: Case, truth: Reference, way: Way) -> Point:
-    """Return the point of a way, without the gradient where rays are many."""
-    seconds = median_seconds(way.irradiance, REPEATS)
-    error = relative(way.irradiance().astype(np.float64), truth.image)
-    if way.rays > MOST:
-        return Point(case.name, way.method, way.rays, seconds, error, np.nan, np.nan, np.nan)
-    slow = median_seconds(way.gradient, REPEATS)
-    load_backend("double", 1).dr.flush_malloc_cache()
-    before = _reset_peak()
-    gradient = np.concatenate(way.gradient())
-    megabytes = _peak() - before
-    return Point(
-        case.name, way.method, way.rays, seconds, error, slow, relative(gradient, truth.gradient), megabytes
+    return _measured(
+        case, truth, Method(method, rays, irradiance, lambda: objective(case.coefficients).gradients)
     )
 
 
-def _number(rays: Any) -> int:
-    return len(rays.x) * len(rays.y) if hasattr(rays, "x") else rays.origin.shape[1]
+def _measured(case: Case, truth: Reference, method: Method) -> Point:
+    """Return the point of a method, without the gradient where rays are many."""
+    seconds = median_seconds(method.irradiance, REPEATS)
+    error = relative(method.irradiance().astype(np.float64), truth.image)
+    if method.rays > MOST:
+        return Point(case.name, method.name, method.rays, seconds, error, np.nan, np.nan, np.nan)
+    slow = median_seconds(method.gradient, REPEATS)
+    load_backend("double", 1).dr.flush_malloc_cache()
+    before = _reset_peak()
+    gradient = np.concatenate(method.gradient())
+    megabytes = _peak() - before
+    slope = relative(gradient, truth.gradient)
+    return Point(case.name, method.name, method.rays, seconds, error, slow, slope, megabytes)
 
 
 def _reset_peak() -> float:

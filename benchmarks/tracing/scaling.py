@@ -17,11 +17,12 @@ import numpy as np
 
 from benchmarks.checkout import ROOT
 from optics.optimisation import Objective
-from optics.problem import Problem, load_problem
+from optics.problem import load_problem
 from optics.runtime import Backend, Row, load_backend, median_seconds
-from optics.system import base_lens, problem_rays, target_irradiance, target_light, target_screen
+from optics.system import OpticalSystem
 from optics.target import PixelWindow
 from optics.tracing import Tracer
+from oracles.error_measures import exponent
 from thbcad import KnotVector, Lens, THBSpace, THBSurface
 
 RAYS = tuple(1 << k for k in range(14, 23))
@@ -34,31 +35,28 @@ REPEATS = 5
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     problem = load_problem(ROOT / "examples" / "pearl.toml")
-    one, net = load_backend("double", 1), _tensor(problem, SPANS[-2])
+    system, one = OpticalSystem(problem), load_backend("double", 1)
+    net = _tensor(system, SPANS[-2])
     out = []
-    out += _series("rays", RAYS, [_seconds(one, problem, net, round(n**0.5)) for n in RAYS])
-    by_pixels = [replace(problem, target=replace(problem.target, pixels=(n, n))) for n in PIXELS]
-    out += _series("pixels", [n * n for n in PIXELS], [_seconds(one, p, net, MIDDLE) for p in by_pixels])
-    lenses = [_tensor(problem, n) for n in SPANS]
+    out += _series("rays", RAYS, [_seconds(system, net, round(n**0.5), one) for n in RAYS])
+    targets = [replace(problem.target, pixels=(n, n)) for n in PIXELS]
+    by_pixels = [OpticalSystem(replace(problem, target=target)) for target in targets]
+    out += _series("pixels", [n * n for n in PIXELS], [_seconds(s, net, MIDDLE, one) for s in by_pixels])
+    lenses = [_tensor(system, n) for n in SPANS]
     out += _series(
         "coefficients",
         [_dof(lens) for lens in lenses],
-        [_seconds(one, problem, lens, MIDDLE) for lens in lenses],
+        [_seconds(system, lens, MIDDLE, one) for lens in lenses],
     )
-    deep = [_corner(problem, n) for n in range(1, LEVELS + 1)]
-    times = [_seconds(one, problem, lens, MIDDLE) for lens in deep]
+    deep = [_corner(system, n) for n in range(1, LEVELS + 1)]
+    times = [_seconds(system, lens, MIDDLE, one) for lens in deep]
     out += _series("levels", range(1, LEVELS + 1), times, [f"{_dof(lens)} coefficients" for lens in deep])
     cores = sorted({1, len(os.sched_getaffinity(0))})
-    out += _series("cores", cores, [_seconds(load_backend("double", n), problem, net, 1025) for n in cores])
+    out += _series("cores", cores, [_seconds(system, net, 1025, load_backend("double", n)) for n in cores])
     load_backend("double", 1)
     return out
-
-
-def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
-    """Return k of seconds ~ sizes^k by a straight line through the logarithms."""
-    return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
 
 
 def _series(
@@ -80,11 +78,11 @@ def _series(
     return out
 
 
-def _seconds(backend: Backend, problem: Problem, lens: Lens, side: int) -> float:
+def _seconds(system: OpticalSystem, lens: Lens, side: int, backend: Backend) -> float:
     """Return the median time of loss and gradient with side x side rays."""
-    screen = target_screen(problem)
-    target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
-    tracer = Tracer(backend, lens, problem_rays(problem, (side, side)), problem.target_z)
+    screen = system.target.screen()
+    target = system.target.irradiance(screen, system.problem.source.flux)
+    tracer = Tracer(backend, lens, system.source.rays((side, side)), system.target.z)
     objective = Objective(backend, tracer, screen, PixelWindow(), target, 0.0)
     at = [sag.coefficients for sag in lens.sags]
     return median_seconds(lambda: objective(at), REPEATS)
@@ -94,25 +92,25 @@ def _dof(lens: Lens) -> int:
     return sum(sag.space.dim for sag in lens.sags)
 
 
-def _with_space(problem: Problem, space: THBSpace) -> Lens:
+def _with_space(system: OpticalSystem, space: THBSpace) -> Lens:
     """Return the base lens with a sag of zeros in a space."""
-    return base_lens(problem).with_sags([THBSurface(space, np.zeros(space.dim))])
+    return system.lens.with_sags([THBSurface(space, np.zeros(space.dim))])
 
 
-def _tensor(problem: Problem, spans: int) -> Lens:
-    """Return the base lens with an even net of spans x spans cubic cells."""
-    return _with_space(problem, THBSpace(*_knots(problem, spans)))
+def _tensor(system: OpticalSystem, spans: int) -> Lens:
+    """Return the base lens with a uniform net of spans x spans cubic cells."""
+    return _with_space(system, THBSpace(*_knots(system, spans)))
 
 
-def _corner(problem: Problem, levels: int) -> Lens:
+def _corner(system: OpticalSystem, levels: int) -> Lens:
     """Return the base lens whose corner is refined to a number of levels: the finest knots are as many as if
     all were."""
-    space = THBSpace(*_knots(problem, 7))
+    space = THBSpace(*_knots(system, 7))
     for level in range(levels - 1):
         cells = np.argwhere(np.ones((CORNER, CORNER)))
         space = space.refine({level: cells})
-    return _with_space(problem, space)
+    return _with_space(system, space)
 
 
-def _knots(problem: Problem, spans: int) -> list[KnotVector]:
-    return [KnotVector.uniform(3, spans, -h, h) for h in problem.lens.rear.half_width]
+def _knots(system: OpticalSystem, spans: int) -> list[KnotVector]:
+    return [KnotVector.uniform(3, spans, -h, h) for h in system.lens.rear.half_width]

@@ -1,4 +1,4 @@
-"""What every skip of `optics.skips` saves, and what it changes: loss and gradient with and without it.
+"""What every skip of `optics.system` saves, and what it changes: loss and gradient with and without it.
 
 Run: thbcad bench skips
 
@@ -8,7 +8,7 @@ states.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from time import perf_counter
@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from optics.optimisation import MARGIN, Objective
-from optics.problem import Problem, load_problem
+from optics.problem import load_problem
 from optics.runtime import Backend, DrArray, Row, load_backend, median_seconds
-from optics.sources import Beam, beam_rays, collimated_beam
-from optics.system import base_lens, problem_rays, skips, target_irradiance, target_light, target_screen
+from optics.sources import RayGrid, collimated_beam, single_rays
+from optics.system import OpticalSystem
 from optics.target import BSplineWindow, GaussianWindow, PixelWindow
-from optics.tracing import SourceRays, TargetPlane, Tracer, trace_nonsequential
+from optics.tracing import TargetPlane, Tracer, trace_nonsequential
 from thbcad import Lens, THBSurface
 
 COUNT, REPEATS = 449, 9
@@ -33,15 +33,16 @@ FAR_CUT = 8.0  # sigma, where a Gaussian is 1e-14
 SPP = 4
 
 Gradients = list[NDArray[np.float64]]
-Evaluation = Callable[[], tuple[float, Gradients]]
+Evaluate = Callable[[], tuple[float, Gradients]]
 
 
 class FrontAgain(Tracer):
     """A Tracer that traces the frozen front in every evaluation."""
 
     def _meet(self, coefficients: Sequence[NDArray[np.float64]]) -> Any:
-        _, self._behind = self._through_front(None)
-        self._backend.dr.eval(self._behind.origin, self._behind.direction, self._behind.flux)
+        self._behind = self._through_front(None)
+        rays = self._behind[1]
+        self._backend.dr.eval(rays.origin, rays.direction, rays.flux)
         return super()._meet(coefficients)
 
 
@@ -59,65 +60,76 @@ class Literals:
 
 
 def rows() -> list[Row]:
-    """Return the figures."""
+    """Return the measured rows."""
     backend = load_backend("double", 1)
-    pearl, extended = (_deep(load_problem(EXAMPLES / f"{name}.toml")) for name in ("pearl", "extended"))
+    problems = (load_problem(EXAMPLES / f"{name}.toml") for name in ("pearl", "extended"))
+    pearl, extended = ((system, _deep(system)) for system in map(OpticalSystem, problems))
     return [
-        *_meeting_points(backend, *pearl),
-        *_aperture(backend, *pearl),
-        *_edges(backend, *pearl),
-        *_levels(backend, pearl[0]),
-        *_taps(backend, *pearl),
-        *_front(backend, *extended),
-        *_gradients(backend, *extended),
-        *_converged(backend, *extended),
-        *_first_meetings(backend, *extended),
-        *_compilation(backend, *extended),
-        *_camera(backend, *pearl),
+        *_meeting_points(*pearl, backend),
+        *_aperture(*pearl, backend),
+        *_edges(*pearl, backend),
+        *_levels(pearl[0], backend),
+        *_taps(*pearl, backend),
+        *_front(*extended, backend),
+        *_gradients(*extended, backend),
+        *_converged(*extended, backend),
+        *_first_meetings(*extended, backend),
+        *_compilation(*extended, backend),
+        *_camera(*pearl, backend),
     ]
 
 
-def _deep(problem: Problem, levels: int = 4, share: float = 1.0) -> tuple[Problem, Lens]:
-    """Return the problem and its lens with a rough sag; share : of the width whose cells are refined, from
-    one corner."""
-    lens, rng = base_lens(problem), np.random.default_rng(1)
+def _deep(system: OpticalSystem, levels: int = 4, share: float = 1.0) -> Lens:
+    """Return the base lens with a rough sag; share : of the width whose cells are refined, from one
+    corner."""
+    lens, rng = system.lens, np.random.default_rng(1)
     sag = lens.rear.sag
     for level in range(levels):
         cells = sag.space.cells
         limit = share * np.array([sag.space.kv_u.spans, sag.space.kv_v.spans]) * 2**level
         sag = sag.refine({level: cells[(cells[:, 0] == level) & (cells[:, 1:] < limit).all(axis=1), 1:]})
     height = 1e-4 * max(lens.rear.half_width)
-    return problem, lens.with_sags([THBSurface(sag.space, rng.uniform(-height, height, sag.space.dim))])
+    return lens.with_sags([THBSurface(sag.space, rng.uniform(-height, height, sag.space.dim))])
 
 
 def _objective(
+    system: OpticalSystem,
     backend: Backend,
-    problem: Problem,
     tracer: Tracer,
     window: PixelWindow | BSplineWindow | GaussianWindow = WINDOW,
 ) -> Objective:
-    screen = target_screen(problem, problem.optimizer.merge, MARGIN)
-    target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
-    return Objective(backend, tracer, screen, window, target, problem.optimizer.lost_flux_weight)
+    options = system.problem.optimizer
+    screen = system.target.screen(options.merge, MARGIN)
+    target = system.target.irradiance(screen, system.problem.source.flux)
+    return Objective(backend, tracer, screen, window, target, options.lost_flux_weight)
 
 
-def _evaluation(backend: Backend, problem: Problem, lens: Lens, tracer: Tracer) -> Evaluation:
-    """Return a function without arguments that takes loss and gradient."""
-    objective = _objective(backend, problem, tracer)
-    return lambda: objective([sag.coefficients for sag in lens.sags])
+def _evaluation(system: OpticalSystem, lens: Lens, backend: Backend, tracer: Tracer) -> Evaluate:
+    """Return a function without arguments that returns loss and gradients."""
+    objective = _objective(system, backend, tracer)
+    return lambda: _loss_and_gradients(objective, [sag.coefficients for sag in lens.sags])
 
 
-def _pair(problem: Problem, name: str, with_skip: Evaluation, without: Evaluation) -> list[Row]:
+def _loss_and_gradients(objective: Objective, coefficients: Gradients) -> tuple[float, Gradients]:
+    found = objective(coefficients)
+    return found.loss, found.gradients
+
+
+def _tolerance(system: OpticalSystem, name: str) -> float | None:
+    """Return the relative change that a skip of the system states."""
+    (skip,) = [s for s in system.skips if s.name == name]
+    return skip.tolerance
+
+
+def _pair(system: OpticalSystem, name: str, with_skip: Evaluate, without: Evaluate) -> list[Row]:
     """Return times of both variants and the relative difference of the results."""
-    (skip,) = [s for s in skips(problem) if s.name == name]
     (loss, gradients), (other_loss, other_gradients) = with_skip(), without()
     g, other = np.concatenate(gradients), np.concatenate(other_gradients)
     difference = max(
         abs(loss - other_loss) / abs(other_loss), float(np.linalg.norm(g - other) / np.linalg.norm(other))
     )
-    return _timed(
-        name, median_seconds(with_skip, REPEATS), median_seconds(without, REPEATS), difference, skip.tolerance
-    )
+    seconds = (median_seconds(evaluate, REPEATS) for evaluate in (with_skip, without))
+    return _timed(name, *seconds, difference, _tolerance(system, name))
 
 
 def _timed(name: str, fast: float, slow: float, difference: float, limit: float | None) -> list[Row]:
@@ -128,93 +140,87 @@ def _timed(name: str, fast: float, slow: float, difference: float, limit: float 
     ]
 
 
-def _meeting_points(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
-    beam = problem_rays(problem, (COUNT, COUNT))
-    tracers = (Tracer(backend, lens, rays, problem.target_z) for rays in (beam, beam_rays(beam, lens)))
-    return _pair(
-        problem, "meeting points", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers)
-    )
+def _tracers(
+    system: OpticalSystem, lens: Lens, backend: Backend, name: str, tracers: Iterable[Tracer]
+) -> list[Row]:
+    """Return the rows of two tracers of one lens, with the skip and without."""
+    return _pair(system, name, *(_evaluation(system, lens, backend, tracer) for tracer in tracers))
 
 
-def _aperture(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
+def _meeting_points(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
+    beam = system.source.rays((COUNT, COUNT))
+    tracers = (Tracer(backend, lens, rays, system.target.z) for rays in (beam, single_rays(beam, lens)))
+    return _tracers(system, lens, backend, "meeting points", tracers)
+
+
+def _aperture(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """A beam 1.5 times as wide as the lens, on one grid."""
     half = lens.front.half_width
-    beam = collimated_beam([1.5 * h for h in half], problem.source.flux, half, (300, 300))
+    beam = collimated_beam([1.5 * h for h in half], system.problem.source.flux, half, (300, 300))
     x, y = ((np.arange(450) - 224.5) * (2 * h / 300) for h in half)
-    whole = Beam(x, y, beam.ray_flux, 0.0)
-    return _pair(
-        problem,
-        "aperture",
-        *(
-            _evaluation(backend, problem, lens, Tracer(backend, lens, b, problem.target_z))
-            for b in (beam, whole)
-        ),
-    )
+    whole = RayGrid(x, y, np.full((450, 450), beam.flux[0, 0]))
+    tracers = (Tracer(backend, lens, rays, system.target.z) for rays in (beam, whole))
+    return _tracers(system, lens, backend, "aperture", tracers)
 
 
-def _edges(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
+def _edges(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Light forward only; the closed lens has no gradient."""
-    beam = problem_rays(problem, (129, 129))
-    rays, c = beam_rays(beam, lens), [sag.coefficients for sag in lens.sags]
-    tracer, half = Tracer(backend, lens, beam, problem.target_z), problem.target.half_width
-    everything = SourceRays(rays.origin, rays.direction, np.full(rays.origin.shape[1], rays.ray_flux))
-    plane = TargetPlane(problem.target_z, half)
-    found = trace_nonsequential(backend, lens, everything, plane).landings
-    onto = (abs(found.x) <= half[0]) & (abs(found.y) <= half[1])
-    direct = found.flux[onto & found.direct].sum()
+    beam, c = system.source.rays((129, 129)), [sag.coefficients for sag in lens.sags]
+    tracer, half = Tracer(backend, lens, beam, system.target.z), system.target.settings.half_width
+    rays, plane = single_rays(beam, lens), TargetPlane(system.target.z, half)
+    found = trace_nonsequential(backend, lens, rays, plane)
+    flux = found.landings.flux
+    onto = (abs(found.landings.x) <= half[0]) & (abs(found.landings.y) <= half[1])
+    direct = flux[onto & found.direct].sum()
 
     def sequential() -> float:
-        return tracer.budget(tracer.trace(c)[1], half).on_target
+        return tracer.fates(tracer.trace(c)[1], half).on_target
 
-    (skip,) = [s for s in skips(problem) if s.name == "edges"]
     fast, slow = (
         median_seconds(sequential, REPEATS),
-        median_seconds(lambda: trace_nonsequential(backend, lens, everything, plane), 3),
+        median_seconds(lambda: trace_nonsequential(backend, lens, rays, plane), 3),
     )
-    other = Row("edges: light on the target by other ways, share", float(1 - direct / found.flux[onto].sum()))
-    return [*_timed("edges", fast, slow, abs(sequential() / direct - 1), skip.tolerance), other]
+    other = Row("edges: light on the target by other paths, share", float(1 - direct / flux[onto].sum()))
+    difference = abs(sequential() / direct - 1)
+    return [*_timed("edges", fast, slow, difference, _tolerance(system, "edges")), other]
 
 
-def _levels(backend: Backend, problem: Problem) -> list[Row]:
+def _levels(system: OpticalSystem, backend: Backend) -> list[Row]:
     """Cells of a quarter of the width refined four times, against all cells."""
-    _, lens = _deep(problem, share=0.25)
+    lens = _deep(system, share=0.25)
     sag = lens.rear.sag
     dense = sag
     for level in range(sag.space.levels - 1):
         cells = dense.space.cells
         dense = dense.refine({level: cells[cells[:, 0] == level, 1:]})
     back, whole = sag.space.prolongation(dense.space).T, lens.with_sags([dense])
-    beam = problem_rays(problem, (COUNT, COUNT))
+    beam = system.source.rays((COUNT, COUNT))
     few, many = (
-        _evaluation(backend, problem, a, Tracer(backend, a, beam, problem.target_z)) for a in (lens, whole)
+        _evaluation(system, a, backend, Tracer(backend, a, beam, system.target.z)) for a in (lens, whole)
     )
 
     def all_knots() -> tuple[float, Gradients]:
         loss, (gradient,) = many()
         return loss, [back @ gradient]
 
-    return _pair(problem, "levels", few, all_knots)
+    return _pair(system, "levels", few, all_knots)
 
 
-def _taps(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
+def _taps(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """The image, for which the tolerance is stated, and the time of loss and gradient."""
-    gaussian = replace(problem, optimizer=replace(problem.optimizer, window="gaussian", sigma=1.0))
-    tracer, c = (
-        Tracer(backend, lens, problem_rays(problem, (COUNT, COUNT)), problem.target_z),
-        [sag.coefficients for sag in lens.sags],
-    )
-    cut, whole = (
-        _objective(backend, problem, tracer, GaussianWindow(1.0, k)) for k in (GaussianWindow.cut, FAR_CUT)
-    )
+    optimizer = replace(system.problem.optimizer, window="gaussian", sigma=1.0)
+    gaussian = OpticalSystem(replace(system.problem, optimizer=optimizer))
+    tracer = Tracer(backend, lens, system.source.rays((COUNT, COUNT)), system.target.z)
+    windows = (GaussianWindow(1.0, k) for k in (GaussianWindow.cut, FAR_CUT))
+    cut, whole = (_objective(system, backend, tracer, window) for window in windows)
+    c = [sag.coefficients for sag in lens.sags]
     image, other = cut.image(c), whole.image(c)
-    (skip,) = [s for s in skips(gaussian) if s.name == "taps"]
     seconds = (median_seconds(lambda o=o: o(c), REPEATS) for o in (cut, whole))
-    return _timed(
-        "taps", *seconds, float(np.linalg.norm(image - other) / np.linalg.norm(other)), skip.tolerance
-    )
+    difference = float(np.linalg.norm(image - other) / np.linalg.norm(other))
+    return _timed("taps", *seconds, difference, _tolerance(gaussian, "taps"))
 
 
-def _camera(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
+def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Mitsuba's particle tracer with screen and camera, light forward only: its noise hides every other
     difference."""
     if find_spec("mitsuba") is None:
@@ -222,12 +228,9 @@ def _camera(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     from optics.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
 
     load_mitsuba("llvm_ad_mono", 1)
-    scene = mitsuba_scene(problem, LensMesh.even(lens, (COUNT, COUNT)))
-    tracer, c = (
-        Tracer(backend, lens, problem_rays(problem, (COUNT, COUNT)), problem.target_z),
-        [sag.coefficients for sag in lens.sags],
-    )
-    objective = _objective(backend, problem, tracer, PixelWindow())
+    scene = mitsuba_scene(system, LensMesh.even(lens, (COUNT, COUNT)))
+    tracer = Tracer(backend, lens, system.source.rays((COUNT, COUNT)), system.target.z)
+    objective, c = _objective(system, backend, tracer, PixelWindow()), [sag.coefficients for sag in lens.sags]
     image, other = objective.image(c), camera_irradiance(scene, SPP)
     seconds = (
         median_seconds(lambda: objective.image(c), REPEATS),
@@ -236,21 +239,21 @@ def _camera(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
     return _timed("camera", *seconds, float(np.linalg.norm(image - other) / np.linalg.norm(image)), None)
 
 
-def _front(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
-    rays = problem_rays(problem, (512, 512))
-    tracers = (kind(backend, lens, rays, problem.target_z, sure=False) for kind in (Tracer, FrontAgain))
-    return _pair(problem, "front", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers))
+def _front(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
+    rays = system.source.rays((512, 512))
+    tracers = (kind(backend, lens, rays, system.target.z, sure=False) for kind in (Tracer, FrontAgain))
+    return _tracers(system, lens, backend, "front", tracers)
 
 
-def _gradients(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
+def _gradients(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """The same front with a free sag of zeros, whose gradient is dropped."""
     space = lens.rear.sag.space
     knots = (kv.rescaled(-h, h) for kv, h in zip((space.kv_u, space.kv_v), lens.front.half_width))
     flat = type(space)(*knots)
     free = replace(lens, front=lens.front.with_sag(THBSurface(flat, np.zeros(flat.dim))))
-    rays = problem_rays(problem, (512, 512))
+    rays = system.source.rays((512, 512))
     one, two = (
-        _evaluation(backend, problem, a, Tracer(backend, a, rays, problem.target_z, sure=False))
+        _evaluation(system, a, backend, Tracer(backend, a, rays, system.target.z, sure=False))
         for a in (lens, free)
     )
 
@@ -258,38 +261,30 @@ def _gradients(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
         loss, gradients = two()
         return loss, gradients[1:]
 
-    return _pair(problem, "gradients", one, rear_only)
+    return _pair(system, "gradients", one, rear_only)
 
 
-def _converged(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
+def _converged(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Steps until the bracket is a rounding wide."""
-    rays = problem_rays(problem, (512, 512))
-    tracers = [Tracer(backend, lens, rays, problem.target_z, sure=False) for _ in range(2)]
+    rays = system.source.rays((512, 512))
+    tracers = [Tracer(backend, lens, rays, system.target.z, sure=False) for _ in range(2)]
     tracers[1]._rear.settled = 0.0
-    return _pair(
-        problem, "converged rays", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers)
-    )
+    return _tracers(system, lens, backend, "converged rays", tracers)
 
 
-def _first_meetings(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
-    rays = problem_rays(problem, (512, 512))
-    tracers = (Tracer(backend, lens, rays, problem.target_z, sure=sure) for sure in (False, True))
-    return _pair(
-        problem, "first meetings", *(_evaluation(backend, problem, lens, tracer) for tracer in tracers)
-    )
+def _first_meetings(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
+    rays = system.source.rays((512, 512))
+    tracers = (Tracer(backend, lens, rays, system.target.z, sure=sure) for sure in (False, True))
+    return _tracers(system, lens, backend, "first meetings", tracers)
 
 
-def _compilation(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
+def _compilation(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Coefficients that change from one evaluation to the next, as they do in a design; 16384 rays."""
-    rays = problem_rays(problem, (128, 128))
-    literal = replace(backend, dr=Literals(backend.dr))
-    c, rng = (
-        lens.rear.sag.coefficients,
-        np.random.default_rng(),
-    )  # other numbers in every run: kernels are kept on disk
+    rays, c = system.source.rays((128, 128)), lens.rear.sag.coefficients
+    rng = np.random.default_rng()  # other numbers in every run: kernels are kept on disk
     objectives = [
-        _objective(b, problem, Tracer(b, lens, rays, problem.target_z, sure=False))
-        for b in (backend, literal)
+        _objective(system, b, Tracer(b, lens, rays, system.target.z, sure=False))
+        for b in (backend, replace(backend, dr=Literals(backend.dr)))
     ]
 
     def changing(objective: Objective) -> float:
@@ -298,5 +293,5 @@ def _compilation(backend: Backend, problem: Problem, lens: Lens) -> list[Row]:
         return perf_counter() - start
 
     fast, slow = (float(np.median([changing(o) for _ in range(REPEATS)])) for o in objectives)
-    same = _pair(problem, "compilation", *(lambda o=o: o([c]) for o in objectives))[2]
+    same = _pair(system, "compilation", *(lambda o=o: _loss_and_gradients(o, [c]) for o in objectives))[2]
     return [*_timed("compilation", fast, slow, same.value, same.limit)]

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     )
     from optics.analysis.light_fates import (
         fans as fans,
-        follows_edges as follows_edges,
-        nonsequential_figures as nonsequential_figures,
+        nonsequential_metrics as nonsequential_metrics,
     )
     from optics.analysis.metrics import (
         Measurement as Measurement,
@@ -32,8 +31,7 @@ _FILES = {
     ),
     "light_fates": (
         "fans",
-        "follows_edges",
-        "nonsequential_figures",
+        "nonsequential_metrics",
     ),
     "metrics": (
         "Measurement",

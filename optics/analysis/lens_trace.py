@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from math import isinf
+from functools import reduce
+from operator import add
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources import Beam, Rays, beam_rays
-from optics.system import problem_rays, ray_parts, target_screen
+from optics.sources import single_rays
 from optics.target import BoxWindow, Splat
 from optics.tracing import (
     PhaseSpace,
-    SourceRays,
     TargetPlane,
     Tracer,
     at_target,
@@ -24,57 +23,48 @@ from optics.tracing import (
 )
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import Backend
-    from optics.tracing import FluxBudget
+    from optics.system import OpticalSystem
+    from optics.tracing import SequentialFates
     from thbcad.lens import Lens
 
 RAYS_AT_ONCE = 1 << 21
 NONSEQUENTIAL_RAYS = (256, 256)
 SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of etendue
-LINES, WIDEST = (
-    201,
-    0.98,
-)  # of the grid in the sections of phase space, and how far it goes towards grazing rays
+# of the grid in the sections of phase space, and how far it goes towards grazing rays
+LINES, WIDEST = 201, 0.98
 # of the light on the target: what may come by other ways where the sequential tracer is said to suffice
 NEGLIGIBLE = 0.01
 
 
 def sequential(
-    backend: Backend, problem: Problem, lens: Lens, rays: int
-) -> tuple[NDArray[np.float64], FluxBudget, dict[str, int]]:
-    """Return (irradiance (rows, columns), FluxBudget, rays by fate) of rays x rays rays, with box pixels."""
-    screen = target_screen(problem)
+    system: OpticalSystem, lens: Lens, backend: Backend, rays: int
+) -> tuple[NDArray[np.float64], SequentialFates, dict[str, int]]:
+    """Return (irradiance (rows, columns), flux by fate, rays by fate) of rays x rays rays, with box
+    pixels."""
+    screen = system.target.screen()
     splat = Splat(backend, screen, BoxWindow())
-    image, budgets, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
-    for part in ray_parts(problem, (rays, rays), None, RAYS_AT_ONCE):
-        tracer = Tracer(backend, lens, part, problem.target_z)
+    image, fates, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
+    for part in system.source.parts((rays, rays), None, RAYS_AT_ONCE):
+        tracer = Tracer(backend, lens, part, system.target.z)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux).numpy()
-            budgets.append(tracer.budget(landing, screen.half_width))
+            fates.append(tracer.fates(landing, screen.half_width))
             counts.append(tracer.counts(landing, screen.half_width))
-    total = budgets[0]
-    for budget in budgets[1:]:
-        total = total + budget
-    return (
-        image.reshape(screen.shape, order="F"),
-        total,
-        {name: sum(c[name] for c in counts) for name in counts[0]},
-    )
+    numbers = {name: sum(c[name] for c in counts) for name in counts[0]}
+    return image.reshape(screen.shape, order="F"), reduce(add, fates), numbers
 
 
-def nonsequential(backend: Backend, problem: Problem, lens: Lens) -> dict[str, Any]:
+def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, Any]:
     """Return the fates of the light in the closed lens, W, and the share on the target that came by other
-    ways than front and rear."""
-    rays = _single(problem, lens, NONSEQUENTIAL_RAYS)
-    flux = np.broadcast_to(rays.ray_flux, rays.origin.shape[1])
-    plane = TargetPlane(problem.target_z, problem.target.half_width)
-    found = trace_nonsequential(backend, lens, SourceRays(rays.origin, rays.direction, flux), plane)
-    hx, hy = problem.target.half_width
+    paths than front and rear."""
+    rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
+    hx, hy = half_width = system.target.settings.half_width
+    found = trace_nonsequential(backend, lens, rays, TargetPlane(system.target.z, half_width))
     landings = found.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
-    total, direct = float(landings.flux[onto].sum()), float(landings.flux[onto & landings.direct].sum())
+    total, direct = float(landings.flux[onto].sum()), float(landings.flux[onto & found.direct].sum())
     other = 1 - direct / total if total else 0.0
     return {
         "fates_w": asdict(found.fates),
@@ -83,18 +73,18 @@ def nonsequential(backend: Backend, problem: Problem, lens: Lens) -> dict[str, A
     }
 
 
-def conservation(backend: Backend, problem: Problem, lens: Lens) -> dict[str, float]:
+def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:
     """Return how far the determinant of the map from source to target in phase space is from 1, over rays
     that arrive."""
-    rays = _single(problem, lens, SAMPLES)
-    size = max(problem.source.half_width) or problem.source.distance
+    rays, source = single_rays(system.source.rays(SAMPLES), lens), system.problem.source
+    size = max(source.half_width) or source.distance
     found = jacobian_determinants(
         backend,
         lens,
         source_points(rays),
         (size, size, 0.1, 0.1),
         float(rays.origin[2, 0]),
-        plane_behind(problem, lens),
+        plane_behind(system, lens),
     )
     off = np.abs(found[np.isfinite(found)] - 1)
     return {
@@ -104,17 +94,17 @@ def conservation(backend: Backend, problem: Problem, lens: Lens) -> dict[str, fl
     }
 
 
-def plane_behind(problem: Problem, lens: Lens) -> float:
+def plane_behind(system: OpticalSystem, lens: Lens) -> float:
     """Return z of the target plane; of a plane a thickness behind the lens where the target is the far
     field."""
-    return 2 * lens.thickness if isinf(problem.target_z) else problem.target_z
+    return 2 * lens.thickness if system.target.far_field else system.target.z
 
 
-def sections(backend: Backend, problem: Problem, lens: Lens) -> dict[str, tuple[PhaseSpace, float]]:
+def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:
     """Return rays of the source with x = 0 and p = 0 in phase space, in planes by name, and how far y matters
     there, mm."""
-    source, behind = problem.source, 2 * lens.thickness
-    collimated = source.kind == "collimated"
+    source, collimated, target = system.problem.source, system.source.collimated, system.target
+    behind = 2 * lens.thickness
     reach = source.half_width[1] or 1.0
     y = np.linspace(-1, 1, LINES) * source.half_width[1]
     q = np.linspace(-1, 1, LINES) * (0.0 if collimated else WIDEST * np.sin(np.radians(source.half_angle)))
@@ -128,15 +118,9 @@ def sections(backend: Backend, problem: Problem, lens: Lens) -> dict[str, tuple[
             1.5 * lens.rear.half_width[1],
         ),
     }
-    if not isinf(problem.target_z):
+    if not target.far_field:
         found["target"] = (
-            at_target(backend, lens, points, start, problem.target_z),
-            1.1 * problem.target.half_width[1],
+            at_target(backend, lens, points, start, target.z),
+            1.1 * target.settings.half_width[1],
         )
     return found
-
-
-def _single(problem: Problem, lens: Lens, counts: tuple[int, int]) -> Rays:
-    """Return rays of the source one by one."""
-    rays = problem_rays(problem, counts)
-    return beam_rays(rays, lens) if isinstance(rays, Beam) else rays

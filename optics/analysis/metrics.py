@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.system import ray_parts, target_irradiance, target_screen
 from optics.target import PixelWindow, Splat
-from optics.tracing import FluxBudget, Tracer
+from optics.tracing import SequentialFates, Tracer
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import Backend, DrArray
+    from optics.system import OpticalSystem
     from optics.target import Screen
     from thbcad.lens import Lens
 
@@ -32,45 +31,42 @@ RAYS_AT_ONCE = 1 << 21
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """irradiance, target : (rows, columns), W/mm^2, intensities in the far field; figures : the metrics that
+    """irradiance, target : (rows, columns), W/mm^2, intensities in the far field; metrics : those that
     the README explains."""
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]
-    figures: dict[str, Any]
+    metrics: dict[str, Any]
 
 
-def measure(backend: Backend, problem: Problem, lens: Lens, light: NDArray[np.float64]) -> Measurement:
+def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
     Two ray sets, neither of which the optimisation has seen, are traced; their mean is the
     irradiance and their difference tells the estimator's own error (`rel_l2_floor`).
     """
-    screen = target_screen(problem)
-    rng = np.random.default_rng(problem.run.seed)
-    images, budgets = [], []
+    screen, flux = system.target.screen(), system.problem.source.flux
+    rng = np.random.default_rng(system.problem.run.seed)
+    images, fates = [], []
     for extra in (0, 1):
-        rays = [
+        counts = [
             min(RAYS_PER_PIXEL * n, max(LEAST_PER_PIXEL * n, MOST_RAYS)) + 2 * extra + 1
             for n in screen.pixels
         ]
-        image, budget = _trace(backend, problem, lens, screen, rays, rng)
+        image, by_fate = _trace(system, lens, screen, counts, rng, backend)
         images.append(image)
-        budgets.append(budget)
-    irradiance = (images[0] + images[1]) / 2
-    budget = budgets[0]
-    target = target_irradiance(light, screen, problem.target.placing, budget.transmitted)
+        fates.append(by_fate)
+    irradiance, by_fate = (images[0] + images[1]) / 2, fates[0]
+    target = system.target.irradiance(screen, by_fate.transmitted)
     shown = screen.projection()  # in the far field intensities are compared
     irradiance, target, images = irradiance / shown, target / shown, [image / shown for image in images]
-    figures = compare(irradiance, target)
-    figures["rel_l2_floor"] = float(np.linalg.norm(images[0] - images[1]) / 2 / np.linalg.norm(target))
-    figures["efficiency"] = budget.on_target / problem.source.flux
-    figures["lit_efficiency"] = float(
-        (irradiance * shown)[target > 0].sum() * screen.pixel_area / problem.source.flux
-    )
-    figures["stray"] = budget.off_target / problem.source.flux
-    figures["flux_budget_w"] = asdict(budget)
-    return Measurement(irradiance, target, figures)
+    metrics = compare(irradiance, target)
+    metrics["rel_l2_floor"] = float(np.linalg.norm(images[0] - images[1]) / 2 / np.linalg.norm(target))
+    metrics["efficiency"] = by_fate.on_target / flux
+    metrics["lit_efficiency"] = float((irradiance * shown)[target > 0].sum() * screen.pixel_area / flux)
+    metrics["stray"] = by_fate.off_target / flux
+    metrics["fates_w"] = asdict(by_fate)
+    return Measurement(irradiance, target, metrics)
 
 
 def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
@@ -96,23 +92,22 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
 
 
 def _trace(
-    backend: Backend,
-    problem: Problem,
+    system: OpticalSystem,
     lens: Lens,
     screen: Screen,
-    rays: Sequence[int],
+    counts: Sequence[int],
     fresh: np.random.Generator,
-) -> tuple[NDArray[np.float64], FluxBudget]:
-    """Return (irradiance, FluxBudget) of fresh rays, traced in parts."""
+    backend: Backend,
+) -> tuple[NDArray[np.float64], SequentialFates]:
+    """Return (irradiance, flux by fate) of fresh rays, traced in parts."""
     splat = Splat(backend, screen, PixelWindow(0.5 / RAYS_PER_PIXEL))
-    image: DrArray
-    budget: FluxBudget | None
-    image, budget = 0.0, None
-    for part in ray_parts(problem, rays, fresh, RAYS_AT_ONCE):
-        tracer = Tracer(backend, lens, part, problem.target_z)
+    image: DrArray = 0.0
+    fates: SequentialFates | None = None
+    for part in system.source.parts(counts, fresh, RAYS_AT_ONCE):
+        tracer = Tracer(backend, lens, part, system.target.z)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux)
-            here = tracer.budget(landing, screen.half_width)
-        budget = here if budget is None else budget + here
-    return image.numpy().reshape(screen.shape, order="F"), budget
+            here = tracer.fates(landing, screen.half_width)
+        fates = here if fates is None else fates + here
+    return image.numpy().reshape(screen.shape, order="F"), fates

@@ -10,17 +10,17 @@ from typing import Any
 from optics.etendue import etendue_note
 from optics.optimisation import stages
 from optics.problem import load_problem
-from optics.system import advice, freeforms, skip_lines, skips, sound, target_irradiance, target_screen
+from optics.system import advice, skip_lines, solvable_system
 
 
 def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     """Read a problem without tracing."""
     problem = load_problem(options.problem)
-    light, lens = sound(problem)
-    screen = target_screen(problem)
-    target = target_irradiance(light, screen, problem.target.placing, problem.source.flux)
-    least = lens.least_thickness()
-    plan, found = stages(problem, problem.optimizer.start == "transport"), skips(problem)
+    system = solvable_system(problem)
+    light, screen = system.target.light, system.target.screen()
+    target = system.target.irradiance(screen, problem.source.flux)
+    least, volume = system.lens.least_thickness(), system.lens.volume()
+    plan = stages(system, problem.optimizer.start == "transport")
     data = {
         "title": problem.title,
         "picture_pixels": list(light.shape[::-1]),
@@ -28,8 +28,8 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         "dark_share": float((target <= 0.01 * target.max()).mean()),
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
-        "volume_mm3": lens.volume(),
-        "skips": [asdict(skip) for skip in found],
+        "volume_mm3": volume,
+        "skips": [asdict(skip) for skip in system.skips],
         "levels": [
             {
                 "level": s.level,
@@ -51,12 +51,12 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
         for s in plan
     ]
-    if least.lower <= sum(f.z_freedom for f in freeforms(problem)):
+    if least.lower <= sum(f.z_freedom for f in system.freeforms):
         lines.append(
             "note: z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
-    lines += skip_lines(found)
-    lines += [f"note: {sentence}" for sentence in [*advice(problem, lens), *etendue_note(problem, light)]]
+    lines += skip_lines(system.skips)
+    lines += [f"note: {sentence}" for sentence in [*advice(system), *etendue_note(system)]]
     return data, lines, True
 
 

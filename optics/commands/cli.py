@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from optics.runtime import NumericalError, UserError
+from thbcad import __version__
+from thbcad.doors import missing_packages, pip_command
 
 
 def parser() -> argparse.ArgumentParser:
@@ -22,6 +24,7 @@ def parser() -> argparse.ArgumentParser:
         description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
         epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted",
     )
+    main.add_argument("--version", action="version", version=f"thbcad {__version__}")
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
     design = commands.add_parser("design", help="shape the lens, write the STEP solid, verify it, report")
     design.add_argument("problem", metavar="PROBLEM.toml")
@@ -135,6 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
+        _require_extra()
         command = import_module(f"optics.commands.{options.command}_command")
         result, lines, ok = getattr(command, options.command)(options)
     except (UserError, NumericalError) as error:
@@ -159,6 +163,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     _print(json_text(result) if options.json else "\n".join(lines))
     return 0 if ok else 1
+
+
+def _require_extra() -> None:
+    """Raise UserError unless everything that the commands need is installed; help needs none of it."""
+    missing = missing_packages("optics")
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        raise UserError(f"{', '.join(missing)} {verb} not installed; {pip_command('optics')}")
 
 
 def _print(text: str) -> None:

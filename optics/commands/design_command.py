@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 from argparse import Namespace
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from time import perf_counter
@@ -14,16 +15,13 @@ from optics.commands.progress import DesignProgress
 from optics.optimisation import Interrupted, ResultFolder, earlier_state
 from optics.problem import limit_checks, load_problem, problem_to_toml
 from optics.runtime import UserError, check_lines, note
-from optics.system import advice, base_lens, lens_product, sound
+from optics.system import advice, solvable_system
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from optics.analysis import Measurement
     from optics.optimisation import State
-    from optics.problem import Problem
     from optics.runtime import Backend
+    from optics.system import OpticalSystem
     from optics.tracing import RayPath
     from thbcad.lens import Lens, Manufacturability
 
@@ -50,15 +48,15 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     problem = load_problem(options.problem)
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
-    light, lens = sound(problem)
+    system = solvable_system(problem)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     folder.prepare()
-    state = folder.read_checkpoint(problem) if options.resume else None
+    state = folder.read_checkpoint(system) if options.resume else None
     if options.earlier:
-        state = earlier_state(problem, lens, ResultFolder(options.earlier).read_lens())
+        state = earlier_state(system, ResultFolder(options.earlier).read_lens())
     if not options.resume:
         folder.drop_checkpoint()
-    for sentence in advice(problem, lens):
+    for sentence in advice(system):
         note(sentence)
     from optics.runtime import load_backend
 
@@ -66,9 +64,9 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     clock.lap("setup")
     Thread(target=_load_ahead, daemon=True).start()
     try:
-        lens, state = _optimise(problem, light, backend, folder, state)
+        lens, state = _optimise(system, backend, folder, state)
         clock.lap("optimise")
-        return _finish(problem, light, lens, state, folder, clock)
+        return _finish(system, lens, state, folder, clock)
     except (KeyboardInterrupt, ImportError) as error:
         if isinstance(error, ImportError) and not isinstance(
             error.__cause__, KeyboardInterrupt
@@ -88,15 +86,13 @@ def _load_ahead() -> None:
 
 
 def _optimise(
-    problem: Problem, light: NDArray[np.float64], backend: Backend, folder: ResultFolder, state: State | None
+    system: OpticalSystem, backend: Backend, folder: ResultFolder, state: State | None
 ) -> tuple[Lens, State]:
     from optics.optimisation import design as run
 
-    progress = DesignProgress()
+    progress, problem = DesignProgress(), system.problem
     try:
-        return run(
-            problem, light, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note
-        )
+        return run(system, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note)
     except Interrupted as stop:
         folder.write_checkpoint(problem, stop.state)
         raise KeyboardInterrupt from None
@@ -105,12 +101,7 @@ def _optimise(
 
 
 def _finish(
-    problem: Problem,
-    light: NDArray[np.float64],
-    lens: Lens,
-    state: State,
-    folder: ResultFolder,
-    clock: _Clock,
+    system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder, clock: _Clock
 ) -> tuple[dict[str, Any], list[str], bool]:
     """Export, measure, verify and report a designed lens."""
     from optics.etendue import limit_sentence
@@ -120,23 +111,23 @@ def _finish(
     from thbcad.io import write_bytes, write_text
     from thbcad.lens import manufacturability
 
-    _store(problem, lens, state, folder)
+    problem = system.problem
+    _store(system, lens, state, folder)
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
-    measurement, figures, paths = _measured(problem, lens, light, exact)
-    limit = limit_sentence(problem, lens, light, figures)
+    measurement, paths = _measured(system, lens, exact)
+    limit = limit_sentence(system, lens, measurement.metrics)
     clock.lap("measure")
     found = manufacturability(lens, problem.lens.density or None)
     folder.write_json("manufacture.json", as_data(found))
-    checked = _verified(problem, lens, folder, found, exact)
+    checked = _verified(system, lens, folder, found, exact)
     clock.lap("verify")
-    pictures = draw_all(problem, lens, measurement, state.history, paths) | _solids(
-        problem, lens, measurement, exact
-    )
+    pictures = draw_all(system, lens, measurement, state.history, paths)
+    pictures |= _solids(system, lens, measurement, exact)
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
-    metrics = figures | {
+    metrics = measurement.metrics | {
         "dof": sum(sag.space.dim for sag in lens.sags),
         "levels": max(sag.space.levels for sag in lens.sags),
         "evaluations": state.evaluations,
@@ -144,71 +135,74 @@ def _finish(
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
     folder.write_json("metrics.json", metrics)
-    page = Report(
-        problem, metrics, checked, manufacture_rows(found, problem.source.wavelength), pictures, limit
-    )
+    rows = manufacture_rows(found, problem.source.wavelength)
+    page = Report(problem, metrics, checked, rows, pictures, limit)
     write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
     folder.drop_checkpoint()
     lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
     return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, lines, checked["ok"]
 
 
-def _store(problem: Problem, lens: Lens, state: State, folder: ResultFolder) -> None:
-    """Write problem, lens, history and STEP file; only now: until then a folder keeps what belongs to an
-    earlier run."""
+def _store(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder) -> None:
+    """Write problem, lens, history and STEP file.
+
+    Only now: until then a folder keeps what belongs to an earlier run.
+    """
     from thbcad.cad import write_step
 
-    folder.write_problem(problem)
+    folder.write_problem(system.problem)
     folder.write_lens(lens)
     folder.write_history(state.history)
-    write_step(lens, folder.step, lens_product(problem), problem.export.schema)
+    write_step(lens, folder.step, system.product, system.problem.export.schema)
 
 
 def _measured(
-    problem: Problem, lens: Lens, light: NDArray[np.float64], backend: Backend
-) -> tuple[Measurement, dict[str, Any], dict[str, list[RayPath]]]:
-    """Return the Measurement of a lens, its figures, and fans of rays where light may go other ways than
-    front and rear."""
-    from optics.analysis import fans, follows_edges, measure, nonsequential_figures
+    system: OpticalSystem, lens: Lens, backend: Backend
+) -> tuple[Measurement, dict[str, list[RayPath]]]:
+    """Return the Measurement of a lens, and fans of rays where light may take other paths than by front and
+    rear."""
+    from optics.analysis import fans, measure, nonsequential_metrics
     from optics.tracing import efficiency_bound
 
-    measurement = measure(backend, problem, lens, light)
-    figures = measurement.figures | {"efficiency_bound": efficiency_bound(lens.index)}
-    if not figures["efficiency"]:
+    measurement = measure(system, lens, backend)
+    metrics = measurement.metrics | {"efficiency_bound": efficiency_bound(lens.index)}
+    if not metrics["efficiency"]:
         note(
             "no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or "
             "nearer to the beam"
         )
-    if not follows_edges(problem):
-        return measurement, figures, {}
-    figures["nonsequential_w"] = nonsequential_figures(backend, problem, lens, measurement.target)
-    return measurement, figures, fans(backend, problem, lens)
+    if not system.path.by_edges:
+        return replace(measurement, metrics=metrics), {}
+    metrics["nonsequential"] = nonsequential_metrics(system, lens, backend, measurement.target)
+    return replace(measurement, metrics=metrics), fans(system, lens, backend)
 
 
 def _verified(
-    problem: Problem, lens: Lens, folder: ResultFolder, found: Manufacturability, backend: Backend
+    system: OpticalSystem, lens: Lens, folder: ResultFolder, found: Manufacturability, backend: Backend
 ) -> dict[str, Any]:
     """Verify the STEP file and the limits of manufacture, store and return the checks."""
     from optics.runtime import verification
     from optics.verification import StepFile, verify
 
-    checked = verification(
-        verify(problem, lens, StepFile(folder.step), backend) + limit_checks(problem, found)
-    )
+    checks = verify(system, lens, StepFile(folder.step), backend) + limit_checks(system.problem, found)
+    checked = verification(checks)
     folder.write_json("verify.json", checked)
     return checked
 
 
 def _solids(
-    problem: Problem, lens: Lens, measurement: Measurement, exact: Backend
+    system: OpticalSystem, lens: Lens, measurement: Measurement, exact: Backend
 ) -> dict[str, tuple[str, bytes]]:
     """Return (caption, PNG) of the scene, and of the lens before and after, by name."""
     from optics.report import scene_paths, scene_view, solid_views
 
-    scene = scene_view(problem, lens, measurement.irradiance, scene_paths(exact, problem, lens))
+    scene = scene_view(system, lens, measurement.irradiance, scene_paths(system, lens, exact))
     return {
-        "scene": ("Source, lens and target, seen from behind; rays that miss the target are red.", scene),
-        "solid_before": ("The solid before optimisation.", solid_views(base_lens(problem))),
+        "scene": (
+            "Source, lens and target, seen from behind; rays that miss the target are red.",
+            scene,
+        ),
+        "solid_before": ("The solid before optimisation.", solid_views(system.lens)),
         "solid": (
             "The solid from four sides; the text below says how much steeper its relief is shaded.",
             solid_views(lens),

@@ -11,12 +11,13 @@ from optics.etendue import KIND, Found, certain_bound, problem_bound, rear_area,
 from optics.optimisation import ResultFolder, require_writable
 from optics.problem import load_problem
 from optics.runtime import UserError
-from optics.system import sound, target_screen
+from optics.system import solvable_system
 from optics.tracing import efficiency_bound
 
 if TYPE_CHECKING:
     from optics.etendue import Throughput
     from optics.problem import Problem
+    from optics.system import OpticalSystem
 
 NARROW = 0.05  # of a designed lens's light comes in narrower images than the width that is told
 NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the light"
@@ -29,18 +30,17 @@ def etendue(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     if options.out:
         require_writable(Path(options.out))
-    problem = load_problem(options.problem)
-    light, lens = sound(problem)
-    found = throughput(problem, lens, light)
+    system = solvable_system(load_problem(options.problem))
+    problem, lens, found = system.problem, system.lens, throughput(system)
     data, lines = _throughput_told(problem, found)
     if not found.source:
         return data, [*lines, NO_LIMIT], True
     share = options.efficiency or found.picture / problem.source.flux
     start = perf_counter()
-    bound = certain_bound(problem, lens, light, share)
+    bound = certain_bound(system, lens, share)
     told = _told(bound, start)
     data |= {"efficiency": share, "bound": told}
-    lines += _bound_lines(problem, told)
+    lines += _bound_lines(system, told)
     lines.append(
         f"no {KIND}, {rear_area(lens):.4g} mm^2, brings {share:.4g} of the light to the target and goes "
         "below that"
@@ -48,19 +48,17 @@ def etendue(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     lines.append("lenses whose images differ may: etendue bounds the mean of their areas alone")
     if options.measure:
         start = perf_counter()
-        data["measured"] = _told(
-            problem_bound(problem, light, _measured_half_width(problem, options.measure)), start
-        )
+        data["measured"] = _told(problem_bound(system, _measured_half_width(system, options.measure)), start)
         lines.append(
             f"the lens of {options.measure}: {1 - NARROW:.0%} of its light comes in images at least so "
             "large; were they alike:"
         )
-        lines += _bound_lines(problem, data["measured"])
+        lines += _bound_lines(system, data["measured"])
     if options.out:
         from optics.report import bound_figure
         from thbcad.io import write_bytes
 
-        write_bytes(Path(options.out), bound_figure(bound.bound, target_screen(problem)))
+        write_bytes(Path(options.out), bound_figure(bound.bound, system.target.screen()))
         lines.append(f"wrote {options.out}")
     return data, lines, True
 
@@ -79,13 +77,14 @@ def _told(found: Found, start: float) -> dict[str, Any]:
     }
 
 
-def _measured_half_width(problem: Problem, result: str) -> tuple[float, float]:
+def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, float]:
     """Return half the width and height of the narrow images that a designed lens throws."""
     from optics.etendue import patch_images
     from optics.runtime import load_backend
 
     lens = ResultFolder(result).read_lens()
-    wide, high = patch_images(load_backend("double", problem.run.threads), problem, lens).narrowest(NARROW)
+    backend = load_backend("double", system.problem.run.threads)
+    wide, high = patch_images(system, lens, backend).narrowest(NARROW)
     return wide / 2, high / 2
 
 
@@ -116,15 +115,15 @@ def _throughput_told(problem: Problem, found: Throughput) -> tuple[dict[str, Any
     return data, lines
 
 
-def _bound_lines(problem: Problem, told: dict[str, Any]) -> list[str]:
-    unit = "degrees" if target_screen(problem).angular else "mm"
+def _bound_lines(system: OpticalSystem, told: dict[str, Any]) -> list[str]:
+    unit = "degrees" if system.target.far_field else "mm"
     (hx, hy), (wide, high) = told["half_width"], told["pixels"]
     lines = [
         f"images of the source: at least {2 * hx:.4g} x {2 * hy:.4g} {unit}, {wide:.3g} x {high:.3g} pixels"
     ]
     if not told["sizes"]:
         return [*lines, "they are narrower than two pixels and set no limit to rel_l2"]
-    if problem.source.profile != "uniform":
+    if system.problem.source.profile != "uniform":
         lines.append(
             "note: the source is no uniform rectangle; the bound holds for images of this size, centred on "
             "pixels"

@@ -5,33 +5,19 @@ from __future__ import annotations
 import io
 from argparse import Namespace
 from dataclasses import asdict
-from math import isinf
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from optics.analysis import conservation, nonsequential, sections, sequential
 from optics.optimisation import ResultFolder, writable_folder
 from optics.runtime import UserError
-from optics.system import target_screen
-from optics.tracing import efficiency_bound
-
-if TYPE_CHECKING:
-    pass
+from optics.system import OpticalSystem
+from optics.tracing import SENTENCES, efficiency_bound
 
 MOST_RAYS = 1 << 15  # per direction
-WORDS = {
-    "beside_lens": "pass beside the lens",
-    "missed_rear": "meet an edge instead of the rear",
-    "unresolved": "undecided",
-    "total_internal": "reflected totally at the rear",
-    "front_reflected": "reflected at the front",
-    "rear_reflected": "reflected at the rear",
-    "on_target": "on the target",
-    "off_target": "beside the target",
-}
 
 
 def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
@@ -43,31 +29,32 @@ def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     if not 8 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
     result = ResultFolder(options.result)
-    problem, lens = result.read_problem(), result.read_lens()
+    system, lens = OpticalSystem(result.read_problem()), result.read_lens()
+    problem = system.problem
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
     backend = load_backend(options.precision, problem.run.threads)
     exact = backend if options.precision == "double" else load_backend("double", problem.run.threads)
     start = perf_counter()
-    image, budget, counts = sequential(backend, problem, lens, options.rays)
+    image, fates, counts = sequential(system, lens, backend, options.rays)
     seconds = perf_counter() - start
-    screen = target_screen(problem)
+    screen = system.target.screen()
     data: dict[str, Any] = {
         "rays": sum(counts.values()),
         "seconds": seconds,
         "counts": counts,
-        "flux_w": asdict(budget),
-        "efficiency": budget.on_target / problem.source.flux,
+        "fates_w": asdict(fates),
+        "efficiency": fates.on_target / problem.source.flux,
         "efficiency_bound": efficiency_bound(lens.index),
-        "etendue": conservation(exact, problem, lens),
+        "etendue": conservation(system, lens, exact),
     }
-    if not isinf(problem.target_z):
-        data["nonsequential"] = nonsequential(exact, problem, lens)
+    if not system.target.far_field:
+        data["nonsequential"] = nonsequential(system, lens, exact)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, irradiance=image, half_width=np.array(screen.half_width))
     write_bytes(folder / "irradiance.npz", buffer.getvalue())
     write_bytes(folder / "irradiance.png", irradiance_figure(image, screen))
-    write_bytes(folder / "phase_space.png", phase_space_figure(sections(exact, problem, lens)))
+    write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
     write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
     write_text(folder / "trace.json", json_text(data))
     return data, [*_lines(data), f"wrote {folder}"], True
@@ -76,9 +63,9 @@ def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
 def _lines(data: dict[str, Any]) -> list[str]:
     rays = data["rays"]
     lines = [f"{rays} rays in sequence, {data['seconds']:.3g} s"]
-    for name, flux in data["flux_w"].items():
+    for name, flux in data["fates_w"].items():
         count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
-        lines.append(f"{abs(flux):10.6f} W {count}  {WORDS[name]}")
+        lines.append(f"{abs(flux):10.6f} W {count}  {SENTENCES[name]}")
     lines.append(
         f"efficiency {data['efficiency']:.4f}, at most {data['efficiency_bound']:.4f} through two uncoated "
         "faces"
@@ -88,7 +75,7 @@ def _lines(data: dict[str, Any]) -> list[str]:
     if "nonsequential" in data:
         found = data["nonsequential"]
         lines += [
-            f"{flux:10.6f} W  {name.replace('_', ' ')}, with all reflections"
+            f"{flux:10.6f} W  {SENTENCES[name]}, with all reflections"
             for name, flux in found["fates_w"].items()
             if flux
         ]

@@ -9,6 +9,8 @@ from typing import Any
 from optics.optimisation import ResultFolder
 from optics.problem import limit_checks
 from optics.runtime import UserError, check_lines, note
+from optics.system import OpticalSystem
+from thbcad.doors import pip_command
 
 
 def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
@@ -20,7 +22,7 @@ def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         bare_checks,
         optiland_available,
         optiland_checks,
-        stranger_checks,
+        text_and_occt_checks,
         verify as run,
     )
     from thbcad.lens import manufacturability
@@ -33,17 +35,18 @@ def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
             from optics.runtime import load_backend
 
             folder = ResultFolder(path)
-            problem, lens = folder.read_problem(), folder.read_lens()
+            system, lens = OpticalSystem(folder.read_problem()), folder.read_lens()
+            problem = system.problem
             backend = load_backend("double", problem.run.threads)
             file = StepFile(folder.step)
             # first the reader that damaged files cannot crash
-            checks = stranger_checks(problem, lens, file, backend)
-            checks += run(problem, lens, file, backend)
+            checks = text_and_occt_checks(system, lens, file, backend)
+            checks += run(system, lens, file, backend)
             checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))
             if options.optiland and optiland_available():
-                checks += optiland_checks(problem, lens, file, backend)
+                checks += optiland_checks(system, lens, file, backend)
             elif options.optiland:
-                note("optiland is not installed and does not trace the file: pip install thbcad[verify]")
+                note(f"optiland is not installed and does not trace the file; {pip_command('verify')}")
     except OSError as error:
         raise UserError(f"cannot read {error.filename or path}: {error.strerror}") from None
     except ValueError as error:

@@ -57,7 +57,7 @@ def approximate(
         `Approximation.kkt` tells.
 
     Splitting, then gradient steps in single precision, then in double precision, see
-    `optics.etendue.splitting`.
+    `optics.etendue.nonnegative_solvers`.
 
     Raises
     ------

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.system import problem_rays
 from optics.tracing import Tracer
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import Backend
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 PATCHES = 16  # each way, over the rear
@@ -47,13 +46,13 @@ class PatchImages:
         return found[0], found[1]
 
 
-def patch_images(backend: Backend, problem: Problem, lens: Lens) -> PatchImages:
+def patch_images(system: OpticalSystem, lens: Lens, backend: Backend) -> PatchImages:
     """Trace rays from the whole source and return the PatchImages of a lens.  backend : of double precision.
 
     Where in a patch a ray leaves the rear moves its image: a quadratic in that place is fitted to the landing
     points of every patch, weighted by flux, and taken off; what is left is the image.
     """
-    tracer = Tracer(backend, lens, problem_rays(problem, RAYS), problem.target_z)
+    tracer = Tracer(backend, lens, system.source.rays(RAYS), system.target.z)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at_rear(coefficients)

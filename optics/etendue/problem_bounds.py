@@ -9,13 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from optics.etendue.source_image_bound import ImageBound, image_bound
 from optics.etendue.throughput_bound import image_half_width, throughput
-from optics.system import base_lens, source_profile, target_irradiance, target_screen
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from optics.problem import Problem
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 LEAST_PIXELS = 4  # each way, that merging leaves
@@ -49,20 +45,20 @@ class Found:
     bound: ImageBound
 
 
-def etendue_note(problem: Problem, light: NDArray[np.float64]) -> list[str]:
+def etendue_note(system: OpticalSystem) -> list[str]:
     """Return what etendue says about a problem, for `thbcad check`; nothing for sources without extent."""
-    if problem.source.kind != "lambertian":
+    source = system.problem.source
+    if source.kind != "lambertian":
         return []
-    lens = base_lens(problem)
-    found = throughput(problem, lens, light)
-    share = found.picture / problem.source.flux
+    found = throughput(system)
+    share = found.picture / source.flux
     sentences = []
     if found.asked > 1:
         sentences.append(
             f"the brightest pixel asked for needs {found.asked:.3g} times the radiance of the source; "
             f"at most {found.picture:.4g} W can make this picture"
         )
-    images = certain_bound(problem, lens, light, share, QUICK)
+    images = certain_bound(system, system.lens, share, QUICK)
     wide, high = images.width
     sentences.append(
         f"images of the source are at least {wide:.2g} x {high:.2g} pixels: no {KIND} brings {share:.3g} of "
@@ -72,27 +68,21 @@ def etendue_note(problem: Problem, light: NDArray[np.float64]) -> list[str]:
     return sentences
 
 
-def limit_sentence(
-    problem: Problem, lens: Lens, light: NDArray[np.float64], metrics: dict[str, Any]
-) -> str | None:
+def limit_sentence(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]) -> str | None:
     """Return what etendue says about a finished design, by its rel_l2 and efficiency; None where it sets no
     limit."""
     share = metrics["efficiency"]
-    if problem.source.kind != "lambertian" or not share:
+    if system.problem.source.kind != "lambertian" or not share:
         return None
     reached = metrics["rel_l2"]
-    bound = problem_bound(
-        problem, light, image_half_width(problem, lens, share, light, reached), REPORT
-    ).bound
+    bound = problem_bound(system, image_half_width(system, lens, share, reached), REPORT).bound
     limit = (
         f"no {KIND} brings as much light to the target and goes below {min(reached, bound.lower_bound):.4f}"
     )
     return f"rel_l2 reached {reached:.4f}; by etendue {limit}"
 
 
-def certain_bound(
-    problem: Problem, lens: Lens, light: NDArray[np.float64], share: float, care: Care = FULL
-) -> Found:
+def certain_bound(system: OpticalSystem, lens: Lens, share: float, care: Care = FULL) -> Found:
     """Return the Found bound for lenses of the kind, with a rear of this lens's area, that bring a share of
     the flux to the target.
 
@@ -101,15 +91,13 @@ def certain_bound(
     min(e, b) holds for all.
     """
     for error in NEAR:
-        found = problem_bound(problem, light, image_half_width(problem, lens, share, light, error), care)
+        found = problem_bound(system, image_half_width(system, lens, share, error), care)
         if found.bound.lower_bound <= error:
             break
     return replace(found, bound=replace(found.bound, lower_bound=min(error, found.bound.lower_bound)))
 
 
-def problem_bound(
-    problem: Problem, light: NDArray[np.float64], half_width: tuple[float, float], care: Care = FULL
-) -> Found:
+def problem_bound(system: OpticalSystem, half_width: tuple[float, float], care: Care = FULL) -> Found:
     """Return the Found bound of a problem's target for images of the source at least so large.
 
     In the far field pictures are intensities; d Omega / (du dv) is taken as constant over an image of the
@@ -117,9 +105,9 @@ def problem_bound(
 
     half_width : of the images, mm (degrees in the far field).
     """
-    screen = target_screen(problem)
-    target = target_irradiance(light, screen, problem.target.placing, 1.0) / screen.projection()
+    screen = system.target.screen()
+    target = system.target.irradiance(screen, 1.0) / screen.projection()
     width = tuple(2 * h / p for h, p in zip(half_width, screen.pitch))
     wanted = max(1, ceil(max(width) / care.widest), ceil(max(screen.pixels) / care.pixels))
     merge = max(1, min(wanted, min(screen.pixels) // LEAST_PIXELS))
-    return Found(half_width, width, image_bound(target, width, source_profile(problem), merge))
+    return Found(half_width, width, image_bound(target, width, system.source.profile, merge))

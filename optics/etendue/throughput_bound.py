@@ -32,13 +32,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from optics.sources import Rays
-from optics.system import problem_rays, source_profile, target_irradiance, target_screen
 from optics.tracing import efficiency_bound
 from thbcad.sags import Conic
 
 if TYPE_CHECKING:
     from optics.problem import Problem
-    from thbcad.lens import FreeformSurface, Lens
+    from optics.sources import Profile
+    from optics.system import OpticalSystem
+    from thbcad.lens import Lens
 
 RAYS = (512, 256)  # that tell which share of the light meets the front
 NODES = 8  # of Gauss's rule over the rear aperture, each way
@@ -77,24 +78,24 @@ class Throughput:
         return self.arriving / max(1.0, self.asked)
 
 
-def throughput(problem: Problem, lens: Lens, light: Array) -> Throughput:
+def throughput(system: OpticalSystem) -> Throughput:
     """Return the Throughput of a problem; only the front of the lens matters, and how wide its rear is.
 
     arriving = T min(Phi, L U) with the flux Phi that meets the front, the transmittance T of two uncoated
     faces and U = integral of S cos^3 / D^2 over the target.
-    light : the picture, as `optics.model.target_light` gives it.
     """
+    problem, lens = system.problem, system.lens
     flux, etendue = problem.source.flux, source_etendue(problem)
-    share = front_share(problem, lens.front)
+    share = front_share(system)
     passing = efficiency_bound(lens.index)
     target = aperture_etendue(problem)
     if not etendue:
         return Throughput(0.0, 0.0, target, float("inf"), share * flux, passing * share * flux, 0.0)
-    radiance = flux * brightest(problem) / etendue
-    screen = target_screen(problem)
-    most = radiance * rear_area(lens) / spread(problem)
+    radiance = flux * brightest(system.source.profile) / etendue
+    screen = system.target.screen()
+    most = radiance * rear_area(lens) / spread(system)
     arriving = passing * min(share * flux, float(most.sum()) * screen.pixel_area)
-    wanted = target_irradiance(light, screen, problem.target.placing, arriving)
+    wanted = system.target.irradiance(screen, arriving)
     return Throughput(
         etendue,
         share * etendue,
@@ -114,10 +115,9 @@ def source_etendue(problem: Problem) -> float:
     return pi * _source_area(problem) * sin(radians(source.half_angle)) ** 2
 
 
-def brightest(problem: Problem) -> float:
+def brightest(profile: Profile) -> float:
     """Return the greatest radiance of a Lambertian source over its mean; of a picture, that of its brightest
     pixel."""
-    profile = source_profile(problem)
     if profile.kind in ("uniform", "round"):
         return 1.0
     if profile.light is not None:
@@ -125,15 +125,15 @@ def brightest(problem: Problem) -> float:
     return float(profile(np.zeros(1), np.zeros(1))[0])
 
 
-def front_share(problem: Problem, front: FreeformSurface) -> float:
+def front_share(system: OpticalSystem) -> float:
     """Return the share of the source's flux that meets the front, by a fixed set of rays.
 
     A ray meets the graph z(x, y) over the rectangle where it is below when it enters the prism |x| <= hx, |y|
     <= hy, and above when it leaves it.
     """
-    rays = problem_rays(problem, RAYS)
+    front, rays = system.lens.front, system.source.rays(RAYS)
     if not isinstance(rays, Rays):
-        return rays.entering / (rays.entering + rays.missed)
+        return rays.total / (rays.total + rays.missed)
     origin, direction = rays.origin, rays.direction
     with np.errstate(divide="ignore"):
         slabs = [
@@ -148,8 +148,7 @@ def front_share(problem: Problem, front: FreeformSurface) -> float:
         x, y, z = origin + np.where(inside & np.isfinite(travel), travel, 0.0) * direction
         surface = front(*(np.clip(a, -h, h) for a, h in zip((x, y), front.half_width)))
         above.append((z >= surface) | np.isinf(travel))
-    flux = np.broadcast_to(rays.ray_flux, inside.shape)
-    return float(flux[inside & ~above[0] & above[1]].sum() / flux.sum())
+    return float(rays.flux[inside & ~above[0] & above[1]].sum() / rays.total)
 
 
 def aperture_etendue(problem: Problem) -> float:
@@ -178,9 +177,7 @@ def rear_area(lens: Lens) -> float:
     return float(4 * hx * hy * np.sqrt(1 + zx * zx + zy * zy).mean())
 
 
-def image_half_width(
-    problem: Problem, lens: Lens, share: float, light: Array, rel_l2: float
-) -> tuple[float, float]:
+def image_half_width(system: OpticalSystem, lens: Lens, share: float, rel_l2: float) -> tuple[float, float]:
     """Return half the width and height of the images of a shift-invariant lens that comes near the target, mm
     or degrees.
 
@@ -188,13 +185,13 @@ def image_half_width(
     of the module docstring, for a rear of the lens's area and the least mean of D^2 / cos^3 over all light of
     that rel_l2 (in the far field over any light on the target).
 
-    share : of the source's flux that the lens brings to the target.  light : the picture.  rel_l2 : of the
-        lens, at most.
+    share : of the source's flux that the lens brings to the target.  rel_l2 : of the lens, at most.
     """
-    used = share * source_etendue(problem) / brightest(problem)
-    values = spread(problem)
-    if not isinf(problem.target.distance):
-        picture = target_irradiance(light, target_screen(problem), problem.target.placing, 1.0)
+    problem, target = system.problem, system.target
+    used = share * source_etendue(problem) / brightest(system.source.profile)
+    values = spread(system)
+    if not target.far_field:
+        picture = target.irradiance(target.screen(), 1.0)
         mean = least_mean(values, picture / picture.mean(), rel_l2)
     else:
         mean = float(values.min())
@@ -243,7 +240,7 @@ def _even_light(values: Array, picture: Array, t: float) -> tuple[float, Array]:
     return c, light
 
 
-def spread(problem: Problem) -> Array:
+def spread(system: OpticalSystem) -> Array:
     """Return the least D^2 / cos^3(theta) = (D^2 + r^2)^(3/2) / D of every pixel, seen from the rear, (rows,
     columns) mm^2.
 
@@ -251,9 +248,9 @@ def spread(problem: Problem) -> Array:
     before the target, and (D^2 + r^2)^(3/2) / D is least for D = r / sqrt(2).  In the far field du dv /
     dOmega, square degrees.
     """
-    target, rear = problem.target, problem.lens.rear
-    if isinf(target.distance):
-        return (180 / pi) ** 2 / target_screen(problem).projection()
+    target, rear = system.problem.target, system.problem.lens.rear
+    if system.target.far_field:
+        return (180 / pi) ** 2 / system.target.screen().projection()
     corner = float(Conic(rear.radius, rear.conic)(*rear.half_width))
     nearest, farthest = (
         target.distance - f(0.0, corner) - i * rear.freeform.z_freedom for f, i in ((max, 1), (min, -1))

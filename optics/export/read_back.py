@@ -14,6 +14,7 @@ from scipy.interpolate import CubicHermiteSpline, NdBSpline
 from optics.export.edge_distance import edge_distance
 from optics.runtime import Check, UserError
 from optics.verification import differing_numbers, surface_deviation
+from thbcad.doors import pip_command
 from thbcad.lens import EDGES, FRONT, REAR, SIDES, placed_surfaces
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def require_readers(name: str) -> None:
             import_module(module)
         except ImportError:
             raise UserError(
-                f"a {name} file is read back by {module}, which is not installed: pip install {module}"
+                f"a {name} file is read back by {module}, which is not installed; {pip_command('optics')}"
             ) from None
 
 

@@ -30,14 +30,13 @@ from numpy.typing import NDArray
 
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.optimisation import ResultFolder, stage_window
-from optics.system import problem_rays, target_screen
+from optics.system import OpticalSystem
 from optics.target import Splat
 from optics.tracing import Tracer
 from thbcad.lens import FreeformSurface
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import Backend, DrArray
     from optics.tracing import Hits
     from thbcad.lens import Lens
@@ -54,15 +53,15 @@ class ExactFilm:
     """
 
     def __init__(
-        self, backend: Backend, problem: Problem, lens: Lens, pixels: Sequence[int], spp: int
+        self, backend: Backend, system: OpticalSystem, lens: Lens, pixels: Sequence[int], spp: int
     ) -> None:
         columns, rows = (int(n) for n in pixels)
-        problem = replace(problem, target=replace(problem.target, pixels=(columns, rows)))
+        screen = replace(system.target.screen(), pixels=(columns, rows))
         counts = [ceil(sqrt(spp) * n) for n in (columns, rows)]
         self.shape = rows, columns
         self._backend, self._free = backend, [s for s in (lens.front, lens.rear) if s.sag is not None]
-        self._tracer = Tracer(backend, lens, problem_rays(problem, counts), problem.target_z)
-        self._splat = Splat(backend, target_screen(problem), stage_window(problem, final=True))
+        self._tracer = Tracer(backend, lens, system.source.rays(counts), system.target.z)
+        self._splat = Splat(backend, screen, stage_window(system.problem, final=True))
 
     def image(self, coefficients: Sequence[Floats]) -> Floats:
         """Return the irradiance, (rows, columns)."""
@@ -114,8 +113,8 @@ def _sag_at(hits: Hits, surface: FreeformSurface, coefficients: Floats) -> list[
 class _Parameters:
     """The coefficients that Mitsuba may change, and what is prepared for the last film."""
 
-    def __init__(self, backend: Backend, problem: Problem, lens: Lens) -> None:
-        self._backend, self._problem, self._lens = backend, problem, lens
+    def __init__(self, backend: Backend, system: OpticalSystem, lens: Lens) -> None:
+        self._backend, self._system, self._lens = backend, system, lens
         free = {"front": lens.front.sag, "rear": lens.rear.sag}
         self.named = {
             f"{name}_coefficients": backend.array(sag.coefficients)
@@ -143,7 +142,7 @@ class _Parameters:
         sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
         key = *map(int, sensor.film().size()), spp or sensor.sampler().sample_count()
         if key != self._key:
-            self._key, self._film = key, ExactFilm(self._backend, self._problem, self._lens, key[:2], key[2])
+            self._key, self._film = key, ExactFilm(self._backend, self._system, self._lens, key[:2], key[2])
         return self._film
 
 
@@ -158,13 +157,14 @@ def register() -> None:
 
     def make(properties: Any) -> Any:
         folder = ResultFolder(properties["result"])
-        return _integrator_class(mi, mi.variant())(properties, folder.read_problem(), folder.read_lens())
+        system = OpticalSystem(folder.read_problem())
+        return _integrator_class(mi, mi.variant())(properties, system, folder.read_lens())
 
     mi.register_integrator(NAME, make)
 
 
-def exact_integrator(problem: Problem, lens: Lens) -> Any:
-    """Return the integrator, mi.Integrator, of a problem and a lens, for ``mi.render`` or ``mi.load_dict`` of
+def exact_integrator(system: OpticalSystem, lens: Lens) -> Any:
+    """Return the integrator, mi.Integrator, of a system and a lens, for ``mi.render`` or ``mi.load_dict`` of
     a scene.
 
     Raises
@@ -172,7 +172,7 @@ def exact_integrator(problem: Problem, lens: Lens) -> Any:
     UserError : as `load_mitsuba`.
     """
     mi = current_mitsuba()
-    return _integrator_class(mi, mi.variant())(mi.Properties(), problem, lens)
+    return _integrator_class(mi, mi.variant())(mi.Properties(), system, lens)
 
 
 @cache
@@ -181,9 +181,9 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
     backend = mitsuba_backend(mi)
 
     class ExactIntegrator(mi.CppADIntegrator):
-        def __init__(self, properties: Any, problem: Problem, lens: Lens) -> None:
+        def __init__(self, properties: Any, system: OpticalSystem, lens: Lens) -> None:
             super().__init__(properties)
-            self._parameters = _Parameters(backend, problem, lens)
+            self._parameters = _Parameters(backend, system, lens)
 
         def traverse(self, callback: Any) -> None:
             for name, values in self._parameters.named.items():

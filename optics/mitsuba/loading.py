@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from types import ModuleType
 
 from optics.runtime import PRECISIONS, Backend, UserError, llvm_library
+from thbcad.doors import pip_command
 
 VERSION = "3.9."  # 3.10 changes the Mesh class
 VARIANTS = (
@@ -34,12 +35,12 @@ def load_mitsuba(variant: str = "llvm_ad_mono", threads: int = 0) -> ModuleType:
     if variant not in VARIANTS:
         raise UserError(f"variant must be one of {', '.join(VARIANTS)}, got {variant!r}")
     if find_spec("mitsuba") is None:
-        raise UserError("Mitsuba is not installed; pip install thbcad[mitsuba]")
+        raise UserError(f"Mitsuba is not installed; {pip_command('mitsuba')}")
     os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
     mitsuba = import_module("mitsuba")
     if not mitsuba.__version__.startswith(VERSION):
         raise UserError(
-            f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; pip install thbcad[mitsuba]"
+            f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; {pip_command('mitsuba')}"
         )
     mitsuba.set_variant(variant)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

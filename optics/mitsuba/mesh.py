@@ -122,7 +122,7 @@ class LensMesh:
     @classmethod
     def within(cls, lens: Lens, chord: float) -> LensMesh:
         """Return the mesh whose front and rear are within `chord`, mm, of the surfaces (see
-        `thbcad.tessellation`).
+        `thbcad.lens`).
 
         Raises
         ------

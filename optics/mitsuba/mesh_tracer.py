@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.mitsuba.mesh import LensMesh
 from optics.optimisation import Objective
-from optics.sources import Beam, Rays
-from optics.system import problem_rays, target_irradiance, target_light, target_screen
+from optics.sources import RayGrid, Rays
 from optics.target import Splat
-from optics.tracing import Landing, refract
+from optics.tracing import Landing, device_flux, refract
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import DrArray
+    from optics.system import OpticalSystem
     from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
     from thbcad.lens import Lens
 
@@ -40,7 +39,7 @@ class MeshTracer:
     A front without sag is traced once.  target_z : mm, inf is the far field.
     """
 
-    def __init__(self, mesh: LensMesh, rays: Beam | Rays, target_z: float) -> None:
+    def __init__(self, mesh: LensMesh, rays: RayGrid | Rays, target_z: float) -> None:
         self._mitsuba, self._mesh, self._target_z = current_mitsuba(), mesh, target_z
         self.backend = mitsuba_backend(self._mitsuba, "single")
         dr, Float = self.backend.dr, self.backend.Float
@@ -56,13 +55,11 @@ class MeshTracer:
             for name, shape in shapes.items()
         }
         self._parameters = [self._mitsuba.traverse(self._scenes[name]) for name in mesh.free]
-        self._flux = (
-            dr.opaque(Float, rays.ray_flux)
-            if np.isscalar(rays.ray_flux)
-            else self.backend.array(rays.ray_flux)
+        self._flux = device_flux(self.backend, rays.flux)
+        rays = rays.rays(_before(mesh)) if isinstance(rays, RayGrid) else rays
+        self._rays = tuple(
+            tuple(self.backend.array(row) for row in rows) for rows in (rays.origin, rays.direction)
         )
-        origin, direction = _starts(mesh, rays) if isinstance(rays, Beam) else (rays.origin, rays.direction)
-        self._rays = tuple(tuple(self.backend.array(row) for row in rows) for rows in (origin, direction))
         self._behind = None if "front" in mesh.free else self._through("front", *self._rays, self._flux)
         dr.eval(self._behind)
 
@@ -113,17 +110,13 @@ class MeshTracer:
         return tuple(found.p), refracted, dr.select(hit, flux * share, 0), hit
 
 
-def _starts(mesh: LensMesh, beam: Beam) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return origins and directions of a beam's rays, (3, n), that start a thickness before the lens."""
-    x, y = (a.ravel() for a in np.meshgrid(beam.x, beam.y, indexing="ij"))
-    before = mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness
-    return np.stack([x, y, np.full_like(x, before)]), np.stack(
-        [np.zeros_like(x), np.zeros_like(x), np.ones_like(x)]
-    )
+def _before(mesh: LensMesh) -> float:
+    """Return z of a plane a thickness before the lens, mm."""
+    return float(mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness)
 
 
 def mesh_irradiance(
-    problem: Problem,
+    system: OpticalSystem,
     lens: Lens,
     counts: Sequence[int],
     window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow,
@@ -132,17 +125,17 @@ def mesh_irradiance(
     """Return the irradiance on the target's pixels, (rows, columns), W/mm^2 (in the far field W per square
     degree).
 
-    counts : (nx, ny) of the problem's rays.  vertices : (nx, ny) of front and rear.
+    counts : (nx, ny) of the system's rays.  vertices : (nx, ny) of front and rear.
     """
-    tracer = MeshTracer(LensMesh.even(lens, vertices), problem_rays(problem, counts), problem.target_z)
-    screen = target_screen(problem)
+    tracer = MeshTracer(LensMesh.even(lens, vertices), system.source.rays(counts), system.target.z)
+    screen = system.target.screen()
     landing = tracer.landing()
     image = Splat(tracer.backend, screen, window)(landing.x, landing.y, landing.flux)
     return image.numpy().astype(np.float64).reshape(screen.padded, order="F")
 
 
 def mesh_pipeline(
-    problem: Problem,
+    system: OpticalSystem,
     lens: Lens,
     counts: Sequence[int],
     window: PixelWindow | BSplineWindow | GaussianWindow,
@@ -152,10 +145,10 @@ def mesh_pipeline(
     """Return loss and gradient by way of Mitsuba: the same `Objective`, with only its first term, over a
     `MeshTracer`.
 
-    The target is the problem's, with the whole source flux.  counts : (nx, ny) of the problem's rays.
+    The target is the system's, with the whole source flux.  counts : (nx, ny) of the system's rays.
     vertices : (nx, ny) of front and rear.  margin : dark pixels around the target.
     """
-    tracer = MeshTracer(LensMesh.even(lens, vertices), problem_rays(problem, counts), problem.target_z)
-    screen = target_screen(problem, margin=margin)
-    target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
+    tracer = MeshTracer(LensMesh.even(lens, vertices), system.source.rays(counts), system.target.z)
+    screen = system.target.screen(margin=margin)
+    target = system.target.irradiance(screen, system.problem.source.flux)
     return Objective(tracer.backend, tracer, screen, window, target, 0.0)

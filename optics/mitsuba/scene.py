@@ -9,7 +9,7 @@ misses the lens and meets the screen all the same.
 
 from __future__ import annotations
 
-from math import atan2, cos, degrees, isinf, pi, radians, tan
+from math import atan2, cos, degrees, pi, radians, tan
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from optics.mitsuba.loading import current_mitsuba
 from optics.mitsuba.mesh import LensMesh
 from optics.runtime import UserError
-from optics.system import source_profile
 
 if TYPE_CHECKING:
     from optics.problem import Problem, Source
+    from optics.sources import Profile
+    from optics.system import OpticalSystem
 
 REFLECTANCE = 2.0**-7  # of the screen
 FIELD = 40.0  # degrees, of the camera, where the lens leaves room
@@ -32,7 +33,7 @@ TEXTURE = 512  # pixels each way of a source's density, where it is no picture
 FLAT = 1e-6  # relative difference of a pixel's sides
 
 
-def mitsuba_scene(problem: Problem, mesh: LensMesh) -> Any:
+def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:
     """Return the Mitsuba scene, mi.Scene, of a problem and its lens; lengths in mm, fluxes in W.
 
     Its objects are "source", "front", "rear", "edges", "screen", "sensor" and "integrator" (a particle
@@ -42,7 +43,8 @@ def mitsuba_scene(problem: Problem, mesh: LensMesh) -> Any:
     ------
     UserError : a target in the far field, pixels that are not square, a point source that lights unevenly.
     """
-    if isinf(problem.target.distance):
+    problem = system.problem
+    if system.target.far_field:
         raise UserError("Mitsuba's screen is a plane: target.distance must be finite, got inf")
     mi = current_mitsuba()
     glass = mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
@@ -54,7 +56,7 @@ def mitsuba_scene(problem: Problem, mesh: LensMesh) -> Any:
         {
             "type": "scene",
             "integrator": {"type": "ptracer", "max_depth": DEPTH},
-            "source": _emitter(mi, problem, lowest),
+            "source": _emitter(mi, system, lowest),
             **mesh.shapes(mi, bsdf=glass),
             "screen": _screen(mi, problem),
             "sensor": _camera(mi, problem, highest),
@@ -82,9 +84,9 @@ def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64
     return pi / REFLECTANCE * picture[:, ::-1]
 
 
-def _emitter(mi: ModuleType, problem: Problem, lowest: float) -> dict[str, Any]:
+def _emitter(mi: ModuleType, system: OpticalSystem, lowest: float) -> dict[str, Any]:
     """Return the source.  lowest : z of the lowest point of the front, before which parallel light starts."""
-    source = problem.source
+    source = system.problem.source
     if source.kind == "point":
         return _point(source)
     if source.kind == "lambertian" and source.half_angle < 90:
@@ -96,20 +98,20 @@ def _emitter(mi: ModuleType, problem: Problem, lowest: float) -> dict[str, Any]:
     z = lowest - source.distance if collimated else -source.distance
     (hx, hy), disk = source.half_width, source.profile == "round"
     area = pi * hx * hy if disk else 4 * hx * hy
+    radiance = source.flux / (area if collimated else pi * area)
     return {
         "type": "disk" if disk else "rectangle",
         "to_world": mi.ScalarTransform4f().translate([0, 0, z]).scale([hx, hy, 1]),
         "bsdf": {"type": "null"},
         "emitter": {
             "type": "directionalarea" if collimated else "area",
-            "radiance": _radiance(mi, problem, source.flux / (area if collimated else pi * area)),
+            "radiance": _radiance(mi, system.source.profile, radiance),
         },
     }
 
 
-def _radiance(mi: ModuleType, problem: Problem, mean: float) -> dict[str, Any]:
+def _radiance(mi: ModuleType, profile: Profile, mean: float) -> dict[str, Any]:
     """Return the texture of a source's density with the given mean."""
-    profile = source_profile(problem)
     if profile.kind in ("uniform", "round"):
         return {"type": "uniform", "value": mean}
     rows, columns = (TEXTURE, TEXTURE) if profile.light is None else profile.light.shape

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
         stage_window as stage_window,
     )
     from optics.optimisation.loop import (
-        Interrupted as Interrupted,
         design as design,
-        nearest_lens as nearest_lens,
         transmitted_flux as transmitted_flux,
     )
     from optics.optimisation.objective import (
         Objective as Objective,
+    )
+    from optics.optimisation.recorder import (
+        Interrupted as Interrupted,
     )
     from optics.optimisation.result_folder import (
         ResultFolder as ResultFolder,
@@ -52,12 +53,11 @@ _FILES = {
         "stage_window",
     ),
     "loop": (
-        "Interrupted",
         "design",
-        "nearest_lens",
         "transmitted_flux",
     ),
     "objective": ("Objective",),
+    "recorder": ("Interrupted",),
     "result_folder": (
         "ResultFolder",
         "require_writable",

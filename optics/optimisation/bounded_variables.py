@@ -11,6 +11,7 @@ diagonal: the identity, or what makes the diagonal of the Gauss-Newton Hessian c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,8 @@ from thbcad.hierarchy import MultilevelBasis
 
 if TYPE_CHECKING:
     from thbcad.surfaces import THBSurface
+
+Floats = NDArray[np.float64]
 
 SHARPNESS = 8
 STEP = 0.02  # of the bound: the length of the optimiser's unit
@@ -40,47 +43,53 @@ class BoundedVariables:
         self._ends = np.cumsum([part.basis.size for part in self._parts])
         self._scale = np.ones(self._ends[-1])
 
-    def zeros(self) -> NDArray[np.float64]:
+    def zeros(self) -> Floats:
         """Return the weights of the start."""
         return np.zeros(self._ends[-1])
 
-    def coefficients(self, weights: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return c of every sag and keep the slopes of the squashing for `gradient`."""
-        return [
-            part.coefficients(w)
-            for part, w in zip(self._parts, np.split(self._scale * weights, self._ends[:-1]))
-        ]
+    def coefficients(self, weights: Floats) -> tuple[list[Floats], list[Floats]]:
+        """Return c of every sag, and the slopes of the squashing there, which `gradient` needs."""
+        rows = np.split(self._scale * weights, self._ends[:-1])
+        found = [part.coefficients(w) for part, w in zip(self._parts, rows)]
+        return [c for c, _ in found], [slope for _, slope in found]
 
-    def gradient(self, gradients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return dL/dw from dL/dc at the last coefficients."""
-        return self._scale * np.concatenate([part.gradient(g) for part, g in zip(self._parts, gradients)])
+    def gradient(self, gradients: Sequence[Floats], slopes: Sequence[Floats]) -> Floats:
+        """Return dL/dw from dL/dc at coefficients with these slopes."""
+        each = [part.gradient(g, s) for part, g, s in zip(self._parts, gradients, slopes)]
+        return self._scale * np.concatenate(each)
 
-    def precondition(self, vectors: Sequence[Sequence[NDArray[np.float64]]]) -> None:
-        """Scale the weights at the start by `Objective.curvature`'s vectors there; the mean square of the
-        scales is 1."""
-        self.coefficients(self.zeros())
-        diagonal = np.mean([np.square(self.gradient(v)) for v in vectors], axis=0)
+    def preconditioned(self, vectors: Sequence[Sequence[Floats]]) -> BoundedVariables:
+        """Return the variables with weights scaled at the start by `Objective.curvature`'s vectors there.
+
+        The mean square of the scales is 1.
+        """
+        _, slopes = self.coefficients(self.zeros())
+        diagonal = np.mean([np.square(self.gradient(v, slopes)) for v in vectors], axis=0)
         if not diagonal.any():  # no light on the pixels
-            return
+            return self
         scale = 1 / np.sqrt(np.maximum(diagonal, LEAST * diagonal.mean()))
-        self._scale = self._scale * scale / np.sqrt(np.mean(scale**2))
+        scaled = copy(self)
+        scaled._scale = self._scale * scale / np.sqrt(np.mean(scale**2))
+        return scaled
 
 
 class _Part:
+    """The map w -> c of one sag."""
+
     def __init__(self, sag: THBSurface, bound: float, mirrors: Mirrors) -> None:
         self.basis, self._bound, self._mirrors = MultilevelBasis(sag.space), bound, mirrors
         ratio = np.clip(sag.coefficients / bound, -INSIDE, INSIDE)
         self._start = ratio / (1 - np.abs(ratio) ** SHARPNESS) ** (1 / SHARPNESS)
-        self._slope: NDArray[np.float64] | None = None
 
-    def coefficients(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def coefficients(self, weights: Floats) -> tuple[Floats, Floats]:
+        """Return (c, S' at c)."""
         y = np.clip(self._start + STEP * self.basis.coefficients(weights), -FAR, FAR)
         y = self._mirrors.of_coefficients(y)
         base = 1 + np.abs(y) ** SHARPNESS
-        self._slope = base ** (-1 / SHARPNESS - 1)
-        return np.clip(self._bound * y * base ** (-1 / SHARPNESS), -self._bound, self._bound)
+        slope = base ** (-1 / SHARPNESS - 1)
+        return np.clip(self._bound * y * base ** (-1 / SHARPNESS), -self._bound, self._bound), slope
 
-    def gradient(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.basis.adjoint(self._mirrors.of_coefficients(gradient * self._slope)) * (
-            self._bound * STEP
-        )
+    def gradient(self, gradient: Floats, slope: Floats) -> Floats:
+        """Return dL/dw from dL/dc."""
+        back = self.basis.adjoint(self._mirrors.of_coefficients(gradient * slope))
+        return back * (self._bound * STEP)

@@ -22,7 +22,6 @@ from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
 from optics.optimisation.stage_plan import last_level
 from optics.optimisation.symmetry import Mirrors
 from optics.problem import per_level
-from optics.system import base_lens, freeforms, problem_rays
 from optics.target import BSplineWindow, GaussianWindow, PixelWindow
 from optics.tracing import Tracer
 from thbcad.surfaces import THBSurface
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from optics.optimisation.transport_start import TransportStart
     from optics.problem import Problem
     from optics.runtime import Backend
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
@@ -52,16 +52,15 @@ def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow |
 
 
 def stage_objective(
-    backend: Backend, problem: Problem, lens: Lens, stage: Stage, target: NDArray[np.float64]
+    system: OpticalSystem, lens: Lens, stage: Stage, target: NDArray[np.float64], backend: Backend
 ) -> Objective:
     """Return the Objective of a stage: its rays, screen, window and target, and the charges of the
     problem."""
-    tracer = Tracer(backend, lens, problem_rays(problem, stage.rays), problem.target_z, SOFT_RIM, sure=False)
-    options, limits = problem.optimizer, problem.limits
+    rays = system.source.rays(stage.rays)
+    tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False)
+    problem, options, limits = system.problem, system.problem.optimizer, system.problem.limits
     thickness = limits.thickness
-    if not thickness and base_lens(problem).least_thickness().lower <= sum(
-        f.z_freedom for f in freeforms(problem)
-    ):
+    if not thickness and system.lens.least_thickness().lower <= sum(f.z_freedom for f in system.freeforms):
         thickness = THINNEST * lens.thickness  # the surfaces could cross
     weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, thickness)
     shape = ShapePenalty(lens, weights) if weights.any else None
@@ -79,10 +78,10 @@ def stage_objective(
 
 
 def marked_cells(
-    problem: Problem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: Indicators
+    system: OpticalSystem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: Indicators
 ) -> list[dict[int, NDArray[np.int64]]]:
     """Return the cells of every free surface to refine after a level ({} after the last)."""
-    settings = freeforms(problem)
+    problem, settings = system.problem, system.freeforms
     if stage.level == last_level(problem):
         return [{}] * len(settings)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
@@ -101,27 +100,27 @@ class Indicators:
     rest.
     """
 
-    problem: Problem
+    system: OpticalSystem
     backend: Backend
     target: NDArray[np.float64]
     start: TransportStart | None
 
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        if self.problem.refinement.indicator == "decrease":
+        if self.system.problem.refinement.indicator == "decrease":
             return self._decrease(lens, stage)
         found = self._vertex(lens, stage)
-        if self.problem.refinement.indicator == "slope" and self.start:
+        if self.system.problem.refinement.indicator == "slope" and self.start:
             found[-1] = self.start.misfit(lens.rear.sag)
         return found
 
     def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
-        spans = [f.spans for f in freeforms(self.problem)]
+        spans = [f.spans for f in self.system.freeforms]
         knots = [
             vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])
             for h, row in zip(rectangles, spans)
         ]
-        objective = stage_objective(self.backend, self.problem, lens, stage, self.target)
+        objective = stage_objective(self.system, lens, stage, self.target, self.backend)
         gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
         return [
             summed_over_cells(sag.space, *(k.greville() for k in kv), gradient)
@@ -129,15 +128,16 @@ class Indicators:
         ]
 
     def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        spaces = [refined_once(sag.space, f.max_level) for sag, f in zip(lens.sags, freeforms(self.problem))]
+        spaces = [refined_once(sag.space, f.max_level) for sag, f in zip(lens.sags, self.system.freeforms)]
         finer = [
             THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
             for sag, space in zip(lens.sags, spaces)
         ]
-        objective = stage_objective(self.backend, self.problem, lens.with_sags(finer), stage, self.target)
+        lens = lens.with_sags(finer)
+        objective = stage_objective(self.system, lens, stage, self.target, self.backend)
         coefficients = [sag.coefficients for sag in finer]
-        _, gradients = objective(coefficients)
-        probes = zip(*objective.curvature(coefficients, PROBES, self.problem.run.seed))
+        gradients = objective(coefficients).gradients
+        probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
         return [
             promised_decrease(sag.space, space, g, p)
             for sag, space, g, p in zip(lens.sags, spaces, gradients, probes)

@@ -12,6 +12,7 @@ does not reach the pixels where T > 0, wherever it is lost.  The last is `ShapeP
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,15 @@ if TYPE_CHECKING:
     from optics.target import BSplineWindow, GaussianWindow, PixelWindow, Screen
     from optics.tracing import Hits, Tracer
     from thbcad.splines import KnotVector
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The loss, its gradients by each sag's coefficients, and fit = ||E - T|| / ||T||."""
+
+    loss: float
+    gradients: list[NDArray[np.float64]]
+    fit: float
 
 
 class Objective:
@@ -59,24 +69,19 @@ class Objective:
             if dark_flux_weight
             else None
         )
-        self.evaluations = 0
-        self.fit = np.nan
 
-    def __call__(
-        self, coefficients: Sequence[NDArray[np.float64]]
-    ) -> tuple[float, list[NDArray[np.float64]]]:
-        """Return (loss, its gradient by each sag's coefficients); `fit` keeps ||E - T|| / ||T|| of the
-        call."""
-        loss, hits, _ = self._backward(coefficients)
+    def __call__(self, coefficients: Sequence[NDArray[np.float64]]) -> Evaluation:
+        """Return the Evaluation at the coefficients of every sag, front first."""
+        loss, fit, hits, _ = self._backward(coefficients)
         gradients = self._tracer.pull_back(hits)
         if self._shape is None:
-            return loss, gradients
+            return Evaluation(loss, gradients, fit)
         more, slopes = self._shape(coefficients)
-        return loss + more, [g + s for g, s in zip(gradients, slopes)]
+        return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit)
 
     def image(self, coefficients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the measured irradiance on the target's pixels, W/mm^2."""
-        _, _, image = self._backward(coefficients)
+        _, _, _, image = self._backward(coefficients)
         return self._screen.crop(image.numpy().reshape(self._screen.padded, order="F"))
 
     def vertex_gradients(
@@ -86,7 +91,7 @@ class Objective:
 
         knots : for each, two knot vectors of degree 1, whose knots are the vertices.
         """
-        _, hits, _ = self._backward(coefficients)
+        _, _, hits, _ = self._backward(coefficients)
         return [np.abs(g) for g in self._tracer.pull_back(hits, knots)]
 
     def curvature(
@@ -101,7 +106,6 @@ class Objective:
         """
         dr, rng, out = self._backend.dr, np.random.default_rng(seed), []
         for _ in range(count):
-            self.evaluations += 1
             hits, landing = self._tracer.trace(coefficients)
             image = self._splat(landing.x, landing.y, landing.flux)
             signs = self._backend.array(rng.choice((-1.0, 1.0), dr.width(self._target)))
@@ -109,9 +113,11 @@ class Objective:
             out.append(self._tracer.pull_back(hits))
         return out
 
-    def _backward(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[float, list[Hits], DrArray]:
+    def _backward(
+        self, coefficients: Sequence[NDArray[np.float64]]
+    ) -> tuple[float, float, list[Hits], DrArray]:
+        """Return (loss without the shape, fit, Hits with gradients, measured light)."""
         dr = self._backend.dr
-        self.evaluations += 1
         hits, landing = self._tracer.trace(coefficients)
         image = self._splat(landing.x, landing.y, landing.flux)
         fit = dr.sum(dr.square(image - self._target)) * self._norm
@@ -123,5 +129,4 @@ class Objective:
         if self._reward is not None:
             total = total + self._dark - dr.sum(image * self._reward)
         dr.backward(total)
-        self.fit = float(np.sqrt(fit.numpy()[0]))
-        return float(total.numpy()[0]), hits, image
+        return float(total.numpy()[0]), float(np.sqrt(fit.numpy()[0])), hits, image

@@ -12,20 +12,20 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.optimisation.stage_plan import last_level
+from optics.optimisation.stage_plan import stages
 from optics.optimisation.state import Row, State
 from optics.problem import Problem, load_problem, problem_to_toml
 from optics.runtime import UserError
-from optics.system import freeforms
 from thbcad.io import json_text, read_lens, sag_from_dict, sag_to_dict, write_bytes, write_lens, write_text
 
 if TYPE_CHECKING:
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 CHECKPOINT = "checkpoint.json"
 CHECKED = ("metrics.json", "verify.json", "manufacture.json")
 FILES = ("problem.toml", "lens.json", "lens.step", *CHECKED, "history.csv", "report.html", CHECKPOINT)
-VERSION = 2
+VERSION = 3
 
 
 def writable_folder(path: Path) -> None:
@@ -137,15 +137,15 @@ class ResultFolder:
             "schema": "thbcad-checkpoint",
             "version": VERSION,
             "problem": _fingerprint(problem),
-            "level": state.level,
-            "begun": state.begun,
+            "moved": state.moved,
+            "stage": state.stage,
             "sags": [sag_to_dict(sag) for sag in state.sags],
             "history": [list(asdict(row).values()) for row in state.history],
         }
         write_text(self.path / CHECKPOINT, json.dumps(data, separators=(",", ":"), allow_nan=False))
         self.write_history(state.history)
 
-    def read_checkpoint(self, problem: Problem) -> State:
+    def read_checkpoint(self, system: OpticalSystem) -> State:
         """Return the State to go on from.
 
         Raises
@@ -157,7 +157,7 @@ class ResultFolder:
             data = json.loads(path.read_text("utf-8"))
             if data["schema"] != "thbcad-checkpoint" or data["version"] != VERSION:
                 raise ValueError("unknown schema or version")
-            same = data["problem"] == _fingerprint(problem)
+            same = data["problem"] == _fingerprint(system.problem)
             state = _state(data)
         except OSError as error:
             raise UserError(
@@ -165,22 +165,18 @@ class ResultFolder:
             ) from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
-        last = last_level(problem) + 1
-        if same and not 0 <= state.level <= last:
-            raise UserError(
-                f"cannot resume: {path} is damaged (level {state.level} of at most {last}); run without "
-                "--resume"
-            )
-        count = len(freeforms(problem))
-        if same and len(state.sags) != count:
-            raise UserError(
-                f"cannot resume: {path} is damaged ({len(state.sags)} sags instead of {count}); run without "
-                "--resume"
-            )
         if not same:
             raise UserError(
                 f"cannot resume: {path} belongs to another problem; run without --resume or change --out"
             )
+        last, count = len(stages(system, state.moved)), len(system.freeforms)
+        damage = ""
+        if not 0 <= state.stage <= last:
+            damage = f"stage {state.stage} of at most {last}"
+        elif len(state.sags) != count:
+            damage = f"{len(state.sags)} sags instead of {count}"
+        if damage:
+            raise UserError(f"cannot resume: {path} is damaged ({damage}); run without --resume")
         return state
 
     def has_checkpoint(self) -> bool:
@@ -193,13 +189,13 @@ class ResultFolder:
 
 def _state(data: dict[str, Any]) -> State:
     """Return the State of a checkpoint's data; ValueError where an entry is not what was written."""
-    level, begun, history = data["level"], data["begun"], [Row(*row) for row in data["history"]]
-    if type(level) is not int or type(begun) is not bool:
-        raise ValueError("level must be a whole number and begun true or false")
+    moved, stage, history = data["moved"], data["stage"], tuple(Row(*row) for row in data["history"])
+    if type(moved) is not bool or type(stage) is not int:
+        raise ValueError("moved must be true or false and stage a whole number")
     for row in history:
         if not all(type(v) in (int, float) for v in asdict(row).values()):
             raise ValueError("the history must hold numbers")
-    return State(level, tuple(sag_from_dict(sag) for sag in data["sags"]), begun, history)
+    return State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)
 
 
 def _fingerprint(problem: Problem) -> str:

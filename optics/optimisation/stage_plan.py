@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from optics.problem import per_level
 from optics.runtime import UserError
-from optics.system import freeforms, target_screen
+from optics.system import freeforms
 
 if TYPE_CHECKING:
     from optics.problem import Problem
+    from optics.system import OpticalSystem
     from optics.target import Screen
 
 MOST_RAYS = 40_000_000  # at once
@@ -37,6 +38,7 @@ class Stage:
     screen: Screen
     rays: tuple[int, int]
     final: bool
+    coarse: bool = False
 
     @property
     def evaluations(self) -> int:
@@ -66,10 +68,10 @@ def last_level(problem: Problem) -> int:
     return max(f.max_level for f in freeforms(problem))
 
 
-def stages(problem: Problem, moved: bool) -> list[Stage]:
+def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
     """Return the Stage of every level that is optimised; moved : the design starts from an optimal-transport
     map."""
-    out = []
+    out, problem = [], system.problem
     last = last_level(problem)
     for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
@@ -80,13 +82,15 @@ def stages(problem: Problem, moved: bool) -> list[Stage]:
             and min(problem.target.pixels) >= COARSER * COARSE_PIXELS * problem.optimizer.merge
         ):
             coarser = COARSER * problem.optimizer.merge
-            out.append(_stage(problem, level, min(COARSE_ITERATIONS, iterations), coarser, False))
-        out.append(_stage(problem, level, iterations, _coarsening(problem, level), level == last))
+            out.append(_stage(system, level, min(COARSE_ITERATIONS, iterations), coarser, False, coarse=True))
+        out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
     return out
 
 
-def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
-    screen = target_screen(problem, coarsening, MARGIN)
+def _stage(
+    system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool, coarse: bool = False
+) -> Stage:
+    problem, screen = system.problem, system.target.screen(coarsening, MARGIN)
     spans = _spans(problem, level)
     rays = tuple(
         max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans)
@@ -97,7 +101,7 @@ def _stage(problem: Problem, level: int, iterations: int, coarsening: int, final
             "machines; "
             "use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
         )
-    return Stage(level, iterations, screen, rays, final)
+    return Stage(level, iterations, screen, rays, final, coarse)
 
 
 def _spans(problem: Problem, level: int) -> list[int]:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.optimisation.stage_plan import first_level, last_level
+from optics.optimisation.stage_plan import first_level, stages
 from optics.runtime import UserError
-from optics.system import freeforms
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 
@@ -29,17 +28,19 @@ class Row:
     seconds: float
 
 
-@dataclass
+@dataclass(frozen=True)
 class State:
-    """What a run needs to go on: the next level to optimise and the sags it starts from, front first.
+    """What a run needs to go on.
 
-    begun : the level was interrupted, `sags` are its best so far.
+    moved : the plan is that of a design that starts from an optimal-transport map.
+    stage : index of the next Stage in that plan; the plan's length at the end of a run.
+    sags : the surfaces that this stage starts from, front first.
     """
 
-    level: int
+    moved: bool
+    stage: int
     sags: tuple[THBSurface, ...]
-    begun: bool = False
-    history: list[Row] = field(default_factory=list)
+    history: tuple[Row, ...] = ()
 
     @property
     def evaluations(self) -> int:
@@ -50,17 +51,17 @@ class State:
         return self.history[-1].seconds if self.history else 0.0
 
 
-def first_state(problem: Problem, lens: Lens, moved: bool) -> State:
-    """Return the State from which a new run starts: the first level's meshes, sags zero."""
+def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
+    """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     sags = []
-    for sag, freeform in zip(lens.sags, freeforms(problem)):
-        for level in range(min(first_level(problem, moved), freeform.max_level)):
+    for sag, freeform in zip(system.lens.sags, system.freeforms):
+        for level in range(min(first_level(system.problem, moved), freeform.max_level)):
             sag = sag.refine({level: sag.space.cells[:, 1:]})
         sags.append(sag)
-    return State(first_level(problem, moved), tuple(sags))
+    return tuple(sags)
 
 
-def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
+def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
     """Return the State that optimises the sags of an earlier design on the last level, on their own meshes.
 
     A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the
@@ -74,7 +75,7 @@ def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
         raise UserError("the earlier design has no freeform rear surface to start from")
     sags = []
     for name in ("front", "rear"):
-        own, other = getattr(lens, name), getattr(earlier, name)
+        own, other = getattr(system.lens, name), getattr(earlier, name)
         if own.sag is not None:
             sags.append(own.sag if other.sag is None else other.sag)
         same = own.half_width == other.half_width and own.conic == other.conic
@@ -91,4 +92,4 @@ def earlier_state(problem: Problem, lens: Lens, earlier: Lens) -> State:
                 "spans; "
                 f"make lens.{name} equal to its problem.toml"
             )
-    return State(last_level(problem), tuple(sags), begun=True)
+    return State(False, len(stages(system, False)) - 1, tuple(sags))

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         Rear as Rear,
         Refinement as Refinement,
         Source as Source,
+        Target as Target,
         load_problem as load_problem,
         per_level as per_level,
     )
@@ -48,6 +49,7 @@ _FILES = {
         "Rear",
         "Refinement",
         "Source",
+        "Target",
         "load_problem",
         "per_level",
     ),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from math import isinf
 from typing import TYPE_CHECKING
 
 import matplotlib
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
     from optics.analysis import Measurement
     from optics.optimisation import Row
-    from optics.problem import Problem
+    from optics.system import OpticalSystem
     from optics.tracing import RayPath
     from thbcad.lens import FreeformSurface, Lens
 
@@ -30,7 +29,7 @@ ROOM = {"left": 0.17, "right": 0.95, "bottom": 0.12, "top": 0.94}  # of the figu
 
 
 def draw_all(
-    problem: Problem,
+    system: OpticalSystem,
     lens: Lens,
     measurement: Measurement,
     history: Sequence[Row],
@@ -44,12 +43,12 @@ def draw_all(
     top = float(target.max())
     error = light - target
     reach = float(np.quantile(np.abs(error), 0.999)) or 1.0
-    kind, unit = ("intensity", "degrees") if isinf(problem.target_z) else ("irradiance", "mm")
+    kind, unit = ("intensity", "degrees") if system.path.far_field else ("irradiance", "mm")
     label = f"{kind} / mean"
     made = f"({label})^0.2"
 
     def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
-        return plane_figure(data, problem.target.half_width, unit, text, colours, (low, high))
+        return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
 
     return {
         "target": ("The light asked for.", picture(target, label, "gray", 0, top)),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from optics.analysis import NEGLIGIBLE
+from optics.tracing import SENTENCES
 
 if TYPE_CHECKING:
     from optics.problem import Problem
@@ -29,7 +30,7 @@ figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overfl
 class Report:
     """What a report shows.
 
-    metrics : figures by name.  verification : as `optics.checks.verification`.  manufacture : rows (name,
+    metrics : figures by name.  verification : as `optics.runtime.verification`.  manufacture : rows (name,
         value, unit, place).
     pictures : (caption, PNG bytes) by name.  limit : a sentence on what etendue allows.
     """
@@ -74,7 +75,7 @@ def _summary(metrics: dict[str, Any]) -> str:
         "stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
         f"{metrics['wall_s']['total']:.1f} s."
-        f"{_other_ways(metrics.get('nonsequential_w'))}"
+        f"{_other_ways(metrics.get('nonsequential'))}"
     )
 
 
@@ -82,12 +83,12 @@ def _told(limit: str | None) -> str:
     return f" {escape(limit)}." if limit else ""
 
 
-def _other_ways(flux: dict[str, float] | None) -> str:
+def _other_ways(found: dict[str, Any] | None) -> str:
     """Return whether the sequential tracer suffices, a sentence; nothing where that was not traced or no
     light arrives."""
-    if not flux or not flux["lit"]:
+    if not found or not found["lit_w"]:
         return ""
-    other = 1 - flux["lit_direct"] / flux["lit"]
+    other = 1 - found["lit_direct_w"] / found["lit_w"]
     verdict = "suffices" if other <= NEGLIGIBLE else "does not suffice"
     return (
         f" {other:.2%} of the light on the lit pixels comes by other ways than front and rear: the "
@@ -96,13 +97,21 @@ def _other_ways(flux: dict[str, float] | None) -> str:
 
 
 def _metric_table(metrics: dict[str, Any]) -> str:
-    rows = []
+    cells = (
+        f'<tr><td>{escape(label)}</td><td class="n">{escape(shown)}</td></tr>'
+        for label, shown in _labelled(metrics)
+    )
+    return f"<table>{''.join(cells)}</table>"
+
+
+def _labelled(metrics: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Yield (label, number as text) of metrics, those of a group behind its name; fates as sentences."""
     for name, value in metrics.items():
-        for key, number in value.items() if isinstance(value, dict) else ((None, value),):
-            label = name if key is None else f"{name}: {key}"
-            shown = f"{number:.6g}" if isinstance(number, float) else str(number)
-            rows.append(f'<tr><td>{escape(label)}</td><td class="n">{escape(shown)}</td></tr>')
-    return f"<table>{''.join(rows)}</table>"
+        label = f"{prefix}light that {SENTENCES[name]}, W" if name in SENTENCES else f"{prefix}{name}"
+        if isinstance(value, Mapping):
+            yield from _labelled(value, f"{label}: ")
+        else:
+            yield label, f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from optics.report.figures import plt, png_bytes
 from optics.report.solid_figure import draw_solid
 from optics.report.solid_renderer import Face, View, oblique, solid_faces
-from optics.sources import Beam, beam_rays
-from optics.system import problem_rays
-from optics.tracing import RayPath, SourceRays, TargetPlane, trace_paths
+from optics.sources import single_rays
+from optics.tracing import RayPath, TargetPlane, trace_paths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from optics.problem import Problem
     from optics.runtime import Backend
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
     Array = NDArray[np.float64]
@@ -71,24 +71,20 @@ class Scene:
         return np.stack([seen.min(axis=1), seen.max(axis=1)])
 
 
-def scene_paths(backend: Backend, problem: Problem, lens: Lens) -> list[RayPath]:
+def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
     """Return the paths of some 64 rays of the source, of the stronger part at every face, to the target or
     its direction.
 
     backend : of double precision.
     """
-    rays = problem_rays(problem, BUNDLE)
-    if isinstance(rays, Beam):
-        rays = beam_rays(rays, lens)
-    plane = TargetPlane(problem.target_z, problem.target.half_width)
-    if isinf(problem.target_z):
+    rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
+    plane = TargetPlane(target.z, target.settings.half_width)
+    if target.far_field:
         plane = TargetPlane(lens.thickness + FAR * max(lens.rear.half_width), (np.inf, np.inf))
-    return trace_paths(
-        backend, lens, SourceRays(rays.origin, rays.direction, np.ones(rays.origin.shape[1])), plane
-    )
+    return trace_paths(backend, lens, rays, plane)
 
 
-def scene_view(problem: Problem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:
+def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:
     """Return a PNG of source, lens, rays and the light on the target, in parallel projection.
 
     Of a target in the far field the rays alone are shown.  A long throw is drawn shorter, a short one
@@ -97,7 +93,7 @@ def scene_view(problem: Problem, lens: Lens, irradiance: Array, paths: Sequence[
 
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
-    faces, _ = solid_faces(lens)
+    problem, (faces, _) = system.problem, solid_faces(lens)
     scene = placed(problem, faces)
     body, target = _corners(scene.lens), scene.target if scene.target.size else _corners(_behind(scene.lens))
     boxes = [_wider(scene.box(body, scene.source, target), 0.06)]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.runtime.llvm import llvm_library
+from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
 
@@ -68,11 +69,11 @@ def load_backend(precision: str = "double", threads: int = 0) -> Backend:
 
     Raises
     ------
+    ImportError : Dr.Jit is not installed.
     UserError : no usable LLVM library.
     """
     os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
-    import drjit
-
+    drjit = loaded("drjit")
     types = import_module("drjit.llvm.ad")
     drjit.set_thread_count(threads or _cores())
     name, dtype, resolution = PRECISIONS[precision]

@@ -6,27 +6,31 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.sources.collimated import (
-        Beam as Beam,
-        Profile as Profile,
         collimated_beam as collimated_beam,
     )
+    from optics.sources.profile import (
+        Profile as Profile,
+    )
     from optics.sources.rays import (
+        RayGrid as RayGrid,
         Rays as Rays,
-        beam_rays as beam_rays,
+        single_rays as single_rays,
+    )
+    from optics.sources.spreading import (
         concentric as concentric,
         lambertian_parts as lambertian_parts,
         point_rays as point_rays,
     )
 
 _FILES = {
-    "collimated": (
-        "Beam",
-        "Profile",
-        "collimated_beam",
-    ),
+    "collimated": ("collimated_beam",),
+    "profile": ("Profile",),
     "rays": (
+        "RayGrid",
         "Rays",
-        "beam_rays",
+        "single_rays",
+    ),
+    "spreading": (
         "concentric",
         "lambertian_parts",
         "point_rays",

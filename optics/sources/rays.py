@@ -1,144 +1,104 @@
-"""Rays of sources that are no parallel beam: where they start, where they go, what they carry.
-
-A Lambertian source spreads its flux evenly over its area and over the direction cosines,
-d Phi ~ dA cos(theta) dOmega = dA dp dq with p = sin(theta) cos(phi), q = sin(theta) sin(phi).
-Four-dimensional Sobol points sample (x, y, p, q); each is taken with its mirror images in x
-and in y, so that a symmetric problem stays symmetric.  A point source needs directions only, a grid of them.
-"""
+"""Rays: the one record of light on its way, and regular grids of parallel rays, which need no such record."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources.collimated import Beam, Profile
-
 if TYPE_CHECKING:
     from thbcad.lens import Lens
 
-MIRRORS = tuple((i, j) for i in (1.0, -1.0) for j in (1.0, -1.0))
 BEFORE = 10  # sizes of the lens: no front bends back so far
+UNIT_LENGTH = 1e-9  # how far the length of a direction may be from 1
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Rays in any direction towards +z.
+    """Rays in air.
 
-    origin, direction : (3, n) float, mm and unit vectors.  ray_flux : W, (n,) float, or one number for all
-        rays.
+    origin : (3, n) float, mm.  direction : (3, n) float, unit vectors.  flux : (n,) float, W.
+
+    Raises
+    ------
+    ValueError : no rays, wrong shapes, numbers that are not finite, directions that are not of length 1,
+        negative flux.
     """
 
     origin: Floats
     direction: Floats
-    ray_flux: float | Floats
+    flux: Floats
+
+    def __post_init__(self) -> None:
+        n = np.size(self.flux)
+        if n == 0:
+            raise ValueError("there must be at least one ray, got 0")
+        for name, shape in (("origin", (3, n)), ("direction", (3, n)), ("flux", (n,))):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if values.shape != shape:
+                raise ValueError(f"{name} must have the shape {shape}, got {values.shape}")
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name} must be finite")
+            object.__setattr__(self, name, values)
+        length = np.sqrt(np.einsum("ij,ij->j", self.direction, self.direction))
+        off = np.abs(length - 1)
+        if off.max() > UNIT_LENGTH:
+            raise ValueError(f"direction must have length 1, got {length[off.argmax()]}")
+        if self.flux.min() < 0:
+            raise ValueError(f"flux must not be negative, got {self.flux.min()}")
 
     @property
-    def entering(self) -> float:
+    def total(self) -> float:
         """Flux of all rays, W."""
-        return float(np.broadcast_to(self.ray_flux, self.origin.shape[1]).sum())
+        return float(self.flux.sum())
 
     def slices(self, most: int) -> Iterator[Rays]:
         """Yield rays, at most `most` at once, that make up these."""
-        for start in range(0, self.origin.shape[1], most):
+        for start in range(0, len(self.flux), most):
             chosen = slice(start, start + most)
-            flux = self.ray_flux if np.isscalar(self.ray_flux) else self.ray_flux[chosen]
-            yield Rays(self.origin[:, chosen], self.direction[:, chosen], flux)
+            yield Rays(self.origin[:, chosen], self.direction[:, chosen], self.flux[chosen])
 
 
-def beam_rays(beam: Beam, lens: Lens) -> Rays:
-    """Return the rays of a beam one by one, y first; they start well before the lens."""
-    x, y = (a.ravel() for a in np.meshgrid(beam.x, beam.y, indexing="ij"))
-    flux = beam.ray_flux if np.isscalar(beam.ray_flux) else np.ravel(beam.ray_flux)
-    along = np.zeros((3, x.size))
-    along[2] = 1.0
-    before = -BEFORE * (max(lens.front.half_width) + lens.thickness)
-    return Rays(np.stack([x, y, np.full_like(x, before)]), along, flux)
+@dataclass(frozen=True, eq=False)
+class RayGrid:
+    """Rays along +z at the points of the grid x times y.
 
-
-def lambertian_parts(
-    half_width: Sequence[float],
-    distance: float,
-    flux: float,
-    half_angle: float,
-    profile: Profile,
-    count: int,
-    seed: int,
-    most: int,
-) -> Iterator[Rays]:
-    """Yield the rays of a Lambertian source in parts of at most `most`.
-
-    half_width : mm, of the rectangle (or of the ellipse in it, for the profile "round") in the plane z =
-        -distance.
-    half_angle : degrees, of the cone that is lit.  count : of rays, a multiple of four.  seed : of the
-        scrambling.
+    x : (nx,) float, mm.  y : (ny,) float, mm.  flux : (nx, ny) float, W.
+    missed : W that passes beside the lens and has no rays.
     """
-    from scipy.special import erf, erfinv
-    from scipy.stats import qmc
 
-    engine = qmc.Sobol(4, scramble=True, seed=seed)
-    left = count // 4
-    while left:
-        size = min(left, max(1, most // 4))
-        left -= size
-        s, t, a, b = 2 * engine.random(size).T - 1
-        if profile.kind == "round":
-            s, t = concentric(s, t)
-        p, q = (r * sin(radians(half_angle)) for r in concentric(a, b))
-        if profile.kind == "gaussian":
-            s, t = (
-                np.sqrt(2) * w * erfinv(r * erf(1 / (np.sqrt(2) * w))) for r, w in zip((s, t), profile.sigma)
-            )
-        origin = np.stack([s * half_width[0], t * half_width[1], np.full(size, -distance)])
-        direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-        origin, direction = (
-            np.concatenate([v * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1) for v in (origin, direction)
-        )
-        each: float | Floats = flux / count
-        if profile.kind == "image":
-            each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
-        yield Rays(origin, direction, each)
+    x: Floats
+    y: Floats
+    flux: Floats
+    missed: float = 0.0
 
+    @property
+    def total(self) -> float:
+        """Flux of all rays, W."""
+        return float(self.flux.sum())
 
-def point_rays(
-    distance: float,
-    flux: float,
-    half_angle: float,
-    exponent: float,
-    counts: Sequence[int],
-    shift: Sequence[float],
-) -> Rays:
-    """Return the rays of a point at z = -distance with intensity ~ cos(theta)^exponent within a cone.
+    def slices(self, most: int) -> Iterator[RayGrid]:
+        """Yield grids of at most `most` rays that make up this one."""
+        step = max(1, most // len(self.y))
+        for start in range(0, len(self.x), step):
+            chosen = slice(start, start + step)
+            yield RayGrid(self.x[chosen], self.y, self.flux[chosen], 0.0 if start else self.missed)
 
-    half_angle : degrees.  counts : (n, m) directions, a grid on which every cell has the same solid angle.
-    shift : moves the grid by a fraction of its step, |shift| <= 1/2.
-    """
-    a, b = ((2 * np.arange(n) + 1 - n + 2 * s) / n for n, s in zip(counts, shift))  # exact mirror images
-    p, q = concentric(*(r.ravel() for r in np.meshgrid(a, b, indexing="ij")))
-    rise = (1 - cos(radians(half_angle))) * (
-        p * p + q * q
-    )  # 1 - cos(theta), in proportion to the solid angle
-    share = np.sqrt((2 - rise) * (1 - cos(radians(half_angle))))  # sin(theta) / r
-    direction = np.stack([p * share, q * share, 1 - rise])
-    intensity = (1 - rise) ** exponent
-    origin = np.zeros_like(direction)
-    origin[2] = -distance
-    return Rays(origin, direction, flux * intensity / intensity.sum())
+    def rays(self, z: float) -> Rays:
+        """Return the rays one by one, y first, from the plane at z mm."""
+        x, y = (a.ravel() for a in np.meshgrid(self.x, self.y, indexing="ij"))
+        along = np.zeros((3, x.size))
+        along[2] = 1.0
+        return Rays(np.stack([x, y, np.full_like(x, z)]), along, self.flux.ravel())
 
 
-def concentric(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Map the square [-1, 1]^2 to the unit disk; equal areas stay equal, mirror images stay mirror images.
-
-    Source: P. Shirley, K. Chiu, A low distortion map between disk and square, J. Graphics Tools 2 (1997).
-    """
-    wide = np.abs(a) > np.abs(b)
-    radius, other = np.where(wide, a, b), np.where(wide, b, a)
-    angle = np.pi / 4 * other / np.where(radius == 0, 1.0, radius)
-    near, far = radius * np.cos(angle), radius * np.sin(angle)
-    return np.where(wide, near, far), np.where(wide, far, near)
+def single_rays(rays: Rays | RayGrid, lens: Lens) -> Rays:
+    """Return rays one by one; those of a grid start well before the lens."""
+    if isinstance(rays, Rays):
+        return rays
+    return rays.rays(-BEFORE * (max(lens.front.half_width) + lens.thickness))

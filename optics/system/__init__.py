@@ -9,16 +9,19 @@ if TYPE_CHECKING:
         base_lens as base_lens,
         freeforms as freeforms,
         lens_product as lens_product,
-        problem_rays as problem_rays,
-        ray_parts as ray_parts,
-        source_profile as source_profile,
-        target_irradiance as target_irradiance,
-        target_light as target_light,
-        target_screen as target_screen,
+    )
+    from optics.system.optical_system import (
+        OpticalSystem as OpticalSystem,
     )
     from optics.system.soundness import (
         advice as advice,
-        sound as sound,
+        solvable_system as solvable_system,
+    )
+    from optics.system.source import (
+        LightSource as LightSource,
+    )
+    from optics.system.target import (
+        target_irradiance as target_irradiance,
     )
     from optics.system.tracing_skips import (
         skip_lines as skip_lines,
@@ -30,17 +33,14 @@ _FILES = {
         "base_lens",
         "freeforms",
         "lens_product",
-        "problem_rays",
-        "ray_parts",
-        "source_profile",
-        "target_irradiance",
-        "target_light",
-        "target_screen",
     ),
+    "optical_system": ("OpticalSystem",),
     "soundness": (
         "advice",
-        "sound",
+        "solvable_system",
     ),
+    "source": ("LightSource",),
+    "target": ("target_irradiance",),
     "tracing_skips": (
         "skip_lines",
         "skips",

@@ -5,34 +5,94 @@ from __future__ import annotations
 from math import isinf
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from optics.problem import limit_advice, require_limits
-from optics.system.lens import base_lens, require_place, require_reachable, source_profile, target_light
+from optics.runtime import UserError
+from optics.system.optical_system import OpticalSystem
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from optics.problem import Problem
-    from thbcad.lens import Lens
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
-def sound(problem: Problem) -> tuple[NDArray[np.float64], Lens]:
-    """Return the light asked for and the lens before optimisation; UserError where the problem cannot be
-    solved."""
+def solvable_system(problem: Problem) -> OpticalSystem:
+    """Return the OpticalSystem of a problem that can be solved.
+
+    Raises
+    ------
+    UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
+        read, a source or a target that reaches into the lens, a target that no lens can light.
+    """
     require_limits(problem)
-    light, lens = target_light(problem), base_lens(problem)
-    source_profile(problem)
-    require_place(problem, lens)
-    require_reachable(problem, light)
-    return light, lens
+    system = OpticalSystem(problem)
+    _ = system.target.light, system.lens, system.source.profile  # built now, so that errors come now
+    require_place(system)
+    require_reachable(system)
+    return system
 
 
-def advice(problem: Problem, lens: Lens) -> list[str]:
+def require_reachable(system: OpticalSystem) -> None:
+    """Refuse a target that no rear surface behind a plane front can light.
+
+    A surface of index n bends parallel rays by less than arccos(1 / n) before it reflects them totally;
+    a lit pixel farther aside from the beam than that, seen from the rear vertex, stays dark.
+
+    Raises
+    ------
+    UserError : names the angle needed and the angle that the index allows.
+    """
+    if not system.path.parallel or system.path.far_field:
+        return
+    lens, target = system.problem.lens, system.problem.target
+    screen = system.target.screen()
+    lit = system.target.irradiance(screen, 1.0) > 0
+    beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
+    aside = [
+        np.maximum(np.abs((2 * np.arange(n) + 1) / n - 1) * h - b, 0)[lit.any(axis=1 - d)].max()
+        for d, (n, h, b) in enumerate(zip(screen.pixels[::-1], target.half_width[::-1], beam[::-1]))
+    ]
+    needed, most = np.degrees(np.arctan(max(aside) / target.distance)), np.degrees(np.arccos(1 / lens.index))
+    if needed >= most:
+        raise UserError(
+            f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
+            f"{lens.index:g} bends rays by less "
+            f"than {most:.1f} degrees; make target.half_width smaller or target.distance larger"
+        )
+
+
+def require_place(system: OpticalSystem) -> None:
+    """Refuse a source that reaches into the lens, and a target plane that cuts it.
+
+    Raises
+    ------
+    UserError : names the planes and how far the surfaces reach.
+    """
+    problem, lens = system.problem, system.lens
+    source, distance = problem.source, problem.target.distance
+    x, y = (min(s, h) for s, h in zip(source.half_width, lens.front.half_width))
+    front = min(0.0, float(lens.front.conic(x, y)))
+    if source.kind == "lambertian" and front <= -source.distance:
+        raise UserError(
+            f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm and "
+            "the front reaches "
+            f"to z = {front:.4g} mm there; make source.distance larger or source.half_width smaller"
+        )
+    freeform = problem.lens.rear.freeform
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.z_freedom
+    if distance <= top:
+        raise UserError(
+            f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, got "
+            f"{distance:g}"
+        )
+
+
+def advice(system: OpticalSystem) -> list[str]:
     """Return sentences about settings that do not suit the problem, and limits that the lens misses before
     optimisation."""
+    problem, lens = system.problem, system.lens
     options, sentences = problem.optimizer, []
     if problem.source.kind == "lambertian" and (options.window == "pixel" or options.lost_flux_weight > 1):
         sentences.append(

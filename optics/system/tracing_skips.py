@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import erf, exp, isinf, pi, sqrt
+from math import erf, exp, pi, sqrt
 from typing import TYPE_CHECKING
 
 from optics.target import GaussianWindow
@@ -40,9 +40,10 @@ class Skip:
         )
 
 
-def skips(problem: Problem) -> list[Skip]:
-    """Return every Skip of a problem, those that do not apply too."""
-    return [*_of_rays(problem), *_of_surfaces(problem), *_of_measurement(problem)]
+def skips(problem: Problem, parallel: bool) -> list[Skip]:
+    """Return every Skip of a problem, those that do not apply too; parallel : rays stay parallel in the
+    lens."""
+    return [*_of_rays(problem, parallel), *_of_surfaces(problem), *_of_measurement(problem)]
 
 
 def skip_lines(found: Sequence[Skip]) -> list[str]:
@@ -50,10 +51,9 @@ def skip_lines(found: Sequence[Skip]) -> list[str]:
     return [skip.line for skip in found]
 
 
-def _of_rays(problem: Problem) -> list[Skip]:
+def _of_rays(problem: Problem, parallel: bool) -> list[Skip]:
     source, front = problem.source, problem.lens.front
     collimated = source.kind == "collimated"
-    parallel = collimated and front.freeform is None and isinf(front.radius)
     wider = collimated and any(s > f for s, f in zip(source.half_width, front.half_width))
     aperture = (
         "the beam is wider than the lens"

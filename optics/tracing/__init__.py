@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.tracing.branches import (
-        SourceRays as SourceRays,
+    from optics.tracing.fates import (
+        FATES as FATES,
+        SENTENCES as SENTENCES,
+        SequentialFates as SequentialFates,
     )
     from optics.tracing.fresnel import (
         critical_angle as critical_angle,
@@ -19,8 +21,11 @@ if TYPE_CHECKING:
         KnownHits as KnownHits,
         SearchedHits as SearchedHits,
     )
+    from optics.tracing.landings import (
+        Landing as Landing,
+        LandingPoints as LandingPoints,
+    )
     from optics.tracing.nonsequential import (
-        FATES as FATES,
         RayPath as RayPath,
         TargetPlane as TargetPlane,
         trace_nonsequential as trace_nonsequential,
@@ -36,13 +41,16 @@ if TYPE_CHECKING:
         refract as refract,
     )
     from optics.tracing.sequential import (
-        FluxBudget as FluxBudget,
-        Landing as Landing,
         Tracer as Tracer,
+        device_flux as device_flux,
     )
 
 _FILES = {
-    "branches": ("SourceRays",),
+    "fates": (
+        "FATES",
+        "SENTENCES",
+        "SequentialFates",
+    ),
     "fresnel": (
         "critical_angle",
         "efficiency_bound",
@@ -54,8 +62,11 @@ _FILES = {
         "KnownHits",
         "SearchedHits",
     ),
+    "landings": (
+        "Landing",
+        "LandingPoints",
+    ),
     "nonsequential": (
-        "FATES",
         "RayPath",
         "TargetPlane",
         "trace_nonsequential",
@@ -69,9 +80,8 @@ _FILES = {
     ),
     "refraction": ("refract",),
     "sequential": (
-        "FluxBudget",
-        "Landing",
         "Tracer",
+        "device_flux",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

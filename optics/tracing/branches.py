@@ -8,51 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing.lens_faces import Rays, lens_faces
+from optics.tracing.device_rays import DeviceRays
+from optics.tracing.lens_faces import lens_faces
 from optics.tracing.refraction import refract
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
+    from optics.sources import Rays
     from thbcad.lens import Lens
 
-NEVER, OUTSIDE, FRONT, REAR, EDGE = range(
-    5
-)  # what a branch in air met last: nothing, a face that it did not pass, the face it left by
+# what a branch in air met last: nothing, a face that it did not pass, the face it left by
+NEVER, OUTSIDE, FRONT, REAR, EDGE = range(5)
 SOURCE, ENTERED, LEFT, INDIRECT = range(4)  # stages of the direct path: front refracts, rear refracts
-
-
-@dataclass(frozen=True, eq=False)
-class SourceRays:
-    """Rays that start in air: origin (3, n) mm, direction (3, n) of length 1, flux (n,) W.
-
-    Raises
-    ------
-    ValueError : no rays, wrong shapes, numbers that are not finite, directions that are not of length 1,
-        negative flux.
-    """
-
-    origin: NDArray[np.float64]
-    direction: NDArray[np.float64]
-    flux: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        n = np.size(self.flux)
-        if n == 0:
-            raise ValueError("there must be at least one ray, got 0")
-        for name in ("origin", "direction", "flux"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            shape = (n,) if name == "flux" else (3, n)
-            if values.shape != shape:
-                raise ValueError(f"{name} must have the shape {shape}, got {values.shape}")
-            if not np.isfinite(values).all():
-                raise ValueError(f"{name} must be finite")
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
-        length = np.linalg.norm(self.direction, axis=0)
-        if (abs(length - 1) > 1e-9).any():
-            raise ValueError(f"direction must have length 1, got {length[abs(length - 1).argmax()]}")
-        if (self.flux < 0).any():
-            raise ValueError(f"flux must not be negative, got {self.flux.min()}")
 
 
 @dataclass(eq=False)
@@ -71,7 +38,7 @@ class Branches:
     stage: NDArray[np.int8]
 
     @classmethod
-    def start(cls, rays: SourceRays) -> Branches:
+    def start(cls, rays: Rays) -> Branches:
         n = len(rays.flux)
         none = np.zeros(n, dtype=np.int8)
         return cls(
@@ -114,7 +81,7 @@ class ClosedLens:
         origin, direction = (
             tuple(backend.array(a) for a in v) for v in (branches.origin, branches.direction)
         )
-        rays = Rays(origin, direction, backend.array(branches.inside) > 0)
+        rays = DeviceRays(origin, direction, inside=backend.array(branches.inside) > 0)
         path, normal, face = backend.Float(dr.inf), (backend.Float(0),) * 3, backend.Float(NEVER)
         for kind, one in zip((FRONT, REAR, EDGE, EDGE, EDGE, EDGE), self._faces):
             t, n = one.meet(rays)
@@ -128,7 +95,7 @@ class ClosedLens:
         vectors = [np.array([a.numpy() for a in v]) for v in vectors]
         return Meetings(face.numpy().astype(np.int8), *vectors, transmittance.numpy())
 
-    def _split(self, rays: Rays, normal: tuple) -> tuple:
+    def _split(self, rays: DeviceRays, normal: tuple) -> tuple:
         """Return refracted and reflected unit directions and the transmittance, for outward normals."""
         dr, d = self._backend.dr, rays.direction
         normal = [dr.select(rays.inside, n, -n) for n in normal]

@@ -12,8 +12,9 @@ that in, so that no derivative passes through the iterations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -26,11 +27,12 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_array, csr_array
 
     from optics.runtime import Backend, DrArray
-    from optics.sources import Beam
+    from optics.sources import RayGrid
     from thbcad.sags import Conic
     from thbcad.splines import KnotVector
 
     Vector = tuple[DrArray, DrArray, DrArray]
+    Surface = Callable[[DrArray, DrArray], list[DrArray]]  # x, y -> z, zx, zy, zxx, zxy, zyy
 
 ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
 
@@ -40,7 +42,8 @@ class Hits:
     """Meeting points as Dr.Jit arrays: position (x, y, height above the vertex), slopes, masks.
 
     found : the ray meets the surface or its extension.  hit : within the rectangle.
-    leaves : the arrays z, zx, zy that carry gradients.  dr : the drjit module.
+    leaves : the arrays z, zx, zy that carry gradients.  at : x and y at which these were evaluated.
+    dr : the drjit module.
     """
 
     x: DrArray
@@ -51,6 +54,7 @@ class Hits:
     found: DrArray
     hit: DrArray
     leaves: tuple[DrArray, ...]
+    at: tuple[DrArray, DrArray]
     dr: ModuleType
 
     def gradients(self) -> list[NDArray[np.float64]]:
@@ -70,7 +74,7 @@ class KnownHits:
     def __init__(
         self,
         backend: Backend,
-        beam: Beam,
+        beam: RayGrid,
         conic: Conic,
         half_width: tuple[float, float],
         knots: Sequence[KnotVector],
@@ -95,18 +99,17 @@ class KnownHits:
         leaves = tuple(self._backend.array(s) for s in sags)
         dr.enable_grad(*leaves)
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
-        return Hits(self._x, self._y, z, zx, zy, dr.ones(dr.mask_t(self._x), 1), self._hit, leaves, dr)
+        at = self._x, self._y
+        return Hits(*at, z, zx, zy, dr.ones(dr.mask_t(self._x), 1), self._hit, leaves, at, dr)
 
-    def pull_back(
-        self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None
-    ) -> NDArray[np.float64]:
+    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
         (a0, a1), (b0, b1) = (
             self._matrices
             if knots is None
             else [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         )
-        gz, gx, gy = (g.reshape(self.shape) for g in gradients)
+        gz, gx, gy = (g.reshape(self.shape) for g in hits.gradients())
         return a0.T @ (_columns(b0.T, gz) + _columns(b1.T, gy)) + a1.T @ _columns(b0.T, gx)
 
 
@@ -137,7 +140,6 @@ class SearchedHits:
         self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
         self._backend, self._conic, self._half_width = backend, conic, half_width
         self._table = None if knots is None else PolynomialTable(backend, knots)
-        self._points: tuple[DrArray, DrArray] | None = None
         self._unit = backend.dr.opaque(backend.Float, backend.resolution * max(half_width))
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
 
@@ -145,36 +147,34 @@ class SearchedHits:
         """Return the Hits of rays; z of the origins counts from the vertex.  net : of the sag, where there is
         one."""
         dr = self._backend.dr
-        top, steepest = self._top, self._slope
+        top, steepest, power = self._top, self._slope, None
         if self._table is not None:
-            self._table.load(net)
+            power = self._table.power(net)
             top += max(0.0, float(net.max()))
             steepest += float(np.hypot(*(steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))))
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
-            t, first, last, decided = self._search(o, d, top, steepest)
+            surface = partial(self._surface, power)
+            t, first, last, decided = self._search(surface, o, d, top, steepest)
             x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
-            jet = self._surface(x, y)
+            jet = surface(x, y)
             speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
             hit = (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o)) & (first <= t) & (t <= last)
             dr.eval(t, x, y, jet, hit, speed, decided)
-        self._points = x, y
         found = hit | decided
         if self._table is None and not dr.grad_enabled(origin, direction):
-            return Hits(x, y, *jet[:3], found, hit, (), dr)
+            return Hits(x, y, *jet[:3], found, hit, (), (x, y), dr)
         leaves = () if self._table is None else tuple(self._backend.Float(a) for a in jet[:3])
         dr.enable_grad(*leaves)
         return self._attached(origin, direction, t, (x, y), jet, speed, found, hit, leaves)
 
-    def pull_back(
-        self, gradients: Sequence[NDArray[np.float64]], knots: Sequence[KnotVector] | None = None
-    ) -> NDArray[np.float64]:
+    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
         table = self._table if knots is None else PolynomialTable(self._backend, knots)
-        return table.pull_back(*self._points, gradients)
+        return table.pull_back(*hits.at, hits.gradients())
 
     def _search(
-        self, o: list[DrArray], d: list[DrArray], top: float, steepest: float
+        self, surface: Surface, o: list[DrArray], d: list[DrArray], top: float, steepest: float
     ) -> tuple[DrArray, DrArray, DrArray, DrArray]:
         """Return (ray parameter, t_0, t_1, whether the search came to an end: what is not on the surface then
         misses it).
@@ -188,7 +188,7 @@ class SearchedHits:
         def step(
             t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
         ) -> tuple[DrArray, ...]:
-            jet = self._surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
+            jet = surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
             residual = jet[0] - (o[2] + t * d[2])
             newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])  # not a number on a tangent ray
             before = residual > 0
@@ -210,7 +210,7 @@ class SearchedHits:
         known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
         low, high = first, last
         if self._sure:
-            low, high, known = self._first_change(o, d, first, last, steepest)
+            low, high, known = self._first_change(surface, o, d, first, last, steepest)
             t = dr.select((t > low) & (t < high), t, 0.5 * (low + high))
         t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
         t, _, _, _, active, _ = dr.while_loop(
@@ -219,7 +219,13 @@ class SearchedHits:
         return t, first, last, ~active & dr.isfinite(sum(o) + sum(d))
 
     def _first_change(
-        self, o: list[DrArray], d: list[DrArray], first: DrArray, last: DrArray, steepest: float
+        self,
+        surface: Surface,
+        o: list[DrArray],
+        d: list[DrArray],
+        first: DrArray,
+        last: DrArray,
+        steepest: float,
     ) -> tuple[DrArray, DrArray, DrArray]:
         """Return (low, high, known signs) around the first fall of f through zero, for rays that may meet the
         surface twice."""
@@ -231,7 +237,7 @@ class SearchedHits:
 
         def march(high: DrArray, index: DrArray, passed: DrArray) -> tuple[DrArray, DrArray, DrArray]:
             high = high + step
-            z, *_ = self._surface(*self._clip(o[0] + high * d[0], o[1] + high * d[1]))
+            z, *_ = surface(*self._clip(o[0] + high * d[0], o[1] + high * d[1]))
             return high, index + 1, z < o[2] + high * d[2]
 
         def goes_on(high: DrArray, index: DrArray, passed: DrArray) -> DrArray:
@@ -297,6 +303,7 @@ class SearchedHits:
             found,
             hit,
             leaves,
+            tuple(point),
             self._backend.dr,
         )
 
@@ -304,9 +311,9 @@ class SearchedHits:
         dr, (hx, hy) = self._backend.dr, self._half_width
         return dr.clip(x, -hx, hx), dr.clip(y, -hy, hy)
 
-    def _surface(self, x: DrArray, y: DrArray) -> list[DrArray]:
+    def _surface(self, power: DrArray, x: DrArray, y: DrArray) -> list[DrArray]:
         base = conic_jet(self._backend, self._conic, x, y)
-        return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(x, y))]
+        return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(power, x, y))]
 
 
 def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:

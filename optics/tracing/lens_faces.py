@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.tracing.device_rays import DeviceRays
 from optics.tracing.intersections import conic_jet
 from optics.tracing.ray_roots import first_crossing, last_root
 from optics.tracing.spline_table import PolynomialTable
@@ -29,18 +30,6 @@ RIM = 1e-12  # of the lens's size: faces reach this far over their rims, so that
 START = 1e-10  # of the lens's size: a ray that starts so near a face is on its own side of it
 WALL = 1e-9  # of the lens's size: rims whose half-widths differ by less are joined by a wall
 NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
-
-
-@dataclass(eq=False)
-class Rays:
-    """Origins in mm and unit directions, three Dr.Jit arrays each; inside : the mask of rays in glass."""
-
-    origin: Jet
-    direction: Jet
-    inside: DrArray
-
-    def at(self, t: DrArray) -> Jet:
-        return tuple(o + t * d for o, d in zip(self.origin, self.direction))
 
 
 @dataclass(eq=False)
@@ -66,7 +55,7 @@ class GraphFace:
         self._per_cell = [self._opaque(1 / c) for c in self.cell]
         self._near, self._resolution = self._opaque(START * self.size), self._opaque(2.0**-51 * self.size)
 
-    def meet(self, rays: Rays) -> tuple[DrArray, Jet]:
+    def meet(self, rays: DeviceRays) -> tuple[DrArray, Jet]:
         """Return (path length, inf where the ray misses, and the outward unit normal)."""
         dr = self.backend.dr
         side = dr.select(rays.inside, self._side, -self._side)
@@ -104,7 +93,7 @@ class GraphFace:
         height, zx, zy = self.height(x, y)
         return self._side * (z - height) <= self._near * self.backend.dr.sqrt(1 + zx * zx + zy * zy)
 
-    def _interval(self, rays: Rays) -> tuple[DrArray, DrArray]:
+    def _interval(self, rays: DeviceRays) -> tuple[DrArray, DrArray]:
         """Return the path lengths, start > stop for none, between which the ray is in the domain."""
         dr, Float = self.backend.dr, self.backend.Float
         start, stop = Float(0), Float(dr.inf)
@@ -137,7 +126,7 @@ class WallFace:
             self.backend.dr.opaque(self.backend.Float, float(a)) for a in (self.sign, self.half_width)
         )
 
-    def meet(self, rays: Rays) -> tuple[DrArray, Jet]:
+    def meet(self, rays: DeviceRays) -> tuple[DrArray, Jet]:
         """Return (path length, inf where the ray misses, and the outward unit normal)."""
         dr, Float = self.backend.dr, self.backend.Float
         speed = self._sign * rays.direction[self.axis]
@@ -189,7 +178,7 @@ class _Surface:
         sag = surface.sag.to_bspline()
         knots = [kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
         self._table = PolynomialTable(backend, knots)
-        self._table.load(sag.coefficients)
+        self._power = self._table.power(sag.coefficients)
         self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()
         least = (max(np.diff(kv.breaks).min(), 2 * h * NARROWEST) for kv, h in zip(knots, self.half_width))
         self.cell = tuple(map(min, least, self.cell))
@@ -198,7 +187,7 @@ class _Surface:
         """Return z, zx, zy."""
         z, zx, zy, *_ = conic_jet(self.backend, self._conic, x, y)
         if self._table is not None:
-            sag = self._table(x, y)
+            sag = self._table(self._power, x, y)
             z, zx, zy = z + sag[0], zx + sag[1], zy + sag[2]
         return z + self._vertex, zx, zy
 

@@ -7,45 +7,20 @@ threshold or have met too many faces.  Every part of the source flux ends in one
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optics.tracing.branches import FRONT, LEFT, NEVER, OUTSIDE, Branches, ClosedLens, SourceRays, split
+from optics.tracing.branches import FRONT, LEFT, NEVER, OUTSIDE, Branches, ClosedLens, split
+from optics.tracing.fates import FATES, Fates
+from optics.tracing.landings import LandingPoints
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
+    from optics.sources import Rays
     from thbcad.lens import Lens
-
-
-@dataclass(frozen=True)
-class Fates:
-    """Flux by fate, W; the fates sum to the source flux.
-
-    beside_lens : never met the lens.  reflected_outside : reflected, never entered.
-    on_target, off_target : left by the rear last, met the target rectangle or its plane beside it.
-    edges_on_target, edges_off_target : left by an edge last.  front_on_target, front_off_target : by the
-        front.
-    back : left, but never reaches the target plane.
-    trapped : below the threshold, or too many faces met.  failed : in glass, but no face was found.
-    """
-
-    beside_lens: float
-    reflected_outside: float
-    on_target: float
-    off_target: float
-    edges_on_target: float
-    edges_off_target: float
-    front_on_target: float
-    front_off_target: float
-    back: float
-    trapped: float
-    failed: float
-
-
-FATES = tuple(field.name for field in fields(Fates))
 
 
 @dataclass(frozen=True)
@@ -57,30 +32,20 @@ class TargetPlane:
 
 
 @dataclass(frozen=True, eq=False)
-class Landings:
-    """Branches that cross the target plane, on the rectangle or beside it, each (m,).
-
-    x, y : mm.  flux : W.  ray : index of the source ray.  fate : index into FATES.
-    direct : True for the path front, rear, target, with two refractions and nothing else.
-    """
-
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    flux: NDArray[np.float64]
-    ray: NDArray[np.int64]
-    fate: NDArray[np.int64]
-    direct: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
 class NonsequentialResult:
     """Where the light went.
 
-    by_ray : (len(FATES), n), W, of every source ray by fate.  landings : Landings.
+    by_ray : (len(FATES), n), W, of every source ray by fate.
+    landings : of the m branches that cross the target plane, on the rectangle or beside it.
+    ray : (m,), index of the source ray.  fate : (m,), index into FATES.
+    direct : (m,), True for the path front, rear, target, with two refractions and nothing else.
     """
 
     by_ray: NDArray[np.float64]
-    landings: Landings
+    landings: LandingPoints
+    ray: NDArray[np.int64]
+    fate: NDArray[np.int64]
+    direct: NDArray[np.bool_]
 
     @property
     def fates(self) -> Fates:
@@ -90,7 +55,7 @@ class NonsequentialResult:
 def trace_nonsequential(
     backend: Backend,
     lens: Lens,
-    rays: SourceRays,
+    rays: Rays,
     target: TargetPlane,
     bounces: int = 64,
     threshold: float = 1e-4,
@@ -126,7 +91,8 @@ def trace_nonsequential(
         branches = branches[~weak]
         if not len(branches.ray):
             break
-    return NonsequentialResult(by_ray, Landings(*(np.concatenate(column) for column in zip(*landings))))
+    x, y, flux, *labels = (np.concatenate(column) for column in zip(*landings))
+    return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), *labels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +104,7 @@ class RayPath:
 
 
 def trace_paths(
-    backend: Backend, lens: Lens, rays: SourceRays, target: TargetPlane, bounces: int = 64
+    backend: Backend, lens: Lens, rays: Rays, target: TargetPlane, bounces: int = 64
 ) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 

@@ -96,4 +96,5 @@ def jacobian_determinants(
 
 def _rays(points: Array, z: float, flux: float | Array) -> Rays:
     x, y, p, q = points
-    return Rays(np.stack([x, y, np.full_like(x, z)]), np.stack([p, q, np.sqrt(1 - p * p - q * q)]), flux)
+    each = np.broadcast_to(np.asarray(flux, dtype=np.float64), x.shape)
+    return Rays(np.stack([x, y, np.full_like(x, z)]), np.stack([p, q, np.sqrt(1 - p * p - q * q)]), each)

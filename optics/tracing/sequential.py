@@ -2,98 +2,36 @@
 
 A front surface that carries no sag is treated once.  Behind a plane one at normal incidence the
 rays are still parallel to z, so that their meeting points with the rear are known; otherwise
-they are searched for.  Every ray ends in exactly one of the fates that `FluxBudget` names.
+they are searched for.  Every ray ends in exactly one of the fates that `SequentialFates` names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources import Beam, Rays, beam_rays
+from optics.sources import RayGrid, Rays, single_rays
+from optics.tracing.device_rays import DeviceRays
+from optics.tracing.fates import SequentialFates
 from optics.tracing.intersections import Hits, KnownHits, SearchedHits
+from optics.tracing.landings import Landing
 from optics.tracing.refraction import refract
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
+    from optics.tracing.device_rays import Vector
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector
-
-    Vector = tuple[DrArray, DrArray, DrArray]
-
-
-@dataclass(eq=False)
-class Landing:
-    """Where rays meet the target: x, y in mm (degrees in the far field), flux in W (zero unless they arrive).
-
-    p, q : direction cosines along x and y behind the lens.
-    entering : flux behind the front.  decided, met : of the front, as `found` and `hit` of Hits.
-    found, hit : of the rear, as in Hits.
-    refracted : the ray leaves the rear surface forward.
-    """
-
-    x: DrArray
-    y: DrArray
-    p: DrArray
-    q: DrArray
-    flux: DrArray
-    entering: DrArray
-    decided: DrArray
-    met: DrArray
-    found: DrArray
-    hit: DrArray
-    refracted: DrArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Bundle:
-    """Rays behind the front: origin from the rear vertex (None: known), direction, flux; masks as in
-    `Landing`."""
-
-    origin: Vector | None
-    direction: Vector
-    flux: DrArray
-    decided: DrArray | bool
-    met: DrArray | bool
-
-
-@dataclass(frozen=True)
-class FluxBudget:
-    """The source flux by fate, in W; the fates sum to the source flux.
-
-    beside_lens : passes beside the front.  front_reflected, rear_reflected : Fresnel losses.
-    missed_rear : meets an edge face instead of the rear surface.  total_internal : totally reflected, or
-        refracted backwards.
-    unresolved : the search for the front or the rear failed.
-    on_target, off_target : leaves the lens and meets the target rectangle or misses it.
-    """
-
-    beside_lens: float
-    front_reflected: float
-    missed_rear: float
-    unresolved: float
-    total_internal: float
-    rear_reflected: float
-    on_target: float
-    off_target: float
-
-    @property
-    def transmitted(self) -> float:
-        return self.on_target + self.off_target
-
-    def __add__(self, other: FluxBudget) -> FluxBudget:
-        return FluxBudget(*(a + b for a, b in zip(asdict(self).values(), asdict(other).values())))
 
 
 class Tracer:
     """Rays of one source through a lens whose sags may change.
 
-    lens : Lens.  rays : Beam or Rays.  target_z : mm, inf is the far field.
+    lens : Lens.  rays : RayGrid or Rays.  target_z : mm, inf is the far field.
     soft_rim : share of the half-width within which the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
     sure : grazing rays are led to the first of several meetings with a rough surface; costs up to twice the
@@ -104,94 +42,85 @@ class Tracer:
         self,
         backend: Backend,
         lens: Lens,
-        rays: Beam | Rays,
+        rays: RayGrid | Rays,
         target_z: float,
         soft_rim: float = 0.0,
         sure: bool = True,
     ) -> None:
         self._backend, self._lens, self._soft_rim = backend, lens, soft_rim
         dr, Float = backend.dr, backend.Float
-        self._emitted = rays.entering
-        self._missed = rays.missed if isinstance(rays, Beam) else 0.0
+        self._emitted = rays.total
+        self._missed = rays.missed if isinstance(rays, RayGrid) else 0.0
+        self._width = rays.flux.size
         # opaque numbers do not become part of the kernels, which then serve every source and lens
         self._index, self._inverse = dr.opaque(Float, lens.index), dr.opaque(Float, 1 / lens.index)
         self._distance = None if isinf(target_z) else dr.opaque(Float, target_z - lens.thickness)
-        self._flux = (
-            dr.opaque(Float, rays.ray_flux) if np.isscalar(rays.ray_flux) else backend.array(rays.ray_flux)
-        )
+        self._flux = device_flux(backend, rays.flux)
         self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
         self._front: SearchedHits | None = None
         self._rear: KnownHits | SearchedHits
-        if isinstance(rays, Beam) and lens.front.sag is None and lens.front.conic.is_plane:
+        self._behind: tuple[Hits | None, DeviceRays]  # of a front that never changes
+        if isinstance(rays, RayGrid) and lens.front.is_plane:
             self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, _knots(lens.rear))
             direction = (0.0, 0.0, 1.0)
             _, share, _ = refract(dr, direction, (Float(0), Float(0)), self._inverse)
             entering = self._flux * share
             dr.make_opaque(entering)
-            self._behind = _Bundle(None, direction, entering, True, True)
+            self._behind = None, DeviceRays(None, direction, entering)
         else:
-            rays = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
-            self._origin, self._direction = (
-                [backend.array(a) for a in rows] for rows in (rays.origin, rays.direction)
+            rays = single_rays(rays, lens)
+            self._source = DeviceRays(
+                *(tuple(backend.array(a) for a in rows) for rows in (rays.origin, rays.direction)), self._flux
             )
             self._front = SearchedHits(
                 backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure
             )
             self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, _knots(lens.rear), sure)
             if lens.front.sag is None:
-                _, self._behind = self._through_front(None)
-                dr.eval(self._behind.origin, self._behind.direction, self._behind.flux)
-        self._width = len(rays.x) * len(rays.y) if isinstance(rays, Beam) else rays.origin.shape[1]
+                self._behind = self._through_front(None)
+                behind = self._behind[1]
+                dr.eval(behind.origin, behind.direction, behind.flux)
 
     def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Hits], Landing]:
         """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves.
 
         coefficients : of the sags, (dim,) each, front first.
         """
-        changing, hits, behind = self._meet(coefficients)
-        return changing, self._landing(hits, behind)
+        front, behind, rear = self._meet(coefficients)
+        surfaces = (front, self._lens.front), (rear, self._lens.rear)
+        changing = [hits for hits, surface in surfaces if surface.sag is not None]
+        return changing, self._landing(front, behind, rear)
 
     def at_rear(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
         """Return (Hits of the rear, directions inside the lens, flux inside the lens, zero for rays that
         miss)."""
-        _, hits, behind = self._meet(coefficients)
+        _, behind, hits = self._meet(coefficients)
         return hits, behind.direction, self._backend.dr.select(hits.hit, behind.flux, 0)
 
-    def _meet(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Hits], Hits, _Bundle]:
-        """Return (Hits of the surfaces that carry a sag, Hits of the rear, what meets the rear)."""
+    def _meet(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits | None, DeviceRays, Hits]:
+        """Return (Hits of the front, None where they are known, the rays behind it, Hits of the rear)."""
         nets = [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
-        changing = []
-        behind = self._behind if self._lens.front.sag is None else None
-        if behind is None:
-            front, behind = self._through_front(nets[0])
-            changing.append(front)
+        front, behind = self._behind if self._lens.front.sag is None else self._through_front(nets[0])
         net = None if self._lens.rear.sag is None else nets[-1]
-        hits = (
-            self._rear.meet(net)
-            if isinstance(self._rear, KnownHits)
-            else self._rear.meet(behind.origin, behind.direction, net)
-        )
-        if net is not None:
-            changing.append(hits)
-        return changing, hits, behind
+        if isinstance(self._rear, KnownHits):
+            return front, behind, self._rear.meet(net)
+        return front, behind, self._rear.meet(behind.origin, behind.direction, net)
 
     def pull_back(
         self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector] | None] | None = None
     ) -> list[NDArray[np.float64]]:
         """Return the derivative by each sag's coefficients, or by a net over other knots, after
         `dr.backward`."""
-        self._backend.dr.eval(
-            [leaf.grad for h in hits for leaf in h.leaves]
-        )  # of all surfaces together: they share most of the way
-        searched = [self._front] * (self._lens.front.sag is not None) + [self._rear] * (
-            self._lens.rear.sag is not None
-        )
+        # of all surfaces together: they have most of the path in common
+        self._backend.dr.eval([leaf.grad for h in hits for leaf in h.leaves])
+        both = (self._front, self._lens.front), (self._rear, self._lens.rear)
+        searched = [s for s, surface in both if surface.sag is not None]
         if knots is not None:
-            return [s.pull_back(h.gradients(), k) for s, h, k in zip(searched, hits, knots)]
-        return [e.adjoint(s.pull_back(h.gradients())) for e, s, h in zip(self._embeddings, searched, hits)]
+            return [s.pull_back(h, k) for s, h, k in zip(searched, hits, knots)]
+        return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, searched, hits)]
 
-    def budget(self, landing: Landing, half_width: tuple[float, float]) -> FluxBudget:
-        """Return the FluxBudget of a traced landing for a target rectangle."""
+    def fates(self, landing: Landing, half_width: tuple[float, float]) -> SequentialFates:
+        """Return the flux of a traced landing by fate, for a target rectangle."""
         dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
 
@@ -208,7 +137,7 @@ class Tracer:
         refracted = total(landing.entering, landing.hit & landing.refracted)
         arriving = total(landing.flux, True)
         on_target = total(landing.flux, onto)
-        return FluxBudget(
+        return SequentialFates(
             beside_lens=self._missed + self._emitted - lost_before - met,
             front_reflected=met - inside,
             missed_rear=found - at_rear,
@@ -238,16 +167,16 @@ class Tracer:
         }
         return {name: int(dr.count(mask).numpy()[0]) for name, mask in masks.items()}
 
-    def _through_front(self, net: NDArray[np.float64] | None) -> tuple[Hits, _Bundle]:
-        """Return the front's Hits and what goes on behind it."""
-        hits = self._front.meet(self._origin, self._direction, net)
-        direction, share, _ = refract(self._backend.dr, self._direction, (hits.zx, hits.zy), self._inverse)
-        flux = self._backend.dr.select(hits.hit, self._flux * share * self._rim(hits, self._lens.front), 0)
-        return hits, _Bundle(
-            (hits.x, hits.y, hits.z - self._lens.thickness), direction, flux, hits.found, hits.hit
-        )
+    def _through_front(self, net: NDArray[np.float64] | None) -> tuple[Hits, DeviceRays]:
+        """Return the front's Hits and the rays behind it, in the frame of the rear's vertex."""
+        rays = self._source
+        hits = self._front.meet(rays.origin, rays.direction, net)
+        direction, share, _ = refract(self._backend.dr, rays.direction, (hits.zx, hits.zy), self._inverse)
+        passing = rays.flux * share * self._rim(hits, self._lens.front)
+        flux = self._backend.dr.select(hits.hit, passing, 0)
+        return hits, DeviceRays((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux)
 
-    def _landing(self, hits: Hits, behind: _Bundle) -> Landing:
+    def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
         dr = self._backend.dr
         (dx, dy, dz), share, refracted = refract(dr, behind.direction, (hits.zx, hits.zy), self._index)
         forward = refracted & (dz > 0)
@@ -261,7 +190,17 @@ class Tracer:
             travel = (self._distance - hits.z) / dz
             x, y = hits.x + travel * dx, hits.y + travel * dy
         return Landing(
-            x, y, dx, dy, flux, behind.flux, behind.decided, behind.met, hits.found, hits.hit, forward
+            x,
+            y,
+            p=dx,
+            q=dy,
+            flux=flux,
+            entering=behind.flux,
+            decided=True if front is None else front.found,
+            met=True if front is None else front.hit,
+            found=hits.found,
+            hit=hits.hit,
+            refracted=forward,
         )
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
@@ -273,6 +212,13 @@ class Tracer:
             s = self._backend.dr.clip((h - self._backend.dr.abs(a)) * (1 / (self._soft_rim * h)), 0, 1)
             share = share * (s * s * (3 - 2 * s))
         return share
+
+
+def device_flux(backend: Backend, flux: NDArray[np.float64]) -> DrArray:
+    """Return the flux of rays on the device; one number where all rays carry the same."""
+    if (flux == flux.flat[0]).all():
+        return backend.dr.opaque(backend.Float, float(flux.flat[0]))
+    return backend.array(flux)
 
 
 def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:

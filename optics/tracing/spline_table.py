@@ -34,19 +34,18 @@ class PolynomialTable:
         self._middles = [backend.array((kv.breaks[1:] + kv.breaks[:-1]) / 2) for kv in knots]
         self._rates = [backend.array(2 / np.diff(kv.breaks)) for kv in knots]
         self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
-        self._data: DrArray = None
 
-    def load(self, net: NDArray[np.float64]) -> None:
-        """Set the coefficients, (n_x, n_y)."""
+    def power(self, net: NDArray[np.float64]) -> DrArray:
+        """Return the power coefficients of every cell, of the spline with the net (n_x, n_y)."""
         ax, ay = self._maps
-        power = ax @ (ay @ net.T).T
+        cells = ax @ (ay @ net.T).T
         (nx, ny), (p, q) = self._cells, self._orders
         table = np.zeros((nx, ny, p, self._packets * PACKED))
-        table[..., :q] = power.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
-        self._data = self._backend.array(table)
+        table[..., :q] = cells.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
+        return self._backend.array(table)
 
-    def __call__(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
-        """Return z, zx, zy, zxx, zxy, zyy."""
+    def __call__(self, power: DrArray, x: DrArray, y: DrArray) -> tuple[DrArray, ...]:
+        """Return z, zx, zy, zxx, zxy, zyy of the spline with these power coefficients."""
         dr = self._backend.dr
         first, s, t, rx, ry = self._locate(x, y)
         p, q = self._orders
@@ -55,7 +54,7 @@ class PolynomialTable:
             # value and two derivatives in y of the row's polynomial, by Horner's scheme
             row = [0.0] * 3
             packets = [
-                dr.gather(self._backend.Packet, self._data, first + (a * self._packets + k))
+                dr.gather(self._backend.Packet, power, first + (a * self._packets + k))
                 for k in range(self._packets)
             ]
             for b in reversed(range(q)):

@@ -7,7 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.verification.independent_checks import (
         bare_checks as bare_checks,
-        stranger_checks as stranger_checks,
+        text_and_occt_checks as text_and_occt_checks,
     )
     from optics.verification.optiland_tracer import (
         optiland_available as optiland_available,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _FILES = {
     "independent_checks": (
         "bare_checks",
-        "stranger_checks",
+        "text_and_occt_checks",
     ),
     "optiland_tracer": (
         "optiland_available",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import Check
-from optics.verification.reference_tracer import ReferenceRays
+from optics.tracing import LandingPoints
 from optics.verification.step_checks import differing_numbers
 from optics.verification.trace_comparison import compared
 from thbcad.cad.exchange import face_hits, spline_faces
@@ -20,9 +20,9 @@ from thbcad.lens import CORNERS, SIDES, placed_surfaces, rim, ruled_edge
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import Backend
     from optics.sources import Rays
+    from optics.system import OpticalSystem
     from optics.verification.step_file import StepFile
     from thbcad.cad.exchange import SolidState, TopoDS_Shape
     from thbcad.lens import Lens
@@ -37,7 +37,7 @@ RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line
 
 
-def stranger_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
     """Return the Checks of a STEP file by its text and by OCCT's intersections of rays and faces.
 
     The text is read first, so that a file that is cut off or damaged never reaches OCCT.
@@ -50,11 +50,11 @@ def stranger_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backe
     solid = file.text
     shape, optical = file.solid.shape, _optical(solid)
 
-    def by_occt(rays: Rays) -> ReferenceRays:
-        points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, problem.target_z, optical)
-        return ReferenceRays(points, np.where(np.isfinite(points).all(axis=1), rays.ray_flux, 0.0))
+    def by_occt(rays: Rays) -> LandingPoints:
+        points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, system.target.z, optical)
+        return LandingPoints(points, np.where(np.isfinite(points).all(axis=1), rays.flux, 0.0))
 
-    found = compared(problem, lens, backend, RAYS, by_occt)
+    found = compared(system, lens, backend, RAYS, by_occt)
     return [
         *_whole(solid),
         Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
@@ -65,7 +65,7 @@ def stranger_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backe
         Check(
             "landing points by OCCT's intersections with the file",
             found.landing,
-            problem.verify.landing,
+            system.problem.verify.landing,
             found.unit,
         ),
     ]
@@ -77,7 +77,7 @@ def bare_checks(file: StepFile) -> list[Check]:
 
     Raises
     ------
-    OSError, ValueError : as `stranger_checks`.
+    OSError, ValueError : as `text_and_occt_checks`.
     """
     solid, state = file.text, file.state
     surfaces = spline_faces(state.shape)

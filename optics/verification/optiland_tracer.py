@@ -22,17 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import Check
+from optics.tracing import LandingPoints
 from optics.verification.independent_checks import RAYS
-from optics.verification.reference_tracer import ReferenceRays
 from optics.verification.trace_comparison import compared
 
 if TYPE_CHECKING:
     from optiland.geometries import NurbsGeometry
     from optiland.rays import RealRays
 
-    from optics.problem import Problem
     from optics.runtime import Backend
     from optics.sources import Rays
+    from optics.system import OpticalSystem
     from optics.verification.step_file import StepFile
     from thbcad.lens import Lens
     from thbcad.splines import BSplineSurface
@@ -51,7 +51,7 @@ def optiland_available() -> bool:
     return find_spec("optiland") is not None
 
 
-def optiland_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
     """Return the Checks of a STEP file by optiland's trace of about 500 rays of the problem's source.
 
     The faces are traced with the poles and knots that OCCT reads in the file.
@@ -63,25 +63,25 @@ def optiland_checks(problem: Problem, lens: Lens, file: StepFile, backend: Backe
     """
     step = file.solid
 
-    def by_optiland(rays: Rays) -> ReferenceRays:
+    def by_optiland(rays: Rays) -> LandingPoints:
         found = optiland_trace(
-            step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, problem.target_z
+            step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, system.target.z
         )
-        return ReferenceRays(found.points, found.flux * rays.ray_flux)
+        return LandingPoints(found.points, found.flux * rays.flux)
 
-    found = compared(problem, lens, backend, RAYS, by_optiland)
+    found = compared(system, lens, backend, RAYS, by_optiland)
     return [
         Check("rays with another fate by optiland's trace of the file", found.mismatched, 0, ""),
         Check(
             "landing points by optiland's trace of the file",
             found.landing,
-            problem.verify.landing,
+            system.problem.verify.landing,
             found.unit,
         ),
         Check(
             "irradiance by optiland's trace of the file, relative",
             found.irradiance,
-            problem.verify.irradiance,
+            system.problem.verify.irradiance,
             "",
         ),
     ]
@@ -94,7 +94,7 @@ def optiland_trace(
     directions: Rows,
     index: float,
     target_z: float,
-) -> ReferenceRays:
+) -> LandingPoints:
     """Trace rays through two faces to the plane z = target_z by optiland, or to the far field where that is
     inf.
 
@@ -125,7 +125,7 @@ def optiland_trace(
                 else points[:, :2] + (target_z - points[:, 2:]) * across
             )
             flux[lit] = weight[forward]
-    return ReferenceRays(landing, flux)
+    return LandingPoints(landing, flux)
 
 
 @contextmanager

@@ -7,7 +7,6 @@ refraction uses the vector form of Snell's law.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
 from optics.runtime import NumericalError
+from optics.tracing import LandingPoints
 
 if TYPE_CHECKING:
     from optics.target import Screen
@@ -29,14 +29,6 @@ STILL = 1e-12  # of a direction: components that count as none
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 MEETS = 1e-10  # of the face's width: so far beside a ray, or behind its origin, a point still lies on it
 AT_ONCE = 20_000  # rays
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceRays:
-    """Landing points (n, 2) in mm and flux (n,) in W; NaN and 0 for rays that do not arrive."""
-
-    points: NDArray[np.float64]
-    flux: NDArray[np.float64]
 
 
 class ParametricFace:
@@ -118,7 +110,7 @@ def trace_step(
     flux: ArrayLike,
     index: float,
     target_z: float,
-) -> ReferenceRays:
+) -> LandingPoints:
     """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field where
     that is inf.
 
@@ -138,7 +130,7 @@ def trace_step(
         if np.isinf(target_z)
         else points[:, :2] + (target_z - points[:, 2:]) * across
     )
-    return ReferenceRays(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
+    return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
 def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import Check
-from optics.system import lens_product
 from optics.verification.reference_tracer import trace_step
 from optics.verification.trace_comparison import compared
 from thbcad.cad.exchange import solid_volume, step_bytes
@@ -16,10 +15,10 @@ from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import Backend
     from optics.sources import Rays
-    from optics.verification.reference_tracer import ReferenceRays
+    from optics.system import OpticalSystem
+    from optics.tracing import LandingPoints
     from optics.verification.step_file import StepFile
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector, NURBSSurface
@@ -29,13 +28,13 @@ FINE_VOLUME = 1e-9  # relative
 SURFACE_SAMPLES = 6  # per knot span and direction
 
 
-def verify(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
     """Return the list of Checks of a STEP file as OCCT reads it against the lens in memory.
 
     backend : of double precision.
     """
-    step, fresh = file.solid, step_bytes(lens, lens_product(problem), problem.export.schema)
-    limits = problem.verify
+    step, fresh = file.solid, step_bytes(lens, system.product, system.problem.export.schema)
+    limits = system.problem.verify
     checks = [
         Check("solids besides the one expected", abs(step.solids - 1), 0, ""),
         Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
@@ -77,10 +76,10 @@ def verify(problem: Problem, lens: Lens, file: StepFile, backend: Backend) -> li
             )
         )
 
-    def by_scipy(rays: Rays) -> ReferenceRays:
-        return trace_step(step, rays.origin.T, rays.direction.T, rays.ray_flux, lens.index, problem.target_z)
+    def by_scipy(rays: Rays) -> LandingPoints:
+        return trace_step(step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.z)
 
-    found = compared(problem, lens, backend, [problem.verify.rays] * 2, by_scipy)
+    found = compared(system, lens, backend, [limits.rays] * 2, by_scipy)
     checks += [
         Check("rays with another fate in the independent trace", found.mismatched, 0, ""),
         Check("landing points, independent trace of the file", found.landing, limits.landing, found.unit),

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.sources import Beam, beam_rays
-from optics.system import problem_rays, target_screen
+from optics.sources import single_rays
 from optics.tracing import Tracer
-from optics.verification.reference_tracer import ReferenceRays, deposit
+from optics.verification.reference_tracer import deposit
 
 if TYPE_CHECKING:
-    from optics.problem import Problem
     from optics.runtime import Backend
     from optics.sources import Rays
+    from optics.system import OpticalSystem
+    from optics.tracing import LandingPoints
     from thbcad.lens import Lens
 
 
@@ -40,24 +40,23 @@ class Comparison:
 
 
 def compared(
-    problem: Problem,
+    system: OpticalSystem,
     lens: Lens,
     backend: Backend,
     counts: Sequence[int],
-    other: Callable[[Rays], ReferenceRays],
+    other: Callable[[Rays], LandingPoints],
 ) -> Comparison:
-    """Trace rays of the problem's source through the lens in memory and by `other`, and return their
+    """Trace rays of the system's source through the lens in memory and by `other`, and return their
     Comparison.
 
-    backend : of double precision.  counts : of rays, as in `problem_rays`.
+    backend : of double precision.  counts : of rays, as in `LightSource.rays`.
     other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
     """
-    rays = problem_rays(problem, counts)
-    _, landing = Tracer(backend, lens, rays, problem.target_z).trace([sag.coefficients for sag in lens.sags])
+    rays = system.source.rays(counts)
+    _, landing = Tracer(backend, lens, rays, system.target.z).trace([sag.coefficients for sag in lens.sags])
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    found, screen = other(beam_rays(rays, lens) if isinstance(rays, Beam) else rays), target_screen(problem)
-    # beside the target lands light that leaves at grazing angles, where the last digit of a slope moves it by
-    # far
+    found, screen = other(single_rays(rays, lens)), system.target.screen()
+    # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
     both = (flux > 0) & (found.flux > 0) & (np.abs(points) <= screen.half_width).all(axis=1)
     error = float(np.abs(points[both] - found.points[both]).max()) if both.any() else np.inf
     unit = "degrees" if screen.angular else "mm"

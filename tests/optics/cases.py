@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 from PIL import Image
 
+from optics.sources import collimated_beam
+from optics.tracing import Tracer
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -33,11 +36,12 @@ SMALL = {
     "target.pixels": [48, 48],
     "optimizer.iterations": [6],
     "verify.rays": 33,
-    "run.threads": 2,
+    "run.threads": 1,
 }
 
 
 PLANE, PARABOLOID = Conic(), Conic(40.0, -1.0)
+TARGET_Z = 66.0  # of a plane 60 mm behind the small lens
 
 
 def picture(rows=48, columns=48):
@@ -135,3 +139,40 @@ def coefficients(lens):
 def rough(space, height=0.02, seed=5):
     """Return random coefficients of at most `height` mm."""
     return np.random.default_rng(seed).uniform(-height, height, space.dim)
+
+
+def moved_point(text, point, change):
+    """Return the text with the one CARTESIAN_POINT at these coordinates changed."""
+    pattern = re.compile(r"(CARTESIAN_POINT\('',\()([^)]*)(\)\))")
+    found = [m for m in pattern.finditer(text) if [float(v) for v in m[2].split(",")] == list(point)]
+    assert len(found) == 1
+    numbers = ",".join(f"{a:#.17G}" for a in np.asarray(point) + change)
+    return text[: found[0].start(2)] + numbers + text[found[0].end(2) :]
+
+
+def traced(backend, lens, source=(9.5, 9.5), rays=(41, 37), target_z=TARGET_Z, target=(20.0, 20.0)):
+    """Return (Hits of the rear, Landing, SequentialFates, RayGrid) of a lens in a collimated beam."""
+    beam = collimated_beam(source, 1.0, lens.front.half_width, rays)
+    tracer = Tracer(backend, lens, beam, target_z)
+    hits, landing = tracer.trace(coefficients(lens))
+    return hits[-1], landing, tracer.fates(landing, target), beam
+
+
+def mesh(beam):
+    """Return the rays' x and y, (n,), in the order of the tracer: y first."""
+    return np.repeat(beam.x, len(beam.y)), np.tile(beam.y, len(beam.x))
+
+
+def landing_points(landing):
+    return np.column_stack([landing.x.numpy(), landing.y.numpy()])
+
+
+def grazing_rays(surface, count, seed=0, least=0.02):
+    """Return (origin, direction), (3, n) each: rays that start in the glass below the surface, up to grazing
+    (cos theta >= least)."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-5, 5, (2, count))
+    z = np.minimum(rng.uniform(-7, -1, count), surface(x, y) - 0.01)
+    cosine, turn = rng.uniform(least, 1, count), rng.uniform(0, 2 * np.pi, count)
+    sine = np.sqrt(1 - cosine**2)
+    return np.stack([x, y, z]), np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])

@@ -12,8 +12,8 @@ from tests.optics.cases import write_problem
 
 @pytest.fixture(scope="session")
 def backend():
-    """Dr.Jit in double precision on two threads."""
-    return load_backend("double", 2)
+    """Dr.Jit in double precision on one thread: the tests themselves run side by side."""
+    return load_backend("double", 1)
 
 
 @pytest.fixture

@@ -8,10 +8,14 @@ from hypothesis import reject, strategies as st
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.sags import Conic
-from thbcad.splines import KnotVector
+from thbcad.splines import KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
 
 SCALES = (1.0, 1 / 7, 0.1, 25.4)  # 1 keeps all knots and their bisections exact in float64
+EPS = np.finfo(float).eps
+# points of an aperture of 10 mm by 8 mm, and their squared distances from the axis
+X, Y = (a.ravel() for a in np.meshgrid(np.linspace(-5, 5, 21), np.linspace(-4, 4, 17)))
+R2 = X * X + Y * Y
 AWKWARD = np.array([-0.0, 5e-324, 1 / 3, -0.1, 2.0**-52, -np.pi, 1e-17])
 
 
@@ -168,3 +172,66 @@ def lenses(draw, conics=True):
         if "ruled edge" in str(error) or "front and rear" in str(error):
             reject()
         raise
+
+
+def corner_sag(degree=(3, 3), steps=2, amplitude=0.1, right=False, low=-0.0):
+    """A sag over 4 x 4 spans, refined `steps` times in one corner."""
+    space = THBSpace(*(KnotVector.uniform(p, 4) for p in degree))
+    for level in range(steps):
+        n = (4 << level) - 4 if right else 0
+        space = space.refine({level: [(n + i, n + j) for i in range(4) for j in range(4)]})
+    return THBSurface(space, low + amplitude * np.sin(np.arange(space.dim)))
+
+
+LENSES = {
+    "plano": Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-80.0, -1.0)), 5.0, 1.5),
+    "freeform": Lens(
+        FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), corner_sag()), 5.0, 1.5
+    ),
+    "paraboloids": Lens(
+        FreeformSurface((9, 9), Conic(60.0, -1.0)),
+        FreeformSurface((9, 9), Conic(-70.0, -1.0), corner_sag()),
+        6.0,
+        1.5,
+    ),
+    "sphere": Lens(
+        FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5
+    ),
+    "table63": Lens(
+        FreeformSurface((5, 5), Conic(-5.0, -1.0)), FreeformSurface((8, 8), Conic(-10.0, -1.0)), 5.0, 1.5
+    ),
+    "ruled": Lens(
+        FreeformSurface((5, 4), Conic(-90.0, -1.0)),
+        FreeformSurface((4, 8), Conic(50.0, -1.0), corner_sag((4, 4))),
+        6.0,
+        1.5,
+    ),
+    "wider": Lens(FreeformSurface((5, 4), Conic(-30.0, 0.0)), FreeformSurface((6, 4)), 3.0, 1.5),
+    "deeper": Lens(FreeformSurface((5, 4), Conic(40.0, -1.0)), FreeformSurface((5, 7)), 3.0, 1.5),
+    "awkward": Lens(
+        FreeformSurface((10.988357457165069, 1 / 3), Conic(), corner_sag(amplitude=0.01)),
+        FreeformSurface((11 + 1 / 7, 0.36), Conic(33.0, -1.0), corner_sag(amplitude=0.01)),
+        np.pi,
+        1.5,
+    ),
+}
+
+
+def bits(array):
+    return np.ascontiguousarray(array, dtype=np.float64).tobytes()
+
+
+def assert_same_surface(a, b):
+    assert (a.kv_u.degree, a.kv_v.degree) == (b.kv_u.degree, b.kv_v.degree)
+    assert bits(a.kv_u.knots + 0.0) == bits(b.kv_u.knots + 0.0)
+    assert bits(a.kv_v.knots + 0.0) == bits(b.kv_v.knots + 0.0)
+    assert a.coefficients.shape == b.coefficients.shape
+    # 0.0 and -0.0 are the same place
+    assert bits(a.coefficients + 0.0) == bits(b.coefficients + 0.0)
+
+
+@st.composite
+def nurbs_surfaces(draw, max_degree=4, max_spans=3):
+    kv_u, kv_v = (draw(knot_vectors(max_degree=max_degree, max_spans=max_spans)) for _ in range(2))
+    rng, shape = draw(seeds()), (kv_u.dim, kv_v.dim)
+    return NURBSSurface(kv_u, kv_v, rng.uniform(-1, 1, (*shape, 3)), 10 ** rng.uniform(-1, 1, shape))

@@ -261,6 +261,7 @@ def test_uniform_degrees_of_freedom():
 # the documented example
 
 
+@pytest.mark.slow
 def test_the_example_draws_and_counts(tmp_path):
     done = subprocess.run(
         [sys.executable, ROOT / "examples/splines.py", tmp_path / "new"],

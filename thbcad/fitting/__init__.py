@@ -18,6 +18,9 @@ if TYPE_CHECKING:
         quasi_interpolate as quasi_interpolate,
         quasi_interpolation as quasi_interpolation,
     )
+    from thbcad.fitting.slope_fit import (
+        fit_slopes as fit_slopes,
+    )
 
 _FILES = {
     "adaptive_fit": (
@@ -33,5 +36,6 @@ _FILES = {
         "quasi_interpolate",
         "quasi_interpolation",
     ),
+    "slope_fit": ("fit_slopes",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

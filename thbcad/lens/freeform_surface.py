@@ -47,6 +47,11 @@ class FreeformSurface:
         object.__setattr__(self, "half_width", h)
         self.conic.require(h)
 
+    @property
+    def is_plane(self) -> bool:
+        """Whether it is the plane z = 0: without sag, over a plane conic."""
+        return self.sag is None and self.conic.is_plane
+
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a partial derivative at scattered points, (n,).
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
 
-NEAR = 1e-12  # of a half-width: knots that agree but for rounding, as in `thbcad.sags.graphs`
+NEAR = 1e-12  # of a half-width: knots that agree but for rounding, as in `thbcad.sags`
 
 
 def steepest(graph: BSplineSurface, axis: int) -> float:

@@ -8,14 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.analysis.light_fates import FAN, WIDEST, fans, follows_edges, nonsequential_figures
+from optics.analysis.light_fates import FAN, WIDEST, fans, nonsequential_metrics
 from optics.analysis.metrics import measure
 from optics.problem import load_problem
 from optics.sources import Rays
-from optics.system import base_lens, target_light
+from optics.system import OpticalSystem
 from optics.tracing import FATES, Tracer
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
+
+pytestmark = pytest.mark.xdist_group("light fates")
 
 DOME = {  # thesis Table 6.3: a glowing square of 1 mm in the hollow of a dome
     "source.kind": "lambertian",
@@ -47,15 +49,15 @@ SEEN = {
 def loaded(folder, changes, sag=None):
     """Return the problem, its lens with a sag (a function of the space), and its target's light."""
     problem = load_problem(write_problem(folder, DOME | changes))
-    lens = base_lens(problem)
+    lens = OpticalSystem(problem).lens
     if sag is not None:
         space = lens.rear.sag.space
         lens = lens.with_sags([THBSurface(space, sag(space))])
-    return SimpleNamespace(problem=problem, lens=lens, light=target_light(problem))
+    return SimpleNamespace(problem=problem, lens=lens, light=OpticalSystem(problem).target.light)
 
 
-def figures_of(backend, made, target):
-    return nonsequential_figures(backend, made.problem, made.lens, target)
+def metrics_of(backend, made, target):
+    return nonsequential_metrics(OpticalSystem(made.problem), made.lens, backend, target)
 
 
 CASES = [("dome", False), ("dome", True), ("crescent", True), ("point", False), ("narrow cone", False)]
@@ -68,21 +70,21 @@ def seen(request, tmp_path_factory, backend):
     made = loaded(
         tmp_path_factory.mktemp("budget"), SEEN[name], (lambda space: rough(space, 0.5)) if is_rough else None
     )
-    measured = measure(backend, made.problem, made.lens, made.light)
-    return figures_of(backend, made, measured.target), measured.figures
+    measured = measure(OpticalSystem(made.problem), made.lens, backend)
+    return metrics_of(backend, made, measured.target), measured.metrics
 
 
 def test_every_figure_is_part_of_the_one_around_it(seen):
     found, _ = seen
-    fates = {name: found[f"fate_{name}"] for name in FATES}
-    assert len(found) == 3 + len(fates)
+    fates = found["fates_w"]
+    assert len(found) == 4
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
     assert min(fates.values()) >= 0
     assert fates["failed"] == 0
     onto = fates["on_target"] + fates["edges_on_target"] + fates["front_on_target"]
     beside = fates["off_target"] + fates["edges_off_target"] + fates["front_off_target"]
-    assert 0 < found["lit_direct"] < found["lit"] <= found["target"] <= onto + beside < 3.0
-    assert found["target"] == pytest.approx(onto, rel=1e-9)  # the pixels tile the rectangle
+    assert 0 < found["lit_direct_w"] < found["lit_w"] <= found["target_w"] <= onto + beside < 3.0
+    assert found["target_w"] == pytest.approx(onto, rel=1e-9)  # the pixels tile the rectangle
 
 
 def test_direct_light_is_that_of_the_sequential_trace(seen):
@@ -91,11 +93,11 @@ def test_direct_light_is_that_of_the_sequential_trace(seen):
     flux; four times that is allowed.
     """
     found, sequential = seen
-    assert found["lit_direct"] / 3.0 == pytest.approx(sequential["lit_efficiency"], abs=4e-3)
-    budget = sequential["flux_budget_w"]
-    assert found["fate_beside_lens"] == pytest.approx(budget["beside_lens"], abs=0.012)
-    assert found["target"] > budget["on_target"] - 0.012
-    assert found["fate_reflected_outside"] == pytest.approx(
+    assert found["lit_direct_w"] / 3.0 == pytest.approx(sequential["lit_efficiency"], abs=4e-3)
+    budget = sequential["fates_w"]
+    assert found["fates_w"]["beside_lens"] == pytest.approx(budget["beside_lens"], abs=0.012)
+    assert found["target_w"] > budget["on_target"] - 0.012
+    assert found["fates_w"]["reflected_outside"] == pytest.approx(
         budget["front_reflected"], abs=0.05
     )  # some of it comes back from the hollow
 
@@ -105,9 +107,9 @@ def test_light_counts_on_the_lit_pixels_only(tmp_path, backend):
     made = loaded(tmp_path, {"target.pixels": [20, 16]}, lambda space: rough(space, 0.5))
     upper = np.zeros((16, 20))
     upper[:8] = 0.25
-    whole, up, down = (figures_of(backend, made, t) for t in (np.ones((16, 20)), upper, upper[::-1]))
-    assert whole["lit"] == pytest.approx(whole["target"], rel=1e-14)
-    assert up["lit"] + down["lit"] == pytest.approx(whole["target"], rel=1e-12)
+    whole, up, down = (metrics_of(backend, made, t) for t in (np.ones((16, 20)), upper, upper[::-1]))
+    assert whole["lit_w"] == pytest.approx(whole["target_w"], rel=1e-14)
+    assert up["lit_w"] + down["lit_w"] == pytest.approx(whole["target_w"], rel=1e-12)
 
 
 def test_plus_y_is_up(tmp_path, backend):
@@ -120,7 +122,7 @@ def test_plus_y_is_up(tmp_path, backend):
         {"target.pixels": [20, 16]},
         lambda space: np.tile(np.linspace(-1, 1, space.kv_v.dim), space.kv_u.dim),
     )
-    up, down = (figures_of(backend, tilt, t)["lit_direct"] for t in (upper, upper[::-1]))
+    up, down = (metrics_of(backend, tilt, t)["lit_direct_w"] for t in (upper, upper[::-1]))
     assert up > 1.05 * down
 
 
@@ -128,11 +130,11 @@ def test_the_seed_is_the_problems(tmp_path, backend):
     """The same bytes again; another seed other rays."""
     target = np.ones((30, 40))
     one, again, other = (
-        figures_of(backend, loaded(tmp_path, {"run.seed": seed}), target) for seed in (0, 0, 1)
+        metrics_of(backend, loaded(tmp_path, {"run.seed": seed}), target) for seed in (0, 0, 1)
     )
     assert one == again
-    assert one["lit"] != other["lit"]
-    assert one["lit"] == pytest.approx(other["lit"], abs=0.012)
+    assert one["lit_w"] != other["lit_w"]
+    assert one["lit_w"] == pytest.approx(other["lit_w"], abs=0.012)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +148,7 @@ def test_the_seed_is_the_problems(tmp_path, backend):
     ids=["lambertian", "point", "collimated", "far field"],
 )
 def test_only_spreading_light_to_a_plane_is_followed(tmp_path, changes, follows):
-    assert follows_edges(loaded(tmp_path, changes).problem) is follows
+    assert OpticalSystem(loaded(tmp_path, changes).problem).path.by_edges is follows
 
 
 # Fans
@@ -157,7 +159,7 @@ def test_fans_start_from_the_sources_middle_in_the_plane_of_y_and_z(tmp_path, ba
     """A lens that is its own mirror image in x keeps every path in the plane; first segments show the
     directions."""
     made = loaded(tmp_path, {"source.half_angle": half_angle})
-    found = fans(backend, made.problem, made.lens)
+    found = fans(OpticalSystem(made.problem), made.lens, backend)
     assert sorted(found) == ["equal angles", "equal steps of the sine"]
     widest = WIDEST * half_angle
     for name, paths in found.items():
@@ -183,7 +185,7 @@ def even(space):
 @pytest.mark.parametrize("sag", [None, even], ids=["conic", "even in y"])
 def test_a_lens_that_is_even_in_y_has_even_fans(tmp_path, backend, sag, changes):
     made = loaded(tmp_path, changes, sag)
-    for paths in fans(backend, made.problem, made.lens).values():
+    for paths in fans(OpticalSystem(made.problem), made.lens, backend).values():
         assert [p.fate for p in paths] == [p.fate for p in paths[::-1]]
         for one, other in zip(paths, paths[::-1]):
             np.testing.assert_allclose(other.points * [1, -1, 1], one.points, rtol=1e-9, atol=1e-8)
@@ -192,10 +194,10 @@ def test_a_lens_that_is_even_in_y_has_even_fans(tmp_path, backend, sag, changes)
 def test_a_rays_landing_point_is_that_of_the_sequential_trace(tmp_path, backend):
     """Paths of four points went front, rear, target; the middle rays of a narrow fan all do."""
     made = loaded(tmp_path, {"source.half_angle": 40.0}, lambda space: rough(space, 0.3))
-    for paths in fans(backend, made.problem, made.lens).values():
+    for paths in fans(OpticalSystem(made.problem), made.lens, backend).values():
         first = np.array([p.points[1] - p.points[0] for p in paths])
         direction = first / np.linalg.norm(first, axis=1, keepdims=True)
-        rays = Rays(np.array([p.points[0] for p in paths]).T, direction.T, 1.0)
+        rays = Rays(np.array([p.points[0] for p in paths]).T, direction.T, np.ones(len(paths)))
         _, landing = Tracer(backend, made.lens, rays, made.problem.target_z).trace(
             [made.lens.rear.sag.coefficients]
         )

@@ -15,11 +15,12 @@ from optics.commands.cli import main
 from optics.optimisation import ResultFolder
 from optics.problem import load_problem
 from optics.system import lens_product
-from tests.optics.cases import write_problem
-from tests.optics.commands.test_cli import refused, strict_json
-from tests.optics.verification.test_step_checks import moved_point
+from tests.optics.cases import moved_point, write_problem
+from tests.optics.commands.cases import refused, strict_json
 from thbcad.cad.exchange import read_step
 from thbcad.lens import placed_surfaces
+
+pytestmark = pytest.mark.xdist_group("named command")
 
 BRIEF = {
     "optimizer.iterations": [2],
@@ -118,8 +119,8 @@ def test_a_title_becomes_one_line_in_the_step_file(tmp_path, title):
     assert lens_product(problem).name == (" ".join(re.sub("[\x00\x07]", " ", title).split())[:500] or "lens")
 
 
-@pytest.mark.parametrize("title", ["\"Größe\"\n'透镜' \\ */ ;", "bell\x07"])
-def test_a_design_of_any_title_ends_well(tmp_path, capsys, title):
+def test_a_design_of_any_title_ends_well(tmp_path, capsys):
+    title = "\"Größe\"\n'透镜' \\ */ ; bell\x07"
     done = designed(tmp_path, BRIEF | {"title": title})
     assert done.code == 0
     assert load_problem(done.path / "problem.toml").title == title

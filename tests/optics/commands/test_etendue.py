@@ -13,7 +13,7 @@ from optics.etendue import QUICK, certain_bound, etendue_note, limit_sentence
 from optics.optimisation import ResultFolder
 from optics.problem import load_problem
 from optics.runtime import UserError
-from optics.system import base_lens, target_light
+from optics.system import OpticalSystem
 from tests.cases import ROOT
 from tests.optics.cases import hollow_lens
 
@@ -85,9 +85,11 @@ def test_sources_without_extent_have_no_limit(problem_file, changes):
     data, lines, ok = run(file)
     assert (ok, lines[-1], "bound" in data) == (True, NO_LIMIT, False)
     problem = load_problem(file)
-    assert etendue_note(problem, target_light(problem)) == []
+    assert etendue_note(OpticalSystem(problem)) == []
     assert (
-        limit_sentence(problem, base_lens(problem), target_light(problem), {"rel_l2": 0.1, "efficiency": 0.9})
+        limit_sentence(
+            OpticalSystem(problem), OpticalSystem(problem).lens, {"rel_l2": 0.1, "efficiency": 0.9}
+        )
         is None
     )
 
@@ -109,19 +111,18 @@ def test_other_sources_and_the_far_field(hollow):
 def test_the_notes_are_quick_bounds(hollow):
     """They are below the careful bound, since merged pixels and a coarser solution cost sharpness only."""
     problem = load_problem(hollow({"target.pixels": [96, 96]}))
-    light = target_light(problem)
-    [sentence] = etendue_note(problem, light)
-    careful = certain_bound(problem, base_lens(problem), light, 0.96**2).bound.lower_bound
+    [sentence] = etendue_note(OpticalSystem(problem))
+    careful = certain_bound(OpticalSystem(problem), OpticalSystem(problem).lens, 0.96**2).bound.lower_bound
     assert 0 < float(sentence.split()[-1]) <= careful + 5e-4  # of rounding in the sentence
-    reached = limit_sentence(problem, hollow_lens(), light, {"rel_l2": 0.25, "efficiency": 0.96**2})
+    reached = limit_sentence(OpticalSystem(problem), hollow_lens(), {"rel_l2": 0.25, "efficiency": 0.96**2})
     assert reached.startswith("rel_l2 reached 0.2500")
     assert 0 < float(reached.split()[-1]) <= careful + 5e-5
-    assert limit_sentence(problem, hollow_lens(), light, {"rel_l2": 1.0, "efficiency": 0.0}) is None
+    assert limit_sentence(OpticalSystem(problem), hollow_lens(), {"rel_l2": 1.0, "efficiency": 0.0}) is None
 
 
 def test_a_target_brighter_than_the_source_is_told(hollow):
     problem = load_problem(hollow({"target.half_width": [2.0, 2.0], "target.pixels": [16, 16]}))
-    sentences = etendue_note(problem, target_light(problem))
+    sentences = etendue_note(OpticalSystem(problem))
     assert len(sentences) == 2
     assert "times the radiance of the source" in sentences[0]
 
@@ -137,5 +138,5 @@ def test_the_bound_lies_below_the_designs_at_hand(name):
     problem = load_problem(ROOT / "examples" / f"{name}.toml")
     metrics = json.loads((ROOT / "exports" / "curated" / name / "metrics.json").read_text("utf-8"))
     share = metrics["efficiency"]
-    bound = certain_bound(problem, base_lens(problem), target_light(problem), share, QUICK).bound
+    bound = certain_bound(OpticalSystem(problem), OpticalSystem(problem).lens, share, QUICK).bound
     assert 0.02 < bound.lower_bound < metrics["rel_l2"]

@@ -22,7 +22,7 @@ from optics.problem import (
     require_limits,
 )
 from optics.runtime import UserError
-from optics.system import base_lens
+from optics.system import OpticalSystem
 from tests.cases import ROOT
 from tests.optics.cases import rough, write_problem
 from thbcad.certified import Enclosure
@@ -41,7 +41,7 @@ def designed(folder, changes=None, height=0.05):
     """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
     lens's figures."""
     problem = load_problem(write_problem(folder, {"lens.density": DENSITY} | (changes or {})))
-    base = base_lens(problem)
+    base = OpticalSystem(problem).lens
     lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
     return problem, lens, manufacturability(lens, DENSITY)
 
@@ -240,9 +240,9 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
 def test_advice_does_not_load_the_cad_kernel(tmp_path):
     write_problem(tmp_path, {"limits.radius": 50.0})
     program = (
-        "import sys; from optics.limits import limit_advice; from optics.problem import load_problem; from "
-        "optics.model import base_lens; "
-        "p = load_problem(sys.argv[1]); print(len(limit_advice(p, base_lens(p))), 'OCP' in sys.modules)"
+        "import sys; from optics.problem import limit_advice, load_problem; from optics.system import "
+        "OpticalSystem; p = load_problem(sys.argv[1]); "
+        "print(len(limit_advice(p, OpticalSystem(p).lens)), 'OCP' in sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-c", program, str(tmp_path / "problem.toml")],

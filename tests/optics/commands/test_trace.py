@@ -12,7 +12,7 @@ from optics.analysis import sequential
 from optics.commands.cli import main
 from optics.optimisation import ResultFolder
 from optics.problem import load_problem
-from optics.system import base_lens
+from optics.system import OpticalSystem
 from tests.optics.cases import write_problem
 from thbcad import write_lens
 
@@ -31,7 +31,7 @@ def result(tmp_path):
         folder.prepare()
         problem = load_problem(write_problem(tmp_path, changes))
         folder.write_problem(problem)
-        write_lens(base_lens(problem), folder.lens)
+        write_lens(OpticalSystem(problem).lens, folder.lens)
         return folder.path
 
     return made
@@ -68,7 +68,7 @@ def test_rays_are_counted_as_the_flux_is(backend, result):
     """Without Fresnel's losses flux and number agree: every ray carries the same."""
     folder = ResultFolder(result(EXTENDED | {"lens.index": 1.0 + 1e-9}))
     problem, lens = folder.read_problem(), folder.read_lens()
-    _, budget, counts = sequential(backend, problem, lens, 64)
+    _, budget, counts = sequential(OpticalSystem(problem), lens, backend, 64)
     for name, count in counts.items():
         assert count / 4096 == pytest.approx(getattr(budget, name), abs=1e-6), name
 

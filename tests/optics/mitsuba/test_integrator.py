@@ -15,7 +15,7 @@ from optics.mitsuba.integrator import ExactFilm, exact_integrator, register
 from optics.mitsuba.loading import load_mitsuba
 from optics.optimisation import Objective, ResultFolder
 from optics.problem import load_problem
-from optics.system import base_lens, problem_rays, target_irradiance, target_light, target_screen
+from optics.system import OpticalSystem, target_irradiance
 from optics.target import GaussianWindow, Splat, filter_image
 from optics.tracing import Tracer
 from tests.cases import ROOT
@@ -48,7 +48,7 @@ def make(problem_file):
             "target.half_width": [24.0, 20.0],
         }
         problem = load_problem(problem_file(smooth | (changes or {})))
-        lens = base_lens(problem)
+        lens = OpticalSystem(problem).lens
         return problem, lens.with_sags(
             [THBSurface(sag.space, rough(sag.space, 0.05, k)) for k, sag in enumerate(lens.sags)]
         )
@@ -65,19 +65,26 @@ def scene_with(mi, integrator):
 
 def traced(backend, problem, lens):
     """Return the exact tracer with 9 rays per pixel."""
-    return Tracer(backend, lens, problem_rays(problem, [3 * n for n in PIXELS]), problem.target_z)
+    return Tracer(
+        backend, lens, OpticalSystem(problem).source.rays([3 * n for n in PIXELS]), problem.target_z
+    )
 
 
 def asked_for(problem):
-    return target_irradiance(target_light(problem), target_screen(problem), problem.target.placing, 0.92)
+    return target_irradiance(
+        OpticalSystem(problem).target.light,
+        OpticalSystem(problem).target.screen(),
+        problem.target.placing,
+        0.92,
+    )
 
 
 def test_the_image_is_that_of_the_exact_tracer_row_by_row(mi, make, backend):
     problem, lens = make()
-    scene = scene_with(mi, exact_integrator(problem, lens))
+    scene = scene_with(mi, exact_integrator(OpticalSystem(problem), lens))
     image = np.array(mi.render(scene))
     _, landing = traced(backend, problem, lens).trace(coefficients(lens))
-    splat = Splat(backend, target_screen(problem), WINDOW)
+    splat = Splat(backend, OpticalSystem(problem).target.screen(), WINDOW)
     exact = splat(landing.x, landing.y, landing.flux).numpy().reshape(PIXELS[::-1], order="F")
     assert image.shape == (40, 48, 1)
     # rounded to float32 at the end; atomics add in any order
@@ -92,7 +99,7 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
     import drjit as dr
 
     problem, lens = make(BOTH_FREE)
-    scene = scene_with(mi, exact_integrator(problem, lens))
+    scene = scene_with(mi, exact_integrator(OpticalSystem(problem), lens))
     parameters = mi.traverse(scene)
     assert set(KEYS) <= set(parameters.keys())
     for key in KEYS:
@@ -105,16 +112,22 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
     dr.backward(loss)
     gradients = [dr.grad(parameters[key]).numpy() for key in KEYS]
     objective = Objective(
-        backend, traced(backend, problem, lens), target_screen(problem), WINDOW, asked_for(problem), 0.0
+        backend,
+        traced(backend, problem, lens),
+        OpticalSystem(problem).target.screen(),
+        WINDOW,
+        asked_for(problem),
+        0.0,
     )
-    value, wanted = objective(coefficients(lens))
+    found = objective(coefficients(lens))
+    value, wanted = found.loss, found.gradients
     assert float(loss.array[0]) == pytest.approx(value, rel=1e-5)
     for gradient, other in zip(gradients, wanted):
         assert np.linalg.norm(gradient - other) < 1e-5 * np.linalg.norm(other)
     rng, h = np.random.default_rng(3), 1e-5
     directions = [rng.standard_normal(len(g)) for g in gradients]
     ends = [
-        objective([c + sign * h * d for c, d in zip(coefficients(lens), directions)])[0] for sign in (1, -1)
+        objective([c + sign * h * d for c, d in zip(coefficients(lens), directions)]).loss for sign in (1, -1)
     ]
     assert sum(g @ d for g, d in zip(gradients, directions)) == pytest.approx(
         (ends[0] - ends[1]) / (2 * h), rel=1e-4
@@ -129,7 +142,7 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
 def test_forward_and_backward_are_adjoint(make, backend, changes):
     """Both run in double precision; w . (J d) == (J' w) . d but for the rounding of the sums."""
     problem, lens = make(changes)
-    film = ExactFilm(backend, problem, lens, PIXELS, 9)
+    film = ExactFilm(backend, OpticalSystem(problem), lens, PIXELS, 9)
     rng, at = np.random.default_rng(4), coefficients(lens)
     directions, weights = [rng.standard_normal(len(c)) for c in at], rng.standard_normal(PIXELS[::-1])
     forward = film.push_forward(at, directions)
@@ -144,7 +157,7 @@ def test_forward_mode_through_mitsuba(mi, make, backend):
     import drjit as dr
 
     problem, lens = make()
-    scene = scene_with(mi, exact_integrator(problem, lens))
+    scene = scene_with(mi, exact_integrator(OpticalSystem(problem), lens))
     parameters = mi.traverse(scene)
     (at,) = coefficients(lens)
     direction = np.random.default_rng(5).standard_normal(len(at))
@@ -154,7 +167,7 @@ def test_forward_mode_through_mitsuba(mi, make, backend):
     parameters.update()
     dr.set_grad(values, mi.Float64(direction))
     change = np.array(dr.forward_to(mi.render(scene, parameters)))[..., 0]
-    h, film = 1e-5, ExactFilm(backend, problem, lens, PIXELS, 9)
+    h, film = 1e-5, ExactFilm(backend, OpticalSystem(problem), lens, PIXELS, 9)
     wanted = (film.image([at + h * direction]) - film.image([at - h * direction])) / (2 * h)
     assert np.abs(change - wanted).max() < 1e-5 * np.abs(wanted).max()
 
@@ -168,7 +181,10 @@ def test_a_result_folder_is_read_by_its_name(mi, make, tmp_path):
     register()
     images = [
         np.array(mi.render(scene_with(mi, integrator)))
-        for integrator in ({"type": "thbcad", "result": str(folder.path)}, exact_integrator(problem, lens))
+        for integrator in (
+            {"type": "thbcad", "result": str(folder.path)},
+            exact_integrator(OpticalSystem(problem), lens),
+        )
     ]
     assert np.array_equal(*images)
 

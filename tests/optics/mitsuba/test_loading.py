@@ -45,7 +45,7 @@ def test_the_backend_has_mitsubas_types(precision):
 
 def test_missing_mitsuba_is_one_sentence(monkeypatch):
     monkeypatch.setattr(mitsuba_loading, "find_spec", lambda name: None)
-    with pytest.raises(UserError, match=r"^Mitsuba is not installed; pip install thbcad\[mitsuba\]$"):
+    with pytest.raises(UserError, match=r'^Mitsuba is not installed; pip install "thbcad\[mitsuba\]"$'):
         load_mitsuba()
 
 

@@ -13,7 +13,7 @@ from optics.mitsuba.mesh_tracer import MeshTracer, mesh_irradiance, mesh_pipelin
 from optics.optimisation import Objective
 from optics.problem import load_problem
 from optics.sources import Profile, collimated_beam, lambertian_parts
-from optics.system import base_lens, problem_rays, target_irradiance, target_light, target_screen
+from optics.system import OpticalSystem
 from optics.target import GaussianWindow, Splat
 from optics.tracing import Tracer
 from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space
@@ -75,11 +75,11 @@ def test_far_field_and_flux(backend, lens, rays):
 def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_file):
     """On a paraboloid normals are linear but for the normalisation; landing errors of 1e-5 pixels remain."""
     problem = load_problem(problem_file())
-    lens, screen = base_lens(problem), target_screen(problem)
-    image = mesh_irradiance(problem, lens, (129, 129), WINDOW, (129, 129))
-    _, landing = Tracer(backend, lens, problem_rays(problem, (129, 129)), problem.target_z).trace(
-        coefficients(lens)
-    )
+    lens, screen = OpticalSystem(problem).lens, OpticalSystem(problem).target.screen()
+    image = mesh_irradiance(OpticalSystem(problem), lens, (129, 129), WINDOW, (129, 129))
+    _, landing = Tracer(
+        backend, lens, OpticalSystem(problem).source.rays((129, 129)), problem.target_z
+    ).trace(coefficients(lens))
     exact = (
         Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)
         .numpy()
@@ -92,18 +92,20 @@ def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_f
 def test_loss_and_gradient_come_near_those_of_the_exact_tracer(backend, problem_file):
     """Both fall short of the exact ones by the interpolation of the normals, h^2."""
     problem = load_problem(problem_file({"lens.front.freeform": {"spans": [3, 3]}}))
-    lens = base_lens(problem)
-    screen = target_screen(problem)
-    target = target_irradiance(target_light(problem), screen, problem.target.placing, problem.source.flux)
-    tracer = Tracer(backend, lens, problem_rays(problem, (97, 97)), problem.target_z)
+    lens = OpticalSystem(problem).lens
+    screen = OpticalSystem(problem).target.screen()
+    target = OpticalSystem(problem).target.irradiance(screen, problem.source.flux)
+    tracer = Tracer(backend, lens, OpticalSystem(problem).source.rays((97, 97)), problem.target_z)
     objective = Objective(backend, tracer, screen, WINDOW, target, 0.0)
     at = [rough(sag.space, 0.02, k) for k, sag in enumerate(lens.sags)]
-    loss, gradients = objective(at)
+    exact = objective(at)
     losses, slopes = [], []
     for n in (65, 129):
-        near, near_gradients = mesh_pipeline(problem, lens, (97, 97), WINDOW, (n, n))(at)
-        losses.append(abs(near - loss) / loss)
-        slopes.append([np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in zip(near_gradients, gradients)])
+        near = mesh_pipeline(OpticalSystem(problem), lens, (97, 97), WINDOW, (n, n))(at)
+        losses.append(abs(near.loss - exact.loss) / exact.loss)
+        slopes.append(
+            [np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in zip(near.gradients, exact.gradients)]
+        )
     assert losses[1] < 1e-4
     assert max(slopes[1]) < 2e-3
     assert (np.array(slopes[1]) < np.array(slopes[0]) / 3).all()

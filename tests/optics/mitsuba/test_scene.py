@@ -13,10 +13,10 @@ from optics.mitsuba.mesh import LensMesh
 from optics.mitsuba.scene import camera_irradiance, mitsuba_scene
 from optics.problem import load_problem
 from optics.runtime import UserError
-from optics.sources import beam_rays
-from optics.system import base_lens, problem_rays, source_profile, target_screen
+from optics.sources import Rays, single_rays
+from optics.system import OpticalSystem
 from optics.target import PixelWindow, Splat
-from optics.tracing import SourceRays, TargetPlane, Tracer, trace_nonsequential
+from optics.tracing import TargetPlane, Tracer, trace_nonsequential
 from tests.optics.cases import coefficients, picture, rough
 from thbcad.surfaces import THBSurface
 
@@ -41,7 +41,7 @@ def make(problem_file, tmp_path):
     def build(changes):
         Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
         problem = load_problem(problem_file(changes))
-        lens = base_lens(problem)
+        lens = OpticalSystem(problem).lens
         return problem, lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.3)) for sag in lens.sags])
 
     return build
@@ -63,7 +63,7 @@ def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, pr
     """In each of 8 x 8 cells a share q of n samples errs by sqrt(q / n), four times which is allowed; the
     picture has no symmetry."""
     problem, lens = make({"source.kind": kind, "source.profile": profile, **STRETCHED})
-    origin, direction, flux = emitted(mi, mitsuba_scene(problem, LensMesh.even(lens, (5, 5))))
+    origin, direction, flux = emitted(mi, mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5))))
     spread = flux.std() / np.sqrt(SAMPLES)
     assert flux.mean() == pytest.approx(0.7, abs=4 * spread + 1e-6)
     assert (origin[2] < 0).all()
@@ -75,7 +75,9 @@ def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, pr
         origin[0] / 6, origin[1] / 9, bins=8, range=[[-1, 1]] * 2, weights=flux / flux.sum()
     )
     middles = (2 * np.arange(960) + 1) / 960 - 1
-    wanted = np.broadcast_to(source_profile(problem)(middles[:, None], middles[None, :]), (960, 960))
+    wanted = np.broadcast_to(
+        OpticalSystem(problem).source.profile(middles[:, None], middles[None, :]), (960, 960)
+    )
     wanted = wanted.reshape(8, 120, 8, 120).sum((1, 3)) / wanted.sum()
     unequal = np.max(flux) / np.mean(flux)  # of the samples' weights
     assert (np.abs(share - wanted) < 4.5 * np.sqrt(wanted * unequal / SAMPLES) + 1e-4).all()
@@ -86,7 +88,7 @@ def test_point_sources_light_their_cone_evenly(mi, make, half_angle, share):
     """A wide one sends as much backwards, where nothing is; heights on the sphere are uniform
     (Archimedes)."""
     problem, lens = make({"source.half_angle": half_angle, **POINT})
-    origin, direction, flux = emitted(mi, mitsuba_scene(problem, LensMesh.even(lens, (5, 5))))
+    origin, direction, flux = emitted(mi, mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5))))
     forward = direction[2] > 0
     assert flux[0] * share == pytest.approx(0.7, rel=1e-6)
     assert np.ptp(flux) == 0
@@ -101,11 +103,11 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
     """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %; light that is reflected twice in
     the lens adds as much."""
     problem, lens = make({})
-    image = camera_irradiance(mitsuba_scene(problem, LensMesh.even(lens, (65, 65))), spp=256)
-    screen = target_screen(problem)
-    _, landing = Tracer(backend, lens, problem_rays(problem, (301, 301)), problem.target_z).trace(
-        coefficients(lens)
-    )
+    image = camera_irradiance(mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (65, 65))), spp=256)
+    screen = OpticalSystem(problem).target.screen()
+    _, landing = Tracer(
+        backend, lens, OpticalSystem(problem).source.rays((301, 301)), problem.target_z
+    ).trace(coefficients(lens))
     exact = (
         Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
         .numpy()
@@ -121,12 +123,13 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
 def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
     """Eight pictures give the mean and its standard error; the other tracer follows every reflection too."""
     problem, lens = make({"source.half_width": [8.0, 9.0]})
-    scene = mitsuba_scene(problem, LensMesh.even(lens, (65, 65)))
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (65, 65)))
     fluxes = [
-        camera_irradiance(scene, spp=128, seed=k).sum() * target_screen(problem).pixel_area for k in range(8)
+        camera_irradiance(scene, spp=128, seed=k).sum() * OpticalSystem(problem).target.screen().pixel_area
+        for k in range(8)
     ]
-    rays = beam_rays(problem_rays(problem, (101, 101)), lens)
-    rays = SourceRays(rays.origin, rays.direction, np.full(rays.origin.shape[1], rays.ray_flux))
+    rays = single_rays(OpticalSystem(problem).source.rays((101, 101)), lens)
+    rays = Rays(rays.origin, rays.direction, np.full(rays.origin.shape[1], rays.flux))
     fates = trace_nonsequential(
         backend, lens, rays, TargetPlane(problem.target_z, problem.target.half_width)
     ).fates
@@ -138,7 +141,7 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
 
 def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
     problem, lens = make({"target.half_width": [90.0, 60.0], "target.pixels": [48, 32]})
-    scene = mitsuba_scene(problem, LensMesh.even(lens, (9, 9)))
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (9, 9)))
     place = np.array(scene.sensors()[0].world_transform().matrix).reshape(4, 4)[:3, 3]
     assert lens.thickness + lens.rear(10, 10)[0] < place[2] < problem.target_z
     assert camera_irradiance(scene, spp=4).shape == (32, 48)
@@ -156,11 +159,11 @@ def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
 def test_what_mitsuba_cannot_express_is_refused_by_its_key(make, changes, key):
     problem, lens = make(changes)
     with pytest.raises(UserError, match=key):
-        mitsuba_scene(problem, LensMesh.even(lens, (5, 5)))
+        mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5)))
 
 
 def test_the_camera_refuses_spectra(make):
     load_mitsuba("llvm_ad_rgb", threads=1)
     problem, lens = make({})
     with pytest.raises(UserError, match="llvm_ad_mono only, got llvm_ad_rgb"):
-        camera_irradiance(mitsuba_scene(problem, LensMesh.even(lens, (5, 5))), spp=1)
+        camera_irradiance(mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5))), spp=1)

@@ -13,7 +13,7 @@ from optics.optimisation.indicators import LEAST, promised_decrease, refined_onc
 from optics.optimisation.loop import design
 from optics.runtime import UserError
 from tests.optics.cases import small_space
-from tests.optics.optimisation.test_loop import loaded
+from tests.optics.optimisation.cases import loaded
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 
@@ -169,9 +169,9 @@ def refined(folder, backend, start, indicator, place, more):
         | {"optimizer.start": start, "refinement.indicator": indicator, "refinement.alpha": [1.0]}
         | more
     )
-    problem, light = loaded(folder, changes, image=blob(*place))
+    system = loaded(folder, changes, image=blob(*place))
     states = []
-    design(problem, light, backend, None, None, states.append)
+    design(system, backend, None, None, states.append)
     return [sag.space.boxes[sag.space.cells[:, 0] == sag.space.levels - 1] for sag in states[0].sags]
 
 
@@ -225,7 +225,7 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
 )
 def test_slopes_without_a_transport_start_or_with_a_free_front(tmp_path, backend, more):
     """The design refines the rear, or one sentence says why not."""
-    problem, light = loaded(tmp_path, {"refinement.indicator": "slope"} | more)
+    system = loaded(tmp_path, {"refinement.indicator": "slope", "target.pixels": [32, 32]} | more)
     with suppress(UserError):
-        lens, _ = design(problem, light, backend)
+        lens, _ = design(system, backend)
         assert len(lens.rear.sag.space.cells) > 16

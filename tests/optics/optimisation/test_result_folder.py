@@ -12,7 +12,7 @@ from optics.optimisation.result_folder import ResultFolder
 from optics.optimisation.state import Row, State
 from optics.problem import load_problem
 from optics.runtime import UserError
-from optics.system import source_profile
+from optics.system import OpticalSystem
 from tests.optics.cases import picture, rough, small_space, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -27,21 +27,22 @@ def folder(tmp_path):
 FREE_FRONT = {"lens.front.freeform.spans": [4, 4], "lens.front.freeform.max_level": 2}
 
 
-def some_state(begun=False, sags=1):
+def some_state(stage=1, sags=1):
     space = small_space()
-    history = [Row(0, 49, 1, 0.1, 0.3, 0.25), Row(0, 49, 2, 1 / 3, 1e-17, 1.5)]
-    return State(2, tuple(THBSurface(space, rough(space, seed=seed)) for seed in range(sags)), begun, history)
+    history = Row(0, 49, 1, 0.1, 0.3, 0.25), Row(0, 49, 2, 1 / 3, 1e-17, 1.5)
+    surfaces = tuple(THBSurface(space, rough(space, seed=seed)) for seed in range(sags))
+    return State(True, stage, surfaces, history)
 
 
-@pytest.mark.parametrize("begun", [False, True])
+@pytest.mark.parametrize("stage", [0, 1])
 @pytest.mark.parametrize("sags", [1, 2])
-def test_a_checkpoint_gives_back_every_bit(folder, problem_file, begun, sags):
-    problem, state = load_problem(problem_file(FREE_FRONT if sags == 2 else None)), some_state(begun, sags)
+def test_a_checkpoint_gives_back_every_bit(folder, problem_file, stage, sags):
+    problem, state = load_problem(problem_file(FREE_FRONT if sags == 2 else None)), some_state(stage, sags)
     assert not folder.has_checkpoint()
     folder.write_checkpoint(problem, state)
     assert folder.has_checkpoint()
-    found = folder.read_checkpoint(problem)
-    assert (found.level, found.begun, found.history) == (2, begun, state.history)
+    found = folder.read_checkpoint(OpticalSystem(problem))
+    assert (found.moved, found.stage, found.history) == (True, stage, state.history)
     assert [sag.coefficients.tobytes() for sag in found.sags] == [
         sag.coefficients.tobytes() for sag in state.sags
     ]
@@ -56,8 +57,8 @@ def test_threads_and_the_pictures_place_may_change_between_runs(folder, problem_
     folder.write_checkpoint(load_problem(problem_file()), some_state())
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-    moved = load_problem(write_problem(elsewhere, {"run.threads": 1}))
-    assert folder.read_checkpoint(moved).level == 2
+    moved = load_problem(write_problem(elsewhere, {"run.threads": 2}))
+    assert folder.read_checkpoint(OpticalSystem(moved)).stage == 1
 
 
 @pytest.mark.parametrize(
@@ -68,13 +69,13 @@ def test_threads_and_the_pictures_place_may_change_between_runs(folder, problem_
 def test_anything_else_makes_another_problem(folder, problem_file, changes):
     folder.write_checkpoint(load_problem(problem_file()), some_state())
     with pytest.raises(UserError, match="belongs to another problem"):
-        folder.read_checkpoint(load_problem(problem_file(changes)))
+        folder.read_checkpoint(OpticalSystem(load_problem(problem_file(changes))))
 
 
 def test_another_picture_of_the_same_name_makes_another_problem(folder, problem_file):
     folder.write_checkpoint(load_problem(problem_file()), some_state())
     with pytest.raises(UserError, match="belongs to another problem"):
-        folder.read_checkpoint(load_problem(problem_file(None, picture()[:, ::-1].copy())))
+        folder.read_checkpoint(OpticalSystem(load_problem(problem_file(None, picture()[:, ::-1].copy()))))
 
 
 @pytest.mark.parametrize(
@@ -84,7 +85,7 @@ def test_a_checkpoint_with_too_few_or_too_many_sags_is_refused(folder, problem_f
     problem = load_problem(problem_file(changes))
     folder.write_checkpoint(problem, some_state(sags=sags))
     with pytest.raises(UserError, match="cannot resume"):
-        folder.read_checkpoint(problem)
+        folder.read_checkpoint(OpticalSystem(problem))
 
 
 def test_a_stored_problem_brings_its_picture(folder, problem_file):
@@ -109,12 +110,12 @@ def test_a_stored_problem_brings_its_sources_picture(folder, problem_file, tmp_p
     write_glow(tmp_path)
     given = problem_file(GLOW)
     folder.write_problem(load_problem(given))
-    light = source_profile(load_problem(given)).light
+    light = OpticalSystem(load_problem(given)).source.profile.light
     for name in ("picture.png", "glow.png", "problem.toml"):
         (tmp_path / name).unlink()
     stored = folder.read_problem()
     assert Path(stored.source.image).parent == folder.path
-    np.testing.assert_array_equal(source_profile(stored).light, light)
+    np.testing.assert_array_equal(OpticalSystem(stored).source.profile.light, light)
     folder.write_problem(stored)  # onto itself
     assert folder.read_problem() == stored
 
@@ -124,7 +125,7 @@ def test_another_picture_of_the_source_makes_another_problem(folder, problem_fil
     folder.write_checkpoint(load_problem(problem_file(GLOW)), some_state())
     write_glow(tmp_path, 100)
     with pytest.raises(UserError, match="belongs to another problem"):
-        folder.read_checkpoint(load_problem(problem_file(GLOW)))
+        folder.read_checkpoint(OpticalSystem(load_problem(problem_file(GLOW))))
 
 
 def test_the_place_of_the_sources_picture_may_change_between_runs(folder, problem_file, tmp_path):
@@ -133,7 +134,7 @@ def test_the_place_of_the_sources_picture_may_change_between_runs(folder, proble
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     write_glow(elsewhere)
-    assert folder.read_checkpoint(load_problem(write_problem(elsewhere, GLOW))).level == 2
+    assert folder.read_checkpoint(OpticalSystem(load_problem(write_problem(elsewhere, GLOW)))).stage == 1
 
 
 def test_nothing_is_left_where_a_folder_cannot_be_made(tmp_path):

@@ -8,13 +8,15 @@ import pytest
 
 from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
 from tests.optics.cases import coefficients, rough, small_space
-from tests.optics.optimisation.test_loop import run
+from tests.optics.optimisation.cases import run
 from thbcad.certified import least_radii
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
+
+pytestmark = pytest.mark.xdist_group("shape penalty")
 
 ROOM = 1.02  # limits are kept with two percent to spare
 HESSIAN = {(2, 0): 1, (1, 1): 2, (0, 2): 1}

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from optics.optimisation.transport_start import TransportStart, fit_slopes
+from optics.optimisation.transport_start import TransportStart
 from optics.problem import load_problem
-from optics.system import base_lens, problem_rays, target_light
+from optics.system import OpticalSystem
 from optics.tracing import Tracer
-from tests.optics.cases import coefficients, picture, rough, small_space, write_problem
-from tests.optics.tracing.test_sequential import mesh, traced
+from tests.optics.cases import coefficients, mesh, picture, rough, small_space, traced, write_problem
+from thbcad.fitting import fit_slopes
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
@@ -23,9 +23,9 @@ WHITE = np.full((48, 48), 255, dtype=np.uint8)
 def started(folder, backend, changes=None, image=None, spans=16):
     """Return (sag, traced rays) of the transport start on one level of `spans` spans."""
     problem = load_problem(write_problem(folder, changes, image))
-    lens = base_lens(problem)
+    lens = OpticalSystem(problem).lens
     space = THBSpace(*(KnotVector.uniform(3, spans, -h, h) for h in lens.rear.half_width))
-    sag = TransportStart(problem, lens, target_light(problem), backend).fit(space)
+    sag = TransportStart(OpticalSystem(problem), backend).fit(space).sag
     lens = lens.with_rear(FreeformSurface(lens.rear.half_width, lens.rear.conic, sag))
     return sag, traced(
         backend, lens, problem.source.half_width, (61, 59), problem.target_z, problem.target.half_width
@@ -83,10 +83,10 @@ def test_light_that_is_not_even_is_spread_evenly(tmp_path, backend, kind, pixels
     }
     changes |= {"source.image": "glow.png", "lens.rear.freeform.z_freedom": 5.0}
     problem = load_problem(write_problem(tmp_path, changes, WHITE))
-    lens = base_lens(problem)
+    lens = OpticalSystem(problem).lens
     space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
-    lens = lens.with_sags([TransportStart(problem, lens, target_light(problem), backend).fit(space)])
-    tracer = Tracer(backend, lens, problem_rays(problem, (121, 119)), problem.target_z)
+    lens = lens.with_sags([TransportStart(OpticalSystem(problem), backend).fit(space).sag])
+    tracer = Tracer(backend, lens, OpticalSystem(problem).source.rays((121, 119)), problem.target_z)
     _, landing = tracer.trace(coefficients(lens))
     flux = landing.flux.numpy()
     for a in (landing.x.numpy(), landing.y.numpy()):

@@ -33,11 +33,11 @@ def test_efficiency_stands_beside_its_bound(page):
 
 @pytest.mark.parametrize(("direct", "words"), [(0.694, "0.86% of"), (0.692, "1.14% of")])
 def test_the_sequential_tracer_suffices_up_to_a_hundredth(page, direct, words):
-    text = page({"nonsequential_w": {"lit": 0.7, "lit_direct": direct}})
+    text = page({"nonsequential": {"lit_w": 0.7, "lit_direct_w": direct}})
     assert words in text
     assert ("does not suffice" in text) == (direct == 0.692)
 
 
-@pytest.mark.parametrize("more", [{}, {"nonsequential_w": {"lit": 0.0, "lit_direct": 0.0}}])
+@pytest.mark.parametrize("more", [{}, {"nonsequential": {"lit_w": 0.0, "lit_direct_w": 0.0}}])
 def test_nothing_is_said_of_what_was_not_traced_or_is_dark(page, more):
     assert "suffice" not in page(more)

@@ -10,7 +10,7 @@ from PIL import Image
 from optics.problem import load_problem
 from optics.report.scene_figure import LONG, SHORT, placed, scene_paths, scene_view
 from optics.report.solid_renderer import solid_faces
-from optics.system import base_lens
+from optics.system import OpticalSystem
 
 LAMBERTIAN = {
     "source.kind": "lambertian",
@@ -34,7 +34,7 @@ def made(problem_file):
 
     def make(changes):
         problem = load_problem(problem_file(changes))
-        return problem, base_lens(problem)
+        return problem, OpticalSystem(problem).lens
 
     return make
 
@@ -54,10 +54,10 @@ def red(png):
 def test_every_kind_of_source_has_its_picture(backend, made, name):
     problem, lens = made(SOURCES[name])
     light = np.eye(48)
-    paths = scene_paths(backend, problem, lens)
-    png = scene_view(problem, lens, light, paths)
+    paths = scene_paths(OpticalSystem(problem), lens, backend)
+    png = scene_view(OpticalSystem(problem), lens, light, paths)
     assert png.startswith(b"\x89PNG")
-    assert scene_view(problem, lens, light, paths) == png
+    assert scene_view(OpticalSystem(problem), lens, light, paths) == png
     assert plt.get_fignums() == []
 
 
@@ -65,7 +65,13 @@ def test_every_kind_of_source_has_its_picture(backend, made, name):
 def test_rays_start_on_the_source_and_end_in_the_target_plane(backend, made, name):
     problem, lens = made(SOURCES[name])
     starts, ends = (
-        np.array([path.points[k] for path in scene_paths(backend, problem, lens) if "target" in path.fate])
+        np.array(
+            [
+                path.points[k]
+                for path in scene_paths(OpticalSystem(problem), lens, backend)
+                if "target" in path.fate
+            ]
+        )
         for k in (0, -1)
     )
     assert len(starts) > 30
@@ -75,7 +81,7 @@ def test_rays_start_on_the_source_and_end_in_the_target_plane(backend, made, nam
 
 def test_rays_go_straight_through_a_plate(backend, made):
     problem, lens = made({"lens.rear.radius": float("inf")})
-    for path in scene_paths(backend, problem, lens):
+    for path in scene_paths(OpticalSystem(problem), lens, backend):
         assert path.fate == "on_target"
         assert path.points[:, :2] == pytest.approx(np.tile(path.points[0, :2], (4, 1)), abs=1e-12)
 
@@ -83,12 +89,15 @@ def test_rays_go_straight_through_a_plate(backend, made):
 def test_light_is_drawn_where_it_is(backend, made):
     """A bright corner at +x, +y appears at the upper right of the target, and nowhere else."""
     problem, lens = made({})
-    paths = scene_paths(backend, problem, lens)
+    paths = scene_paths(OpticalSystem(problem), lens, backend)
     dark = np.full((48, 48), 0.5)
     dark[24:, :24] = 1.0  # the scale is the same with and without the corner
     corner = dark.copy()
     corner[:12, 36:] = 1.0
-    before, after = (pixels(scene_view(problem, lens, light, paths)).mean(axis=2) for light in (dark, corner))
+    before, after = (
+        pixels(scene_view(OpticalSystem(problem), lens, light, paths)).mean(axis=2)
+        for light in (dark, corner)
+    )
     rows, columns = np.nonzero(after - before > 50)
     middle = np.argwhere(np.abs(before - 127) < 3).mean(
         axis=0
@@ -102,7 +111,14 @@ def test_light_is_drawn_where_it_is(backend, made):
 def test_rays_that_miss_are_red(backend, made):
     hit, miss = made({"target.half_width": [60.0, 60.0]}), made({"target.half_width": [0.5, 0.5]})
     counts = [
-        red(scene_view(problem, lens, np.ones((48, 48)), scene_paths(backend, problem, lens)))
+        red(
+            scene_view(
+                OpticalSystem(problem),
+                lens,
+                np.ones((48, 48)),
+                scene_paths(OpticalSystem(problem), lens, backend),
+            )
+        )
         for problem, lens in (hit, miss)
     ]
     assert counts[0] == 0
@@ -111,8 +127,10 @@ def test_rays_that_miss_are_red(backend, made):
 
 def test_the_far_field_shows_rays_and_no_target(backend, made):
     problem, lens = made(FAR)
-    paths = scene_paths(backend, problem, lens)
-    first, second = (scene_view(problem, lens, np.full((48, 48), light), paths) for light in (0.0, 1.0))
+    paths = scene_paths(OpticalSystem(problem), lens, backend)
+    first, second = (
+        scene_view(OpticalSystem(problem), lens, np.full((48, 48), light), paths) for light in (0.0, 1.0)
+    )
     assert first == second
     assert red(first) == 0
     assert all(path.points[-1, 2] == lens.thickness + 4 * 10.0 for path in paths)

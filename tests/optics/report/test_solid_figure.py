@@ -1,5 +1,6 @@
 """The picture of the solid: outlines to scale, relief that is seen, sides that are not mixed up."""
 
+from functools import cache
 from io import BytesIO
 
 import numpy as np
@@ -13,6 +14,8 @@ from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
+
+pytestmark = pytest.mark.xdist_group("solid figure")
 
 PANELS = {
     "rear": np.s_[30:440, :460],
@@ -101,12 +104,18 @@ SIZES = {
 }
 
 
+@cache
+def picture_of(name):
+    """Return the picture of a lens of SIZES, drawn once."""
+    return picture(SIZES[name])
+
+
 @pytest.mark.parametrize("name", SIZES)
 def test_outlines_have_the_proportions_of_the_lens(name):
     """Width, height and depth of the three outlines at one scale, to the two pixels that lines of ink take at
     each side."""
     solid = SIZES[name]
-    pixels = picture(solid)
+    pixels = picture_of(name)
     width, height = (2 * max(pair) for pair in zip(solid.front.half_width, solid.rear.half_width))
     ends = []
     for surface, vertex in ((solid.front, 0.0), (solid.rear, solid.thickness)):
@@ -123,7 +132,7 @@ def test_outlines_have_the_proportions_of_the_lens(name):
 @pytest.mark.parametrize("name", SIZES)
 def test_no_paper_shines_through(name):
     """In every row of the three outlines each pixel between the first and the last of the solid is drawn."""
-    pixels = picture(SIZES[name])
+    pixels = picture_of(name)
     for panel in ("rear", "side", "front"):
         view = pixels[PANELS[panel]]
         rows = glass(view).any(axis=1)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from optics.sources.collimated import Profile, collimated_beam
-from optics.sources.rays import Rays, beam_rays, concentric, lambertian_parts, point_rays
+from optics.sources.collimated import collimated_beam
+from optics.sources.profile import Profile
+from optics.sources.rays import Rays, single_rays
+from optics.sources.spreading import concentric, lambertian_parts, point_rays
 from tests.optics.cases import small_lens
 from thbcad.sags import Conic
 
@@ -24,7 +26,7 @@ PROFILES = [EVEN, Profile("round"), Profile("gaussian", (0.4, 0.7)), Profile("im
 def lambertian(half_angle=90.0, profile=EVEN, count=COUNT, seed=0, most=1 << 62):
     """Return a Lambertian source's rays in one piece."""
     parts = list(lambertian_parts(HALF_WIDTH, DISTANCE, FLUX, half_angle, profile, count, seed, most))
-    flux = np.concatenate([np.broadcast_to(p.ray_flux, p.origin.shape[1]) for p in parts])
+    flux = np.concatenate([np.broadcast_to(p.flux, p.origin.shape[1]) for p in parts])
     return Rays(
         *(np.concatenate([getattr(p, name) for p in parts], axis=1) for name in ("origin", "direction")), flux
     )
@@ -36,7 +38,7 @@ def point(half_angle=60.0, exponent=1.0, counts=(64, 48), shift=(0.0, 0.0)):
 
 def mean(rays, values):
     """Return the mean of values over the rays, weighted by their flux."""
-    flux = np.broadcast_to(rays.ray_flux, rays.origin.shape[1])
+    flux = rays.flux
     return np.sum(flux * values) / flux.sum()
 
 
@@ -69,14 +71,14 @@ def test_rays_go_forward_from_the_plane_of_the_source(rays):
     np.testing.assert_allclose(np.linalg.norm(rays.direction, axis=0), 1, rtol=0, atol=4e-16)
     assert (rays.direction[2] >= 0).all()
     assert (rays.origin[2] == -DISTANCE).all()
-    assert np.asarray(rays.ray_flux).min() > 0
-    assert rays.entering == pytest.approx(FLUX, rel=1e-12)
+    assert np.asarray(rays.flux).min() > 0
+    assert rays.total == pytest.approx(FLUX, rel=1e-12)
 
 
 def as_rows(rays, sign_x, sign_y):
     """Return the rays' numbers mirrored, one row per ray, in a fixed order."""
     signs = np.array([[sign_x], [sign_y], [1.0]])
-    flux = np.broadcast_to(rays.ray_flux, rays.origin.shape[1])
+    flux = rays.flux
     rows = np.concatenate([signs * rays.origin, signs * rays.direction, flux[None]]).T + 0.0  # -0 is 0
     return rows[np.lexsort(rows.T)]
 
@@ -137,7 +139,7 @@ def test_a_disk_is_even_over_its_ellipse():
     rays = lambertian(60.0, Profile("round"))
     s, t = (rays.origin[k] / HALF_WIDTH[k] for k in (0, 1))
     assert np.hypot(s, t).max() <= 1 + 1e-15
-    assert np.ptp(np.broadcast_to(rays.ray_flux, COUNT)) == 0
+    assert np.ptp(rays.flux) == 0
     assert [mean(rays, s * s), mean(rays, t * t)] == pytest.approx([1 / 4, 1 / 4], abs=sobol_error())
     for r in (0.3, 0.6, 0.9):
         assert mean(rays, np.hypot(s, t) < r) == pytest.approx(r * r, abs=sobol_error())
@@ -147,7 +149,7 @@ def test_a_gaussian_area_follows_its_profile():
     """Rays of equal flux whose positions are distributed as a Gaussian cut off at the rectangle: scipy's
     truncnorm."""
     rays = lambertian(60.0, PROFILES[2])
-    assert rays.ray_flux == pytest.approx(FLUX / COUNT, rel=1e-15)
+    np.testing.assert_allclose(rays.flux, FLUX / COUNT, rtol=1e-15)
     for k, sigma in ((0, 0.4), (1, 0.7)):
         s = rays.origin[k] / HALF_WIDTH[k]
         assert np.abs(s).max() <= 1
@@ -169,14 +171,14 @@ def test_a_picture_glows_pixel_by_pixel():
 
 
 def mean_flux_share(rays, chosen):
-    return rays.ray_flux[chosen].sum() / FLUX
+    return rays.flux[chosen].sum() / FLUX
 
 
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda p: p.kind)
 def test_any_profile_carries_the_flux(profile):
     """Exact where all rays carry the same; otherwise as good as the mean of the density over the points."""
     error = 1e-13 if profile.kind in ("uniform", "round") else 2 * sobol_error()
-    assert lambertian(profile=profile).entering == pytest.approx(FLUX, rel=error)
+    assert lambertian(profile=profile).total == pytest.approx(FLUX, rel=error)
 
 
 @pytest.mark.filterwarnings("ignore:The balance properties of Sobol")
@@ -190,13 +192,13 @@ def test_parts_make_up_the_whole(most, profile):
     np.testing.assert_array_equal(
         as_rows(lambertian(80.0, profile, count, 5, most), 1, 1), as_rows(whole, 1, 1)
     )
-    assert sum(p.entering for p in parts) == pytest.approx(whole.entering, rel=1e-13)
+    assert sum(p.total for p in parts) == pytest.approx(whole.total, rel=1e-13)
 
 
 def test_another_seed_is_another_set_of_the_same_light():
     one, other = lambertian(seed=1), lambertian(seed=2)
     assert not np.isin(one.origin[0], other.origin[0]).any()
-    assert one.entering == other.entering
+    assert one.total == other.total
     np.testing.assert_array_equal(lambertian(seed=1).origin, one.origin)
 
 
@@ -220,7 +222,7 @@ def test_a_point_sends_a_power_of_the_cosine_into_every_cone(half_angle, exponen
         found = mean(rays, rays.direction[2] > cos(theta))
         bound = 2 / n * (exponent + 1) * (1 - cos(radians(half_angle))) / whole
         assert found == pytest.approx((1 - cos(theta) ** (exponent + 1)) / whole, abs=bound)
-    intensity = np.asarray(rays.ray_flux) / rays.direction[2] ** exponent
+    intensity = np.asarray(rays.flux) / rays.direction[2] ** exponent
     assert np.ptp(intensity) < 1e-12 * intensity.max()
     assert rays.direction[2].min() >= cos(radians(half_angle)) - 1e-15
 
@@ -242,7 +244,7 @@ def test_a_points_moments_converge_with_the_grid(exponent):
 def test_a_shifted_grid_stays_in_the_cone(shift):
     rays = point(70.0, 1.0, (9, 14), shift)
     assert rays.direction[2].min() >= cos(radians(70.0)) - 1e-15
-    assert rays.entering == pytest.approx(FLUX, rel=1e-14)
+    assert rays.total == pytest.approx(FLUX, rel=1e-14)
     assert not np.isin(rays.direction[0], point(70.0, 1.0, (9, 14)).direction[0]).any()
 
 
@@ -294,13 +296,11 @@ def test_the_map_takes_squares_to_circles_and_continues_across_the_diagonals():
 def test_a_beam_ray_by_ray_is_the_beam(profile, front):
     lens = small_lens(Conic(front, -1.0), thickness=20.0)
     beam = collimated_beam((14.0, 9.0), 3.0, (10.0, 10.0), (13, 7), profile=profile)
-    rays = beam_rays(beam, lens)
+    rays = single_rays(beam, lens)
     np.testing.assert_array_equal(rays.origin[0].reshape(13, 7), np.repeat(beam.x[:, None], 7, axis=1))
     np.testing.assert_array_equal(rays.origin[1].reshape(13, 7), np.repeat(beam.y[None, :], 13, axis=0))
     np.testing.assert_array_equal(rays.direction, np.repeat([[0.0], [0.0], [1.0]], 91, axis=1))
     assert np.unique(rays.origin[2]).size == 1
     assert rays.origin[2].max() < lens.front([10.0], [10.0]).min()
-    assert rays.entering == pytest.approx(beam.entering, rel=1e-14)
-    np.testing.assert_array_equal(
-        np.broadcast_to(rays.ray_flux, 91).reshape(13, 7), np.broadcast_to(beam.ray_flux, (13, 7))
-    )
+    assert rays.total == pytest.approx(beam.total, rel=1e-14)
+    np.testing.assert_array_equal(rays.flux.reshape(13, 7), beam.flux)

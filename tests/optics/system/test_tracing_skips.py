@@ -8,9 +8,9 @@ from scipy.integrate import quad
 
 from optics.optimisation import Objective, stage_window
 from optics.problem import load_problem
-from optics.sources import beam_rays
-from optics.system.lens import base_lens, problem_rays, target_irradiance, target_light, target_screen
-from optics.system.tracing_skips import gaussian_tail, skip_lines, skips
+from optics.sources import single_rays
+from optics.system import OpticalSystem
+from optics.system.tracing_skips import gaussian_tail, skip_lines
 from optics.target import BSplineWindow, GaussianWindow
 from optics.tracing import KnownHits, Tracer
 from oracles.light_formulas import window_value
@@ -52,7 +52,7 @@ def case(request, problem_file):
 
 def test_skips_are_decided_by_the_problem(case):
     problem, applying = case
-    found = skips(problem)
+    found = OpticalSystem(problem).skips
     assert {s.name for s in found if s.applies} == applying
     assert len({s.name for s in found}) == len(found) == 12
     assert not NEVER & {s.name for s in found if s.applies}
@@ -61,7 +61,7 @@ def test_skips_are_decided_by_the_problem(case):
 
 def test_the_tracer_leaves_out_what_is_listed(backend, case):
     problem, applying = case
-    lens, rays = base_lens(problem), problem_rays(problem, (16, 16))
+    lens, rays = OpticalSystem(problem).lens, OpticalSystem(problem).source.rays((16, 16))
     tracer = Tracer(backend, lens, rays, problem.target_z)
     hits, _ = tracer.trace([sag.coefficients for sag in lens.sags])
     assert isinstance(tracer._rear, KnownHits) == ("meeting points" in applying)
@@ -70,23 +70,22 @@ def test_the_tracer_leaves_out_what_is_listed(backend, case):
         whole = problem.source.half_width[0] * (1 - 1 / 16)
         assert (rays.x.max() < whole) == ("aperture" in applying)
     taps = stage_window(problem, True).taps
-    (line,) = [s.what for s in skips(problem) if s.name == "taps"]
+    (line,) = [s.what for s in OpticalSystem(problem).skips if s.name == "taps"]
     assert f"{taps} x {taps}" in line
 
 
 def test_known_meeting_points_change_nothing(backend, problem_file):
     """The one skip that takes another way: loss and gradient at a rough state keep to its tolerance."""
     problem = load_problem(problem_file())
-    lens, beam = base_lens(problem), problem_rays(problem, (65, 65))
+    lens, beam = OpticalSystem(problem).lens, OpticalSystem(problem).source.rays((65, 65))
     c = [rough(lens.rear.sag.space)]
-    screen = target_screen(problem)
-    target = target_irradiance(target_light(problem), screen, problem.target.placing, 0.9)
-    tracers = (Tracer(backend, lens, rays, problem.target_z) for rays in (beam, beam_rays(beam, lens)))
-    (loss, (gradient,)), (other_loss, (other,)) = (
-        Objective(backend, t, screen, BSplineWindow(3), target, 1.0)(c) for t in tracers
-    )
-    (skip,) = [s for s in skips(problem) if s.name == "meeting points"]
-    assert loss == pytest.approx(other_loss, rel=skip.tolerance)
+    screen = OpticalSystem(problem).target.screen()
+    target = OpticalSystem(problem).target.irradiance(screen, 0.9)
+    tracers = (Tracer(backend, lens, rays, problem.target_z) for rays in (beam, single_rays(beam, lens)))
+    found, by_search = (Objective(backend, t, screen, BSplineWindow(3), target, 1.0)(c) for t in tracers)
+    (gradient,), (other,) = found.gradients, by_search.gradients
+    (skip,) = [s for s in OpticalSystem(problem).skips if s.name == "meeting points"]
+    assert found.loss == pytest.approx(by_search.loss, rel=skip.tolerance)
     assert np.linalg.norm(gradient - other) < skip.tolerance * np.linalg.norm(other)
     assert (gradient != other).any()  # indeed two ways
 

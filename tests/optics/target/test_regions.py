@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optics.problem import load_problem
-from optics.system import target_light
+from optics.system import OpticalSystem
 from optics.target.regions import REGIONS, uniform_region
 from tests.optics.cases import SMALL, toml_text
 
@@ -58,6 +58,6 @@ def test_a_top_hat_needs_no_picture(tmp_path):
         toml_text(values | {"target.kind": "tophat", "target.shape": "ellipse", "target.lit": [0.5, 0.5]})
     )
     problem = load_problem(path)
-    light = target_light(problem)
+    light = OpticalSystem(problem).target.light
     assert light.shape == problem.target.pixels[::-1]
     assert light.mean() == pytest.approx(np.pi / 16, rel=1e-2)

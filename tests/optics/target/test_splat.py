@@ -115,7 +115,7 @@ def test_rays_whose_window_misses_the_screen_leave_no_light(backend, x, y):
 
 def test_single_precision_finds_every_pixel_of_the_largest_screen():
     """Pixel numbers of 4112 x 4112 pixels pass 2^24, beyond which float32 skips whole numbers."""
-    single = load_backend("single", 2)
+    single = load_backend("single", 1)
     screen = Screen((2048.0, 2048.0), (4096, 4096), 8)
     x, y = np.array([2047.5, 2046.5, 2047.5]), np.array([-2047.5, -2046.5, -2044.5])
     image = splat(single, screen, BoxWindow(), x, y, [1.0, 2.0, 4.0])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from optics.tracing.intersections import SearchedHits, conic_distance
-from tests.optics.cases import hollow_lens, rough, small_lens, small_space
+from tests.optics.cases import grazing_rays, hollow_lens, rough, small_lens, small_space
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
@@ -27,17 +27,6 @@ def rear(sag, spans=(2, 2)):
     """Return the rear of the Table 6.3 lens with a sag."""
     base = hollow_lens(spans=spans).rear
     return base.with_sag(THBSurface(base.sag.space, sag(base.sag.space)))
-
-
-def grazing_rays(surface, count, seed=0, least=0.02):
-    """Return (origin, direction), (3, n) each: rays that start in the glass below the surface, up to grazing
-    (cos theta >= least)."""
-    rng = np.random.default_rng(seed)
-    x, y = rng.uniform(-5, 5, (2, count))
-    z = np.minimum(rng.uniform(-7, -1, count), surface(x, y) - 0.01)
-    cosine, turn = rng.uniform(least, 1, count), rng.uniform(0, 2 * np.pi, count)
-    sine = np.sqrt(1 - cosine**2)
-    return np.stack([x, y, z]), np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
 
 
 def met(backend, surface, origin, direction):

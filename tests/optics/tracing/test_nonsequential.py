@@ -9,7 +9,7 @@ import pytest
 from hypothesis import Phase, assume, given, settings, strategies as st
 
 from optics.runtime import load_backend
-from optics.tracing.branches import SourceRays
+from optics.sources import Rays
 from optics.tracing.nonsequential import FATES, TargetPlane, trace_nonsequential, trace_paths
 from optics.tracing.ray_roots import first_crossing, last_root
 from oracles.branch_tracer import INDEX, Frustum, MeshSolid, edge_gap, traced_one_by_one
@@ -31,7 +31,7 @@ def lambertian(n, seed=0, half_width=0.5, z=-2.0):
     sine, phi = np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
     direction = np.array([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1 - sine**2)])
     origin = np.vstack([rng.uniform(-half_width, half_width, (2, n)), np.full(n, z)])
-    return SourceRays(origin, direction / np.linalg.norm(direction, axis=0), np.full(n, 1 / n))
+    return Rays(origin, direction / np.linalg.norm(direction, axis=0), np.full(n, 1 / n))
 
 
 def dome_lens(seed=None, amplitude=1.5):
@@ -52,9 +52,7 @@ def plane_lens(front, rear, thickness):
 
 def one_ray(origin, direction):
     direction = np.array(direction, dtype=float)[:, None]
-    return SourceRays(
-        np.array(origin, dtype=float)[:, None], direction / np.linalg.norm(direction), np.ones(1)
-    )
+    return Rays(np.array(origin, dtype=float)[:, None], direction / np.linalg.norm(direction), np.ones(1))
 
 
 # closed forms
@@ -68,7 +66,7 @@ def test_a_slab_passes_the_infinite_fresnel_series(backend):
     # R = 0.04 per bounce: after 40 of them nothing is left in float64
     assert result.fates.on_target == pytest.approx(2 * INDEX / (INDEX**2 + 1), rel=1e-14)
     assert result.fates.reflected_outside == pytest.approx(0.04, rel=1e-14)
-    direct = result.landings.direct
+    direct = result.direct
     assert result.landings.flux[direct] == pytest.approx([0.96**2], rel=1e-14)
     assert direct.sum() == 1
 
@@ -126,7 +124,7 @@ def test_every_branch_in_a_frustum(backend, shape):
     origin = np.vstack([rng.uniform(-9, 9, (2, n)), rng.uniform(-6, -1, n)])
     direction = rng.normal(size=(3, n))
     direction[2] = abs(direction[2])
-    rays = SourceRays(origin, direction / np.linalg.norm(direction, axis=0), np.ones(n))
+    rays = Rays(origin, direction / np.linalg.norm(direction, axis=0), np.ones(n))
     result = trace_nonsequential(backend, plane_lens(*shape), rays, WIDE)
     expected = traced_one_by_one(Frustum(*shape), rays, WIDE, 1e-4)
     # 1e-10 mm of a shifted wall over a thickness of 5 mm tilt it by 2e-11; rounding of the others is less
@@ -150,7 +148,7 @@ def test_the_fates_hold_all_flux(backend, lens, seed):
     assert (result.by_ray >= 0).all()
     assert result.fates.failed <= 1e-6
     landings = result.landings
-    by_fate = np.bincount(landings.fate, landings.flux, len(FATES))
+    by_fate = np.bincount(result.fate, landings.flux, len(FATES))
     for name, flux in asdict(result.fates).items():
         if name.endswith("_target"):
             assert by_fate[FATES.index(name)] == pytest.approx(flux, abs=1e-13)
@@ -237,25 +235,24 @@ def test_the_direct_part_is_sequential(backend, lens):
     flux = np.full(300, np.nan)
     flux[alive[good]] = share[good]
     landings = result.landings
-    direct = landings.ray[landings.direct]
+    direct = result.ray[result.direct]
     assert len(np.unique(direct)) == len(direct) > 0.9 * good.sum()  # a few meet the lens again
     # landing points move by 1000 mm times the error of the direction, and grow without bound for grazing
     # exits
-    distance = np.hypot(FAR.z, np.hypot(landings.x, landings.y))[landings.direct]
+    distance = np.hypot(FAR.z, np.hypot(landings.x, landings.y))[result.direct]
     for found, expected in zip((landings.x, landings.y), points):
-        assert (abs(found[landings.direct] - expected[direct]) <= 1e-11 * distance**2).all()
-    assert landings.flux[landings.direct] == pytest.approx(flux[direct], rel=1e-8)
+        assert (abs(found[result.direct] - expected[direct]) <= 1e-11 * distance**2).all()
+    assert landings.flux[result.direct] == pytest.approx(flux[direct], rel=1e-8)
 
 
 def test_paths_follow_the_strongest_branch(backend):
     lens, rays = dome_lens(3), lambertian(60, 9)
     paths = trace_paths(backend, lens, rays, FAR)
     assert {path.fate for path in paths} >= {"on_target", "off_target"}
-    landings = trace_nonsequential(backend, lens, rays, FAR).landings
+    result = trace_nonsequential(backend, lens, rays, FAR)
+    landings = result.landings
     ends = {
-        ray: (x, y)
-        for x, y, ray, direct in zip(landings.x, landings.y, landings.ray, landings.direct)
-        if direct
+        ray: (x, y) for x, y, ray, direct in zip(landings.x, landings.y, result.ray, result.direct) if direct
     }
     for ray, path in enumerate(paths):
         assert (path.points[0] == rays.origin[:, ray]).all()
@@ -297,13 +294,13 @@ def test_grazed_humps_are_seen(backend, seed):
 def test_bad_rays_are_refused():
     good = lambertian(3)
     with pytest.raises(ValueError, match="direction must have length 1"):
-        SourceRays(good.origin, 2 * good.direction, good.flux)
+        Rays(good.origin, 2 * good.direction, good.flux)
     with pytest.raises(ValueError, match=r"origin must have the shape \(3, 3\), got \(3,\)"):
-        SourceRays(good.origin[0], good.direction, good.flux)
+        Rays(good.origin[0], good.direction, good.flux)
     with pytest.raises(ValueError, match="flux must not be negative"):
-        SourceRays(good.origin, good.direction, -good.flux)
+        Rays(good.origin, good.direction, -good.flux)
     with pytest.raises(ValueError, match="at least one ray"):
-        SourceRays(np.zeros((3, 0)), np.zeros((3, 0)), np.zeros(0))
+        Rays(np.zeros((3, 0)), np.zeros((3, 0)), np.zeros(0))
 
 
 def test_single_precision_is_refused():

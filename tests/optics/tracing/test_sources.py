@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from optics.sources import Beam, Profile, beam_rays, collimated_beam, lambertian_parts, point_rays
+from optics.sources import Profile, collimated_beam, lambertian_parts, point_rays, single_rays
 from optics.tracing.sequential import Tracer
 from oracles.light_formulas import fresnel, meridional
-from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space
-from tests.optics.tracing.test_sequential import landing_points, step_trace
+from tests.optics.cases import coefficients, hollow_lens, landing_points, rough, small_lens, small_space
+from tests.optics.tracing.cases import step_trace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
@@ -42,10 +42,10 @@ def rough_by(height, seed=5):
 
 
 def traced(backend, lens, rays, target_z=TARGET_Z, target=(2000.0, 2000.0)):
-    """Return (Landing, FluxBudget, Hits of the free surfaces)."""
+    """Return (Landing, SequentialFates, Hits of the free surfaces)."""
     tracer = Tracer(backend, lens, rays, target_z)
     hits, landing = tracer.trace(coefficients(lens))
-    return landing, tracer.budget(landing, target), hits
+    return landing, tracer.fates(landing, target), hits
 
 
 # Fates
@@ -146,7 +146,7 @@ def test_the_independent_trace_of_the_step_file_agrees_ray_by_ray(backend, tmp_p
     A landing point L tan(theta) errs by L (1 + tan^2) of the angle.
     """
     landing, budget, _ = traced(backend, lens, rays, target_z)
-    one_by_one = beam_rays(rays, lens) if isinstance(rays, Beam) else rays
+    one_by_one = single_rays(rays, lens)
     reference = step_trace(lens, one_by_one, tmp_path, target_z)
     points, flux = landing_points(landing), landing.flux.numpy()
     np.testing.assert_array_equal(flux > 0, reference.flux > 0)
@@ -229,7 +229,7 @@ def test_a_plate_keeps_every_direction(backend, distance):
     angle = np.maximum(np.arccos(cosine), 1e-6)  # T = 0.96 + O(1e-24) at the axis
     inner = np.arcsin(np.sin(angle) / INDEX)
     share = fresnel(angle, 1.0, INDEX) * fresnel(inner, INDEX, 1.0)
-    np.testing.assert_allclose(landing.flux.numpy()[arrives], (rays.ray_flux * share)[arrives], rtol=1e-9)
+    np.testing.assert_allclose(landing.flux.numpy()[arrives], (rays.flux * share)[arrives], rtol=1e-9)
 
 
 @pytest.mark.parametrize("radius", [40.0, -25.0])
@@ -279,8 +279,8 @@ def test_a_cartesian_lens_makes_parallel_light_of_a_point(backend):
     out = np.arctan2(np.sin(theta), np.cos(theta) - 1 / INDEX)  # the normal lies along n d_in - d_out
     incident = np.maximum(out - theta, 1e-6)
     share = 0.96 * fresnel(incident, INDEX, 1.0)
-    np.testing.assert_allclose(landing.flux.numpy(), rays.ray_flux * share, rtol=1e-9)
-    assert budget.on_target == pytest.approx((rays.ray_flux * share).sum(), rel=1e-10)
+    np.testing.assert_allclose(landing.flux.numpy(), rays.flux * share, rtol=1e-9)
+    assert budget.on_target == pytest.approx((rays.flux * share).sum(), rel=1e-10)
 
 
 def test_mirror_images_of_rays_land_in_mirror_images(backend):

@@ -9,17 +9,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optics.verification.independent_checks import _optical, bare_checks, stranger_checks, trace_faces
+from optics.system import OpticalSystem
+from optics.verification.independent_checks import _optical, bare_checks, text_and_occt_checks, trace_faces
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import meridional
-from tests.optics.cases import small_lens
-from tests.optics.verification.test_step_checks import LENSES, moved_point, shaped
+from tests.optics.cases import moved_point, small_lens
+from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
 from thbcad.cad.shapes import lens_solid
 from thbcad.io import parse_brep
 from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
+
+pytestmark = pytest.mark.xdist_group("independent checks")
 
 LANDING = "landing points by OCCT's intersections with the file"
 REAR = "text of the file: rear numbers that differ from the lens in memory"
@@ -52,17 +55,19 @@ def failed(good, folder, text, backend):
     (folder / "lens.step").write_text(text)
     return {
         c.name
-        for c in stranger_checks(good.problem, good.lens, StepFile(folder / "lens.step"), backend)
+        for c in text_and_occt_checks(
+            OpticalSystem(good.problem), good.lens, StepFile(folder / "lens.step"), backend
+        )
         if not c.ok
     }
 
 
-@pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
+@pytest.mark.parametrize("changes", EVERY_LENS)
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     path = tmp_path / "lens.step"
     write_step(lens, path)
-    checks = stranger_checks(problem, lens, StepFile(path), backend)
+    checks = text_and_occt_checks(OpticalSystem(problem), lens, StepFile(path), backend)
     assert [(c.name, c.value) for c in checks if not c.ok] == []
     assert {c.name for c in checks} >= {LANDING, REAR, FRONT, EDGES, RIMS, UNIT, FACES, UNPAIRED, GAPS}
     assert next(c for c in checks if c.name == LANDING).limit == problem.verify.landing == 1e-8
@@ -73,7 +78,9 @@ def test_rays_without_light_do_not_count(tmp_path, backend):
     problem, lens = shaped(tmp_path, {"source.profile": "round"})
     write_step(lens, tmp_path / "lens.step")
     assert [
-        c.name for c in stranger_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok
+        c.name
+        for c in text_and_occt_checks(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
+        if not c.ok
     ] == []
 
 

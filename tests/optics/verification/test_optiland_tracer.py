@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from optics.sources import Profile, lambertian_parts
+from optics.system import OpticalSystem
 from optics.verification import optiland_tracer as module
 from optics.verification.optiland_tracer import optiland_available, optiland_checks, optiland_trace
 from optics.verification.reference_tracer import trace_step
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import fresnel, meridional
-from tests.optics.cases import hollow_lens, small_lens
-from tests.optics.verification.test_step_checks import LENSES, moved_point, shaped
+from tests.optics.cases import hollow_lens, moved_point, small_lens
+from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import read_step, write_step
 from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
@@ -47,11 +48,11 @@ def rough_hollow(height=0.1, spans=4):
     return hollow_lens(*waves, spans=(spans, spans))
 
 
-@pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
+@pytest.mark.parametrize("changes", EVERY_LENS)
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     write_step(lens, tmp_path / "lens.step")
-    checks = optiland_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend)
+    checks = optiland_checks(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
     assert [(c.name, c.value) for c in checks if not c.ok] == []
     assert [c.name for c in checks] == [FATE, LANDING, IRRADIANCE]
     assert [c.limit for c in checks] == [0, problem.verify.landing, problem.verify.irradiance]
@@ -61,7 +62,9 @@ def test_rays_without_light_do_not_count(tmp_path, backend):
     problem, lens = shaped(tmp_path, {"source.profile": "round"})
     write_step(lens, tmp_path / "lens.step")
     assert [
-        c.name for c in optiland_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok
+        c.name
+        for c in optiland_checks(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
+        if not c.ok
     ] == []
 
 
@@ -75,7 +78,9 @@ def test_a_pole_moved_by_a_nanometre_is_caught(tmp_path, backend):
         moved_point((tmp_path / "lens.step").read_text(), pole, [0.0, 0.0, 1e-6])
     )
     failed = {
-        c.name for c in optiland_checks(problem, lens, StepFile(tmp_path / "lens.step"), backend) if not c.ok
+        c.name
+        for c in optiland_checks(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
+        if not c.ok
     }
     assert LANDING in failed
 

@@ -13,29 +13,21 @@ from OCP.gp import gp_Pnt
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.TopoDS import TopoDS_Compound
 
-from optics.problem import load_problem
 from optics.runtime import Check, verification
-from optics.system import base_lens, lens_product
+from optics.system import OpticalSystem, lens_product
 from optics.target import Screen
 from optics.verification.reference_tracer import deposit
 from optics.verification.step_checks import TOLERANCE, differing_numbers, surface_deviation, verify
 from optics.verification.step_file import StepFile
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import moved_point
+from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import KnotVector, write_step
 from thbcad.cad.exchange import compact, read_step
 from thbcad.cad.shapes import lens_solid
 from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface
-from thbcad.surfaces import THBSurface
 
-
-def shaped(folder, changes=None, height=0.05):
-    """Return (problem, lens): the small problem's lens with a rough sag over three levels."""
-    problem = load_problem(write_problem(folder, changes))
-    base = base_lens(problem)
-    space = base.rear.sag.space.refine({0: [(1, 1), (1, 2), (2, 2)]}).refine({1: [(2, 2), (3, 3), (4, 5)]})
-    sags = [THBSurface(s, rough(s, height)) for s in [*(sag.space for sag in base.sags[:-1]), space]]
-    return problem, base.with_sags(sags)
+pytestmark = pytest.mark.xdist_group("step checks")
 
 
 def written(problem, lens, path):
@@ -55,60 +47,19 @@ def good(tmp_path_factory):
 def failed(good, folder, text, backend):
     """Return the names of the checks that fail for a file with this text."""
     (folder / "lens.step").write_text(text)
-    checked = verification(verify(good.problem, good.lens, StepFile(folder / "lens.step"), backend))
+    checked = verification(
+        verify(OpticalSystem(good.problem), good.lens, StepFile(folder / "lens.step"), backend)
+    )
     names = [c["name"] for c in checked["checks"] if not c["ok"]]
     assert checked["ok"] == (not names)
     return names
 
 
-def moved_point(text, point, change):
-    """Return the text with the one CARTESIAN_POINT at these coordinates changed."""
-    pattern = re.compile(r"(CARTESIAN_POINT\('',\()([^)]*)(\)\))")
-    found = [m for m in pattern.finditer(text) if [float(v) for v in m[2].split(",")] == list(point)]
-    assert len(found) == 1
-    numbers = ",".join(f"{a:#.17G}" for a in np.asarray(point) + change)
-    return text[: found[0].start(2)] + numbers + text[found[0].end(2) :]
-
-
-FREE_FRONT = {
-    "lens.front.freeform.spans": [3, 4],
-    "lens.front.freeform.max_level": 1,
-    "lens.front.freeform.z_freedom": 0.5,
-}
-LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 4.0}
-POINT = {"source.kind": "point", "source.half_angle": 75.0, "source.distance": 4.0}
-FAR = {"target.distance": np.inf, "target.half_width": [60.0, 60.0]}
-LENSES = {
-    "plane front": {},
-    "paraboloid front": {"lens.front.radius": 60.0, "lens.front.conic": -1.0},
-    "sphere front": {"lens.front.radius": -400.0, "lens.rear.freeform.degree": 5},
-    "hyperboloid rear": {"lens.rear.conic": -2.5, "lens.rear.radius": 200.0, "lens.rear.freeform.degree": 4},
-    "small rear": {"lens.front.radius": 60.0, "lens.rear.half_width": [8.0, 9.0]},
-    "large rear": {"lens.front.radius": -60.0, "lens.rear.half_width": [12.0, 11.0], "lens.thickness": 12.0},
-    "oblong": {
-        "lens.front.half_width": [10.0, 6.0],
-        "lens.rear.half_width": [10.0, 6.0],
-        "lens.rear.freeform.degree": 4,
-    },
-    "totally reflecting corners": {"lens.rear.radius": 11.0},
-    "degree 2": {"lens.rear.freeform.degree": 2},
-    "free front": FREE_FRONT,
-    "free curved front": FREE_FRONT
-    | {"lens.front.radius": 60.0, "lens.front.conic": -1.0, "lens.thickness": 12.0},
-    "lambertian": LAMBERTIAN,
-    "lambertian, free front": LAMBERTIAN | FREE_FRONT,
-    "point": POINT,
-    "far field": FAR,
-    "lambertian, free front, far field": LAMBERTIAN | FREE_FRONT | FAR,
-    "a picture that glows": LAMBERTIAN | {"source.profile": "image", "source.image": "picture.png"},
-}
-
-
-@pytest.mark.parametrize("changes", LENSES.values(), ids=LENSES.keys())
+@pytest.mark.parametrize("changes", EVERY_LENS)
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     written(problem, lens, tmp_path / "lens.step")
-    checks = verify(problem, lens, StepFile(tmp_path / "lens.step"), backend)
+    checks = verify(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
     assert [c.name for c in checks if not c.ok] == []
     assert len(checks) == 15
 
@@ -116,7 +67,8 @@ def test_a_good_file_passes(tmp_path, backend, changes):
 def test_the_limits_are_the_problems(good, tmp_path, backend):
     (tmp_path / "lens.step").write_text(good.text)
     limits = {
-        c.name: c.limit for c in verify(good.problem, good.lens, StepFile(tmp_path / "lens.step"), backend)
+        c.name: c.limit
+        for c in verify(OpticalSystem(good.problem), good.lens, StepFile(tmp_path / "lens.step"), backend)
     }
     v = good.problem.verify
     assert sorted(limit for limit in limits.values() if limit) == sorted(
@@ -267,7 +219,7 @@ def test_a_file_without_a_lens_is_refused(good, tmp_path, backend, text):
 
 def test_a_missing_file_is_an_os_error(good, tmp_path, backend):
     with pytest.raises(OSError, match=r"none\.step"):
-        verify(good.problem, good.lens, StepFile(tmp_path / "none.step"), backend)
+        verify(OpticalSystem(good.problem), good.lens, StepFile(tmp_path / "none.step"), backend)
 
 
 @pytest.mark.parametrize("step", [1e-6, -1e-6])

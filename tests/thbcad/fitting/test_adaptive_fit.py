@@ -8,7 +8,7 @@ from hypothesis import given
 
 from tests.cases import EXAMPLES
 from tests.thbcad.cases import knot_vectors, seeds
-from tests.thbcad.fitting.test_least_squares_fit import everywhere, refined, smooth, tensor
+from tests.thbcad.fitting.cases import everywhere, refined, smooth, tensor
 from thbcad.fitting import adaptive_fit as adaptive
 from thbcad.fitting.adaptive_fit import fit, held_out, surroundings
 from thbcad.fitting.least_squares_fit import Samples, Underdetermined

@@ -9,6 +9,7 @@ from scipy.interpolate import LSQBivariateSpline, NdBSpline, make_interp_spline,
 
 from oracles.spline_definitions import gamma
 from tests.thbcad.cases import knot_vectors, seeds, spaces
+from tests.thbcad.fitting.cases import everywhere, refined, smooth, tensor
 from thbcad.fitting.adaptive_fit import fit
 from thbcad.fitting.cell_samples import gauss_points
 from thbcad.fitting.least_squares_fit import Samples, Underdetermined, least_squares, thin_plate
@@ -18,24 +19,6 @@ from thbcad.splines import KnotVector, interpolate
 from thbcad.surfaces import THBSurface
 
 EPS = np.finfo(float).eps
-
-
-def smooth(u, v):
-    return np.sin(3 * u + 0.3) * np.cos(2 * v)
-
-
-def tensor(degree, spans):
-    kv = KnotVector.uniform(degree, spans)
-    return THBSpace(kv, kv)
-
-
-def refined(degree, spans=6, block=4):
-    """A tensor-product space with a block of cells refined."""
-    return tensor(degree, spans).refine({0: np.argwhere(np.ones((block, block)))})
-
-
-def everywhere(rng, n=4000):
-    return rng.random((2, n))
 
 
 # ---- interpolation ----

@@ -6,7 +6,7 @@ from hypothesis import given
 
 from oracles.spline_definitions import gamma
 from tests.thbcad.cases import seeds, spaces
-from tests.thbcad.fitting.test_least_squares_fit import refined, tensor
+from tests.thbcad.fitting.cases import refined, tensor
 from thbcad.fitting.quasi_interpolant import quasi_interpolate, quasi_interpolation
 from thbcad.surfaces import THBSurface
 

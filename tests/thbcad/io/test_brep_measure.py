@@ -13,9 +13,8 @@ from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from scipy.integrate import dblquad
 
-from tests.thbcad.cad.exchange.test_step import LENSES
-from tests.thbcad.cases import lenses
-from tests.thbcad.io.test_step_text import written
+from tests.thbcad.cases import LENSES, lenses
+from tests.thbcad.io.cases import written
 from thbcad.cad.exchange import step_bytes, write_step
 from thbcad.cad.shapes import lens_part
 from thbcad.io.brep_measure import ACCURACY, areas, volume

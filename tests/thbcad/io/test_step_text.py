@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeTorus
-from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
-from tests.thbcad.cad.exchange.test_step import LENSES, ROOT, assert_same_surface
-from thbcad.cad.exchange import read_faces, read_step, step_bytes, step_writing as writing, write_step
+from tests.cases import ROOT
+from tests.thbcad.cases import LENSES, assert_same_surface
+from tests.thbcad.io.cases import written
+from thbcad.cad.exchange import read_faces, read_step, step_bytes, write_step
 from thbcad.cad.shapes import lens_solid
 from thbcad.io.brep_records import MILLIMETRE
 from thbcad.io.step_brep import brep, length_unit, parse_brep
@@ -186,24 +187,11 @@ def test_the_text_holds_the_very_splines(tmp_path, name):
 
 
 @pytest.mark.parametrize("unit", ["INCH", "M", "CM", "UM"])
-def test_the_unit_is_told(unit):
+def test_the_unit_is_told(unit, tmp_path):
     """OCCT writes the same lens in other units."""
     wanted = {"INCH": "INCH", "M": "METRE", "CM": "CENTI METRE", "UM": "MICRO METRE"}[unit]
-    writing.STEPControl_Writer()
-    before = dict(writing.SETTINGS)
-    try:
-        writing.SETTINGS["write.step.unit"] = unit
-        text = writing.step_text(lens_solid(LENSES["table63"]), "lens").decode()
-    finally:
-        writing.SETTINGS.update(before)
-    assert length_unit(entities_of_text(text)) == wanted
-
-
-def written(shape, path):
-    writer = STEPControl_Writer()
-    writer.Transfer(shape, STEPControl_AsIs)
-    writer.Write(str(path))
-    return path
+    path = written(lens_solid(LENSES["table63"]), tmp_path / "lens.step", unit)
+    assert length_unit(entities_of_text(path.read_text())) == wanted
 
 
 def test_rational_faces_read_as_occt_reads_them(tmp_path):

@@ -22,7 +22,7 @@ RULED = Lens(
 LINE = KnotVector.uniform(3, 1, -5.0, 5.0)
 TILT = THBSurface(THBSpace(LINE, LINE), np.repeat(0.5 * LINE.greville(), 4))  # z = x / 2
 TWISTED = Lens(FreeformSurface((5.0, 5.0)), FreeformSurface((5.0, 11.0), sag=TILT), 3.0, 1.5)
-SLOW = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+BIG = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 
 
 def directed_edges(mesh):
@@ -55,9 +55,23 @@ def height_errors(lens, mesh, shares):
     return found
 
 
-@SLOW
-@given(lenses(conics=False), st.booleans(), st.sampled_from([1e-2, 3e-3]), seeds())
+LENSES_AND_CHORDS = lenses(conics=False), st.booleans(), st.sampled_from([1e-2, 3e-3]), seeds()
+
+
+@settings(BIG, max_examples=20)
+@given(*LENSES_AND_CHORDS)
 def test_the_mesh_is_closed_and_keeps_its_chord(lens, single, chord, rng):
+    require_closed_and_near(lens, single, chord, rng)
+
+
+@pytest.mark.slow
+@BIG
+@given(*LENSES_AND_CHORDS)
+def test_many_meshes_are_closed_and_keep_their_chord(lens, single, chord, rng):
+    require_closed_and_near(lens, single, chord, rng)
+
+
+def require_closed_and_near(lens, single, chord, rng):
     mesh = tessellated(lens, chord, single)
     forward, backward = directed_edges(mesh)
     assert (np.diff(forward) > 0).all()  # no edge twice the same way

@@ -11,6 +11,7 @@ from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import gamma
 from tests.thbcad.cases import seeds
+from tests.thbcad.sags.cases import conics
 from thbcad.sags.conic import Conic
 
 EPS = np.finfo(float).eps
@@ -24,16 +25,6 @@ RATIONAL = [
     (7, 0, 2, 3),
     (13, 1, 5, 0),
 ]
-
-
-@st.composite
-def conics(draw, constants=(-6.0, 4.0)):
-    """(conic, (hx, hy)) whose rim stays clear of the end of the conic: 1 - (1 + K) r^2 / R^2 >= 0.1."""
-    half = draw(st.floats(0.1, 50)), draw(st.floats(0.1, 50))
-    constant = draw(st.floats(*constants))
-    least = np.hypot(*half) * max(0.2, np.sqrt(max(0.0, (1 + constant) / 0.9)))
-    radius = draw(st.sampled_from([1, -1])) * least * draw(st.floats(1.001, 30))
-    return Conic(radius, constant), half
 
 
 def taylor(radius, kappa, x, y, order):

@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev, legendre
 from scipy.special import roots_jacobi
 
 from tests.thbcad.cases import seeds
-from tests.thbcad.sags.test_proven_approximation import greatest_errors
+from tests.thbcad.sags.cases import greatest_errors
 from thbcad import interpolate
 from thbcad.sags.polynomial_sag import PolynomialSag, osa_orders, zernike
 from thbcad.sags.proven_approximation import approximated, error_bounds

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from tests.thbcad.cases import random_knot_vector, seeds
-from tests.thbcad.sags.test_conic import conics
+from tests.thbcad.sags.cases import conics, greatest_errors
 from thbcad import interpolate
 from thbcad.lens import FreeformSurface
 from thbcad.sags.conic import Conic
@@ -50,19 +50,6 @@ class Ripple:
 
 def square(degree, spans, half=(5.0, 4.0)):
     return [KnotVector.uniform(degree, spans, -h, h) for h in half]
-
-
-def greatest_errors(function, surface, n=9):
-    """Return the greatest |f - s| at n x n points of every cell."""
-    kvs = surface.kv_u, surface.kv_v
-    x, y = (
-        np.minimum(
-            (kv.breaks[:-1, None] + np.diff(kv.breaks)[:, None] * np.linspace(0, 1, n)).ravel(), kv.stop
-        )
-        for kv in kvs
-    )
-    errors = abs(function.grid(x, y) - surface.grid(x, y))
-    return errors.reshape(surface.kv_u.spans, n, surface.kv_v.spans, n).max(axis=(1, 3))
 
 
 # ---- nodes and constants ----

@@ -7,14 +7,11 @@ from math import comb
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from OCP.Geom import Geom_BSplineCurve
-from OCP.gp import gp_Pnt
-from OCP.TColgp import TColgp_Array1OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 from scipy.interpolate import BSpline
 
 from oracles.spline_definitions import cox_de_boor, gamma
-from tests.thbcad.cases import insertions, knot_vectors, parameters, seeds
+from tests.thbcad.cases import insertions, nurbs_surfaces, parameters, seeds
+from tests.thbcad.splines.cases import curves, geom_curve
 from thbcad.cad.shapes import rational_geom
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
@@ -32,20 +29,6 @@ def rounding(p, extra=0):
     carry 5 roundings per degree (basis), 1 (homogeneous coefficient) and 1 (product); then one quotient.
     """
     return float(gamma(2 * (6 * p + 3) + 1 + extra))
-
-
-@st.composite
-def curves(draw, d=3, **options):
-    """Random points within 1 and weights of ratio up to 100."""
-    kv, rng = draw(knot_vectors(**options)), draw(seeds())
-    return NURBSCurve(kv, rng.uniform(-1, 1, (kv.dim, d)), 10 ** rng.uniform(-1, 1, kv.dim))
-
-
-@st.composite
-def nurbs_surfaces(draw, max_degree=4, max_spans=3):
-    kv_u, kv_v = (draw(knot_vectors(max_degree=max_degree, max_spans=max_spans)) for _ in range(2))
-    rng, shape = draw(seeds()), (kv_u.dim, kv_v.dim)
-    return NURBSSurface(kv_u, kv_v, rng.uniform(-1, 1, (*shape, 3)), 10 ** rng.uniform(-1, 1, shape))
 
 
 @st.composite
@@ -75,19 +58,6 @@ def majorant(jet, sizes):
     signed[..., -1] *= -1
     signed[0, 0, ..., -1] = jet[0, 0, ..., -1]
     return quotient(signed)
-
-
-def geom_curve(curve):
-    values, counts = np.unique(curve.kv.knots, return_counts=True)
-    poles, weights = TColgp_Array1OfPnt(1, curve.kv.dim), TColStd_Array1OfReal(1, curve.kv.dim)
-    for k, (point, weight) in enumerate(zip(curve.points.tolist(), curve.weights.tolist()), 1):
-        poles.SetValue(k, gp_Pnt(*point))
-        weights.SetValue(k, weight)
-    knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
-    for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
-        knots.SetValue(k, value)
-        multiplicities.SetValue(k, count)
-    return Geom_BSplineCurve(poles, weights, knots, multiplicities, curve.kv.degree)
 
 
 # ---- values and derivatives ----

@@ -9,7 +9,7 @@ from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp, gp_Ax1, gp_Ax2, gp_Circ, gp_Dir, gp_Pnt
 
 from tests.thbcad.cases import seeds
-from tests.thbcad.splines.test_nurbs import curves, geom_curve
+from tests.thbcad.splines.cases import curves, geom_curve
 from thbcad.cad.shapes import spline_surface
 from thbcad.sags import Conic, meridian
 from thbcad.splines.knot_vector import KnotVector

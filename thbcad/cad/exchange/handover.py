@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
+from thbcad.doors import pip_command
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
@@ -72,4 +73,4 @@ def _library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(f"{name} cannot be imported ({error}): pip install thbcad[cad]") from error
+        raise ImportError(f"{name} cannot be imported ({error}); {pip_command('cad')}") from error

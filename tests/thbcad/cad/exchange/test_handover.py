@@ -14,8 +14,7 @@ from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
 
 from tests.cases import ROOT
-from tests.thbcad.cad.exchange.test_step import LENSES
-from tests.thbcad.cases import lenses
+from tests.thbcad.cases import LENSES, lenses
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
 from thbcad.cad.shapes import NAMES, lens_part, spline_surface
 from thbcad.lens import placed_surfaces
@@ -182,7 +181,7 @@ def test_an_assembly_reads_back(library, tmp_path):
 def test_a_missing_library_is_told_in_one_sentence(library, make, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(
-        ImportError, match=rf"^{library} cannot be imported \(.*\): pip install thbcad\[cad\]$"
+        ImportError, match=rf'^{library} cannot be imported \(.*\); pip install "thbcad\[cad\]"$'
     ):
         make(LENSES["plano"])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere
 
-from tests.thbcad.cad.exchange.test_step import LENSES
+from tests.thbcad.cases import LENSES
 from thbcad.cad.exchange.ray_faces import face_hits, step_solid
 from thbcad.cad.exchange.step import write_step
 from thbcad.cad.shapes import lens_solid

@@ -29,7 +29,7 @@ from OCP.XCAFDoc import (
     XCAFDoc_ShapeTool,
 )
 
-from tests.thbcad.cad.exchange.test_step import LENSES, assert_same_surface
+from tests.thbcad.cases import LENSES, assert_same_surface
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
 from thbcad.cad.exchange.reading import explore
@@ -47,6 +47,8 @@ from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.io import having, parse_brep, read_part21
 from thbcad.lens import Product, placed_surfaces
+
+pytestmark = pytest.mark.xdist_group("solid file")
 
 LENS = LENSES["ruled"]
 PRODUCT = Product("Pearl lens", "A. Grinder", "Optics Ltd", "PMMA", 1.19, 1.49)

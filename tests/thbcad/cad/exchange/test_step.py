@@ -1,8 +1,6 @@
 """STEP files: closed solids of six faces whose splines read back bit for bit."""
 
 import re
-import subprocess
-import sys
 
 import build123d
 import numpy as np
@@ -12,62 +10,19 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepGProp import BRepGProp
 from OCP.Geom import Geom_BSplineCurve
 from OCP.GProp import GProp_GProps
-from OCP.Interface import Interface_Static
 
 from oracles.spline_definitions import flux_volume
-from tests.cases import ROOT
-from thbcad.cad.exchange.step import read_step, step_bytes, write_step
+from tests.thbcad.cases import LENSES, assert_same_surface, bits, corner_sag
+from thbcad.cad.exchange.step import read_step, write_step
 from thbcad.cad.exchange.step_writing import compact
 from thbcad.cad.shapes import lens_solid
 from thbcad.hierarchy import THBSpace
-from thbcad.io import atomic_files as files
 from thbcad.lens import FreeformSurface, Lens, placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
-
-def corner_sag(degree=(3, 3), steps=2, amplitude=0.1, right=False, low=-0.0):
-    """A sag over 4 x 4 spans, refined `steps` times in one corner."""
-    space = THBSpace(*(KnotVector.uniform(p, 4) for p in degree))
-    for level in range(steps):
-        n = (4 << level) - 4 if right else 0
-        space = space.refine({level: [(n + i, n + j) for i in range(4) for j in range(4)]})
-    return THBSurface(space, low + amplitude * np.sin(np.arange(space.dim)))
-
-
-LENSES = {
-    "plano": Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-80.0, -1.0)), 5.0, 1.5),
-    "freeform": Lens(
-        FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), corner_sag()), 5.0, 1.5
-    ),
-    "paraboloids": Lens(
-        FreeformSurface((9, 9), Conic(60.0, -1.0)),
-        FreeformSurface((9, 9), Conic(-70.0, -1.0), corner_sag()),
-        6.0,
-        1.5,
-    ),
-    "sphere": Lens(
-        FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5
-    ),
-    "table63": Lens(
-        FreeformSurface((5, 5), Conic(-5.0, -1.0)), FreeformSurface((8, 8), Conic(-10.0, -1.0)), 5.0, 1.5
-    ),
-    "ruled": Lens(
-        FreeformSurface((5, 4), Conic(-90.0, -1.0)),
-        FreeformSurface((4, 8), Conic(50.0, -1.0), corner_sag((4, 4))),
-        6.0,
-        1.5,
-    ),
-    "wider": Lens(FreeformSurface((5, 4), Conic(-30.0, 0.0)), FreeformSurface((6, 4)), 3.0, 1.5),
-    "deeper": Lens(FreeformSurface((5, 4), Conic(40.0, -1.0)), FreeformSurface((5, 7)), 3.0, 1.5),
-    "awkward": Lens(
-        FreeformSurface((10.988357457165069, 1 / 3), Conic(), corner_sag(amplitude=0.01)),
-        FreeformSurface((11 + 1 / 7, 0.36), Conic(33.0, -1.0), corner_sag(amplitude=0.01)),
-        np.pi,
-        1.5,
-    ),
-}
+pytestmark = pytest.mark.xdist_group("step")
 
 
 @pytest.fixture(scope="module", params=LENSES)
@@ -77,37 +32,6 @@ def written(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("step") / f"{request.param}.step"
     write_step(lens, path)
     return lens, path, read_step(path)
-
-
-@pytest.fixture(scope="module")
-def text(tmp_path_factory):
-    """The file of the Table 6.3 lens, as text."""
-    path = tmp_path_factory.mktemp("text") / "lens.step"
-    write_step(LENSES["table63"], path)
-    return path.read_text("ascii")
-
-
-@pytest.fixture
-def occt_settings():
-    """Put back OCCT's process-wide settings that a test changes."""
-    names = ("write.step.schema", "write.step.unit", "write.step.assembly", "xstep.cascade.unit")
-    before = {name: Interface_Static.CVal_s(name) for name in names}
-    yield
-    for name, value in before.items():
-        Interface_Static.SetCVal_s(name, value)
-
-
-def bits(array):
-    return np.ascontiguousarray(array, dtype=np.float64).tobytes()
-
-
-def assert_same_surface(a, b):
-    assert (a.kv_u.degree, a.kv_v.degree) == (b.kv_u.degree, b.kv_v.degree)
-    assert bits(a.kv_u.knots + 0.0) == bits(b.kv_u.knots + 0.0)
-    assert bits(a.kv_v.knots + 0.0) == bits(b.kv_v.knots + 0.0)
-    assert a.coefficients.shape == b.coefficients.shape
-    # 0.0 and -0.0 are the same place
-    assert bits(a.coefficients + 0.0) == bits(b.coefficients + 0.0)
 
 
 # ---- every lens ----
@@ -261,90 +185,6 @@ def test_no_line_is_long(text):
     assert max(map(len, text.splitlines())) <= 120
 
 
-# ---- the same bytes ----
-
-
-@pytest.mark.parametrize("name", ["freeform", "table63"])
-def test_the_same_lens_gives_the_same_bytes(name, tmp_path):
-    files = [tmp_path / f"{k}.step" for k in range(3)]
-    for file in files:
-        write_step(LENSES[name], file)
-    assert files[0].read_bytes() == files[1].read_bytes() == files[2].read_bytes()
-
-
-def test_another_process_gives_the_same_bytes_and_prints_nothing(tmp_path):
-    program = (
-        "from thbcad import *; import sys\n"
-        "lens = Lens(FreeformSurface((5, 5), Conic(-5.0, -1.0)), FreeformSurface((8, 8), Conic(-10.0, "
-        "-1.0)), 5.0, 1.5)\n"
-        "write_step(lens, sys.argv[1])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program, str(tmp_path / "a.step")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert (done.stdout, done.stderr) == ("", "")
-    write_step(LENSES["table63"], tmp_path / "b.step")
-    assert (tmp_path / "a.step").read_bytes() == (tmp_path / "b.step").read_bytes()
-
-
-def test_settings_of_other_programs_do_not_change_the_file(tmp_path, occt_settings):
-    """OCCT's settings are process-wide; a file must not depend on who wrote before."""
-    write_step(LENSES["table63"], tmp_path / "before.step")
-    Interface_Static.SetCVal_s("write.step.schema", "AP203")
-    Interface_Static.SetCVal_s("write.step.unit", "M")
-    write_step(LENSES["table63"], tmp_path / "after.step")
-    unnamed = [
-        re.sub(r"PRODUCT\('[^']*','[^']*'", "PRODUCT(", (tmp_path / f).read_text())
-        for f in ("before.step", "after.step")
-    ]
-    assert unnamed[0] == unnamed[1]
-
-
-# ---- only needed knots ----
-
-
-def test_a_refined_corner_exports_only_its_knots(tmp_path):
-    """4 x 4 spans, twice refined over the first 4 cells: 4 new knots per level and direction in the file."""
-    lens = LENSES["freeform"]
-    write_step(lens, tmp_path / "lens.step")
-    rear = read_step(tmp_path / "lens.step").rear
-    wanted = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16]) / 16
-    for kv, half in ((rear.kv_u, 10), (rear.kv_v, 8)):
-        assert abs(kv.breaks - half * (2 * wanted - 1)).max() <= 1e-14 * half
-        assert kv.dim == 12 + 3
-    assert read_step(tmp_path / "lens.step").front.coefficients.shape == (4, 4, 3)
-
-
-def test_a_lens_refined_in_one_quarter_is_a_small_file():
-    """32^2 spans, of which one quarter is refined to 256^2: poles in lines through the quarter, (16 + 128)^2
-    of 256^2."""
-    space = THBSpace(*[KnotVector.uniform(3, 32)] * 2)
-    for level in range(3):
-        space = space.refine({level: np.argwhere(np.ones((16 << level, 16 << level)))})
-    full = THBSpace(*[KnotVector.uniform(3, 256)] * 2)
-    rng = np.random.default_rng(0)
-    sizes = []
-    for each in (space, full):
-        sag = THBSurface(each, 1e-3 * rng.standard_normal(each.dim))
-        sizes.append(
-            len(
-                step_bytes(
-                    Lens(
-                        FreeformSurface((50, 50)),
-                        FreeformSurface((50, 50), Conic(-150.0, -1.0), sag),
-                        20.0,
-                        1.5,
-                    )
-                )
-            )
-        )
-    assert sizes[0] <= sizes[1] / 3
-
-
 # ---- front and rear ----
 
 
@@ -381,103 +221,3 @@ def test_lenses_of_mixed_degrees(degrees, rear_size, tmp_path):
     read = read_step(tmp_path / "lens.step")
     assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (1, 6, 0, True, True)
     assert read.volume == pytest.approx(lens.volume(), rel=1e-6)
-
-
-# ---- units and damaged files ----
-
-
-def test_lengths_are_converted_to_millimetres(text, tmp_path):
-    path = tmp_path / "metres.step"
-    metres = text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)")
-    assert metres != text
-    path.write_text(metres)
-    read = read_step(path)
-    front, rear = placed_surfaces(LENSES["table63"])
-    assert np.allclose(read.front.coefficients, 1000 * front.coefficients, rtol=1e-15, atol=0)
-    assert np.allclose(read.rear.coefficients, 1000 * rear.coefficients, rtol=1e-15, atol=0)
-    assert read.volume == pytest.approx(1e9 * LENSES["table63"].volume(), rel=1e-6)
-
-
-def test_settings_of_other_programs_do_not_change_what_is_read(text, tmp_path, occt_settings):
-    path = tmp_path / "lens.step"
-    path.write_text(text)
-    Interface_Static.SetCVal_s("xstep.cascade.unit", "M")
-    assert read_step(path).volume == pytest.approx(LENSES["table63"].volume(), rel=1e-6)
-
-
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
-def test_truncated_files_are_refused(text, tmp_path, share):
-    path = tmp_path / "short.step"
-    path.write_text(text[: int(share * len(text))])
-    with pytest.raises(ValueError, match=re.escape(f"{path} is not a readable STEP file")):
-        read_step(path)
-
-
-@pytest.mark.parametrize(
-    "data", [b"", b"hello\n", b"\x00\xff" * 500, b"ISO-10303-21;\n", b'{"schema": "thbcad-lens"}']
-)
-def test_files_that_are_no_step_are_refused(data, tmp_path):
-    path = tmp_path / "other.step"
-    path.write_bytes(data)
-    with pytest.raises(ValueError, match="is not a readable STEP file"):
-        read_step(path)
-
-
-def test_missing_files_are_os_errors(tmp_path):
-    for path in (tmp_path / "none.step", tmp_path):
-        with pytest.raises(OSError, match=re.escape(str(path))):
-            read_step(path)
-
-
-def without_face(text, number):
-    """Return the file with one face taken out of the shell: 0 front, 1 rear, 2 to 5 the edges."""
-    shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)
-    faces = shell.group(1).split(",")
-    assert len(faces) == 6
-    return text.replace(shell.group(1), ",".join(faces[:number] + faces[number + 1 :]))
-
-
-@pytest.mark.parametrize("number", [0, 1])
-def test_a_missing_optical_face_is_refused(text, tmp_path, number):
-    path = tmp_path / "open.step"
-    path.write_text(without_face(text, number))
-    with pytest.raises(ValueError, match="holds 1 curved spline faces where a lens has 2"):
-        read_step(path)
-
-
-@pytest.mark.parametrize("number", [2, 3, 4, 5])
-def test_a_missing_edge_face_is_reported(text, tmp_path, number):
-    """OCCT calls the open shell valid: the counts tell."""
-    path = tmp_path / "open.step"
-    path.write_text(without_face(text, number))
-    read = read_step(path)
-    assert (read.faces, read.free_edges, read.closed, read.solids) == (5, 4, False, 0)
-
-
-def test_other_solids_are_refused(tmp_path):
-    path = tmp_path / "box.step"
-    build123d.export_step(build123d.Box(1, 2, 3), path)
-    with pytest.raises(ValueError, match="holds 0 curved spline faces where a lens has 2"):
-        read_step(path)
-
-
-# ---- writing ----
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "lens.step"
-    path.write_text("old")
-
-    def fail(*arguments):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(files.os, "replace", fail)
-    with pytest.raises(OSError, match="No space left"):
-        write_step(LENSES["plano"], path)
-    monkeypatch.undo()
-    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("lens.step", "old")]
-
-
-def test_a_missing_folder_is_an_os_error(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        write_step(LENSES["plano"], tmp_path / "nowhere" / "lens.step")

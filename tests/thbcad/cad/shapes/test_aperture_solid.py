@@ -14,9 +14,9 @@ from scipy.integrate import quad
 from scipy.interpolate import BSpline
 
 from tests.thbcad import cases as strategies
-from thbcad.cad.exchange import part_step, read_step, solid_volume, step_writing as writing
+from tests.thbcad.cad.shapes.cases import CASES, same_bits
+from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes.aperture_solid import trimmed_part
-from thbcad.hierarchy import THBSpace
 from thbcad.lens import (
     DEGREE,
     TOLERANCE,
@@ -32,62 +32,12 @@ from thbcad.lens import (
 )
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
-from thbcad.surfaces import THBSurface
+
+pytestmark = pytest.mark.xdist_group("aperture solid")
 
 BETWEEN = (
     2 * TOLERANCE
 )  # a rim is held at eight places in every span; between them the error of degree 5 is less than twice that
-
-
-def rough(degree=(3, 3), spans=(7, 6), amplitude=0.05, seed=1):
-    """A sag of random coefficients, refined in one corner."""
-    space = THBSpace(*(KnotVector.uniform(p, n) for p, n in zip(degree, spans)))
-    space = space.refine({0: [(i, j) for i in range(3) for j in range(3)]})
-    return THBSurface(space, amplitude * np.random.default_rng(seed).uniform(-1, 1, space.dim))
-
-
-CASES = {
-    "round": (
-        Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), rough()), 5.0, 1.5),
-        (7.0, 7.0),
-    ),
-    "flat": (
-        Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-90.0, -1.0), rough((4, 3))), 5.0, 1.5),
-        (9.3, 4.1),
-    ),
-    "upright": (
-        Lens(
-            FreeformSurface((9, 9), Conic(60.0, -1.0), rough()),
-            FreeformSurface((9, 9), Conic(-70.0, -1.0)),
-            6.0,
-            1.5,
-        ),
-        (4.0, 8.0),
-    ),
-    "touching": (
-        Lens(FreeformSurface((6, 6), Conic(60.0, -1.0)), FreeformSurface((6, 6), Conic(), rough()), 6.0, 1.5),
-        (6.0, 6.0),
-    ),
-    "front smaller": (
-        Lens(FreeformSurface((5, 4), Conic(), rough()), FreeformSurface((7, 8), Conic(50.0, -1.0)), 6.0, 1.5),
-        (4.5, 3.9),
-    ),
-    "rear smaller": (
-        Lens(
-            FreeformSurface((7, 8), Conic(), rough((2, 2))),
-            FreeformSurface((4, 5), Conic(), rough()),
-            6.0,
-            1.5,
-        ),
-        (3.5, 4.9),
-    ),
-    "sphere": (
-        Lens(
-            FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5
-        ),
-        (3.0, 3.5),
-    ),
-}
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -96,17 +46,8 @@ def written(request, tmp_path_factory):
     lens, semi_axes = CASES[request.param]
     part = trimmed_part(lens, semi_axes)
     path = tmp_path_factory.mktemp("aperture") / "lens.step"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(writing.SETTINGS, "write.surfacecurve.mode", "1")
-        path.write_bytes(part_step(part, Product()))
+    path.write_bytes(part_step(part, Product()))
     return lens, semi_axes, part, path, read_step(path)
-
-
-def same_bits(a, b):
-    rows = ((s.kv_u.knots, s.kv_v.knots, s.coefficients) for s in (a, b))
-    return all(
-        (x + 0.0).tobytes() == (y + 0.0).tobytes() for x, y in zip(*rows, strict=True)
-    )  # 0.0 and -0.0 are the same place
 
 
 def semi_axes():

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from tests.thbcad.cad.shapes.test_aperture_solid import CASES, rough, same_bits
-from thbcad.cad.exchange import part_step, read_step, solid_volume, step_writing as writing
+from tests.thbcad.cad.shapes.cases import CASES, rough, same_bits
+from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes.flange_solid import flanged_part
 from thbcad.lens import (
     Flange,
@@ -24,6 +24,8 @@ from thbcad.lens import (
     ruled_edges,
 )
 from thbcad.sags import Conic
+
+pytestmark = pytest.mark.xdist_group("flange solid")
 
 FLANGE = Flange(2.5, 1.6, 3.1)
 RECTANGULAR = {
@@ -48,9 +50,7 @@ def written(request, tmp_path_factory):
     lens, semi_axes = CUTS[request.param]
     part = flanged_part(lens, FLANGE, semi_axes)
     path = tmp_path_factory.mktemp("flange") / "lens.step"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(writing.SETTINGS, "write.surfacecurve.mode", "1")
-        path.write_bytes(part_step(part, Product()))
+    path.write_bytes(part_step(part, Product()))
     return lens, semi_axes, part, path, read_step(path)
 
 

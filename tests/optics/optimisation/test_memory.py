@@ -12,7 +12,7 @@ def test_kernels_read_no_further_than_their_arrays():
     """Dr.Jit maps numpy's memory and reads whole packets of it: arrays must be copied or padded before they
     are handed over."""
     result = subprocess.run(
-        [sys.executable, "-m", "tests.optics.runtime.guarded"], cwd=ROOT, capture_output=True, text=True
+        [sys.executable, "-m", "tests.optics.optimisation.guarded"], cwd=ROOT, capture_output=True, text=True
     )
     assert result.returncode == 0, (
         f"ended by signal {-result.returncode}" if result.returncode < 0 else result.stderr

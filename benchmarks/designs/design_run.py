@@ -1,0 +1,43 @@
+"""`thbcad design` as a user runs it: in its own process, from the problem file to the verified folder."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+LANDING = "landing points, independent trace of the file"
+IRRADIANCE = "irradiance, independent trace of the file, relative"
+
+
+@dataclass(frozen=True, eq=False)
+class DesignRun:
+    """A finished design.
+
+    seconds : from the start of the process to its end.  metrics : of metrics.json.
+    checks : the values in verify.json by name.
+    """
+
+    seconds: float
+    metrics: dict[str, Any]
+    checks: dict[str, float]
+
+
+def run_design(problem: Path, folder: Path) -> DesignRun:
+    """Design the lens of a problem file into a result folder, with every check that `thbcad design` makes.
+
+    Raises
+    ------
+    CalledProcessError : the command refuses the problem, or a check fails.
+    """
+    start = perf_counter()
+    command = [sys.executable, "-m", "optics", "design", str(problem), "--out", str(folder)]
+    subprocess.run(command, check=True, capture_output=True)
+    seconds = perf_counter() - start
+    metrics = json.loads((folder / "metrics.json").read_text("utf-8"))
+    verified = json.loads((folder / "verify.json").read_text("utf-8"))
+    return DesignRun(seconds, metrics, {check["name"]: check["value"] for check in verified["checks"]})

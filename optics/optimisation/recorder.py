@@ -1,0 +1,116 @@
+"""One stage of the optimiser: calls the objective, keeps the history and the best coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from optics.optimisation.bounded_variables import BoundedVariables
+from optics.optimisation.level_objective import PROBES
+from optics.optimisation.state import Row, State
+from optics.runtime import NumericalError
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.optimisation.objective import Objective
+    from optics.optimisation.stage_plan import Stage
+    from optics.system import OpticalSystem
+
+
+class Interrupted(Exception):
+    """The run was stopped by the user; `state` holds the best surfaces of the stage so far."""
+
+    def __init__(self, state: State) -> None:
+        super().__init__("interrupted")
+        self.state = state
+
+
+class Recorder:
+    """A stage's objective by the optimiser's variables; call it with weights.
+
+    state : that the stage starts from.  axes : directions of mirror symmetry that is kept.
+    clock : `perf_counter()` at the start of the run.  progress : called with (Stage, Row) after every call.
+    """
+
+    def __init__(
+        self,
+        system: OpticalSystem,
+        objective: Objective,
+        stage: Stage,
+        state: State,
+        axes: Sequence[int],
+        clock: float,
+        progress: Callable[[Stage, Row], None] | None = None,
+    ) -> None:
+        self._problem, self._objective, self._stage = system.problem, objective, stage
+        self._variables = BoundedVariables(state.sags, [f.z_freedom for f in system.freeforms], axes)
+        self._state, self._clock, self._progress = state, clock, progress
+        self._rows = list(state.history)
+        self._evaluations = state.evaluations
+        self._best = np.inf, [sag.coefficients for sag in state.sags]
+
+    @property
+    def history(self) -> tuple[Row, ...]:
+        """The rows of this stage behind those of the stages before."""
+        return tuple(self._rows)
+
+    def minimized(self) -> tuple[THBSurface, ...]:
+        """Return the best sags that L-BFGS finds; weights are scaled by the curvature at the start, but for a
+        coarse pass, which is better off without.
+
+        Raises
+        ------
+        Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
+        """
+        iterations, memory = self._stage.iterations, self._problem.optimizer.memory
+        options = {"maxiter": iterations, "maxcor": memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
+        try:
+            if iterations == 0:
+                self(self._variables.zeros())
+                return self._best_sags()
+            if not self._stage.coarse:
+                self._precondition()
+            minimize(self, self._variables.zeros(), jac=True, method="L-BFGS-B", options=options)
+        except KeyboardInterrupt:
+            stopped = replace(self._state, sags=self._best_sags(), history=self.history)
+            raise Interrupted(stopped) from None
+        return self._best_sags()
+
+    def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """Return (loss, its gradient by the weights)."""
+        coefficients, slopes = self._variables.coefficients(weights)
+        found = self._objective(coefficients)
+        if not (np.isfinite(found.loss) and all(np.isfinite(g).all() for g in found.gradients)):
+            raise NumericalError(
+                f"the loss is not finite at level {self._stage.level}; lower z_freedom or check the "
+                "prescription"
+            )
+        if found.loss < self._best[0]:
+            self._best = found.loss, coefficients
+        self._evaluations += 1
+        row = Row(
+            level=self._stage.level,
+            dof=sum(map(len, coefficients)),
+            evaluation=self._evaluations,
+            loss=found.loss,
+            fit=found.fit,
+            seconds=perf_counter() - self._clock,
+        )
+        self._rows.append(row)
+        if self._progress:
+            self._progress(self._stage, row)
+        return found.loss, self._variables.gradient(found.gradients, slopes)
+
+    def _precondition(self) -> None:
+        vectors = self._objective.curvature(self._best[1], PROBES, self._problem.run.seed)
+        self._evaluations += PROBES
+        self._variables = self._variables.preconditioned(vectors)
+
+    def _best_sags(self) -> tuple[THBSurface, ...]:
+        return tuple(THBSurface(sag.space, c) for sag, c in zip(self._state.sags, self._best[1]))

@@ -1,0 +1,81 @@
+"""The light that a problem starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import log2
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.sources import Profile, RayGrid, Rays, collimated_beam, lambertian_parts, point_rays
+from optics.target import read_picture
+
+if TYPE_CHECKING:
+    from optics.problem import Source
+
+UNLIMITED = 1 << 62  # rays at once
+
+
+@dataclass(frozen=True, eq=False)
+class LightSource:
+    """A source and the aperture that it lights.
+
+    settings : of the problem file.  aperture : half-widths of the front, mm.
+    """
+
+    settings: Source
+    aperture: tuple[float, float]
+
+    @property
+    def collimated(self) -> bool:
+        return self.settings.kind == "collimated"
+
+    @cached_property
+    def profile(self) -> Profile:
+        """How the light spreads over the source's area.
+
+        Raises
+        ------
+        UserError : see `read_picture`.
+        """
+        source = self.settings
+        light = read_picture(source.image, "linear") if source.profile == "image" else None
+        return Profile(source.profile, source.sigma, light)
+
+    def without_extent(self) -> LightSource:
+        """Return the source, or for a Lambertian one the point in its middle, with its intensity."""
+        if self.settings.kind != "lambertian":
+            return self
+        return replace(self, settings=replace(self.settings, kind="point", exponent=1.0))
+
+    def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
+        """Return rays of the source, those of a collimated one only where they meet the aperture.
+
+        counts : (nx, ny); of the rays of a Lambertian source the product counts, rounded to a power of two.
+        fresh : draws a shift of the grid or another scrambling; without it the set is always the same.
+        """
+        return next(self.parts(counts, fresh))
+
+    def parts(
+        self, counts: Sequence[int], fresh: np.random.Generator | None = None, most: int = UNLIMITED
+    ) -> Iterator[RayGrid | Rays]:
+        """Yield the rays of `rays` in parts of about `most`."""
+        source, profile = self.settings, self.profile
+        shift = (0.0, 0.0) if fresh is None else fresh.uniform(-0.5, 0.5, 2)
+        if source.kind == "collimated":
+            beam = collimated_beam(source.half_width, source.flux, self.aperture, counts, shift, profile)
+            yield from beam.slices(most)
+        elif source.kind == "point":
+            directions = point_rays(
+                source.distance, source.flux, source.half_angle, source.exponent, counts, shift
+            )
+            yield from directions.slices(most)
+        else:
+            count = 1 << max(2, round(log2(counts[0] * counts[1])))
+            seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
+            yield from lambertian_parts(
+                source.half_width, source.distance, source.flux, source.half_angle, profile, count, seed, most
+            )

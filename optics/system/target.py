@@ -1,0 +1,74 @@
+"""The light that a problem asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isinf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.runtime import UserError
+from optics.target import Screen, fit_picture, formula_light, read_picture, uniform_region
+
+if TYPE_CHECKING:
+    from optics.problem import Target
+
+
+@dataclass(frozen=True, eq=False)
+class LightTarget:
+    """The light asked for, and the plane where.
+
+    settings : of the problem file.  z : of the target plane, mm; inf is the far field.
+    """
+
+    settings: Target
+    z: float
+
+    @cached_property
+    def light(self) -> NDArray[np.float64]:
+        """Linear light: a picture at its own resolution, a region or a formula on the target's pixels.
+
+        Raises
+        ------
+        UserError : see `read_picture` and `formula_light`.
+        """
+        target = self.settings
+        if target.kind == "tophat":
+            return uniform_region(target.shape, target.pixels, target.lit)
+        if target.kind == "function":
+            return formula_light(target.formula, target.pixels)
+        return read_picture(target.image, target.encoding)
+
+    @property
+    def far_field(self) -> bool:
+        """Whether light is asked for by direction, in degrees, and not in a plane."""
+        return isinf(self.z)
+
+    def screen(self, coarsening: int = 1, margin: int = 0) -> Screen:
+        """Return the Screen of the target, with pixels merged `coarsening` times in each direction.
+
+        margin : of dark pixels around it.
+        """
+        pixels = tuple(-(-n // coarsening) for n in self.settings.pixels)
+        return Screen(self.settings.half_width, pixels, margin, self.far_field)
+
+    def irradiance(self, screen: Screen, flux: float) -> NDArray[np.float64]:
+        """Return the light asked for on a screen's pixels with the given total flux, as
+        `target_irradiance`."""
+        return target_irradiance(self.light, screen, self.settings.placing, flux)
+
+
+def target_irradiance(
+    light: NDArray[np.float64], screen: Screen, fit: str, flux: float
+) -> NDArray[np.float64]:
+    """Return the light asked for on a screen's pixels, W/mm^2 (in the far field W per square degree), with
+    the given total flux."""
+    aspect = screen.half_width[0] / screen.half_width[1]
+    image = fit_picture(light, screen.pixels, aspect, fit) * screen.projection()
+    total = image.sum() * screen.pixel_area
+    if total <= 0:
+        raise UserError("no light is left of the picture inside the target; choose another target.fit")
+    return image * (flux / total)

@@ -1,0 +1,70 @@
+"""Fates of light: how every part of the source's flux ends, in sequence and with all reflections."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+
+# every fate with the sentence that reports print
+SENTENCES = {
+    "beside_lens": "passes beside the lens",
+    "front_reflected": "is reflected at the front",
+    "missed_rear": "meets an edge instead of the rear",
+    "unresolved": "is undecided: the search for a meeting point failed",
+    "total_internal": "is reflected totally at the rear",
+    "rear_reflected": "is reflected at the rear",
+    "on_target": "leaves by the rear and meets the target",
+    "off_target": "leaves by the rear and passes beside the target",
+    "reflected_outside": "is reflected at the front and never enters",
+    "edges_on_target": "leaves by an edge and meets the target",
+    "edges_off_target": "leaves by an edge and passes beside the target",
+    "front_on_target": "leaves by the front and meets the target",
+    "front_off_target": "leaves by the front and passes beside the target",
+    "back": "leaves and never reaches the target plane",
+    "trapped": "falls below the threshold, or meets too many faces",
+    "failed": "is lost: in glass, but no face was found",
+}
+
+
+@dataclass(frozen=True)
+class SequentialFates:
+    """The source flux by fate, W, by way of front and rear alone; the fates sum to the source flux.
+
+    front_reflected, rear_reflected : Fresnel losses.  total_internal : or refracted backwards.
+    on_target, off_target : meets the target rectangle, or its plane beside it.
+    """
+
+    beside_lens: float
+    front_reflected: float
+    missed_rear: float
+    unresolved: float
+    total_internal: float
+    rear_reflected: float
+    on_target: float
+    off_target: float
+
+    @property
+    def transmitted(self) -> float:
+        return self.on_target + self.off_target
+
+    def __add__(self, other: SequentialFates) -> SequentialFates:
+        return SequentialFates(*(a + b for a, b in zip(asdict(self).values(), asdict(other).values())))
+
+
+@dataclass(frozen=True)
+class Fates:
+    """The source flux by fate, W, with all reflections at all six faces; the fates sum to the source flux."""
+
+    beside_lens: float
+    reflected_outside: float
+    on_target: float
+    off_target: float
+    edges_on_target: float
+    edges_off_target: float
+    front_on_target: float
+    front_off_target: float
+    back: float
+    trapped: float
+    failed: float
+
+
+FATES = tuple(field.name for field in fields(Fates))

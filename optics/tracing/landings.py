@@ -1,0 +1,56 @@
+"""Where rays end: on the device with all that gradients and flux budgets need, and in numpy as bare
+points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from optics.runtime import DrArray
+
+
+@dataclass(eq=False)
+class Landing:
+    """Where rays meet the target: x, y in mm (degrees in the far field), flux in W (zero unless they arrive).
+
+    p, q : direction cosines along x and y behind the lens.
+    entering : flux behind the front.  decided, met : of the front, as `found` and `hit` of Hits.
+    found, hit : of the rear, as in Hits.
+    refracted : the ray leaves the rear surface forward.
+    """
+
+    x: DrArray
+    y: DrArray
+    p: DrArray
+    q: DrArray
+    flux: DrArray
+    entering: DrArray
+    decided: DrArray
+    met: DrArray
+    found: DrArray
+    hit: DrArray
+    refracted: DrArray
+
+
+@dataclass(frozen=True, eq=False)
+class LandingPoints:
+    """Where light meets the target plane.
+
+    points : (n, 2), x and y in mm (degrees in the far field), NaN for rays that do not arrive.
+    flux : (n,) in W, 0 for these.
+    """
+
+    points: NDArray[np.float64]
+    flux: NDArray[np.float64]
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        return self.points[:, 0]
+
+    @property
+    def y(self) -> NDArray[np.float64]:
+        return self.points[:, 1]

@@ -1,0 +1,118 @@
+"""Ctrl-C: what is left of a run, and how it goes on."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from optics.commands import main
+from tests.optics.cases import picture, write_problem
+from tests.optics.commands.cases import command, refused, strict_json
+
+pytestmark = pytest.mark.xdist_group("interrupted command")
+
+LONG = {
+    "optimizer.start": "flat",
+    "optimizer.iterations": [2, 2, 2000],
+    "target.pixels": [64, 64],
+    "refinement.alpha": [0.0],
+}
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """A long design stopped by Ctrl-C once its first checkpoint was written: folder, exit code, stderr."""
+    folder = tmp_path_factory.mktemp("stopped")
+    problem, out = write_problem(folder, LONG), folder / "out"
+    process = command("design", problem, "--out", out)
+    while not (out / "checkpoint.json").exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate()
+    return SimpleNamespace(folder=folder, code=process.returncode, stderr=stderr)
+
+
+@pytest.fixture
+def stopped_copy(stopped, tmp_path):
+    """A copy of the stopped run: (problem file, result folder)."""
+    folder = shutil.copytree(stopped.folder, tmp_path / "copy")
+    return folder / "problem.toml", folder / "out"
+
+
+def test_ctrl_c_ends_with_130_and_leaves_a_checkpoint(stopped):
+    assert stopped.code == 130
+    assert "Traceback" not in stopped.stderr
+    assert "--resume goes on" in stopped.stderr
+    assert len(strict_json((stopped.folder / "out" / "checkpoint.json").read_text())["history"]) > 0
+
+
+def test_resume_finishes_what_ctrl_c_stopped(stopped_copy, capsys):
+    """The last level ends by itself when L-BFGS converges."""
+    problem, out = stopped_copy
+    before = strict_json((out / "checkpoint.json").read_text())["history"]
+    assert main(["design", str(problem), "--out", str(out), "--resume", "--json"]) == 0
+    metrics = strict_json(capsys.readouterr().out)["metrics"]
+    assert metrics["levels"] == 3
+    assert metrics["evaluations"] > len(before)
+    assert metrics["rel_l2"] < 0.3
+    assert not (out / "checkpoint.json").exists()
+    assert main(["verify", str(out), "--no-optiland"]) == 0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"target.distance": 70.0}, {"lens.rear.radius": 45.0}, {"run.seed": 3}, {"title": "other"}],
+    ids=str,
+)
+def test_resume_with_another_problem_is_refused(stopped_copy, capsys, changes):
+    problem, out = stopped_copy
+    kept = (out / "checkpoint.json").read_bytes()
+    write_problem(problem.parent, LONG | changes)
+    assert "belongs to another problem" in refused(capsys, "design", problem, "--out", out, "--resume")
+    assert (out / "checkpoint.json").read_bytes() == kept
+
+
+def test_resume_with_another_picture_is_refused(stopped_copy, capsys):
+    """The picture is the problem's heart: the same file name does not make it the same one."""
+    problem, out = stopped_copy
+    write_problem(problem.parent, LONG, image=picture()[::-1].copy())
+    assert "belongs to another problem" in refused(capsys, "design", problem, "--out", out, "--resume")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", "null", "3", '{"schema": "thbcad-checkpoint"}', "\x00", "[" * 100_000],
+    ids=lambda t: repr(t[:20]),
+)
+def test_a_checkpoint_that_is_none_is_refused(stopped_copy, capsys, text):
+    problem, out = stopped_copy
+    (out / "checkpoint.json").write_text(text)
+    assert "cannot resume" in refused(capsys, "design", problem, "--out", out, "--resume")
+
+
+WRONG = [
+    *(("level", v) for v in ("two", None, -1, 1.5, 99, [1])),
+    *(("sags", v) for v in (3, {}, [], [3], [{}], None, "x")),
+    *(("history", v) for v in (3, [[0]], [["x"] * 6])),
+    ("version", 1),
+    ("version", 3),
+    ("begun", "maybe"),
+]
+
+
+@pytest.mark.parametrize(("key", "value"), WRONG, ids=str)
+def test_a_checkpoint_with_a_wrong_entry_is_refused(stopped_copy, capsys, key, value):
+    problem, out = stopped_copy
+    data = json.loads((out / "checkpoint.json").read_text())
+    (out / "checkpoint.json").write_text(json.dumps(data | {key: value}))
+    assert "cannot resume" in refused(capsys, "design", problem, "--out", out, "--resume")
+
+
+def test_resume_without_a_checkpoint_is_refused(tmp_path, capsys):
+    message = refused(capsys, "design", write_problem(tmp_path), "--out", tmp_path / "out", "--resume")
+    assert "nothing to resume" in message

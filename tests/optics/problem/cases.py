@@ -1,0 +1,44 @@
+"""Problem files as text and as values."""
+
+from __future__ import annotations
+
+import math
+
+from optics.problem.schema import load_problem
+from tests.optics.cases import SMALL, toml_text
+
+REQUIRED = (
+    "source.kind",
+    "lens.index",
+    "lens.thickness",
+    "lens.front.half_width",
+    "lens.rear.half_width",
+    "target.kind",
+    "target.image",
+    "target.distance",
+    "target.half_width",
+)
+MINIMAL = {key: SMALL[key] for key in ("source.half_width", *REQUIRED)}
+EXTENDED = SMALL | {
+    "source.kind": "lambertian",
+    "source.profile": "image",
+    "source.image": "glow.png",
+    "source.half_angle": 60.0,
+    "source.exponent": 2.5,
+    "lens.front.freeform.degree": 4,
+    "lens.front.freeform.spans": [3, 2],
+    "lens.front.freeform.max_level": 1,
+    "lens.front.freeform.z_freedom": 0.25,
+    "target.distance": math.inf,
+    "target.half_width": [30.0, 89.0],
+}
+
+
+def load_text(folder, text):
+    path = folder / "problem.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
+    return load_problem(path)
+
+
+def load_values(folder, values):
+    return load_text(folder, toml_text(values))

@@ -1,0 +1,272 @@
+"""What an installation holds: the base and its extras, the sentence about a missing one, sdist and wheel."""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from email import message_from_bytes
+from importlib.metadata import packages_distributions
+from shutil import copytree, ignore_patterns
+
+import pytest
+import yaml
+
+import thbcad
+from optics.commands import main
+from tests.cases import DATA, ROOT
+from thbcad.doors import EXTRAS
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+FIRST_BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+SENTENCE = 'thbcad: {} not installed; pip install "thbcad[optics]"\n'
+ARGUMENTS = {
+    "bench": ["overview"],
+    "check": ["problem.toml"],
+    "design": ["problem.toml", "--out", "result"],
+    "etendue": ["problem.toml"],
+    "export": ["result", "--out", "lens.stl"],
+    "new": [],
+    "trace": ["result"],
+    "verify": ["result"],
+}
+LIBRARY = {
+    "OCP": ("from thbcad import write_step", "cad"),
+    "PIL": ("from optics.target import read_picture", "optics"),
+    "drjit": ("from optics.runtime import load_backend; load_backend()", "optics"),
+    "matplotlib": ("from optics.report import report_html, solid_views", "optics"),
+}
+HOOK = """
+import sys
+
+class Screen:
+    '''A finder that does not see some packages.'''
+
+    def __init__(self, finder):
+        self.finder = finder
+
+    def find_spec(self, name, path=None, target=None):
+        return None if hidden(name.partition(".")[0]) else self.finder.find_spec(name, path, target)
+
+sys.meta_path[:] = map(Screen, sys.meta_path)
+"""
+BARE_HOOK = (
+    "def hidden(package):\n"
+    "    own = {'numpy', 'scipy', 'thbcad', 'optics', *sys.stdlib_module_names}\n"
+    "    return package not in own and not package.startswith('_sysconfigdata')\n" + HOOK
+)
+READ_STEP_TEXT = f"""
+from thbcad.io import parse_brep, volume
+
+solid = parse_brep({str(DATA / "lens.step")!r})
+print(len(solid.faces), "faces", abs(volume(solid) / lens.volume() - 1) < 1e-13)
+"""
+BARE_OUTPUT = "148 (14, 14)\n6 faces True\n"
+
+
+def bare_program():
+    """Return the README's first Python block, then the text of its lens's STEP file read."""
+    return FIRST_BLOCK.search((ROOT / "README.md").read_text("utf-8"))[1] + READ_STEP_TEXT
+
+
+def run(program, folder):
+    """Run a program on this checkout in a folder without it."""
+    path = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
+    return subprocess.run([sys.executable, "-c", path + program], cwd=folder, capture_output=True, text=True)
+
+
+def run_command(hook, arguments, folder):
+    """Run the command line behind an import hook."""
+    return run(f"{hook}\nfrom optics.commands import main\nsys.exit(main({arguments!r}))", folder)
+
+
+def hiding(*packages):
+    return f"def hidden(package):\n    return package in {packages!r}\n{HOOK}"
+
+
+def distribution(requirement):
+    """Return the normal name of a requirement's distribution, "cadquery-ocp"."""
+    return re.match(r"[\w.-]+", requirement)[0].lower().replace("_", "-")
+
+
+def third_party(path):
+    """Return the packages that a file imports and that are neither Python's nor this project's."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(node.module.partition(".")[0])
+    return found - {"thbcad", "optics", "_typeshed", *sys.stdlib_module_names}
+
+
+def test_the_bare_snippet_needs_numpy_and_scipy_only(tmp_path):
+    done = run(BARE_HOOK + bare_program(), tmp_path)
+    assert (done.stdout, done.stderr) == (BARE_OUTPUT, "")
+    assert (tmp_path / "lens.json").exists()
+
+
+def test_the_hook_refuses_other_packages(tmp_path):
+    done = run(f"{BARE_HOOK}\nimport hypothesis", tmp_path)
+    assert done.stderr.endswith("ModuleNotFoundError: No module named 'hypothesis'\n")
+
+
+@pytest.mark.parametrize("package", LIBRARY)
+def test_a_missing_package_is_an_import_error_with_the_command(package, tmp_path):
+    program, extra = LIBRARY[package]
+    done = run(f"{hiding(package)}\n{program}", tmp_path)
+    assert done.stderr.splitlines()[-1] == (
+        f'ImportError: {package} is not installed; pip install "thbcad[{extra}]"'
+    )
+
+
+def test_all_commands_have_arguments_here():
+    assert {p.stem for p in (ROOT / "optics" / "commands").glob("*_command.py")} == {
+        f"{command}_command" for command in ARGUMENTS
+    }
+
+
+@pytest.mark.parametrize("command", ARGUMENTS)
+def test_commands_without_the_extra_are_bad_input(command, tmp_path):
+    done = run_command(hiding("drjit", "OCP"), [command, *ARGUMENTS[command]], tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == SENTENCE.format("OCP, drjit are")
+
+
+@pytest.mark.parametrize("package", EXTRAS["optics"])
+def test_each_package_of_the_extra_is_named(package, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, package, None)
+    assert main(["new"]) == 2
+    assert capsys.readouterr() == ("", SENTENCE.format(f"{package} is"))
+
+
+@pytest.mark.parametrize(
+    ("option", "begin"), [("--help", "usage: thbcad"), ("--version", f"thbcad {thbcad.__version__}\n")]
+)
+def test_help_and_version_need_no_extra(option, begin, tmp_path):
+    done = run_command(BARE_HOOK, [option], tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(begin)
+
+
+def test_the_extras_bring_what_the_doors_say():
+    wanted = {extra: {distribution(r) for r in PROJECT["optional-dependencies"][extra]} for extra in EXTRAS}
+    homes = packages_distributions()
+    told = {extra: {distribution(homes[p][0]) for p in packages} for extra, packages in EXTRAS.items()}
+    assert told["optics"] == wanted["optics"]
+    assert all(told[extra] <= wanted[extra] for extra in EXTRAS)
+
+
+def test_what_is_imported_is_asked_for():
+    asked = {"numpy", "scipy", *(p for packages in EXTRAS.values() for p in packages)}
+    files = [p for package in ("thbcad", "optics") for p in (ROOT / package).rglob("*.py")]
+    assert set().union(*map(third_party, files)) <= asked
+    assert {distribution(r) for r in PROJECT["dependencies"]} == {"numpy", "scipy"}
+
+
+def test_the_citation_names_this_version():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert citation["version"] == thbcad.__version__
+    assert citation["license"] == PROJECT["license"]
+    assert citation["authors"] == PROJECT["authors"]
+
+
+def test_a_commit_runs_what_make_lint_runs():
+    rule = re.search(r"^lint:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)[1]
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text("utf-8"))["repos"][0]["hooks"]
+    assert {line.strip("\t@") for line in rule.splitlines()} <= {hook["entry"] for hook in hooks}
+    assert {hook["language"] for hook in hooks} == {"system"}
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Sdist and wheel, built without a warning from a copy of the checkout."""
+    copy, out = tmp_path_factory.mktemp("checkout"), tmp_path_factory.mktemp("dist")
+    for folder in ("thbcad", "optics", "tests", "exports/curated"):
+        copytree(ROOT / folder, copy / folder, ignore=ignore_patterns("__pycache__"))
+    for path in ROOT.iterdir():
+        if path.is_file():
+            (copy / path.name).write_bytes(path.read_bytes())
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    done = subprocess.run(
+        [sys.executable, "-m", "build", "--outdir", out, copy],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout
+    assert re.findall(r".*(?:warn|deprecat).*", done.stdout, re.IGNORECASE) == []
+    (sdist,), (wheel,) = out.glob("*.tar.gz"), out.glob("*.whl")
+    return sdist, wheel
+
+
+@pytest.mark.slow
+def test_sdist_and_wheel_hold_the_packages_and_nothing_else(built):
+    sources = {
+        p.relative_to(ROOT).as_posix()
+        for package in ("thbcad", "optics")
+        for p in (ROOT / package).rglob("*")
+        if p.suffix in (".py", ".typed")
+    }
+    assert {"thbcad/py.typed", "optics/py.typed"} <= sources
+    with tarfile.open(built[0]) as sdist:
+        held = {m.name.partition("/")[2] for m in sdist.getmembers() if m.isfile()}
+    own = {"CHANGELOG.md", "CITATION.cff", "LICENSE", "PKG-INFO", "README.md", "pyproject.toml", "setup.cfg"}
+    assert {name for name in held if not name.startswith("thbcad.egg-info/")} == sources | own
+    with zipfile.ZipFile(built[1]) as wheel:
+        assert {name for name in wheel.namelist() if ".dist-info/" not in name} == sources
+
+
+@pytest.mark.slow
+def test_the_metadata_say_whose_it_is_and_what_it_needs(built):
+    with zipfile.ZipFile(built[1]) as wheel:
+        (name,) = (n for n in wheel.namelist() if n.endswith(".dist-info/METADATA"))
+        metadata = message_from_bytes(wheel.read(name))
+    assert metadata["Version"] == thbcad.__version__
+    assert metadata["Author"] == "thbcad developers"
+    assert metadata["License-Expression"] == "MIT"
+    assert metadata["License-File"] == "LICENSE"
+    assert metadata["Requires-Python"] == "<3.14,>=3.11"
+    assert metadata["Description-Content-Type"] == "text/markdown"
+    assert metadata["Keywords"]
+    assert "Typing :: Typed" in metadata.get_all("Classifier")
+    assert metadata.get_all("Project-URL") is metadata["Home-page"] is None
+    assert set(metadata.get_all("Provides-Extra")) == {*EXTRAS, "peers", "all", "test"}
+    base = [r for r in metadata.get_all("Requires-Dist") if "extra ==" not in r]
+    assert {distribution(r) for r in base} == {"numpy", "scipy"}
+
+
+@pytest.mark.slow
+def test_the_wheel_works_in_a_fresh_environment(built, tmp_path, capsys):
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+
+    def call(*command):
+        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+
+    assert call(sys.executable, "-m", "venv", "fresh").returncode == 0
+    python, command = tmp_path / "fresh" / "bin" / "python", tmp_path / "fresh" / "bin" / "thbcad"
+    done = call(python, "-m", "pip", "install", "-c", ROOT / "constraints.txt", built[1])
+    assert done.returncode == 0, done.stderr
+    names = {line.split("==")[0] for line in call(python, "-m", "pip", "freeze").stdout.splitlines()}
+    assert {name.partition(" ")[0] for name in names} == {"numpy", "scipy", "thbcad"}
+
+    done = call(python, "-I", "-c", bare_program())
+    assert (done.stdout, done.stderr) == (BARE_OUTPUT, "")
+    assert call(command, "--help").stdout.startswith("usage: thbcad")
+    assert call(command, "--version").stdout == f"thbcad {thbcad.__version__}\n"
+    done = call(command, "design", "problem.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == SENTENCE.format(", ".join(EXTRAS["optics"]) + " are")
+
+    (site,) = (tmp_path / "fresh" / "lib").glob("python*/site-packages")
+    megabytes = {
+        name: round(sum(p.stat().st_size for p in site.glob(f"{name}*/**/*") if p.is_file()) / 1e6)
+        for name in ("numpy", "scipy", "thbcad", "optics")
+    }
+    with capsys.disabled():
+        print(f"\ninstalled, MB: {megabytes}; wheel {built[1].stat().st_size / 1e6:.2f} MB")
+    assert sum(megabytes.values()) < 400

@@ -1,0 +1,69 @@
+"""Lenses with elliptic apertures, and surfaces compared bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+
+def rough(degree=(3, 3), spans=(7, 6), amplitude=0.05, seed=1):
+    """A sag of random coefficients, refined in one corner."""
+    space = THBSpace(*(KnotVector.uniform(p, n) for p, n in zip(degree, spans)))
+    space = space.refine({0: [(i, j) for i in range(3) for j in range(3)]})
+    return THBSurface(space, amplitude * np.random.default_rng(seed).uniform(-1, 1, space.dim))
+
+
+CASES = {
+    "round": (
+        Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(150.0, -1.0), rough()), 5.0, 1.5),
+        (7.0, 7.0),
+    ),
+    "flat": (
+        Lens(FreeformSurface((10, 8)), FreeformSurface((10, 8), Conic(-90.0, -1.0), rough((4, 3))), 5.0, 1.5),
+        (9.3, 4.1),
+    ),
+    "upright": (
+        Lens(
+            FreeformSurface((9, 9), Conic(60.0, -1.0), rough()),
+            FreeformSurface((9, 9), Conic(-70.0, -1.0)),
+            6.0,
+            1.5,
+        ),
+        (4.0, 8.0),
+    ),
+    "touching": (
+        Lens(FreeformSurface((6, 6), Conic(60.0, -1.0)), FreeformSurface((6, 6), Conic(), rough()), 6.0, 1.5),
+        (6.0, 6.0),
+    ),
+    "front smaller": (
+        Lens(FreeformSurface((5, 4), Conic(), rough()), FreeformSurface((7, 8), Conic(50.0, -1.0)), 6.0, 1.5),
+        (4.5, 3.9),
+    ),
+    "rear smaller": (
+        Lens(
+            FreeformSurface((7, 8), Conic(), rough((2, 2))),
+            FreeformSurface((4, 5), Conic(), rough()),
+            6.0,
+            1.5,
+        ),
+        (3.5, 4.9),
+    ),
+    "sphere": (
+        Lens(
+            FreeformSurface((5, 4), Conic(-40.0, 0.0)), FreeformSurface((5, 4), Conic(-60.0, -2.5)), 4.0, 1.5
+        ),
+        (3.0, 3.5),
+    ),
+}
+
+
+def same_bits(a, b):
+    rows = ((s.kv_u.knots, s.kv_v.knots, s.coefficients) for s in (a, b))
+    return all(
+        (x + 0.0).tobytes() == (y + 0.0).tobytes() for x, y in zip(*rows, strict=True)
+    )  # 0.0 and -0.0 are the same place

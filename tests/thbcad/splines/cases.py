@@ -1,0 +1,33 @@
+"""Random NURBS curves, and a curve as OpenCASCADE holds it."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+from OCP.Geom import Geom_BSplineCurve
+from OCP.gp import gp_Pnt
+from OCP.TColgp import TColgp_Array1OfPnt
+from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
+
+from tests.thbcad.cases import knot_vectors, seeds
+from thbcad.splines.nurbs import NURBSCurve
+
+
+@st.composite
+def curves(draw, d=3, **options):
+    """Random points within 1 and weights of ratio up to 100."""
+    kv, rng = draw(knot_vectors(**options)), draw(seeds())
+    return NURBSCurve(kv, rng.uniform(-1, 1, (kv.dim, d)), 10 ** rng.uniform(-1, 1, kv.dim))
+
+
+def geom_curve(curve):
+    values, counts = np.unique(curve.kv.knots, return_counts=True)
+    poles, weights = TColgp_Array1OfPnt(1, curve.kv.dim), TColStd_Array1OfReal(1, curve.kv.dim)
+    for k, (point, weight) in enumerate(zip(curve.points.tolist(), curve.weights.tolist()), 1):
+        poles.SetValue(k, gp_Pnt(*point))
+        weights.SetValue(k, weight)
+    knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
+    for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
+        knots.SetValue(k, value)
+        multiplicities.SetValue(k, count)
+    return Geom_BSplineCurve(poles, weights, knots, multiplicities, curve.kv.degree)
