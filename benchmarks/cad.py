@@ -24,8 +24,8 @@ from optics.system import OpticalSystem
 from optics.verification import StepFile, optiland_available, optiland_checks, text_and_occt_checks, verify
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange import SolidFile, brep_bytes, iges_bytes, part_step, read_brep, read_iges, step_bytes
-from thbcad.cad.shapes import lens_part, lens_surfaces
-from thbcad.lens import Product
+from thbcad.cad.shapes import lens_part
+from thbcad.lens import Product, placed_surfaces
 
 MEGABYTES = {227: 5.0, 451: 20.0}  # by the poles per direction
 SECONDS = {227: 3.0, 451: 10.0}  # from the splines to the verified file, imports not counted
@@ -177,7 +177,7 @@ def _other_rows(poles: int, lens: Lens, folder: Path) -> list[Row]:
 def _face_rows(poles: int, lens: Lens, read: SolidFile, name: str) -> list[Row]:
     faces = (read.front, read.rear)
     differ = sum(
-        _different(face.coefficients, own.coefficients) for face, own in zip(faces, lens_surfaces(lens))
+        _different(face.coefficients, own.coefficients) for face, own in zip(faces, placed_surfaces(lens))
     )
     x = np.linspace(-50, 50, SAMPLES)
     exact = (lens.front.grid(x, x), lens.thickness + lens.rear.grid(x, x))

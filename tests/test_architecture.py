@@ -348,7 +348,7 @@ def test_the_kernel_loads_no_cad_and_no_rendering():
         "splines.nurbs_shapes",
         "sags.graphs",
         "io.step_brep",
-        "cad.shapes.plain_solid",
+        "cad.shapes.topology",
         "cad.exchange.loose_faces",
     ],
 )

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Manufacturability as Manufacturability,
         Product as Product,
         manufacturability as manufacturability,
+        require_sound as require_sound,
     )
     from thbcad.sags import (
         Approximation as Approximation,
@@ -111,6 +112,7 @@ _FILES = {
         "Manufacturability",
         "Product",
         "manufacturability",
+        "require_sound",
     ),
     "sags": (
         "Approximation",

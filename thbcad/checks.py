@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import partial
 from numbers import Real
@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 EPS = float(np.finfo(np.float64).eps)
 MAX_DEGREE = 10
@@ -34,14 +37,16 @@ def locked(array: NDArray[Any]) -> NDArray[Any]:
 def rebuilt(noun: Any) -> tuple[partial[Any], tuple[()]]:
     """Return how copies and pickles are made, as `__reduce__`: by the constructor, with read-only arrays and
     without caches."""
-    return partial(type(noun), **{field.name: getattr(noun, field.name) for field in fields(noun)}), ()
+    make: Callable[..., Any] = type(noun)
+    given = {field.name: getattr(noun, field.name) for field in fields(noun) if field.init}
+    return partial(make, **given), ()
 
 
-def require_type(name: str, value: object, *kinds: type) -> None:
+def require_type(name: str, value: object, *types: type) -> None:
     """Raise ValueError unless the value is of one of these types."""
-    if not isinstance(value, kinds):
+    if not isinstance(value, types):
         raise ValueError(
-            f"{name} must be a {' or '.join(kind.__name__ for kind in kinds)}, got {type(value).__name__}"
+            f"{name} must be a {' or '.join(each.__name__ for each in types)}, got {type(value).__name__}"
         )
 
 
@@ -70,15 +75,16 @@ def require_number(
 ) -> None:
     """Raise ValueError unless the value is a real number, no bool or NaN, of at least `least` and greater
     than `above`."""
+    number: Any = value  # the type Real knows no order among numbers
     good = (
         isinstance(value, Real)
         and not isinstance(value, bool)
-        and value >= least
-        and (value > above or above == -np.inf)
+        and number >= least
+        and (number > above or above == -np.inf)
     )
-    if not good or (finite and not abs(value) < np.inf):
-        kind = "finite number" if finite else "number"
-        wanted = f"a positive {kind}" if above == 0 else f"a {kind}"
+    if not good or (finite and not abs(number) < np.inf):
+        noun = "finite number" if finite else "number"
+        wanted = f"a positive {noun}" if above == 0 else f"a {noun}"
         wanted += (
             f" of at least {least:g}"
             if least > -np.inf
@@ -118,7 +124,7 @@ def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
     return float(half_width[0]), float(half_width[1])
 
 
-def points(u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def points(u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
     """Return scattered points as two rows, (n,) each; raise ValueError unless they are of equal length."""
     for x in (u, v):
         require_real(x)
@@ -128,7 +134,7 @@ def points(u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
     return u, v
 
 
-def require_sorted(knots: NDArray[np.float64]) -> None:
+def require_sorted(knots: Floats) -> None:
     """Raise ValueError unless the knots are finite and do not decrease."""
     if not np.isfinite(knots).all():
         raise ValueError(f"knots[{int(np.argmin(np.isfinite(knots)))}] is not finite")
@@ -145,7 +151,7 @@ def require_sorted(knots: NDArray[np.float64]) -> None:
         )
 
 
-def require_subset(knots: NDArray[np.float64], finer: NDArray[np.float64]) -> None:
+def require_subset(knots: Floats, finer: Floats) -> None:
     """Raise ValueError unless the sorted row `finer` holds every one of `knots`, as often at least."""
     values, counts = np.unique(knots, return_counts=True)
     lacking = np.searchsorted(finer, values, "right") - np.searchsorted(finer, values, "left") < counts
@@ -153,7 +159,7 @@ def require_subset(knots: NDArray[np.float64], finer: NDArray[np.float64]) -> No
         raise ValueError(f"the finer knot vector lacks the knot {values[lacking][0]}")
 
 
-def uniform_breaks(spans: int, start: float, stop: float) -> NDArray[np.float64]:
+def uniform_breaks(spans: int, start: float, stop: float) -> Floats:
     """Return the ends of `spans` equal spans on [start, stop], (spans + 1,).
 
     Raises

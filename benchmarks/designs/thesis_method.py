@@ -34,28 +34,13 @@ def adam_batches(system: OpticalSystem, backend: Backend) -> Iterator[Lens]:
     for batch in range(BATCHES):
         tracer = Tracer(backend, lens, rays, system.target.z)
         objective = Objective(backend, tracer, screen, GaussianWindow(1.0), target, 0.0)
-        lens = _as_it_is(
-            lens, _batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch)
-        )
+        sag = _batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch)
+        lens = lens.with_sags([sag])
         yield lens
-        sag, knots = lens.rear.sag, vertex_knots(lens.rear.half_width, VERTICES)
+        knots = vertex_knots(lens.rear.half_width, VERTICES)
         (gradient,) = objective.vertex_gradients([sag.coefficients], [knots])
         indicator = summed_over_cells(sag.space, *(kv.greville() for kv in knots), gradient)
-        lens = _as_it_is(lens, sag.refine(mark(sag.space, indicator, ALPHA, batch + 1)))
-
-
-def _as_it_is(lens: Lens, sag: THBSurface) -> Lens:
-    """Return the lens with another sag on the rear, whether or not its edges cross: the thesis's method asks
-    no such thing."""
-    made = object.__new__(Lens)
-    for name, value in (
-        ("front", lens.front),
-        ("rear", lens.rear.with_sag(sag)),
-        ("thickness", lens.thickness),
-        ("index", lens.index),
-    ):
-        object.__setattr__(made, name, value)
-    return made
+        lens = lens.with_sags([sag.refine(mark(sag.space, indicator, ALPHA, batch + 1))])
 
 
 def _batch(backend: Backend, objective: Objective, sag: THBSurface, bound: float, rate: float) -> THBSurface:

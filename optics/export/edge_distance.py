@@ -8,30 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from thbcad.sags import graph_poles
+from thbcad.lens import placed_surfaces, rim
 
 if TYPE_CHECKING:
-    from thbcad.lens import Lens
+    from thbcad.lens import Lens, Side
 
-RIMS = (
-    (0, 0),
-    (1, -1),
-    (0, -1),
-    (1, 0),
-)  # axis along the rim and end of the other one: low y, high x, high y, low x
 STEPS = 6
 
 Array = NDArray[np.float64]
 
 
-def edge_distance(lens: Lens, side: int, points: Array) -> float:
+def edge_distance(lens: Lens, side: Side, points: Array) -> float:
     """Return the greatest distance of points from the edge E(u, w) = F(u) + w (B(u) - F(u)) between the rims
     F and B, mm.
 
     The distance to any E(u, w) is an upper bound; Gauss-Newton steps from a (u, w) of about equal
     height find the nearest, but for points whose nearest lies on the rim of a slanted edge.
 
-    side : 0 low y, 1 high x, 2 high y, 3 low x.  points : (n, 3), mm.
+    points : (n, 3), mm.
     """
     front, rear = _rims(lens, side)
     slopes = front.derivative(), rear.derivative()
@@ -54,21 +48,15 @@ def _pairs(along: Array, across: Array, rest: Array) -> tuple[tuple[Array, Array
     return (along, along), (along, across), (across, across), (along, rest), (across, rest)
 
 
-def _rims(lens: Lens, side: int) -> list[BSpline]:
+def _rims(lens: Lens, side: Side) -> list[BSpline]:
     """Return the rims of front and rear as curves over the parameters of the rear."""
-    axis, end = RIMS[side]
-    front, rear = lens.graphs()
-    rims = []
-    for graph, vertex in ((front, 0.0), (rear, lens.thickness)):
-        surface = graph_poles(graph, vertex, rear)
-        kv = (surface.kv_u, surface.kv_v)[axis]
-        rims.append(BSpline(kv.knots, np.moveaxis(surface.coefficients, axis, 0)[:, end], kv.degree))
-    return rims
+    rims = [rim(surface, side) for surface in placed_surfaces(lens)]
+    return [BSpline(kv.knots, poles, kv.degree) for kv, poles in rims]
 
 
-def _of_equal_height(lens: Lens, side: int, points: Array) -> tuple[Array, Array]:
-    """Return about the (u, w) at which E has the height of the points and their place along the rim."""
-    axis, _ = RIMS[side]
+def _of_equal_height(lens: Lens, side: Side, points: Array) -> tuple[Array, Array]:
+    """Return about the (u, w) at which E has the height of the points, and their position along the rim."""
+    axis = side.axis
     front, rear = _rims(lens, side)
     stop, w = rear.t[-1], np.full(len(points), 0.5)
     ratio = lens.front.half_width[axis] / lens.rear.half_width[axis]

@@ -39,7 +39,7 @@ from thbcad.io import (
     threemf_bytes,
     write_bytes,
 )
-from thbcad.lens import Product, Tessellation, tessellated
+from thbcad.lens import Product, Tessellation, placed_surfaces, tessellated
 
 if TYPE_CHECKING:
     from optics.runtime import Check
@@ -236,9 +236,8 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
 def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
     """Write front and rear as loose faces, each into a file of its own."""
     from thbcad.cad.exchange import read_faces, write_faces
-    from thbcad.cad.shapes import lens_surfaces
 
-    surfaces, files = dict(zip(("front", "rear"), lens_surfaces(lens))), {}
+    surfaces, files = dict(zip(("front", "rear"), placed_surfaces(lens))), {}
     with tempfile.TemporaryDirectory() as folder:
         for word, surface in surfaces.items():
             own = path.with_name(f"{path.stem}_{word}.{name}")

@@ -15,7 +15,7 @@ from optics.export.edge_distance import edge_distance
 from optics.runtime import Check, UserError
 from optics.verification import differing_numbers, surface_deviation
 from thbcad.doors import pip_command
-from thbcad.lens import EDGES, FRONT, REAR
+from thbcad.lens import EDGES, FRONT, REAR, SIDES, placed_surfaces
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
@@ -47,13 +47,11 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
 
     faces : how many are expected.  volume : mm^3, by quadrature.
     """
-    from thbcad.cad.shapes import lens_surfaces
-
     by = f"{name.upper()} read back by OCCT"
     checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
     for word, face, own, (surface, vertex) in zip(
-        ("front", "rear"), (read.front, read.rear), lens_surfaces(lens), surfaces
+        ("front", "rear"), (read.front, read.rear), placed_surfaces(lens), surfaces
     ):
         checks.append(
             Check(
@@ -145,7 +143,7 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
             )
         edges = [
             edge_distance(lens, side, _samples(corners, read.faces[mesh.faces == face]))
-            for side, face in enumerate(EDGES)
+            for side, face in zip(SIDES, EDGES)
         ]
         checks.append(Check(f"edges against the exact surfaces, {by}", max(edges), chord, "mm"))
     return checks

@@ -25,7 +25,7 @@ from scipy.sparse import csr_array, vstack
 
 from optics.mitsuba.loading import mitsuba_backend
 from thbcad.checks import read_only
-from thbcad.lens import tessellated
+from thbcad.lens import rim_indices, tessellated
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -150,8 +150,7 @@ class LensMesh:
     @property
     def rim(self) -> NDArray[np.int64]:
         """Numbers of the rim's vertices, counter-clockwise seen from +z."""
-        grid = np.arange(len(self.s) * len(self.t)).reshape(len(self.s), len(self.t))
-        return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
+        return rim_indices(len(self.s), len(self.t))
 
     def triangles(self, name: str) -> NDArray[np.uint32]:
         """Return the vertex numbers of the triangles of "front", "rear" or "edges", outward, (m, 3).

@@ -25,6 +25,7 @@ from optics.optimisation.symmetry import mirror_axes
 from optics.optimisation.transport_start import TransportFit, TransportStart
 from optics.runtime import NumericalError, UserError
 from optics.tracing import Tracer
+from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
     The way from the lens's own sags, c + t (c' - c), is halved until a lens can exist.
     """
     try:
-        return lens.with_sags(sags), ""
+        return require_sound(lens.with_sags(sags)), ""
     except ValueError as error:
         wrong = str(error)
     share = 1.0
@@ -173,9 +174,10 @@ def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
             for a, b in zip(lens.sags, sags)
         ]
         try:
-            return lens.with_sags(
-                between
-            ), f"the optimised lens cannot exist ({wrong}): of the level's changes {share:.2g} are kept"
+            return (
+                require_sound(lens.with_sags(between)),
+                f"the optimised lens cannot exist ({wrong}): of the level's changes {share:.2g} are kept",
+            )
         except ValueError:
             continue
     return lens, f"the optimised lens cannot exist ({wrong}): none of the level's changes are kept"
@@ -183,7 +185,7 @@ def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
 
 def _with_sags(lens: Lens, sags: Sequence[THBSurface]) -> Lens:
     try:
-        return lens.with_sags(sags)
+        return require_sound(lens.with_sags(sags))
     except ValueError as error:
         raise NumericalError(
             f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces"

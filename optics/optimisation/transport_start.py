@@ -22,6 +22,7 @@ from optics.system import target_irradiance
 from optics.target import BSplineWindow, Screen, Splat
 from optics.tracing import Tracer
 from thbcad.fitting import fit_slopes
+from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ class TransportStart:
         kept = sag.coefficients * min(1.0, self._bound / asked) if asked else sag.coefficients
         for _ in range(HALVINGS):
             try:
-                self._lens.with_rear(self._lens.rear.with_sag(THBSurface(space, kept)))
+                require_sound(self._lens.with_rear(self._lens.rear.with_sag(THBSurface(space, kept))))
                 break
             except ValueError:
                 kept, crosses = kept / 2, True

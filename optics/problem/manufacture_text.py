@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from thbcad.certified import Enclosure
-    from thbcad.lens import HeightRange, Manufacturability, SurfaceFigures
+    from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
 
 Row = tuple[str, float, str, str]
 
@@ -58,7 +58,7 @@ def places(heights: HeightRange) -> str:
     return f"between x = {low.u:.4g}, y = {low.v:.4g} and x = {high.u:.4g}, y = {high.v:.4g} mm"
 
 
-def _surface_rows(name: str, surface: SurfaceFigures, wavelength: float) -> Iterator[Row]:
+def _surface_rows(name: str, surface: SurfaceMetrics, wavelength: float) -> Iterator[Row]:
     yield f"greatest slope of the {name}", surface.slope.value, "degrees", place(surface.slope)
     for side, radius in (("concave", surface.concave), ("convex", surface.convex)):
         yield (
@@ -78,7 +78,7 @@ def _surface_rows(name: str, surface: SurfaceFigures, wavelength: float) -> Iter
     yield f"area of the {name}", surface.area, "mm^2", ""
 
 
-def _surface_data(surface: SurfaceFigures) -> dict[str, Any]:
+def _surface_data(surface: SurfaceMetrics) -> dict[str, Any]:
     feature = surface.feature
     return {
         "slope_degrees": _bound_data(surface.slope),

@@ -14,7 +14,7 @@ from thbcad.lens import NM_PER_MM, Lens, manufacturability, mass
 if TYPE_CHECKING:
     from optics.problem.schema import Limits, Problem
     from thbcad.certified import Enclosure
-    from thbcad.lens import HeightRange, Manufacturability, SurfaceFigures
+    from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
 
 THICKNESSES = {
     "thickness": "thickness",
@@ -86,7 +86,7 @@ def _misses(problem: Problem, found: Manufacturability) -> Iterator[Miss]:
         yield Miss("mass", "beyond", "mass", amount, amount, "g")
 
 
-def _free_misses(name: str, surface: SurfaceFigures, limits: Limits, wavelength: float) -> Iterator[Miss]:
+def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength: float) -> Iterator[Miss]:
     """Yield the limits that hold for free surfaces."""
     if limits.radius:
         least = min((surface.concave, surface.convex), key=lambda radius: radius.lower)
@@ -103,7 +103,7 @@ def _free_misses(name: str, surface: SurfaceFigures, limits: Limits, wavelength:
         )
 
 
-def _height_misses(name: str, surface: SurfaceFigures, limits: Limits) -> Iterator[Miss]:
+def _height_misses(name: str, surface: SurfaceMetrics, limits: Limits) -> Iterator[Miss]:
     """Yield the limits that hold for every surface."""
     if limits.slope < 90:
         yield _beyond(

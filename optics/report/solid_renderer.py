@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, grey_closing
 
+from thbcad.lens import SIDES
+
 if TYPE_CHECKING:
     from thbcad.lens import FreeformSurface, Lens
 
@@ -135,16 +137,12 @@ def _edges(front: Face, rear: Face) -> list[Face]:
     size = np.ptp(np.concatenate([front.points, rear.points], axis=1), axis=(1, 2))
     w = np.linspace(0, 1, 2 + int(SAMPLES * size[2] / size.max()))
     edges = []
-    for name, rim, sign in (
-        ("-y", np.s_[:, :, :1], 1),
-        ("+x", np.s_[:, -1:], 1),
-        ("+y", np.s_[:, :, -1:], -1),
-        ("-x", np.s_[:, :1], -1),
-    ):
+    for side in SIDES:
+        rim, sign = (np.s_[:, :, side.end], np.s_[:, side.end])[side.axis], -1 if side.clockwise else 1
         low, high = (face.points[rim].reshape(3, -1, 1) for face in (front, rear))
         points = (1 - w) * low + w * high
         normals = sign * np.cross(np.gradient(points, axis=1), high - low, axis=0)
-        edges.append(Face(f"edge {name}", points, _unit(*normals), GROUND))
+        edges.append(Face(side.name, points, _unit(*normals), GROUND))
     return edges
 
 

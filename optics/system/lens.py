@@ -8,7 +8,7 @@ import numpy as np
 
 from optics.runtime import UserError
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens, Product, one_line
+from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -27,7 +27,7 @@ def base_lens(problem: Problem) -> Lens:
     spec = problem.lens
     front, rear = _surface("front", spec.front), _surface("rear", spec.rear)
     try:
-        return Lens(front, rear, spec.thickness, spec.index)
+        return require_sound(Lens(front, rear, spec.thickness, spec.index))
     except ValueError as error:
         raise UserError(f"lens: {error}") from None
 

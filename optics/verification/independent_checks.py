@@ -15,9 +15,9 @@ from optics.tracing import LandingPoints
 from optics.verification.step_checks import differing_numbers
 from optics.verification.trace_comparison import compared
 from thbcad.cad.exchange import face_hits, spline_faces
-from thbcad.cad.shapes import lens_surfaces
 from thbcad.io import MILLIMETRE, Brep, BrepEdge, BrepFace, areas, volume as brep_volume
-from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.lens import CORNERS, SIDES, placed_surfaces, rim, ruled_edge
+from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -35,7 +35,6 @@ MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
 TOLERANCE = 1e-6  # mm
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line
-UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
 
 
 def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
@@ -155,7 +154,7 @@ def _own_volume(solid: Brep, lens: Lens) -> list[Check]:
 
 def _same(solid: Brep, lens: Lens) -> list[Check]:
     """Return the checks of faces and edges, number by number, against the lens in memory."""
-    own, optical = lens_surfaces(lens), _optical(solid)
+    own, optical = placed_surfaces(lens), _optical(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
     figures = {
         "front numbers": differing_numbers(solid.faces[optical[0]].surface, own[0]),
@@ -191,17 +190,14 @@ def _other_ruled(faces: Sequence[BrepFace], own: Pair) -> int:
     """Return how many numbers of the edge faces differ from the four ruled faces between the rims of front
     and rear."""
     off = abs(len(faces) - 4)
-    for face, rims in zip(faces, zip(*(_rims(s) for s in own))):
-        kv = rims[0][0].merged(rims[1][0])
-        poles = np.stack([k.prolongation(kv) @ poles for k, poles in rims], axis=1)
-        off += differing_numbers(face.surface, BSplineSurface(kv, UNIT, poles))
+    for face, side in zip(faces, SIDES):
+        off += differing_numbers(face.surface, ruled_edge(own, side))
     return off
 
 
 def _other_planes(faces: Sequence[BrepFace], own: Pair) -> int:
     """Return how many of the edge faces are not one of the four planes through the sides of the lens."""
-    c = own[0].coefficients
-    wanted = {(axis, c[end, end, axis]) for axis in (0, 1) for end in (0, -1)}
+    wanted = {(1 - side.axis, rim(own[0], side)[1][0, 1 - side.axis]) for side in SIDES}
     for face in faces:
         if face.plane is not None and np.count_nonzero(face.plane[1]) == 1:
             axis = int(np.argmax(face.plane[1] != 0))
@@ -209,17 +205,11 @@ def _other_planes(faces: Sequence[BrepFace], own: Pair) -> int:
     return len(wanted) + abs(len(faces) - 4)
 
 
-def _rims(surface: BSplineSurface) -> list[tuple[KnotVector, Rows]]:
-    """Return knots and poles of the sides at low y, high x, high y, low x."""
-    c = surface.coefficients
-    return [(surface.kv_u, c[:, 0]), (surface.kv_v, c[-1]), (surface.kv_u, c[:, -1]), (surface.kv_v, c[0])]
-
-
 def _loose(solid: Brep, own: Pair) -> int:
     """Return how many spline edges are no rim and no line between corners, and how many ends of edges are no
     corner."""
-    corners = {_bits(s.coefficients[a, b]) for s in own for a in (0, -1) for b in (0, -1)}
-    rims = {_bits(kv.knots) + _bits(poles) for s in own for kv, poles in _rims(s)}
+    corners = {_bits(s.coefficients[corner]) for s in own for corner in CORNERS}
+    rims = {_bits(kv.knots) + _bits(poles) for s in own for kv, poles in (rim(s, side) for side in SIDES)}
     loose = 0
     for edge in solid.edges:
         loose += sum(_bits(end) not in corners for end in edge.ends)

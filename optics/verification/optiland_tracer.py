@@ -98,7 +98,7 @@ def optiland_trace(
     """Trace rays through two faces to the plane z = target_z by optiland, or to the far field where that is
     inf.
 
-    front, rear : poles (x, y, z), mm, x along u and y along v, as `lens_surfaces`.
+    front, rear : poles (x, y, z), mm, x along u and y along v, as `placed_surfaces`.
     origins, directions : (n, 3) float, mm and unit vectors.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.  The flux is that of rays of
     1 W, the mean of both polarisations at each face by optiland's Fresnel amplitudes.

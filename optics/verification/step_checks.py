@@ -11,7 +11,7 @@ from optics.runtime import Check
 from optics.verification.reference_tracer import trace_step
 from optics.verification.trace_comparison import compared
 from thbcad.cad.exchange import solid_volume, step_bytes
-from thbcad.cad.shapes import lens_surfaces
+from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) 
     if off > limits.volume:  # OCCT's estimate of its own error is too low on rough surfaces: ask for more
         off = abs(solid_volume(step.shape, FINE_VOLUME) / volume - 1)
     checks.append(Check("volume by OCCT against the closed form, relative", off, limits.volume, ""))
-    for name, read, own in zip(("front", "rear"), (step.front, step.rear), lens_surfaces(lens)):
+    for name, read, own in zip(("front", "rear"), (step.front, step.rear), placed_surfaces(lens)):
         checks.append(
             Check(
                 f"{name} poles and knots that differ from the lens in memory",

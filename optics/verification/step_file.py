@@ -29,9 +29,9 @@ class StepFile:
         ------
         OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
         """
-        from thbcad.io import read_brep
+        from thbcad.io import parse_brep
 
-        return read_brep(self.path)
+        return parse_brep(self.path)
 
     @cached_property
     def state(self) -> SolidState:

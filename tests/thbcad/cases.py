@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import reject, strategies as st
 
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
@@ -167,7 +167,7 @@ def lenses(draw, conics=True):
     depth = float(sum(0.4 * np.hypot(*s.half_width) for s in (front, rear)))
     thickness, index = depth * draw(st.floats(1.01, 2.0)) + 7.0, draw(st.floats(1.01, 2.5))
     try:
-        return Lens(front, rear, thickness, index)
+        return require_sound(Lens(front, rear, thickness, index))
     except ValueError as error:  # some ruled edges between unequal rims cross a surface
         if "ruled edge" in str(error) or "front and rear" in str(error):
             reject()

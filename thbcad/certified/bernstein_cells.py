@@ -15,12 +15,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import comb
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import EPS, require_orders, require_type
+from thbcad.checks import EPS, Floats, require_orders, require_type
 from thbcad.splines import BSplineSurface, KnotVector, band_matrix, bezier_rows, tensor_apply
 from thbcad.surfaces import THBSurface
 
@@ -28,9 +29,9 @@ STRIP = 4096  # cells that are assessed at once, so that their arrays fit in the
 GREATEST = 1e40  # products of seven such numbers are finite
 TINY = float(np.finfo(np.float64).tiny)  # above every error of a subnormal result
 
-Array = NDArray[np.float64]
 Graph = BSplineSurface | THBSurface | Sequence[BSplineSurface]
 Orders = tuple[int, int]
+Size = TypeVar("Size", float, Floats)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +44,10 @@ class Cells:
     error : (d,) float, bounds of the rounding errors of the coefficients
     """
 
-    coefficients: Array
-    box: Array
-    magnitude: Array
-    error: Array
+    coefficients: Floats
+    box: Floats
+    magnitude: Floats
+    error: Floats
 
     def negated(self) -> Cells:
         """Return the negative polynomials."""
@@ -122,7 +123,7 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
             )
 
 
-def rounding(count: int, size: Array | float) -> Array | float:
+def rounding(count: int, size: Size) -> Size:
     """Return the allowance for a count of roundings of numbers of this size."""
     return count * (EPS * size + TINY * (size > 0))
 
@@ -140,12 +141,15 @@ def whole_graph(graph: Graph) -> BSplineSurface | THBSurface | tuple[BSplineSurf
 
 def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     """Return the graph as B-spline patches and the rounding error of their coefficients."""
-    if isinstance(graph, THBSurface):
+    whole = whole_graph(graph)
+    error = 0.0
+    if isinstance(whole, THBSurface):
         # two products with polar forms for every level of the hierarchy
-        count = graph.space.levels * _roundings(graph.space.kv_u.degree, graph.space.kv_v.degree)
-        patches, error = [graph.to_bspline()], float(rounding(count, np.abs(graph.coefficients).max()))
+        count = whole.space.levels * _roundings(whole.space.kv_u.degree, whole.space.kv_v.degree)
+        patches = [whole.to_bspline()]
+        error = rounding(count, float(np.abs(whole.coefficients).max()))
     else:
-        patches, error = [graph] if isinstance(graph, BSplineSurface) else list(whole_graph(graph)), 0.0
+        patches = [whole] if isinstance(whole, BSplineSurface) else list(whole)
     for patch in patches:
         if patch.coefficients.ndim != 2:
             raise ValueError(
@@ -157,30 +161,32 @@ def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     return patches, error
 
 
-def _boxes(patch: BSplineSurface, first: int, step: int) -> Array:
+def _boxes(patch: BSplineSurface, first: int, step: int) -> Floats:
     u, v = patch.kv_u.breaks[first : first + step + 1], patch.kv_v.breaks
     ends = [np.meshgrid(*pair, indexing="ij") for pair in ((u[:-1], v[:-1]), (u[1:], v[1:]))]
     return np.reshape(ends, (2, 2, -1))
 
 
-def _differentiated(patch: BSplineSurface, orders: Orders, error: float) -> tuple[Array, float]:
+def _differentiated(patch: BSplineSurface, orders: Orders, error: float) -> tuple[Floats, float]:
     """Return the coefficients of a derivative, c_i' = p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1)) in u and v,
     and their error."""
     net = patch.coefficients
     for kv, order in zip((patch.kv_u, patch.kv_v), orders):
         if order > kv.degree:
-            net, error = np.zeros_like(net), 0.0
+            net = np.zeros_like(net)
+            error = 0.0
         for done in range(order if order <= kv.degree else 0):
-            p, knots = kv.degree - done, kv.knots[done + 1 : len(kv.knots) - done - 1]
+            p = kv.degree - done
+            knots = kv.knots[done + 1 : len(kv.knots) - done - 1]
             width = (knots[p:] - knots[:-p])[:, None]
             real = width > 0  # a function without support has no coefficient
             with np.errstate(over="ignore", invalid="ignore"):  # refused later
                 change = np.diff(net, axis=0)
                 net = np.divide(p * change, width, out=np.zeros_like(change), where=real)
-                error = 2 * p * error / width[real].min() * (1 + 8 * EPS)
-            error += change.any() * rounding(4, max(np.abs(net).max(), TINY))
+                error = 2 * p * error / float(width[real].min()) * (1 + 8 * EPS)
+            error += float(change.any()) * rounding(4, max(float(np.abs(net).max()), TINY))
         net = net.T
-    return net, float(error)
+    return net, error
 
 
 def _extraction(kv: KnotVector, order: int, degree: int) -> csr_array:
@@ -188,7 +194,8 @@ def _extraction(kv: KnotVector, order: int, degree: int) -> csr_array:
     every span."""
     if order > kv.degree:
         return csr_array((kv.spans * (degree + 1), kv.dim))
-    p, knots = kv.degree - order, kv.knots[order : len(kv.knots) - order]
+    p = kv.degree - order
+    knots = kv.knots[order : len(kv.knots) - order]
     span = np.flatnonzero(np.diff(knots) > 0)
     rows = bezier_rows(knots[span + np.arange(1 - p, p + 1)[:, None]])
     return band_matrix(
@@ -196,7 +203,7 @@ def _extraction(kv: KnotVector, order: int, degree: int) -> csr_array:
     )
 
 
-def _elevation(p: int, degree: int) -> Array:
+def _elevation(p: int, degree: int) -> Floats:
     """Return the degree elevation of Bernstein coefficients, (degree + 1, p + 1)."""
     rest = degree - p
     weights = [
@@ -205,7 +212,7 @@ def _elevation(p: int, degree: int) -> Array:
     return np.array(weights) / [[comb(degree, i)] for i in range(degree + 1)]
 
 
-def _along(axis: int, matrix: Array, block: Array) -> Array:
+def _along(axis: int, matrix: Floats, block: Floats) -> Floats:
     """Return the product of a matrix with one axis of the coefficients."""
     return np.moveaxis(np.tensordot(matrix, block, (1, axis)), 0, axis)
 

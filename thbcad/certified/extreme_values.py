@@ -6,7 +6,7 @@ and at the four corners it takes its value there.  Both bounds meet with the squ
 size: branch and bound drops the cells that cannot hold the greatest value and quarters the others.
 
 The bounds hold in floating point: what rounding does to the coefficients comes with them, see
-`thbcad.certified`.
+`bernstein_cells`.
 
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14.
 """
@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Array, Cells, Graph, Orders, bernstein, whole_graph
-from thbcad.checks import require_number
+from thbcad.certified.bernstein_cells import Cells, Graph, Orders, bernstein, whole_graph
+from thbcad.checks import Floats, require_number
 
 MOST_COEFFICIENTS = 2**25  # 256 MiB; about a second of work
 MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
@@ -27,7 +27,7 @@ MOST_STEPS = 50  # then a cell is as small as the spacing of the numbers
 
 @dataclass(frozen=True)
 class Enclosure:
-    """lower <= true extreme value <= upper; `value` is the best value found, taken at (u, v).
+    """lower <= true extreme value <= upper; `value` is the greatest or least value met, taken at (u, v).
 
     Where a derivative jumps, `value` is that of one of the cells that meet at (u, v).
     """
@@ -49,9 +49,9 @@ class Assessment:
     scale : float, what a relative tolerance refers to
     """
 
-    corners: Array
+    corners: Floats
     error: float
-    upper: Array
+    upper: Floats
     scale: float
 
 
@@ -99,20 +99,25 @@ def greatest(
     2^25 coefficients besides those given.
     """
     require_number("tolerance", tolerance, least=0)
-    best, closed, work = (-np.inf, -np.inf, 0.0, 0.0), -np.inf, 0
+    best = (-np.inf, -np.inf, 0.0, 0.0)
+    closed = -np.inf
+    work = 0
     for _ in range(MOST_STEPS):
-        kept, least = [], -np.inf
+        kept = []
+        least = -np.inf
         for cells in pieces:
-            found = assess(cells, best[0])
-            best = max(best, _best_corner(cells, found))
-            least = max(least, best[0] + tolerance * found.scale + 2 * found.error)
-            chosen = found.upper > least
-            closed = max(closed, float(found.upper[~chosen].max(initial=-np.inf)))
-            kept.append((cells.take(chosen), found.upper[chosen]))
-        cells, upper = _joined([cells for cells, _ in kept]), np.concatenate([upper for _, upper in kept])
+            assessment = assess(cells, best[0])
+            best = max(best, _best_corner(cells, assessment))
+            least = max(least, best[0] + tolerance * assessment.scale + 2 * assessment.error)
+            chosen = assessment.upper > least
+            closed = max(closed, float(assessment.upper[~chosen].max(initial=-np.inf)))
+            kept.append((cells.take(chosen), assessment.upper[chosen]))
+        cells = _joined([cells for cells, _ in kept])
+        upper = np.concatenate([upper for _, upper in kept])
         chosen = upper > least
         closed = max(closed, float(upper[~chosen].max(initial=-np.inf)))
-        cells, upper = cells.take(chosen), upper[chosen]
+        cells = cells.take(chosen)
+        upper = upper[chosen]
         work += 4 * cells.coefficients.size
         if not len(upper) or work > MOST_COEFFICIENTS:
             break
@@ -121,22 +126,28 @@ def greatest(
     return Enclosure(lower, max(closed, float(upper.max(initial=value))), value, u, v)
 
 
-def corners(values: Array) -> Array:
+def corners(values: Floats) -> Floats:
     """Return the corners (0, 0), (0, 1), (1, 0), (1, 1) of coefficients (..., p + 1, q + 1, n), as (..., 4,
     n)."""
     return values[..., [0, 0, -1, -1], [0, -1, 0, -1], :]
 
 
 def _value(cells: Cells, best: float) -> Assessment:
-    values, error = cells.coefficients[0], float(cells.error[0])
+    values = cells.coefficients[0]
+    error = float(cells.error[0])
     return Assessment(corners(values), error, values.max(axis=(0, 1)) + error, float(cells.magnitude[0]))
 
 
-def _best_corner(cells: Cells, found: Assessment) -> tuple[float, float, float, float]:
+def _best_corner(cells: Cells, assessment: Assessment) -> tuple[float, float, float, float]:
     """Return (value, lower bound of the value, u, v)."""
-    corner, k = np.unravel_index(int(np.argmax(found.corners)), found.corners.shape)
-    value = float(found.corners[corner, k])
-    return value, value - found.error, float(cells.box[corner // 2, 0, k]), float(cells.box[corner % 2, 1, k])
+    corner, k = np.unravel_index(int(np.argmax(assessment.corners)), assessment.corners.shape)
+    value = float(assessment.corners[corner, k])
+    return (
+        value,
+        value - assessment.error,
+        float(cells.box[corner // 2, 0, k]),
+        float(cells.box[corner % 2, 1, k]),
+    )
 
 
 def _joined(pieces: list[Cells]) -> Cells:
@@ -147,6 +158,8 @@ def _joined(pieces: list[Cells]) -> Cells:
     return replace(pieces[0], coefficients=coefficients, box=box)
 
 
-def _negative(found: Enclosure) -> Enclosure:
+def _negative(enclosure: Enclosure) -> Enclosure:
     """Return the enclosure of the negative number; 0.0 - x is never -0.0."""
-    return Enclosure(0.0 - found.upper, 0.0 - found.lower, 0.0 - found.value, found.u, found.v)
+    return Enclosure(
+        0.0 - enclosure.upper, 0.0 - enclosure.lower, 0.0 - enclosure.value, enclosure.u, enclosure.v
+    )

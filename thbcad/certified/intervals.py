@@ -14,16 +14,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thbcad.certified.bernstein_cells import rounding
+from thbcad.checks import Floats, Integers
 from thbcad.splines import BSplineSurface, KnotVector, blossom_rows
 
 STRIP = 2**15  # pieces of rectangles that are assessed at once
 MOST_BOXES = 2**15  # about a second of work
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
+Rows = Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +30,8 @@ class Interval:
     """Numbers between `low` and `high`, (n,) float each, with the arithmetic of intervals (not rounded
     outward)."""
 
-    low: Array
-    high: Array
+    low: Floats
+    high: Floats
 
     def __add__(self, other: Interval) -> Interval:
         return Interval(self.low + other.low, self.high + other.high)
@@ -50,7 +49,7 @@ class Interval:
         return Interval(np.minimum(*ends), np.maximum(*ends))
 
     @property
-    def magnitude(self) -> Array:
+    def magnitude(self) -> Floats:
         """The greatest absolute values, (n,)."""
         return np.maximum(-self.low, self.high)
 
@@ -75,7 +74,8 @@ def range_over(
         np.cumsum(count_u * count_v) - count_u * count_v, count_u * count_v
     )
     for first in range(0, len(pieces), STRIP):
-        owner, k = pieces[first : first + STRIP], number[first : first + STRIP]
+        owner = pieces[first : first + STRIP]
+        k = number[first : first + STRIP]
         start_u, a = _restricted(
             surface.kv_u,
             Interval(u.low[owner], u.high[owner]),
@@ -101,8 +101,8 @@ def range_over(
 
 
 def positive(
-    lower: Callable[[Interval, Interval], Array], value: Callable[[Array, Array], Array], boxes: Array
-) -> tuple[bool, Array | None]:
+    lower: Callable[[Interval, Interval], Floats], value: Callable[[Floats, Floats], Floats], boxes: Floats
+) -> tuple[bool, Floats | None]:
     """Return (True, None) where bounds prove a function positive on boxes, (False, point) where it is not at
     a point (2,).
 
@@ -118,9 +118,9 @@ def positive(
         if spent > MOST_BOXES:
             return False, None
         middle = boxes.mean(axis=0)
-        found = value(*middle)
-        if found.min() <= 0:
-            return False, middle[:, np.argmin(found)]
+        values = value(*middle)
+        if values.min() <= 0:
+            return False, middle[:, np.argmin(values)]
         boxes = boxes[..., ~(lower(*(Interval(*boxes[:, axis]) for axis in (0, 1))) > 0)]
         for axis in (0, 1):
             if (boxes[0, axis] < boxes[1, axis]).any():
@@ -128,7 +128,7 @@ def positive(
     return True, None
 
 
-def _halved(boxes: Array, axis: int) -> Array:
+def _halved(boxes: Floats, axis: int) -> Floats:
     low, high = boxes.copy(), boxes.copy()
     low[1, axis] = high[0, axis] = boxes[:, axis].mean(axis=0)
     return np.concatenate([low, high], axis=-1)
@@ -141,7 +141,7 @@ def _spans(kv: KnotVector, x: Interval) -> tuple[Rows, Rows]:
     return first, last - first + 1
 
 
-def _restricted(kv: KnotVector, x: Interval, span: Rows, order: int) -> tuple[Rows, Array]:
+def _restricted(kv: KnotVector, x: Interval, span: Rows, order: int) -> tuple[Rows, Floats]:
     """Return (first, rows): rows @ c[first : first + p + 1] are the Bernstein coefficients of a derivative on
     parts of intervals in a span.
 

@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Array, Cells, Graph, bernstein, rounding, whole_graph
+from thbcad.certified.bernstein_cells import Cells, Graph, bernstein, rounding, whole_graph
 from thbcad.certified.extreme_values import Assessment, Enclosure, corners, greatest
-from thbcad.checks import EPS
+from thbcad.checks import EPS, Floats
 
 ROUNDINGS = 40  # more than any entry or eigenvalue below takes
 DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -37,7 +37,7 @@ DERIVATIVES = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 class LeastRadii:
     """Bounds of the least radius of curvature, in the unit of x, y and z.
 
-    A side to which the graph bends nowhere has an infinite radius, at a place without meaning.
+    A side to which the graph bends nowhere has an infinite radius, at a position without meaning.
 
     concave : where z bends towards +z (positive second derivative)
     convex : where z bends towards -z
@@ -54,8 +54,8 @@ def greatest_slope(graph: Graph, tolerance: float = 1e-9) -> Enclosure:
     ------
     ValueError : a graph that is not scalar, derivatives above 1e40.
     """
-    found = greatest(bernstein(graph, ((1, 0), (0, 1))), _slope, tolerance)
-    return replace(found, lower=max(found.lower, 0.0))
+    steepest = greatest(bernstein(graph, ((1, 0), (0, 1))), _slope, tolerance)
+    return replace(steepest, lower=max(steepest.lower, 0.0))
 
 
 def least_radii(graph: Graph, tolerance: float = 1e-6) -> LeastRadii:
@@ -98,7 +98,8 @@ def _curvature(cells: Cells, best: float) -> Assessment:
     if min(degrees) < 2:
         raise ValueError(f"curvature needs degree 2 or more in x and y, got degrees {degrees}")
     e_x, e_y, e_xx, e_xy, e_yy = cells.error
-    slope_error, size = e_x + e_y, cells.magnitude[2:].sum()
+    slope_error = e_x + e_y
+    size = cells.magnitude[2:].sum()
     error = max(e_xx, e_yy) + e_xy + rounding(ROUNDINGS, size)
     values = np.maximum(_greater_curvature(*corners(cells.coefficients)), 0)
     kappa = max(best, float(values.max()))
@@ -107,11 +108,11 @@ def _curvature(cells: Cells, best: float) -> Assessment:
     return Assessment(values, float(error + 3 * slope_error * size), upper, kappa)
 
 
-def _greater_curvature(z_x: Array, z_y: Array, z_xx: Array, z_xy: Array, z_yy: Array) -> Array:
+def _greater_curvature(z_x: Floats, z_y: Floats, z_xx: Floats, z_xy: Floats, z_yy: Floats) -> Floats:
     """Return the greater eigenvalue of S A S / W with S = (I + g g^T)^(-1/2) = I - g g^T / (W (W + 1))."""
     w = np.sqrt(1 + z_x**2 + z_y**2)
-    share = 1 / (w * (w + 1))
-    s_xx, s_xy, s_yy = 1 - share * z_x**2, -share * z_x * z_y, 1 - share * z_y**2
+    factor = 1 / (w * (w + 1))
+    s_xx, s_xy, s_yy = 1 - factor * z_x**2, -factor * z_x * z_y, 1 - factor * z_y**2
     b_xx, b_xy, b_yx, b_yy = (
         s_xx * z_xx + s_xy * z_xy,
         s_xx * z_xy + s_xy * z_yy,
@@ -124,7 +125,7 @@ def _greater_curvature(z_x: Array, z_y: Array, z_xx: Array, z_xy: Array, z_yy: A
     )
 
 
-def _upper(derivatives: Array, kappa: float, slope_error: float, error: float) -> Array:
+def _upper(derivatives: Floats, kappa: float, slope_error: float, error: float) -> Floats:
     """Return the bound of max(k, 0) on every cell; `error` is that of the Hessian and of sums of its
     entries."""
     z_x, z_y, z_xx, z_xy, z_yy = derivatives
@@ -148,6 +149,6 @@ def _upper(derivatives: Array, kappa: float, slope_error: float, error: float) -
     return np.minimum(kappa + np.maximum(mu, 0) / least_w, np.maximum(nu, 0) / least_w)
 
 
-def _greater_eigenvalue(a: Array, b: Array, c: Array) -> Array:
+def _greater_eigenvalue(a: Floats, b: Floats, c: Floats) -> Floats:
     """Return the greater eigenvalue of the symmetric matrix ((a, b), (b, c))."""
     return (a + c) / 2 + np.hypot((a - c) / 2, b)

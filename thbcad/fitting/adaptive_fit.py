@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import require_integer, require_number, require_type
+from thbcad.checks import Floats, Integers, require_integer, require_number, require_type
 from thbcad.fitting.cell_samples import cell_points, gauss_points
 from thbcad.fitting.least_squares_fit import Samples, Underdetermined, least_squares
 from thbcad.hierarchy import MAX_LEVEL, THBSpace
@@ -37,7 +37,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The fit of least error, and how it was found.
+    """The fit of least error, and how the search ended.
 
     outcome : "reached" (error <= tolerance), "max level" (no cell above the tolerance may be refined
         further, or cells would be too short for float64), "no progress" (three refinements did not lower the
@@ -77,7 +77,7 @@ def fit(
     ------
     ValueError : a tolerance that is not positive, a level outside 0..24, fewer than three samples of positive
         weight, function values that are not finite.
-    Underdetermined : the samples do not even determine a spline of the given space.
+    Underdetermined : the samples do not determine a spline of the given space.
     """
     require_type("space", space, THBSpace)
     require_number("tolerance", tolerance, above=0)
@@ -104,14 +104,15 @@ def held_out(count: int) -> NDArray[np.bool_]:
 def _refined(
     space: THBSpace,
     approximate: Callable[[THBSpace], THBSurface],
-    measure: Callable[[THBSurface], NDArray[np.float64]],
+    measure: Callable[[THBSurface], Floats],
     tolerance: float,
     max_level: int,
 ) -> Fit:
     """Return the fit: approximate, measure the error of every leaf cell, refine, until there is an
     outcome."""
     best = surface = approximate(space)
-    history, below = [], []
+    history = []
+    below = []
     while True:
         errors = measure(surface)
         history.append(Step(space.dim, float(errors.max())))
@@ -122,17 +123,20 @@ def _refined(
         outcome = _outcome(least, below, tolerance)
         if outcome is None:
             finer = _finer(space, space.cells[coarse & (errors > tolerance)])
-            outcome = "max level" if finer is None else "too large" if finer.dim > MOST_FUNCTIONS else None
-        if outcome is None:
-            try:
-                space, surface = finer, approximate(finer)
-            except Underdetermined:
-                outcome = "too few samples"
+            if finer is None:
+                outcome = "max level"
+            elif finer.dim > MOST_FUNCTIONS:
+                outcome = "too large"
+            else:
+                try:
+                    space, surface = finer, approximate(finer)
+                except Underdetermined:
+                    outcome = "too few samples"
         if outcome is not None:
             return Fit(best, least, outcome, tuple(history))
 
 
-def _finer(space: THBSpace, cells: NDArray[np.int64]) -> THBSpace | None:
+def _finer(space: THBSpace, cells: Integers) -> THBSpace | None:
     """Return the space with the surroundings of the cells refined; None where they would be too short for
     float64."""
     try:
@@ -153,25 +157,25 @@ def _outcome(error: float, below: list[float], tolerance: float) -> Outcome | No
     return None
 
 
-def surroundings(space: THBSpace, cells: NDArray[np.int64]) -> dict[int, NDArray[np.int64]]:
+def surroundings(space: THBSpace, cells: Integers) -> dict[int, Integers]:
     """Return {level: cells}: the leaf cells, not finer, that meet the (p // 2, q // 2) neighbours of given
     leaf cells.
 
     cells : (n, 3) int [level, i, j].  Refining them makes room for functions of the next level around every
         given cell.
     """
-    found = []
+    chosen = []
     for level in np.unique(cells[:, 0]).tolist():
         here = cells[cells[:, 0] == level, 1:]
-        reach = [np.arange(-(kv.degree // 2), kv.degree // 2 + 1) for kv in (space.kv_u, space.kv_v)]
-        ring = (here[:, None] + np.stack(np.meshgrid(*reach), axis=-1).reshape(1, -1, 2)).reshape(-1, 2)
+        offsets = [np.arange(-(kv.degree // 2), kv.degree // 2 + 1) for kv in (space.kv_u, space.kv_v)]
+        ring = (here[:, None] + np.stack(np.meshgrid(*offsets), axis=-1).reshape(1, -1, 2)).reshape(-1, 2)
         ring = np.unique(
             np.clip(ring, 0, [(kv.spans << level) - 1 for kv in (space.kv_u, space.kv_v)]), axis=0
         )
         centres = (axis.value(level + 1, 2 * k + 1) for axis, k in zip(space.axes, ring.T))
         leaves = space.cells[np.unique(space.locate(*centres))]
-        found.append(leaves[leaves[:, 0] <= level])
-    leaves = np.unique(np.concatenate(found), axis=0)
+        chosen.append(leaves[leaves[:, 0] <= level])
+    leaves = np.unique(np.concatenate(chosen), axis=0)
     return {level: leaves[leaves[:, 0] == level, 1:] for level in np.unique(leaves[:, 0]).tolist()}
 
 
@@ -181,16 +185,16 @@ def _projected(space: THBSpace, function: Function, smoothing: float) -> THBSurf
     return least_squares(space, Samples(u, v, evaluate(function, u, v), weights), smoothing)
 
 
-def _function_errors(surface: THBSurface, function: Function) -> NDArray[np.float64]:
+def _function_errors(surface: THBSurface, function: Function) -> Floats:
     """Return the greatest error on every leaf cell, (cells,)."""
     space = surface.space
-    shares = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
-    u, v = cell_points(space, *shares)
+    fractions = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
+    u, v = cell_points(space, *fractions)
     difference = surface(u.ravel(), v.ravel()) - evaluate(function, u.ravel(), v.ravel())
     return _distance(difference).reshape(u.shape).max(axis=1)
 
 
-def _sample_errors(surface: THBSurface, samples: Samples) -> NDArray[np.float64]:
+def _sample_errors(surface: THBSurface, samples: Samples) -> Floats:
     """Return the greatest error at the samples in every leaf cell, (cells,), 0 where there is none."""
     errors = np.zeros(len(surface.space.cells))
     distance = _distance(surface(samples.u, samples.v) - samples.values)
@@ -198,5 +202,5 @@ def _sample_errors(surface: THBSurface, samples: Samples) -> NDArray[np.float64]
     return errors
 
 
-def _distance(difference: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distance(difference: Floats) -> Floats:
     return np.linalg.norm(difference.reshape(len(difference), -1), axis=1)

@@ -10,18 +10,28 @@ A Practical Guide to Splines, chapter 14.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from thbcad.checks import EPS, read_only, rebuilt, require_number, require_real, require_type
+from thbcad.checks import (
+    EPS,
+    Floats,
+    Integers,
+    read_only,
+    rebuilt,
+    require_number,
+    require_real,
+    require_type,
+)
 from thbcad.fitting.cell_samples import gauss_points
 from thbcad.hierarchy import THBSpace
 from thbcad.surfaces import THBSurface
 
+EQUAL: Floats = read_only(1.0)  # weights that are left out: all 1
 MOST_SOLVES = 6  # two are enough for degree 3, degree 10 takes five
 
 
@@ -40,10 +50,10 @@ class Samples:
     ValueError : shapes that do not agree, numbers that are not finite, negative weights.
     """
 
-    u: NDArray[np.float64]
-    v: NDArray[np.float64]
-    values: NDArray[np.float64]
-    weights: NDArray[np.float64] | None = None
+    u: Floats
+    v: Floats
+    values: Floats
+    weights: Floats = field(default_factory=lambda: EQUAL)
 
     def __post_init__(self) -> None:
         n = np.shape(self.values)[:1]
@@ -51,7 +61,7 @@ class Samples:
             "u": self.u,
             "v": self.v,
             "values": self.values,
-            "weights": np.ones(n) if self.weights is None else self.weights,
+            "weights": np.ones(n) if self.weights is EQUAL else self.weights,
         }
         for name, given in arrays.items():
             array = read_only(given)
@@ -89,7 +99,7 @@ class Samples:
             np.repeat(u, len(v)), np.tile(v, len(u)), values.reshape(u.size * v.size, *values.shape[2:])
         )
 
-    def __getitem__(self, chosen: slice | NDArray) -> Samples:
+    def __getitem__(self, chosen: slice | Integers | NDArray[np.bool_]) -> Samples:
         """Return some of the samples."""
         return Samples(self.u[chosen], self.v[chosen], self.values[chosen], self.weights[chosen])
 
@@ -116,14 +126,16 @@ def least_squares(space: THBSpace, samples: Samples, smoothing: float = 0.0) -> 
     energy = smoothing * thin_plate(space) if smoothing else csr_array((space.dim, space.dim))
     normal = weighted @ a + energy
     lu, scale = _factorised(normal, space, smoothing)
-    coefficients, least = np.zeros((space.dim, *samples.values.shape[1:])), np.inf
+    coefficients = np.zeros((space.dim, *samples.values.shape[1:]))
+    least = float("inf")
     for _ in range(MOST_SOLVES):
         gradient = weighted @ (samples.values - a @ coefficients) - energy @ coefficients
         correction = (scale * lu.solve((scale * gradient.T).T).T).T
-        size = np.linalg.norm(correction)
+        size = float(np.linalg.norm(correction))
         if size >= least:
             break
-        coefficients, least = coefficients + correction, size
+        coefficients = coefficients + correction
+        least = size
     return THBSurface(space, coefficients)
 
 
@@ -141,7 +153,7 @@ def thin_plate(space: THBSpace) -> csr_array:
     return csr_array(total)
 
 
-def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> tuple[SuperLU, NDArray[np.float64]]:
+def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> tuple[SuperLU, Floats]:
     """Return (lu, s): the factors of S N S with unit diagonal, S = diag(s); refuse a singular matrix."""
     diagonal = normal.diagonal()
     if (diagonal == 0).any():

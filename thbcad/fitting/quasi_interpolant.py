@@ -22,10 +22,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import require_type
+from thbcad.checks import Floats, Integers, require_type
 from thbcad.hierarchy import DyadicAxis, THBSpace, intervals, least_norm, whole_cells
 from thbcad.splines import Function, blossom, evaluate, greville_abscissae
 from thbcad.surfaces import THBSurface
@@ -51,7 +50,7 @@ def quasi_interpolate(space: THBSpace, function: Function) -> THBSurface:
     return THBSurface(space, operator @ evaluate(function, u, v))
 
 
-def quasi_interpolation(space: THBSpace) -> tuple[NDArray[np.float64], NDArray[np.float64], csr_array]:
+def quasi_interpolation(space: THBSpace) -> tuple[Floats, Floats, csr_array]:
     """Return (u, v, Q): the coefficients of the quasi-interpolant of f are Q @ f(u, v).
 
     u, v : (n,) float, sample points.  Q : csr_array (dim, n); the sum of |Q| over row f is the
@@ -70,11 +69,12 @@ def quasi_interpolation(space: THBSpace) -> tuple[NDArray[np.float64], NDArray[n
     )
 
 
-def _level_functionals(space: THBSpace, level: int) -> list[NDArray[np.float64]]:
+def _level_functionals(space: THBSpace, level: int) -> list[Floats]:
     """Return points and weights in u, points and weights in v of the active functions of a level, (n, 2 p +
     1) each."""
     functions = space.functions[space.functions[:, 0] == level, 1:]
-    tables, rows = [], []
+    tables = []
+    rows = []
     for axis, index in zip(space.axes, functions.T):
         distinct, inverse = np.unique(index, return_inverse=True)
         tables.append(_axis_functionals(axis, level, distinct))
@@ -88,12 +88,12 @@ def _level_functionals(space: THBSpace, level: int) -> list[NDArray[np.float64]]
 class _AxisFunctionals:
     """Functionals of n B-splines of a level on all m = (p + 1)(p + 2) / 2 intervals of up to p + 1 spans."""
 
-    norms: NDArray[np.float64]  # (n, m), inf where the support has no such interval
-    points: NDArray[np.float64]  # (n, m, 2 p + 1)
-    weights: NDArray[np.float64]  # (n, m, 2 p + 1), zero beyond the points in use
+    norms: Floats  # (n, m), inf where the support has no such interval
+    points: Floats  # (n, m, 2 p + 1)
+    weights: Floats  # (n, m, 2 p + 1), zero beyond the points in use
 
 
-def _axis_functionals(axis: DyadicAxis, level: int, index: NDArray[np.int64]) -> _AxisFunctionals:
+def _axis_functionals(axis: DyadicAxis, level: int, index: Integers) -> _AxisFunctionals:
     """Return the functionals of the B-splines `index`, (n,) int, of a level."""
     p = axis.degree
     head, tail = axis.support(level, index)
@@ -114,9 +114,7 @@ def _axis_functionals(axis: DyadicAxis, level: int, index: NDArray[np.int64]) ->
     return _AxisFunctionals(norms, points, weights)
 
 
-def _functionals(
-    knots: NDArray[np.float64], p: int, target: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _functionals(knots: Floats, p: int, target: Integers) -> tuple[Floats, Floats]:
     """Return points and weights, (n, m) each, on [t_p, t_m] for rows of m + p + 1 knots; `target` numbers the
     m B-splines of a row."""
     n, m = len(knots), knots.shape[1] - p - 1

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     )
     from thbcad.hierarchy.levels import (
         DyadicAxis as DyadicAxis,
-        Integers as Integers,
     )
     from thbcad.hierarchy.multilevel_basis import (
         MultilevelBasis as MultilevelBasis,
@@ -26,10 +25,7 @@ if TYPE_CHECKING:
 
 _FILES = {
     "domains": ("MAX_LEVEL",),
-    "levels": (
-        "DyadicAxis",
-        "Integers",
-    ),
+    "levels": ("DyadicAxis",),
     "multilevel_basis": ("MultilevelBasis",),
     "support_rectangles": (
         "intervals",

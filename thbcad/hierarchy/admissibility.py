@@ -17,9 +17,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import require_integer
+from thbcad.checks import Integers, require_integer
 from thbcad.hierarchy.domains import Domains, checked_cells
-from thbcad.hierarchy.levels import DyadicAxis, Integers
+from thbcad.hierarchy.levels import DyadicAxis
 
 
 def closure(domains: Domains, cells: Mapping[int, ArrayLike], m: int) -> dict[int, Integers]:
@@ -35,9 +35,9 @@ def closure(domains: Domains, cells: Mapping[int, ArrayLike], m: int) -> dict[in
         coarse = level - m + 1
         if level not in marked or coarse < 0:
             continue
-        found = _neighbourhood(domains, level, marked[level], coarse)
-        if len(found):
-            marked[coarse] = np.unique(np.concatenate([marked.get(coarse, found), found]), axis=0)
+        parents = _neighbourhood(domains, level, marked[level], coarse)
+        if len(parents):
+            marked[coarse] = np.unique(np.concatenate([marked.get(coarse, parents), parents]), axis=0)
     return marked
 
 

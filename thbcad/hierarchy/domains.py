@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import require_integer
-from thbcad.hierarchy.levels import DyadicAxis, Integers
+from thbcad.checks import Integers, require_integer
+from thbcad.hierarchy.levels import DyadicAxis
 
 MAX_LEVEL = 24
 MOST_CELLS = 10_000_000  # on level 0

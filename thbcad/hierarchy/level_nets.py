@@ -21,11 +21,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
-from thbcad.checks import locked
-from thbcad.hierarchy.levels import Integers, Level
+from thbcad.checks import Floats, Integers, locked
+from thbcad.hierarchy.levels import Level
 
 
 class Nets:
@@ -52,7 +51,7 @@ class Nets:
             locked(step.data)
         return steps
 
-    def coefficients(self, c: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    def coefficients(self, c: Floats) -> Iterator[Floats]:
         """Yield G_0, G_1, ... for the THB coefficients c, (dim,) or (dim, d)."""
         parts = np.split(c, self.starts[1:-1])
         net = np.zeros((self.sizes[0], *c.shape[1:]))
@@ -79,13 +78,13 @@ class Nets:
         net = None
         for number, rows in enumerate(positions):
             shape = self.sizes[number], int(starts[-1])
-            place = csr_array(
+            selected = csr_array(
                 (np.ones(len(rows)), (rows, np.arange(starts[number], starts[number + 1]))), shape=shape
             )
             if number:
                 step = self.steps[number - 1]
-                place = place + (without_rows(step, rows) if truncated else step) @ net
-            net = csr_array(place)
+                selected = selected + (without_rows(step, rows) if truncated else step) @ net
+            net = csr_array(selected)
             yield net
 
     def onto_active(self, operators: Iterable[csr_array]) -> csr_array:
@@ -95,7 +94,7 @@ class Nets:
 
 
 def without_rows(matrix: csr_array, rows: Integers) -> csr_array:
-    """Return the matrix with empty rows in the given places."""
+    """Return the matrix with empty rows in the given positions."""
     keep = np.ones(matrix.shape[0], dtype=bool)
     keep[rows] = False
     entries = np.repeat(keep, np.diff(matrix.indptr))
@@ -106,12 +105,13 @@ def without_rows(matrix: csr_array, rows: Integers) -> csr_array:
 
 def _two_scale(coarse: Level, fine: Level) -> csr_array:
     """Return the operator from the functions on Omega_(l-1) to those on Omega_l."""
-    number, width = fine.number, len(coarse.distinct[1])
+    number = fine.number
+    width = len(coarse.distinct[1])
     by_u, by_v = (
         axis.two_scale(number, fine.distinct[d], coarse.distinct[d]) for d, axis in enumerate(fine.axes)
     )
     (at_u, n_u), (at_v, n_v) = (
-        (by.indptr[place], np.diff(by.indptr)[place]) for by, place in zip((by_u, by_v), fine.places)
+        (by.indptr[rank], np.diff(by.indptr)[rank]) for by, rank in zip((by_u, by_v), fine.ranks)
     )
     count = n_u * n_v
     row = np.repeat(np.arange(len(count)), count)

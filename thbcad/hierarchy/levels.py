@@ -5,7 +5,7 @@ and spans are counted in integers; break b of level l stands for the rational po
 b / 2^l in the row of level-0 breaks, so that no rounding accumulates with the level.
 Old knots keep their multiplicity, new ones are simple.
 
-A level holds its own cells and the functions that act on them, as sorted integers: cost and
+A level holds its cells and the functions that act on them, as sorted integers: cost and
 storage are in proportion to the cells, wherever they lie.
 """
 
@@ -18,14 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.checks import EPS, locked, read_only
+from thbcad.checks import EPS, Floats, Integers, locked, read_only
 from thbcad.splines import KnotVector, blossom
-
-Integers = NDArray[np.int64]
 
 
 class DyadicAxis:
-    """Knots, spans and functions of all levels above one knot vector, found by arithmetic."""
+    """Knots, spans and functions of all levels above one knot vector, by arithmetic."""
 
     def __init__(self, knot_vector: KnotVector) -> None:
         self.knot_vector = knot_vector
@@ -43,12 +41,12 @@ class DyadicAxis:
         """Return the number of non-empty spans of a level."""
         return self.spans0 << level
 
-    def value(self, level: int, breaks: Integers) -> NDArray[np.float64]:
+    def value(self, level: int, breaks: Integers) -> Floats:
         """Return the positions of breaks of a level, float."""
         row = self.knot_vector.breaks
         whole = np.minimum(breaks >> level, self.spans0 - 1)
-        share = (breaks - (whole << level)) / float(1 << level)
-        inside = row[whole] + (row[whole + 1] - row[whole]) * share
+        fraction = (breaks - (whole << level)) / float(1 << level)
+        inside = row[whole] + (row[whole + 1] - row[whole]) * fraction
         return np.where(breaks == self.spans(level), row[-1], inside)
 
     def multiplicity(self, level: int, breaks: Integers) -> Integers:
@@ -67,7 +65,7 @@ class DyadicAxis:
         whole = np.searchsorted(starts, knots, side="right") - 1
         return (whole << level) + np.maximum(knots - starts[whole] - self._multiplicity[whole] + 1, 0)
 
-    def knots(self, level: int, index: Integers) -> NDArray[np.float64]:
+    def knots(self, level: int, index: Integers) -> Floats:
         """Return knots of a level by their indices."""
         return self.value(level, self.knot_break(level, index))
 
@@ -79,7 +77,7 @@ class DyadicAxis:
         """Return the breaks between which functions of a level are positive."""
         return self.knot_break(level, functions), self.knot_break(level, functions + self.degree + 1)
 
-    def knots_around(self, level: int, spans: Integers) -> NDArray[np.float64]:
+    def knots_around(self, level: int, spans: Integers) -> Floats:
         """Return the p knots of a level on either side of the inner of each span, (2p, n)."""
         offsets = np.arange(1, 2 * self.degree + 1)
         return self.knots(level, self.acting(level, spans) + offsets[:, None])
@@ -121,7 +119,7 @@ class DyadicAxis:
         all_keys = np.sort(np.r_[old, keys])
         return KnotVector(self.degree, self.value(level, all_keys)), all_keys
 
-    def span_at(self, level: int, u: NDArray[np.float64]) -> Integers:
+    def span_at(self, level: int, u: Floats) -> Integers:
         """Return for parameters u inside the domain the span of a level that contains them."""
         row = self.knot_vector.breaks
         whole = np.clip(np.searchsorted(row, u, "right") - 1, 0, self.spans0 - 1)
@@ -130,7 +128,8 @@ class DyadicAxis:
         # near a break the quotient may round to its other side: the breaks themselves settle it
         near = np.flatnonzero(np.abs(parts - np.rint(parts)) <= 8 * EPS * self.roughness * (1 << level))
         if len(near):
-            u, settled = u[near], span[near]
+            u = u[near]
+            settled = span[near]
             settled -= u < self.value(level, settled)
             settled += (settled + 1 < self.spans(level)) & (
                 u >= self.value(level, np.minimum(settled + 1, self.spans(level)))
@@ -167,21 +166,22 @@ class Level:
         return locked(self.cells[~self.refined])
 
     @cached_property
-    def places(self) -> tuple[Integers, Integers]:
+    def ranks(self) -> tuple[Integers, Integers]:
         """Positions (a, b) of the acting functions in `distinct`, two (m,) int."""
-        return tuple(map(locked, np.divmod(self.keys, len(self.distinct[1]))))
+        a, b = np.divmod(self.keys, len(self.distinct[1]))
+        return locked(a), locked(b)
 
     @cached_property
     def functions(self) -> Integers:
         """Acting functions (i, j), (m, 2) int."""
-        return locked(np.stack([row[place] for row, place in zip(self.distinct, self.places)], axis=1))
+        return locked(np.stack([row[rank] for row, rank in zip(self.distinct, self.ranks)], axis=1))
 
     def find(self, functions: Integers) -> Integers:
         """Return the positions of functions (i, j) among the acting ones, -1 where they do not act; functions
         : (..., 2) int."""
-        place, known = zip(*(_position(row, functions[..., d]) for d, row in enumerate(self.distinct)))
-        at, found = _position(self.keys, place[0] * len(self.distinct[1]) + place[1])
-        return np.where(found & known[0] & known[1], at, -1)
+        ranks, known = zip(*(_position(row, functions[..., d]) for d, row in enumerate(self.distinct)))
+        at, held = _position(self.keys, ranks[0] * len(self.distinct[1]) + ranks[1])
+        return np.where(held & known[0] & known[1], at, -1)
 
     def blocks(self, cells: Integers) -> Integers:
         """Return the positions of the functions that act on each cell of the level, (n, p + 1, q + 1) int."""
@@ -199,33 +199,42 @@ def make_level(
     With incidences B between spans and functions, B_u^T M B_v counts the cells in the support
     of every function; one product counts all cells and, times 256, the refined ones.
     """
-    distinct, incidences, areas, places = [], [], [], []
-    for d, axis in enumerate(axes):
-        spans, place = np.unique(cells[:, d], return_inverse=True)
-        acting = axis.acting(number, spans)[:, None] + np.arange(axis.degree + 1)
-        own = np.unique(acting)
-        head, tail = axis.support(number, own)
-        ones = np.ones(acting.size, dtype=np.int32)
-        start = np.arange(len(spans) + 1) * acting.shape[1]
-        incidences.append(
-            csr_array((ones, np.searchsorted(own, acting).ravel(), start), shape=(len(spans), len(own)))
-        )
-        distinct.append(locked(own))
-        areas.append(tail - head)
-        places.append(place)
-    shape = incidences[0].shape[0], incidences[1].shape[0]
-    mask = csr_array(((1 + 256 * refined).astype(np.int32), tuple(places)), shape=shape)
-    count = csr_array(incidences[0].T.tocsr() @ (mask @ incidences[1]))
+    spans_u, row = np.unique(cells[:, 0], return_inverse=True)
+    spans_v, column = np.unique(cells[:, 1], return_inverse=True)
+    functions_u, length_u, by_u = _incidence(axes[0], number, spans_u)
+    functions_v, length_v, by_v = _incidence(axes[1], number, spans_v)
+    shape = len(spans_u), len(spans_v)
+    mask = csr_array(((1 + 256 * refined).astype(np.int32), (row, column)), shape=shape)
+    count = csr_array(by_u.T.tocsr() @ (mask @ by_v))
     count.sort_indices()
     a = np.repeat(np.arange(count.shape[0]), np.diff(count.indptr))
     b = count.indices
-    area = areas[0][a] * areas[1][b]
+    area = length_u[a] * length_v[b]
     supported = count.data & 255 == area
     active = supported & (count.data >> 8 < area)
-    keys = a * len(distinct[1]) + b
+    keys = a * len(functions_v) + b
     return Level(
-        number, axes, locked(cells), locked(refined), tuple(distinct), *map(locked, (keys, supported, active))
+        number=number,
+        axes=axes,
+        cells=locked(cells),
+        refined=locked(refined),
+        distinct=(locked(functions_u), locked(functions_v)),
+        keys=locked(keys),
+        supported=locked(supported),
+        active=locked(active),
     )
+
+
+def _incidence(axis: DyadicAxis, number: int, spans: Integers) -> tuple[Integers, Integers, csr_array]:
+    """Return the functions of a level that act on spans, the lengths of their supports in spans, and B: which
+    act on which, (spans, functions)."""
+    acting = axis.acting(number, spans)[:, None] + np.arange(axis.degree + 1)
+    functions = np.unique(acting)
+    head, tail = axis.support(number, functions)
+    ones = np.ones(acting.size, dtype=np.int32)
+    start = np.arange(len(spans) + 1) * acting.shape[1]
+    entries = ones, np.searchsorted(functions, acting).ravel(), start
+    return functions, tail - head, csr_array(entries, shape=(len(spans), len(functions)))
 
 
 def numbered(pairs: list[Integers]) -> Integers:
@@ -235,6 +244,6 @@ def numbered(pairs: list[Integers]) -> Integers:
 
 
 def _position(row: Integers, wanted: Integers) -> tuple[Integers, NDArray[np.bool_]]:
-    """Return (index, found) of `wanted` in a sorted row."""
+    """Return (index, held) of `wanted` in a sorted row."""
     index = np.minimum(np.searchsorted(row, wanted), max(len(row) - 1, 0))
     return index, row[index] == wanted if len(row) else np.zeros(np.shape(wanted), dtype=bool)

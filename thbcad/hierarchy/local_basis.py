@@ -12,10 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import locked
-from thbcad.hierarchy.levels import Integers, Level
+from thbcad.checks import Floats, Integers, locked
+from thbcad.hierarchy.levels import Level
 from thbcad.splines import bezier_rows, blossom
 
 
@@ -35,26 +34,27 @@ class LocalBasis:
         )
 
     def values(
-        self, cell: Integers, u: NDArray[np.float64], v: NDArray[np.float64], derivative: tuple[int, int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, cell: Integers, u: Floats, v: Floats, derivative: tuple[int, int]
+    ) -> tuple[Floats, Floats]:
         """Return the functions in u, (n, p + 1), and in v, (n, q + 1), that act at points of leaf cells.
 
         cell : (n,) int, numbers of leaf cells.  u, v : (n,) float, points in them.  derivative : orders in u
             and in v.
         """
-        return tuple(
+        by_u, by_v = (
             blossom(knots[:, cell], np.broadcast_to(x[:, None], (len(x), len(knots) // 2)), order)
             for knots, x, order in zip(self._knots, (u, v), derivative)
         )
+        return by_u, by_v
 
-    def bernstein(self, net: NDArray[np.float64]) -> NDArray[np.float64]:
+    def bernstein(self, net: Floats) -> Floats:
         """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells,
         p + 1, q + 1, ...)."""
         by_u, by_v = (bezier_rows(knots) for knots in self._knots)
         return np.einsum("cki,cij...,clj->ckl...", by_u, net, by_v, optimize=True)
 
 
-def _knots_around(level: Level, direction: int) -> NDArray[np.float64]:
+def _knots_around(level: Level, direction: int) -> Floats:
     """Return the knots on either side of every leaf cell of a level, (2p, cells)."""
-    spans, place = np.unique(level.leaves[:, direction], return_inverse=True)
-    return level.axes[direction].knots_around(level.number, spans)[:, place]
+    spans, position = np.unique(level.leaves[:, direction], return_inverse=True)
+    return level.axes[direction].knots_around(level.number, spans)[:, position]

@@ -17,7 +17,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thbcad.checks import Floats
 
 if TYPE_CHECKING:
     from thbcad.hierarchy.thb_space import THBSpace
@@ -32,22 +33,27 @@ class MultilevelBasis:
         self._scales = [0.5**level for level in range(len(self._counts))]
         self.size = sum(self._counts)
 
-    def coefficients(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def coefficients(self, weights: Floats) -> Floats:
         """Return M w."""
         e = self._embedding
-        parts, out, net = np.split(weights, np.cumsum(self._counts)[:-1]), [], None
+        parts = np.split(weights, np.cumsum(self._counts)[:-1])
+        out = []
+        net = np.zeros(e.shape(0))
         for level, (part, scale) in enumerate(zip(parts, self._scales)):
-            net = np.zeros(e.shape(0)) if level == 0 else e.refined(level, net)
+            net = e.refined(level, net) if level else net
             net.ravel()[e.supported[level]] += scale * part
             out.append(net.ravel()[e.active[level]])
         return np.concatenate(out)
 
-    def adjoint(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+    def adjoint(self, gradient: Floats) -> Floats:
         """Return M^T g."""
         e = self._embedding
-        parts, out, net = np.split(gradient, np.cumsum([len(rows) for rows in e.active])[:-1]), [], None
-        for level in range(len(self._counts) - 1, -1, -1):
-            net = np.zeros(e.shape(level)) if net is None else e.refined_adjoint(level + 1, net)
+        parts = np.split(gradient, np.cumsum([len(rows) for rows in e.active])[:-1])
+        out = []
+        top = len(self._counts) - 1
+        net = np.zeros(e.shape(top))
+        for level in range(top, -1, -1):
+            net = e.refined_adjoint(level + 1, net) if level < top else net
             net.ravel()[e.active[level]] += parts[level]
             out.append(self._scales[level] * net.ravel()[e.supported[level]])
         return np.concatenate(out[::-1])

@@ -17,11 +17,11 @@ from thbcad.hierarchy.level_nets import Nets
 
 def prolongation(coarser: Nets, finer: Nets) -> csr_array:
     """Return P from the coarser to the finer space."""
-    own = [
+    rows = [
         fine.find(coarse.functions[coarse.active]) for coarse, fine in zip(coarser.hierarchy, finer.hierarchy)
     ]
-    own += [np.zeros(0, dtype=np.int64)] * (len(finer.sizes) - len(own))
-    return finer.onto_active(finer.operators(own))
+    rows += [np.zeros(0, dtype=np.int64)] * (len(finer.sizes) - len(rows))
+    return finer.onto_active(finer.operators(rows))
 
 
 def hierarchical(nets: Nets) -> csr_array:

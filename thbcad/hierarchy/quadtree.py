@@ -10,9 +10,9 @@ Source: I. Gargantini, An effective way to represent quadtrees, Comm. ACM 25 (19
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.hierarchy.levels import DyadicAxis, Integers
+from thbcad.checks import Floats, Integers
+from thbcad.hierarchy.levels import DyadicAxis
 
 _MASKS = (
     (16, 0x0000FFFF0000FFFF),
@@ -34,13 +34,14 @@ class Quadtree:
         self._order = np.argsort(codes)
         self._codes_in_order = codes[self._order]
 
-    def locate(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> Integers:
+    def locate(self, u: Floats, v: Floats) -> Integers:
         """Return the index in `cells` of the cell that holds each point of the domain."""
         i, j = (axis.span_at(self._top, x) for axis, x in zip(self._axes, (u, v)))
         return self._order[np.searchsorted(self._codes_in_order, self._codes(i, j), side="right") - 1]
 
     def _codes(self, i: Integers, j: Integers) -> Integers:
-        top, below = self._top, (1 << self._top) - 1
+        top = self._top
+        below = (1 << self._top) - 1
         base = (i >> top) * self._axes[1].spans(0) + (j >> top)
         return (base << (2 * top)) + (_spread(i & below) << 1) + _spread(j & below)
 

@@ -1,7 +1,7 @@
 """Exact restriction to a coarser THB space, for one level of cells made whole again.
 
 Functions that are active in both spaces keep their coefficients.  A function that only the coarser
-space has is found on whole cells inside its support.  There the spline has its coefficients c in
+space has is determined on whole cells inside its support.  There the spline has its coefficients c in
 the coarser knots and B c in the finer ones, B the two-scale relation in one direction and then the
 other; the rows of the pseudo-inverses take them back.  Splines of the coarser space satisfy the
 relation, hence Q P = I.  Of all rectangles of whole cells the one of least norm is taken: the
@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from thbcad.checks import Floats, Integers
 from thbcad.hierarchy.level_nets import Nets
-from thbcad.hierarchy.levels import DyadicAxis, Integers, Level
+from thbcad.hierarchy.levels import DyadicAxis, Level
 from thbcad.hierarchy.support_rectangles import intervals, least_norm, whole_cells
 
 GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
@@ -29,13 +30,13 @@ GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
 
 def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:
     """Return Q where the finer space refines only more cells of one level than the coarser one."""
-    index = []
+    indices = []
     for coarse, fine, start in zip(coarser, finer.hierarchy, finer.starts):
         at = fine.find(coarse.functions[coarse.active])
         order = np.cumsum(fine.active) - 1
-        index.append(np.where((at >= 0) & fine.active[at], start + order[at], -1))
-    lost = index[level] < 0
-    index = np.concatenate(index)
+        indices.append(np.where((at >= 0) & fine.active[at], start + order[at], -1))
+    lost = indices[level] < 0
+    index = np.concatenate(indices)
     rows = np.flatnonzero(index >= 0)
     keep = csr_array((np.ones(len(rows)), (rows, index[rows])), shape=(len(index), finer.dim))
     if not lost.any():
@@ -43,8 +44,8 @@ def restriction(coarser: Sequence[Level], finer: Nets, level: int) -> csr_array:
     weights = _dual_weights(coarser[level], finer.hierarchy[level + 1], lost)
     *_, net = (net for number, net in zip(range(level + 2), finer.operators(finer.active)))
     rows = np.flatnonzero(index < 0)
-    place = csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(len(index), len(rows)))
-    return csr_array(keep + place @ (weights @ net))
+    insertion = csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(len(index), len(rows)))
+    return csr_array(keep + insertion @ (weights @ net))
 
 
 def require_restored(operator: csr_array) -> None:
@@ -61,7 +62,8 @@ def require_restored(operator: csr_array) -> None:
 def _dual_weights(coarse: Level, fine: Level, lost: NDArray[np.bool_]) -> csr_array:
     """Return the weights of the finer level's net, (n, size), that give the lost functions' coefficients."""
     functions = coarse.functions[coarse.active][lost]
-    tables, rows = [], []
+    tables = []
+    rows = []
     for d, axis in enumerate(coarse.axes):
         distinct, inverse = np.unique(functions[:, d], return_inverse=True)
         tables.append(_inverses(axis, coarse.number, distinct))
@@ -90,9 +92,9 @@ class _Inverses:
     """Functionals of n B-splines of a level on all intervals of their supports, in terms of the next level's
     coefficients."""
 
-    norms: NDArray[np.float64]  # (n, m), inf where the support has no such interval
+    norms: Floats  # (n, m), inf where the support has no such interval
     first: Integers  # (n, m), the first B-spline of the next level
-    weights: NDArray[np.float64]  # (n, m, 3 p + 2), zero beyond those in use
+    weights: Floats  # (n, m, 3 p + 2), zero beyond those in use
 
 
 def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
@@ -120,7 +122,7 @@ def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
 
 def _two_scale_blocks(
     axis: DyadicAxis, level: int, fine: Integers, coarse: Integers, shape: tuple[int, int]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the blocks of the two-scale relation that start at rows `fine` and columns `coarse`, (n,
     *shape)."""
     all_rows, all_columns = (np.unique(at[:, None] + np.arange(n)) for at, n in zip((fine, coarse), shape))
@@ -135,9 +137,7 @@ def _two_scale_blocks(
     return blocks
 
 
-def _inverse_rows(
-    blocks: NDArray[np.float64], target: Integers
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _inverse_rows(blocks: Floats, target: Integers) -> tuple[Floats, Floats]:
     """Return row `target` of the pseudo-inverse of every block and its norm, (n, r, c) and (n,) -> (n, r) and
     (n,), by QR.
 

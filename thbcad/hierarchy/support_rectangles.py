@@ -1,6 +1,6 @@
 """Rectangles of leaf cells inside the supports of B-splines.
 
-A coefficient can be found on any rectangle of leaf cells in the support of its B-spline: the more
+A coefficient can be computed on any rectangle of leaf cells in the support of its B-spline: the more
 cells, the less a functional magnifies rounding errors.
 """
 
@@ -11,12 +11,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.hierarchy.levels import Integers, Level
+from thbcad.checks import Floats, Integers
+from thbcad.hierarchy.levels import Level
 
 
-def least_norm(
-    leaves: NDArray[np.bool_], norms_u: NDArray[np.float64], norms_v: NDArray[np.float64]
-) -> tuple[Integers, NDArray[np.float64]]:
+def least_norm(leaves: NDArray[np.bool_], norms_u: Floats, norms_v: Floats) -> tuple[Integers, Floats]:
     """Return the rectangle of leaf cells of least norm in every support: the numbers of its intervals, (2,
     n), and the norms, (n,).
 

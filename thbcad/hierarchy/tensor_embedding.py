@@ -2,7 +2,7 @@
 
 W_l is the tensor-product space on the level-0 knots and only those dyadic knots up to level
 l that some refined cell needs.  Every active function of level l is a B-spline of W_l, so a
-THB spline with coefficients c_l is found by "refine, then overwrite":
+THB spline with coefficients c_l follows by "refine, then overwrite":
 
     G_0 = c_0,    G_l = P_u G_(l-1) P_v^T,    then G_l[active] = c_l,
 
@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from thbcad.checks import locked
-from thbcad.hierarchy.levels import DyadicAxis, Integers, Level
+from thbcad.checks import Floats, Integers, locked
+from thbcad.hierarchy.levels import DyadicAxis, Level
 from thbcad.splines import KnotVector, tensor_apply
 
 MOST_POINTS = 100_000_000  # control points of the tensor-product form
@@ -70,7 +70,8 @@ class Embedding:
 
     def _positions(self, level: Level, functions: Integers) -> Integers:
         """Return where functions of a level whose supports lie in Omega_l sit in the flat net of W_l."""
-        top, index = len(self._hierarchy) - 1, []
+        top = len(self._hierarchy) - 1
+        index = []
         for d, axis in enumerate(self._axes):
             head = axis.knot_break(level.number, functions[:, d])
             rank = functions[:, d] - axis.first_knot(level.number, head)
@@ -86,17 +87,17 @@ class Embedding:
             for pair in zip(self._chain, self._chain[1:])
         ]
 
-    def refined(self, number: int, net: NDArray[np.float64]) -> NDArray[np.float64]:
+    def refined(self, number: int, net: Floats) -> Floats:
         """Return P_u net P_v^T, a net of W_(number - 1) in W_number."""
         pu, pv = self.steps[number - 1]
         return np.ascontiguousarray(tensor_apply(pu, pv, net))
 
-    def refined_adjoint(self, number: int, net: NDArray[np.float64]) -> NDArray[np.float64]:
+    def refined_adjoint(self, number: int, net: Floats) -> Floats:
         """Return P_u^T net P_v, the transpose of `refined`."""
         pu, pv = self.steps[number - 1]
         return np.ascontiguousarray(tensor_apply(pu.T, pv.T, net))
 
-    def coefficients(self, c: ArrayLike) -> NDArray[np.float64]:
+    def coefficients(self, c: ArrayLike) -> Floats:
         """Return the tensor-product net of the spline with THB coefficients c.
 
         c : (dim,) or (dim, d).  Returns (n_u, n_v) or (n_u, n_v, d).
@@ -115,7 +116,7 @@ class Embedding:
             net.reshape(-1, *c.shape[1:])[rows] = part
         return net
 
-    def adjoint(self, net: ArrayLike) -> NDArray[np.float64]:
+    def adjoint(self, net: ArrayLike) -> Floats:
         """Return E^T net for E = `coefficients`: the gradient by c from the gradient by the net, (dim,)."""
         net = np.array(net, dtype=np.float64, order="C")
         parts = []

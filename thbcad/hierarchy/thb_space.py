@@ -19,15 +19,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array
 
-from thbcad.checks import points, read_only, rebuilt, require_orders, require_type
+from thbcad.checks import Floats, Integers, points, read_only, rebuilt, require_orders, require_type
 from thbcad.hierarchy import prolongation as transfer
 from thbcad.hierarchy.admissibility import closure
 from thbcad.hierarchy.domains import Domains
 from thbcad.hierarchy.level_nets import Nets
-from thbcad.hierarchy.levels import DyadicAxis, Integers, Level, make_level, numbered
+from thbcad.hierarchy.levels import DyadicAxis, Level, make_level, numbered
 from thbcad.hierarchy.local_basis import LocalBasis
 from thbcad.hierarchy.quadtree import Quadtree
 from thbcad.hierarchy.restriction import require_restored, restriction
@@ -49,18 +49,22 @@ class THBSpace:
 
     kv_u: KnotVector
     kv_v: KnotVector
-    _domains: Domains | None = field(default=None, kw_only=True)
+    _given: Domains | None = field(default=None, kw_only=True)
+    _domains: Domains = field(init=False)
 
     def __post_init__(self) -> None:
         for name, kv in (("kv_u", self.kv_u), ("kv_v", self.kv_v)):
             require_type(name, kv, KnotVector)
-        if self._domains is None:
-            object.__setattr__(self, "_domains", Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v))))
+        domains = self._given
+        if domains is None:
+            domains = Domains((DyadicAxis(self.kv_u), DyadicAxis(self.kv_v)))
+        object.__setattr__(self, "_domains", domains)
 
     __reduce__ = rebuilt
 
     def __repr__(self) -> str:
-        degrees, cells = (self.kv_u.degree, self.kv_v.degree), len(self.cells)
+        degrees = (self.kv_u.degree, self.kv_v.degree)
+        cells = len(self.cells)
         return f"THBSpace(degree {degrees}, {self.levels} levels, {cells} cells, dim {self.dim})"
 
     @property
@@ -97,7 +101,7 @@ class THBSpace:
         return sum(int(level.active.sum()) for level in self.hierarchy)
 
     @cached_property
-    def boxes(self) -> NDArray[np.float64]:
+    def boxes(self) -> Floats:
         """Leaf cells as parameter intervals, (n, 4) float [u0, u1, v0, v1]: the hierarchical mesh."""
         rows = []
         for level in self.hierarchy:
@@ -113,7 +117,8 @@ class THBSpace:
     @cached_property
     def hierarchy(self) -> tuple[Level, ...]:
         """The levels as `Level` records, coarsest first."""
-        d, levels = self._domains, []
+        d = self._domains
+        levels = []
         for number in range(d.levels):
             keys = d.cells(number)
             refined = np.zeros(len(keys), dtype=bool)
@@ -160,7 +165,7 @@ class THBSpace:
         domains = self._domains.refine(cells)
         if admissible is not None:
             domains = self._domains.refine(closure(self._domains, cells, admissible))
-        return replace(self, _domains=domains)
+        return replace(self, _given=domains)
 
     def coarsen(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
         """Return the space in which the given refined cells are whole again: the inverse of `refine`.
@@ -171,7 +176,7 @@ class THBSpace:
         ------
         ValueError : a cell that is not refined, or whose children are.
         """
-        return replace(self, _domains=self._domains.coarsen(cells))
+        return replace(self, _given=self._domains.coarsen(cells))
 
     def locate(self, u: ArrayLike, v: ArrayLike) -> Integers:
         """Return for each point (u_k, v_k) the index of its leaf cell in `cells`, (n,) int.
@@ -209,7 +214,8 @@ class THBSpace:
         if not isinstance(coarser, THBSpace):
             raise ValueError("the coarser space must be a THBSpace over the same two knot vectors")
         coarser._require_nested(self)
-        whole, operator = self, eye_array(self.dim, format="csr")
+        whole = self
+        operator = eye_array(self.dim, format="csr")
         for level in range(self.levels - 2, -1, -1):
             extra = np.setdiff1d(whole._domains.refined(level), coarser._domains.refined(level))
             if len(extra):
@@ -270,7 +276,7 @@ class THBSpace:
 
     def local_values(
         self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Integers]:
+    ) -> tuple[Floats, Floats, Integers]:
         """Return the local B-splines in u, (n, p + 1), in v, (n, q + 1), and the leaf cell of every point,
         (n,) int.
 
@@ -280,7 +286,8 @@ class THBSpace:
             non-negative integer.
         """
         u, v = self._points(u, v)
-        orders, cell = require_orders(derivative), self._quadtree.locate(u, v)
+        orders = require_orders(derivative)
+        cell = self._quadtree.locate(u, v)
         return *self.local_basis.values(cell, u, v, orders), cell
 
     @cached_property
@@ -291,7 +298,9 @@ class THBSpace:
         the finest spans, which costs a coarse cell in the rows or columns of fine ones a factor of at most
         2^(levels - 1) longest / shortest level-0 span: that must not exceed 256.
         """
-        sizes, local, spread = 1, 1, 1.0
+        sizes = 1
+        local = 1
+        spread = 1.0
         for d, kv in enumerate((self.kv_u, self.kv_v)):
             sizes *= kv.dim + sum(len(np.unique(level.cells[level.refined, d])) for level in self.hierarchy)
             local *= kv.degree + 1
@@ -309,7 +318,7 @@ class THBSpace:
         if not self._domains.within(finer._domains):
             raise ValueError("the other space is not a refinement of this one: it lacks some refined cells")
 
-    def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _points(self, u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
         u, v = points(u, v)
         self.kv_u.require_inside(u)
         self.kv_v.require_inside(v)

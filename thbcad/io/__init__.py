@@ -14,7 +14,15 @@ if TYPE_CHECKING:
         areas as areas,
         volume as volume,
     )
+    from thbcad.io.brep_records import (
+        MILLIMETRE as MILLIMETRE,
+        Brep as Brep,
+        BrepEdge as BrepEdge,
+        BrepFace as BrepFace,
+    )
     from thbcad.io.lens_json import (
+        lens_from_dict as lens_from_dict,
+        lens_to_dict as lens_to_dict,
         read_lens as read_lens,
         write_lens as write_lens,
     )
@@ -33,11 +41,7 @@ if TYPE_CHECKING:
         table_size as table_size,
     )
     from thbcad.io.step_brep import (
-        MILLIMETRE as MILLIMETRE,
-        Brep as Brep,
-        BrepEdge as BrepEdge,
-        BrepFace as BrepFace,
-        read_brep as read_brep,
+        parse_brep as parse_brep,
     )
     from thbcad.io.step_text import (
         having as having,
@@ -60,7 +64,15 @@ _FILES = {
         "areas",
         "volume",
     ),
+    "brep_records": (
+        "Brep",
+        "BrepEdge",
+        "BrepFace",
+        "MILLIMETRE",
+    ),
     "lens_json": (
+        "lens_from_dict",
+        "lens_to_dict",
         "read_lens",
         "write_lens",
     ),
@@ -76,13 +88,7 @@ _FILES = {
         "sag_text",
         "table_size",
     ),
-    "step_brep": (
-        "Brep",
-        "BrepEdge",
-        "BrepFace",
-        "MILLIMETRE",
-        "read_brep",
-    ),
+    "step_brep": ("parse_brep",),
     "step_text": (
         "having",
         "read_part21",

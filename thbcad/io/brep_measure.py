@@ -5,9 +5,9 @@
 Of a spline face X(u, v) the integrand (X - O) . (X_u x X_v) is a polynomial of degree 3 p - 1 on every span:
 Gauss quadrature is exact.  On a plane face (X - O) . n is constant; its area is half of n . (integral of X x
 dX) around its loops, which is exact for lines and splines.  The area of a spline face is the integral of |X_u
-x X_v|, of which two numbers of nodes tell the error.
+x X_v|, of which two numbers of nodes show the error.
 
-Faces are planes, or splines that are not rational and end at the four sides of their own rectangle.
+Faces are planes, or splines that are not rational and end at the four sides of their rectangle.
 
 Source: R. N. Goldman, Area of planar polygons and volume of polyhedra, Graphics Gems II (1991); G. H. Golub
 and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23 (1969).
@@ -18,17 +18,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.io.step_brep import Brep, BrepEdge, BrepFace
-from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
+from thbcad.checks import Floats
+from thbcad.io.brep_records import Brep, BrepEdge, BrepFace
+from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
 
 ACCURACY = 1e-10  # relative, of areas
 MOST_NODES = 64  # per span and direction
 STRIP = 2**18  # nodes that are taken at once
 MATCH = 1e-7  # the distance within which edges and the sides of faces agree, as CAD programs have it in mm
-
-Array = NDArray[np.float64]
 
 
 def volume(brep: Brep) -> float:
@@ -70,18 +68,26 @@ def _edges(brep: Brep) -> dict[int, BrepEdge]:
         )
     edges = {edge.number: edge for edge in brep.edges}
     for face in brep.faces:
-        if isinstance(face.surface, BSplineSurface):
+        if face.plane is None:
             _require_whole(face, edges)
-        elif face.plane is None:
-            raise ValueError(
-                f"face #{face.number} must be a plane or a spline that is not rational, got {face.kind}"
-            )
     return edges
+
+
+def _spline(face: BrepFace) -> BSplineSurface:
+    """Return the surface of a face that is no plane; raise ValueError unless it is a spline, not rational."""
+    if not isinstance(face.surface, BSplineSurface):
+        raise ValueError(
+            f"face #{face.number} must be a plane or a spline that is not rational, got {face.surface_type}"
+        )
+    return face.surface
 
 
 def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
     """Raise ValueError unless the edges of a spline face are the four sides of its rectangle."""
-    kv_u, kv_v, net = face.surface.kv_u, face.surface.kv_v, face.surface.coefficients
+    surface = _spline(face)
+    kv_u = surface.kv_u
+    kv_v = surface.kv_v
+    net = surface.coefficients
     sides = [(kv_u, net[:, 0]), (kv_u, net[:, -1]), (kv_v, net[0]), (kv_v, net[-1])]
     if len(face.loops) == 1 and len(face.loops[0]) == 4:
         for number, _ in face.loops[0]:
@@ -90,24 +96,26 @@ def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
         raise ValueError(f"face #{face.number} must end at the four sides of its spline")
 
 
-def _covers(edge: BrepEdge, kv: KnotVector, poles: Array) -> bool:
-    """Return whether an edge is the spline (kv, poles), of which it may lack some knots, run along either
-    way."""
-    own, points = edge.kv or KnotVector(1, [0.0, 0.0, 1.0, 1.0]), _poles(edge)
+def _covers(edge: BrepEdge, kv: KnotVector, poles: Floats) -> bool:
+    """Return whether an edge is the spline (kv, poles), of which it may lack some knots, run in either
+    direction."""
+    curve = edge.kv or UNIT
+    points = _poles(edge)
     if _same(poles[[0, -1]], points[[-1, 0]]):
-        own, points = KnotVector(own.degree, 0.0 - own.knots[::-1]), points[::-1]
-    if own.degree != kv.degree or not _same(poles[[0, -1]], points[[0, -1]]):
+        curve = KnotVector(curve.degree, 0.0 - curve.knots[::-1])
+        points = points[::-1]
+    if curve.degree != kv.degree or not _same(poles[[0, -1]], points[[0, -1]]):
         return False
-    own = own.rescaled(kv.start, kv.stop)
-    both = own.merged(kv)
-    return _same(own.prolongation(both) @ points, kv.prolongation(both) @ poles)
+    curve = curve.rescaled(kv.start, kv.stop)
+    both = curve.merged(kv)
+    return _same(curve.prolongation(both) @ points, kv.prolongation(both) @ poles)
 
 
-def _same(a: Array, b: Array) -> bool:
+def _same(a: Floats, b: Floats) -> bool:
     return bool((abs(a - b) <= MATCH).all())
 
 
-def _poles(edge: BrepEdge) -> Array:
+def _poles(edge: BrepEdge) -> Floats:
     """Return the poles of an edge, along its curve; raise ValueError for a curve that is neither a line nor a
     whole spline."""
     if edge.poles is None:
@@ -119,13 +127,15 @@ def _poles(edge: BrepEdge) -> Array:
     return edge.poles
 
 
-def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Array) -> float:
+def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Floats) -> float:
     """Return the integral of (X - O) . n dA, n the normal of the surface."""
     if face.plane is not None:
         point, normal = face.plane
-        return float((point - origin) @ normal / np.linalg.norm(normal)) * _plane_area(face, edges)
-    surface = BSplineSurface(face.surface.kv_u, face.surface.kv_v, face.surface.coefficients - origin)
-    nodes = tuple(3 * kv.degree // 2 + 1 for kv in (surface.kv_u, surface.kv_v))
+        height = float((point - origin) @ normal / np.linalg.norm(normal))
+        return height * _plane_area(face, face.plane, edges)
+    whole = _spline(face)
+    surface = BSplineSurface(whole.kv_u, whole.kv_v, whole.coefficients - origin)
+    nodes = 3 * surface.kv_u.degree // 2 + 1, 3 * surface.kv_v.degree // 2 + 1
     return sum(
         float(wu @ np.einsum("ijk,ijk->ij", x, normal) @ wv) for wu, wv, x, normal in _normals(surface, nodes)
     )
@@ -133,24 +143,28 @@ def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Array) -> float
 
 def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
     if face.plane is not None:
-        return _plane_area(face, edges)
-    surface, before, more = face.surface, np.inf, 2
+        return _plane_area(face, face.plane, edges)
+    surface = _spline(face)
+    before = np.inf
+    more = 2
     while more <= MOST_NODES:
-        nodes = tuple(min(kv.degree + more, MOST_NODES) for kv in (surface.kv_u, surface.kv_v))
-        found = sum(
+        p, q = surface.kv_u.degree, surface.kv_v.degree
+        nodes = min(p + more, MOST_NODES), min(q + more, MOST_NODES)
+        area = sum(
             float(wu @ np.linalg.norm(normal, axis=2) @ wv) for wu, wv, _, normal in _normals(surface, nodes)
         )
-        if abs(found - before) <= ACCURACY * found:
-            return found
-        before, more = found, more + max(2, more // 2)
+        if abs(area - before) <= ACCURACY * area:
+            return area
+        before = area
+        more = more + max(2, more // 2)
     raise ValueError(
         f"the area of face #{face.number} cannot be found to {ACCURACY:g} with {MOST_NODES} nodes per span"
     )
 
 
-def _plane_area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
+def _plane_area(face: BrepFace, plane: Floats, edges: Mapping[int, BrepEdge]) -> float:
     """Return |1/2 n . integral of X x dX| around the loops of a plane face."""
-    point, normal = face.plane
+    point, normal = plane
     twice = np.zeros(3)
     for number, along in (use for loop in face.loops for use in loop):
         edge = edges[number]
@@ -164,7 +178,9 @@ def _plane_area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
     return abs(float(twice @ normal)) / (2 * float(np.linalg.norm(normal)))
 
 
-def _normals(surface: BSplineSurface, nodes: tuple[int, int]) -> Iterator[tuple[Array, Array, Array, Array]]:
+def _normals(
+    surface: BSplineSurface, nodes: tuple[int, int]
+) -> Iterator[tuple[Floats, Floats, Floats, Floats]]:
     """Yield (weights in u, weights in v, X, X_u x X_v) at Gauss nodes of all spans, strip by strip."""
     (u, wu), (v, wv) = (gauss_rule(kv.breaks, n) for kv, n in zip((surface.kv_u, surface.kv_v), nodes))
     step = max(1, STRIP // len(v))

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
 from thbcad.io.atomic_files import write_text
 
 
@@ -17,28 +17,28 @@ def write_json(data: object, path: str | Path) -> None:
     write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False))
 
 
-def read_json(path: str | Path, kind: str) -> Any:
+def read_json(path: str | Path, content: str) -> Any:
     """Return the content of a JSON file.
 
     Raises
     ------
-    OSError : unreadable; ValueError : no JSON, `kind` names what was wanted.
+    OSError : unreadable; ValueError : no JSON, `content` names what was wanted.
     """
     try:
         return json.loads(Path(path).read_text("utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not a {kind} file: {error}") from None
+        raise ValueError(f"{path} is not a {content} file: {error}") from None
     except RecursionError:
-        raise ValueError(f"{path} is not a {kind} file: it is nested too deeply") from None
+        raise ValueError(f"{path} is not a {content} file: it is nested too deeply") from None
 
 
-def require_schema(data: object, schema: str, version: int, kind: str) -> dict[str, Any]:
+def require_schema(data: object, schema: str, version: int, content: str) -> dict[str, Any]:
     """Return the object with this schema and version, or raise ValueError."""
     if not isinstance(data, dict) or data.get("schema") != schema:
-        raise ValueError(f"not a {kind} file: its schema is not {schema!r}")
+        raise ValueError(f"not a {content} file: its schema is not {schema!r}")
     if data.get("version") != version:
         raise ValueError(
-            f"{kind} file version {data.get('version')!r} is unknown, this program reads version {version}"
+            f"{content} file version {data.get('version')!r} is unknown, this program reads version {version}"
         )
     return data
 
@@ -48,12 +48,12 @@ def a_number(data: dict[str, Any], key: str) -> float:
     return float(a_row([data[key]], key)[0])
 
 
-def numbers(data: dict[str, Any], key: str) -> NDArray[np.float64]:
+def numbers(data: dict[str, Any], key: str) -> Floats:
     """Return the list of numbers under a key."""
     return a_row(data[key], key)
 
 
-def a_row(values: object, key: str) -> NDArray[np.float64]:
+def a_row(values: object, key: str) -> Floats:
     """Return a list of JSON numbers as floats; nothing else passes for a number."""
     if not isinstance(values, list) or not all(type(v) in (int, float) for v in values):
         raise ValueError(f"the file's {key} must hold numbers only")

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from thbcad.checks import require_type
 from thbcad.io.json_values import a_number, a_table, numbers, read_json, require_schema, write_json
 from thbcad.io.surface_json import sag_from_dict, sag_to_dict
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.sags import Conic
 
 SCHEMA = "thbcad-lens"
@@ -46,15 +45,19 @@ def lens_from_dict(data: object) -> Lens:
         raise ValueError(f"the lens file's units must be 'mm', got {table.get('units')!r}")
     try:
         front, rear = (_surface_from_dict(a_table(table, name)) for name in ("front", "rear"))
-        return Lens(front, rear, a_number(table, "thickness"), a_number(table, "index"))
+        return require_sound(Lens(front, rear, a_number(table, "thickness"), a_number(table, "index")))
     except KeyError as error:
         raise ValueError(f"the lens file lacks the key {error}") from None
 
 
 def write_lens(lens: Lens, path: str | Path) -> None:
-    """Write the lens to a native JSON file, atomically."""
-    require_type("lens", lens, Lens)
-    write_json(lens_to_dict(lens), path)
+    """Write the lens to a native JSON file, atomically.
+
+    Raises
+    ------
+    OSError : the file cannot be written.  ValueError : as `require_sound`.
+    """
+    write_json(lens_to_dict(require_sound(lens)), path)
 
 
 def read_lens(path: str | Path) -> Lens:

@@ -70,7 +70,7 @@ def threemf_bytes(mesh: Tessellation) -> bytes:
     _require_single(mesh)
     model = io.BytesIO()
     model.write(MODEL[0].encode())
-    # nine digits tell all float32 apart
+    # nine digits distinguish all float32
     np.savetxt(model, mesh.vertices, '<vertex x="%.9g" y="%.9g" z="%.9g"/>')
     model.write(MODEL[1].encode())
     np.savetxt(model, mesh.triangles, '<triangle v1="%d" v2="%d" v3="%d"/>')
@@ -83,7 +83,8 @@ def threemf_bytes(mesh: Tessellation) -> bytes:
             ("3D/3dmodel.model", model.getvalue()),
         ):
             entry = zipfile.ZipInfo(name, STAMP)
-            entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 3
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3
             archive.writestr(entry, data)
     return package.getvalue()
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.io.step_brep import MILLIMETRE, read_brep
+from thbcad.checks import Floats
+from thbcad.io.brep_records import MILLIMETRE
+from thbcad.io.step_brep import parse_brep
 from thbcad.lens import Lens
 from thbcad.sags import lobatto_nodes
 from thbcad.splines import BSplineSurface
@@ -18,22 +19,23 @@ UNCOVERED = 1e-9  # of the area of a surface
 def patched_deviation(path: str | Path, lens: Lens) -> float:
     """Return the greatest distance in z between front and rear of a STEP file and those of the lens, mm.
 
-    Every spline face of degree 2 or more both ways is compared with the nearer surface, in every knot span at
-    the extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
+    Every spline face of degree 2 or more in both directions is compared with the nearer surface, in every
+    knot span at the extrema of the Chebyshev polynomial of its degree.  The text is read without OCCT.
 
     Raises
     ------
     OSError : the file cannot be read.
     ValueError : not a STEP file with one solid in mm, or its faces do not cover front and rear.
     """
-    solid = read_brep(path)
+    solid = parse_brep(path)
     if solid.unit != MILLIMETRE:
         raise ValueError(f"{path} must be in {MILLIMETRE}, got {solid.unit}")
     splines = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
-    points: tuple[list[NDArray[np.float64]], ...] = ([], [])
+    points: tuple[list[Floats], ...] = ([], [])
     for spline in splines:
         if min(spline.kv_u.degree, spline.kv_v.degree) > 1:
-            net = spline.grid(*(lobatto_nodes(kv.breaks, kv.degree) for kv in (spline.kv_u, spline.kv_v)))
+            u, v = (lobatto_nodes(kv.breaks, kv.degree) for kv in (spline.kv_u, spline.kv_v))
+            net = spline.grid(u, v)
             points[_nearer(lens, net[len(net) // 2, net.shape[1] // 2])].append(net)
     greatest = 0.0
     for name, surface, vertex, nets in zip(
@@ -49,7 +51,7 @@ def patched_deviation(path: str | Path, lens: Lens) -> float:
     return greatest
 
 
-def _nearer(lens: Lens, point: NDArray[np.float64]) -> int:
+def _nearer(lens: Lens, point: Floats) -> int:
     """Return 0 where a point, (3,), is nearer to the front in z, 1 where it is nearer to the rear."""
     distances = [
         abs(vertex + surface(*point[:2])[0] - point[2])

@@ -9,9 +9,8 @@ from __future__ import annotations
 import io
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import require_integer, require_type
+from thbcad.checks import Floats, require_integer, require_type
 from thbcad.lens import FreeformSurface
 
 LEAST_POINTS = 5  # what OpticStudio wants per direction
@@ -77,15 +76,13 @@ def cloud_text(surface: FreeformSurface, vertex: float, upwards: bool, size: tup
     z, zx, zy = (surface.grid(x, y, order).ravel() for order in ORDERS[:3])
     normals = np.column_stack([-zx, -zy, np.ones_like(z)]) * (1 if upwards else -1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    places = [a.ravel() for a in np.meshgrid(x, y, indexing="ij")]
+    positions = [a.ravel() for a in np.meshgrid(x, y, indexing="ij")]
     text = io.BytesIO()
-    np.savetxt(text, np.column_stack([*places, vertex + z, normals]), "%.17g")
+    np.savetxt(text, np.column_stack([*positions, vertex + z, normals]), "%.17g")
     return text.getvalue()
 
 
-def _lines(
-    surface: FreeformSurface, size: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lines(surface: FreeformSurface, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return x and y of the grid."""
     for name, n in zip(("nx", "ny"), size):
         require_integer(name, n, LEAST_POINTS)

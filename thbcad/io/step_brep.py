@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
+from thbcad.io.brep_records import Brep, BrepEdge, BrepFace
 from thbcad.io.step_text import REAL, STRING, Entity, Reference, Value, having, read_part21
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
@@ -22,62 +22,9 @@ POINT = re.compile(
 )
 PLACED = ("MAPPED_ITEM", "ITEM_DEFINED_TRANSFORMATION", "CARTESIAN_TRANSFORMATION_OPERATOR_3D")
 OTHER_SOLIDS = ("BREP_WITH_VOIDS", "FACETED_BREP", "SHELL_BASED_SURFACE_MODEL")
-MILLIMETRE = "MILLI METRE"
 
 
-@dataclass(frozen=True, eq=False)
-class BrepFace:
-    """An ADVANCED_FACE: its number in the file and the type of its surface.
-
-    surface : where it is a spline, else None.  plane : where it is one, a point and the normal, (2, 3) float,
-        else None.
-    outward : whether the normal of the surface points out of the solid.
-    loops : around the face, seen from outside to the left: edges by number, each with whether it is passed
-        along its curve.
-    """
-
-    number: int
-    kind: str
-    surface: BSplineSurface | NURBSSurface | None
-    plane: NDArray[np.float64] | None
-    outward: bool
-    loops: tuple[tuple[tuple[int, bool], ...], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class BrepEdge:
-    """An EDGE_CURVE: ends (2, 3) float, in the direction of its curve.
-
-    kv, poles : knots and poles (n, 3) float of a spline.  A line has no knots; its poles are its point and
-        one a vector on.
-    Both are None for other curves.
-    """
-
-    number: int
-    ends: NDArray[np.float64]
-    kv: KnotVector | None
-    poles: NDArray[np.float64] | None
-
-
-@dataclass(frozen=True, eq=False)
-class Brep:
-    """The one solid of a STEP file, in its unit of length.
-
-    name : of the product.  unit : of length, "MILLI METRE" in files of this package.  faces : in the order of
-        the shell.
-    unpaired : how many edges do not border two faces, once in each direction.
-    gaps : how many edges do not begin where the edge before them around a face ends.
-    """
-
-    name: str
-    unit: str
-    faces: tuple[BrepFace, ...]
-    edges: tuple[BrepEdge, ...]
-    unpaired: int
-    gaps: int
-
-
-def read_brep(path: str | Path) -> Brep:
+def parse_brep(path: str | Path) -> Brep:
     """Read the one solid of a STEP file from its text, without OCCT; numbers come bit for bit.
 
     Raises
@@ -94,7 +41,7 @@ def read_brep(path: str | Path) -> Brep:
 
 
 def brep(entities: Entities) -> Brep:
-    """Return the one solid of a file's entities; raise ValueError as `read_brep`."""
+    """Return the one solid of a file's entities; raise ValueError as `parse_brep`."""
     names = [_text(e.parameters("PRODUCT", 4)[0], e) for e in having(entities, "PRODUCT")]
     placed = [e for kind in PLACED for e in having(entities, kind)]
     if placed:
@@ -145,7 +92,8 @@ def length_unit(entities: Entities) -> str:
 
 
 def _solid(entities: Entities) -> Entity:
-    solids, others = having(entities, "MANIFOLD_SOLID_BREP"), [k for k in OTHER_SOLIDS if having(entities, k)]
+    solids = having(entities, "MANIFOLD_SOLID_BREP")
+    others = [k for k in OTHER_SOLIDS if having(entities, k)]
     if len(solids) != 1 or others:
         raise ValueError(
             "the file must hold one MANIFOLD_SOLID_BREP, got "
@@ -169,8 +117,8 @@ def _loops(entities: Entities, face: Entity) -> list[list[tuple[int, bool]]]:
     loops = []
     for bound in (_entity(entities, k, face) for k in _list(face.parameters("ADVANCED_FACE", 4)[1], face)):
         kind = "FACE_OUTER_BOUND" if "FACE_OUTER_BOUND" in bound.parts else "FACE_BOUND"
-        _, loop, forwards = bound.parameters(kind, 3)
-        loop = _entity(entities, loop, bound)
+        _, around, forwards = bound.parameters(kind, 3)
+        loop = _entity(entities, around, bound)
         uses = []
         for edge in (_entity(entities, k, loop) for k in _list(loop.parameters("EDGE_LOOP", 2)[1], loop)):
             _, _, _, curve, along = edge.parameters("ORIENTED_EDGE", 5)
@@ -190,7 +138,8 @@ def _gaps(entities: Entities, loop: list[tuple[int, bool]]) -> int:
 
 def _face(entities: Entities, face: Entity) -> BrepFace:
     surface = _entity(entities, face.parameters("ADVANCED_FACE", 4)[2], face)
-    spline = plane = None
+    spline: BSplineSurface | NURBSSurface | None = None
+    plane = None
     if "B_SPLINE_SURFACE_WITH_KNOTS" in surface.parts:
         row = _spline_row(surface, "SURFACE", 13)
         knots = _knots(surface, row[1], row[8], row[10]), _knots(surface, row[2], row[9], row[11])
@@ -203,9 +152,9 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
             weights = _net(surface.parameters("RATIONAL_B_SPLINE_SURFACE", 1)[0], knots, surface)
             spline = NURBSSurface(*knots, poles, np.array([_reals(line, surface) for line in weights]))
     if "PLANE" in surface.parts:
-        place = _entity(entities, surface.parameters("PLANE", 2)[1], surface)
-        _, point, axis, _ = place.parameters("AXIS2_PLACEMENT_3D", 4)
-        plane = np.stack([_points(entities, [point], place)[0], _direction(entities, axis, place)])
+        placement = _entity(entities, surface.parameters("PLANE", 2)[1], surface)
+        _, point, axis, _ = placement.parameters("AXIS2_PLACEMENT_3D", 4)
+        plane = np.stack([_points(entities, [point], placement)[0], _direction(entities, axis, placement)])
     along = {
         k: _flag(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k])
         for loop in _loops(entities, face)
@@ -217,26 +166,25 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
 
 
 def _edge(entities: Entities, edge: Entity) -> BrepEdge:
-    _, start, stop, curve, along = edge.parameters("EDGE_CURVE", 5)
+    _, start, stop, carrier, along = edge.parameters("EDGE_CURVE", 5)
     vertices = [_entity(entities, k, edge) for k in ((start, stop) if _flag(along, edge) else (stop, start))]
     ends = _points(entities, [v.parameters("VERTEX_POINT", 2)[1] for v in vertices], edge)
-    curve = _entity(entities, curve, edge)
-    for kind in {
-        "SURFACE_CURVE",
-        "SEAM_CURVE",
-    } & curve.parts.keys():  # a curve with its images in the faces' parameters
+    curve = _entity(entities, carrier, edge)
+    # a curve with its images in the faces' parameters
+    for kind in {"SURFACE_CURVE", "SEAM_CURVE"} & curve.parts.keys():
         curve = _entity(entities, curve.parameters(kind, 4)[1], curve)
     if "LINE" in curve.parts:
-        _, point, vector = curve.parameters("LINE", 3)
-        vector = _entity(entities, vector, curve)
+        _, start, along = curve.parameters("LINE", 3)
+        vector = _entity(entities, along, curve)
         _, direction, length = vector.parameters("VECTOR", 3)
-        point = _points(entities, [point], curve)[0]
-        way = _direction(entities, direction, vector) * _reals([length], vector)[0]
-        return BrepEdge(edge.number, ends, None, np.stack([point, point + way]))
+        point = _points(entities, [start], curve)[0]
+        step = _direction(entities, direction, vector) * _reals([length], vector)[0]
+        return BrepEdge(edge.number, ends, None, np.stack([point, point + step]))
     if "B_SPLINE_CURVE_WITH_KNOTS" not in curve.parts:
         return BrepEdge(edge.number, ends, None, None)
     row = _spline_row(curve, "CURVE", 9)
-    kv, poles = _knots(curve, row[1], row[6], row[7]), _list(row[2], curve)
+    kv = _knots(curve, row[1], row[6], row[7])
+    poles = _list(row[2], curve)
     if len(poles) != kv.dim:
         raise ValueError(
             f"STEP entity #{curve.number} must have {kv.dim} poles by its knots, got {len(poles)}"
@@ -244,7 +192,7 @@ def _edge(entities: Entities, edge: Entity) -> BrepEdge:
     return BrepEdge(edge.number, ends, kv, _points(entities, poles, curve))
 
 
-def _direction(entities: Entities, value: Value, user: Entity) -> NDArray[np.float64]:
+def _direction(entities: Entities, value: Value, user: Entity) -> Floats:
     """Return the three components of a DIRECTION."""
     direction = _entity(entities, value, user)
     row = _reals(direction.parameters("DIRECTION", 2)[1], direction)
@@ -255,7 +203,8 @@ def _direction(entities: Entities, value: Value, user: Entity) -> NDArray[np.flo
 
 def _spline_row(entity: Entity, what: str, count: int) -> list[Value]:
     """Return the parameters of a spline as those of the simple form, also where a complex one splits them."""
-    base, with_knots = f"B_SPLINE_{what}", f"B_SPLINE_{what}_WITH_KNOTS"
+    base = f"B_SPLINE_{what}"
+    with_knots = f"B_SPLINE_{what}_WITH_KNOTS"
     row = entity.parts[with_knots]
     if base in entity.parts:
         row = [None, *entity.parts[base], *row]
@@ -268,14 +217,16 @@ def _spline_row(entity: Entity, what: str, count: int) -> list[Value]:
 
 def _knots(entity: Entity, degree: Value, times: Value, values: Value) -> KnotVector:
     """Return the knot vector of distinct knots and how often each occurs."""
-    times, knots = _list(times, entity), _reals(values, entity)
+    counts = _list(times, entity)
+    knots = _reals(values, entity)
     # no knot occurs more often than degree + 1 times, so that repeating them takes little memory
-    if not all(type(t) is int and 1 <= t <= 11 for t in [degree, *times]) or len(times) != len(knots):
+    whole = [n for n in [degree, *counts] if type(n) is int and 1 <= n <= 11]
+    if len(whole) != 1 + len(counts) or len(counts) != len(knots):
         raise ValueError(
             f"STEP entity #{entity.number} must have as many multiplicities, from 1 to 11, as knots"
         )
     try:
-        return KnotVector(degree, np.repeat(knots, times))
+        return KnotVector(whole[0], np.repeat(knots, whole[1:]))
     except ValueError as error:
         raise ValueError(f"STEP entity #{entity.number}: {error}") from None
 
@@ -283,28 +234,29 @@ def _knots(entity: Entity, degree: Value, times: Value, values: Value) -> KnotVe
 def _net(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[list[Value]]:
     """Return rows of poles or weights, as many as the knots want."""
     rows = [_list(line, entity) for line in _list(value, entity)]
-    wanted, widths = (knots[0].dim, knots[1].dim), {len(line) for line in rows}
+    wanted = (knots[0].dim, knots[1].dim)
+    widths = {len(line) for line in rows}
     if len(rows) != wanted[0] or widths != {wanted[1]}:
-        found = f"{len(rows)} x {' or '.join(map(str, sorted(widths)[:3]))}"
+        got = f"{len(rows)} x {' or '.join(map(str, sorted(widths)[:3]))}"
         raise ValueError(
-            f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got "
-            f"{found}"
+            f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got {got}"
         )
     return rows
 
 
-def _points(entities: Entities, references: Sequence[Value], user: Entity) -> NDArray[np.float64]:
+def _points(entities: Entities, references: Sequence[Value], user: Entity) -> Floats:
     """Return the coordinates of CARTESIAN_POINTs, (n, 3)."""
     points = [_entity(entities, k, user) for k in references]
-    found = [POINT.fullmatch(point.text) for point in points]
-    if not all(found):
-        bad = points[found.index(None)]
-        raise ValueError(
-            f"STEP entity #{bad.number} must be a CARTESIAN_POINT of three reals, got {bad.text[:60]!r}"
-        )
-    rows = np.fromiter(
-        map(float, chain.from_iterable(p.groups() for p in found)), np.float64, 3 * len(found)
-    ).reshape(-1, 3)
+    coordinates: list[str] = []
+    for point in points:
+        found = POINT.fullmatch(point.text)
+        if found is None:
+            raise ValueError(
+                f"STEP entity #{point.number} must be a CARTESIAN_POINT of three reals, got "
+                f"{point.text[:60]!r}"
+            )
+        coordinates.extend(found.groups())
+    rows = np.fromiter(map(float, coordinates), np.float64, len(coordinates)).reshape(-1, 3)
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         raise ValueError(
@@ -329,9 +281,10 @@ def _list(value: Value, user: Entity) -> list[Value]:
 
 def _reals(value: Value, user: Entity) -> list[float]:
     values = _list(value, user)
-    if not all(type(v) is float for v in values):
+    reals = [v for v in values if type(v) is float]
+    if len(reals) != len(values):
         raise ValueError(f"STEP entity #{user.number} must have a list of reals")
-    return values
+    return reals
 
 
 def _flag(value: Value, user: Entity) -> bool:

@@ -8,7 +8,7 @@ asked for. Nothing in the file is executed, and sizes are checked before memory 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -58,7 +58,7 @@ class Typed:
 
 Value = int | float | str | Reference | Enumeration | Typed | list["Value"] | None  # None: $ or *, not given
 
-CONVERT = {
+CONVERT: Mapping[str, Callable[[str], Value]] = {
     "reference": Reference,
     "real": float,
     "integer": int,
@@ -89,16 +89,16 @@ class Entity:
 
     def parameters(self, keyword: str, count: int) -> list[Value]:
         """Return the parameters under a keyword; raise ValueError for another type or number of them."""
-        found = self.parts.get(keyword)
-        if found is None:
+        parameters = self.parts.get(keyword)
+        if parameters is None:
             raise ValueError(
                 f"STEP entity #{self.number} must be a {keyword}, got {' and '.join(self.parts)[:80]}"
             )
-        if len(found) != count:
+        if len(parameters) != count:
             raise ValueError(
-                f"STEP entity #{self.number}: {keyword} must have {count} parameters, got {len(found)}"
+                f"STEP entity #{self.number}: {keyword} must have {count} parameters, got {len(parameters)}"
             )
-        return found
+        return parameters
 
 
 def read_part21(path: str | Path) -> dict[int, Entity]:
@@ -131,17 +131,19 @@ def entities_of_text(text: str) -> dict[int, Entity]:
     if head is None:
         raise ValueError("its head must be ISO-10303-21; HEADER; ... ENDSEC; DATA;")
     entities: dict[int, Entity] = {}
-    place, last = head.end(), 0
-    while found := ENTITY.match(text, place):
-        number, body = found.groups()
+    start = head.end()
+    last = 0
+    while entity := ENTITY.match(text, start):
+        number, body = entity.groups()
         number = int(number)
         if number in entities:
             raise ValueError(f"entity #{number} stands twice")
         if len(entities) == MOST_ENTITIES:
             raise ValueError(f"it has more than {MOST_ENTITIES} entities")
         entities[number] = Entity(number, body)
-        place, last = found.end(), number
-    if not TAIL.fullmatch(text, place):
+        start = entity.end()
+        last = number
+    if not TAIL.fullmatch(text, start):
         raise ValueError(f"it is cut off or damaged after entity #{last}")
     bodies = (e.text for e in entities.values() if "#" in e.text)  # few: most are points
     lacking = {int(k[:16]) for body in bodies for k in TEXT_OR_REFERENCE.findall(body) if k} - entities.keys()
@@ -159,27 +161,29 @@ class _Parser:
     """The grammar of one entity, over its tokens."""
 
     def __init__(self, entity: Entity) -> None:
-        self._number, self._text, self._place = entity.number, entity.text, 0
+        self._number = entity.number
+        self._text = entity.text
+        self._place = 0
 
     def parts(self) -> dict[str, list[Value]]:
         first = INSTANCE.match(self._text)
         if first is None:
             raise self._wrong()
-        found: dict[str, list[Value]] = {}
+        parts: dict[str, list[Value]] = {}
         if first["complex"]:
             self._place = first.end()
         while True:
             kind, keyword = self._next()
-            if kind == "close" and first["complex"] and found:
+            if kind == "close" and first["complex"] and parts:
                 break
-            if kind != "keyword" or keyword in found:
+            if kind != "keyword" or keyword in parts:
                 raise self._wrong()
-            found[keyword] = self._list(0)
+            parts[keyword] = self._list(0)
             if not first["complex"]:
                 break
         if self._place != len(self._text):
             raise self._wrong()
-        return found
+        return parts
 
     def _list(self, depth: int) -> list[Value]:
         """Return the parameters that stand between "(" and ")"."""
@@ -211,7 +215,7 @@ class _Parser:
 
     def _next(self) -> tuple[str, str]:
         token = TOKEN.match(self._text, self._place)
-        if token is None:
+        if token is None or token.lastgroup is None:
             raise self._wrong()
         self._place = token.end()
         return token.lastgroup, token[token.lastgroup]

@@ -6,10 +6,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from thbcad.checks import require_type
+from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
 from thbcad.io.json_values import a_list, a_row, numbers, read_json, require_schema, write_json
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
@@ -44,10 +41,12 @@ def surface_to_dict(surface: Surface) -> dict[str, Any]:
     if isinstance(surface, THBSurface):
         shape = list(surface.coefficients.shape)
         return head | {"kind": "thb", "shape": shape} | sag_to_dict(surface)
+    extra: dict[str, Any] = {"kind": "bspline"}
     if isinstance(surface, BSplineSurface):
-        net, extra = surface.coefficients, {"kind": "bspline"}
+        net = surface.coefficients
     else:
-        net, extra = surface.points, {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
+        net = surface.points
+        extra = {"kind": "nurbs", "weights": surface.weights.ravel().tolist()}
     return (
         head
         | extra
@@ -65,7 +64,8 @@ def surface_from_dict(data: object) -> Surface:
     """
     table = require_schema(data, SCHEMA, VERSION, "surface")
     try:
-        kind, net = table["kind"], _shaped(table, "coefficients", a_list(table, "shape"))
+        kind = table["kind"]
+        net = _shaped(table, "coefficients", a_list(table, "shape"))
         if kind == "thb":
             return THBSurface(_space_from_dict(table), net)
         if kind == "bspline":
@@ -104,7 +104,8 @@ def _knots_to_dict(kv_u: KnotVector, kv_v: KnotVector) -> dict[str, Any]:
 
 
 def _knots_from_dict(data: dict[str, Any]) -> tuple[KnotVector, KnotVector]:
-    degrees, knots = a_list(data, "degree"), a_list(data, "knots")
+    degrees = a_list(data, "degree")
+    knots = a_list(data, "knots")
     if len(degrees) != 2 or len(knots) != 2:
         raise ValueError(
             f"a surface has 2 degrees and 2 knot vectors, the file has {len(degrees)} and {len(knots)}"
@@ -125,7 +126,7 @@ def _space_from_dict(data: dict[str, Any]) -> THBSpace:
     return space
 
 
-def _shaped(data: dict[str, Any], key: str, shape: list[Any]) -> NDArray[np.float64]:
+def _shaped(data: dict[str, Any], key: str, shape: list[Any]) -> Floats:
     """Return the numbers under a key in a shape that the file gives."""
     row = numbers(data, key)
     if not all(type(n) is int and n > 0 for n in shape) or prod(shape) != len(row):

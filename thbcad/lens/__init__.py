@@ -15,17 +15,18 @@ if TYPE_CHECKING:
         Flange as Flange,
         flanged_volume as flanged_volume,
         require_clear as require_clear,
-        ruled_edges as ruled_edges,
     )
     from thbcad.lens.freeform_surface import (
         FreeformSurface as FreeformSurface,
+    )
+    from thbcad.lens.lens import (
         Lens as Lens,
     )
     from thbcad.lens.manufacture_bounds import (
         NM_PER_MM as NM_PER_MM,
         HeightRange as HeightRange,
         Manufacturability as Manufacturability,
-        SurfaceFigures as SurfaceFigures,
+        SurfaceMetrics as SurfaceMetrics,
         manufacturability as manufacturability,
         mass as mass,
     )
@@ -40,6 +41,22 @@ if TYPE_CHECKING:
         fitted_curve as fitted_curve,
         kinks as kinks,
         rim_curve as rim_curve,
+    )
+    from thbcad.lens.rims import (
+        CORNERS as CORNERS,
+        SIDES as SIDES,
+        Corner as Corner,
+        Side as Side,
+        Surfaces as Surfaces,
+        placed_surfaces as placed_surfaces,
+        rim as rim,
+        rim_indices as rim_indices,
+        rim_parameter as rim_parameter,
+        ruled_edge as ruled_edge,
+        ruled_edges as ruled_edges,
+    )
+    from thbcad.lens.soundness import (
+        require_sound as require_sound,
     )
     from thbcad.lens.triangulation import (
         EDGES as EDGES,
@@ -60,17 +77,14 @@ _FILES = {
         "Flange",
         "flanged_volume",
         "require_clear",
-        "ruled_edges",
     ),
-    "freeform_surface": (
-        "FreeformSurface",
-        "Lens",
-    ),
+    "freeform_surface": ("FreeformSurface",),
+    "lens": ("Lens",),
     "manufacture_bounds": (
         "HeightRange",
         "Manufacturability",
         "NM_PER_MM",
-        "SurfaceFigures",
+        "SurfaceMetrics",
         "manufacturability",
         "mass",
     ),
@@ -86,6 +100,20 @@ _FILES = {
         "kinks",
         "rim_curve",
     ),
+    "rims": (
+        "CORNERS",
+        "Corner",
+        "SIDES",
+        "Side",
+        "Surfaces",
+        "placed_surfaces",
+        "rim",
+        "rim_indices",
+        "rim_parameter",
+        "ruled_edge",
+        "ruled_edges",
+    ),
+    "soundness": ("require_sound",),
     "triangulation": (
         "EDGES",
         "FRONT",

@@ -17,8 +17,8 @@ either rim, is linear in w, so that the ruling folds nowhere if it does not at t
 edge lies beside the base.
 
 Two edges that meet at a corner lie in one plan only where the front is the larger surface in one direction
-and the rear in the other: else a half-width tells w.  There, with half-widths a(w) that grow and b(w) that
-fall, the points of equal (x, y) are
+and the rear in the other: else a half-width determines w.  There, with half-widths a(w) that grow and b(w)
+that fall, the points of equal (x, y) are
 
     (s a(w'), b(w')) at w' and (a(w), t b(w)) at w < w',    s = a(w) / a(w'), t = b(w') / b(w),
 
@@ -40,14 +40,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.certified import Interval, minimum, positive, range_over, rounding
+from thbcad.checks import Floats
+from thbcad.lens.graph_pieces import oriented, segment, steepest
 from thbcad.sags import gap_graph
-from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
+from thbcad.splines import BSplineSurface
 
 SAMPLES = np.linspace(0, 1, 65) ** 2  # where the worst point of a crossing is looked for: dense at the rim
-NEAR = 1e-12  # of a half-width: knots that agree but for rounding, as in `thbcad.sags`
 SLACK = 1e-9  # of the slopes: covers the rounding of differences and of few products
 
-Array = NDArray[np.float64]
 Pair = tuple[BSplineSurface, BSplineSurface]
 
 
@@ -60,11 +60,11 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
 
     Raises
     ------
-    ValueError : a crossing, with the place and the amount, or one that is neither found nor excluded.
+    ValueError : a crossing, with the position and the amount, or one that is neither proven nor excluded.
     """
     growth = [getattr(graphs[1], kv).stop - getattr(graphs[0], kv).stop for kv in ("kv_u", "kv_v")]
     if least > (1 + SLACK) * sum(
-        abs(step) * max(_steepest(g, axis) for g in graphs) for axis, step in enumerate(growth) if step
+        abs(step) * max(steepest(g, axis) for g in graphs) for axis, step in enumerate(growth) if step
     ):
         return  # every condition holds then
     _require_order(graphs, thickness)
@@ -72,7 +72,7 @@ def require_simple_edges(graphs: Pair, thickness: float, least: float) -> None:
     for base, axis, sign in product((0, 1), (0, 1), (-1, 1)):
         _require_edge(graphs, gap, (base, axis, sign))
     if growth[0] * growth[1] < 0:
-        for signs in product((-1, 1), repeat=2):
+        for signs in product((-1, 1), (-1, 1)):
             _require_corner(graphs, gap, int(growth[1] > 0), signs)
 
 
@@ -85,11 +85,12 @@ class _EdgeOverBase:
     d: float
     e: float
 
-    def __call__(self, t: Array, w: Array) -> Array:
+    def __call__(self, t: Floats, w: Floats) -> Floats:
         """Return g / w, its limit at w = 0, and inf beside the base."""
         a, b = self.base.kv_u.stop, self.base.kv_v.stop
-        x, y = self.place(t, w)
-        rim, lift = np.full_like(t, a), self.gap(np.full_like(t, self.gap.kv_u.stop), t * self.gap.kv_v.stop)
+        x, y = self.position(t, w)
+        rim = np.full_like(t, a)
+        lift = self.gap(np.full_like(t, self.gap.kv_u.stop), t * self.gap.kv_v.stop)
         y = np.clip(y, -b, b)
         mean = (self.base(rim, t * b) - self.base(x, y)) / np.where(w > 0, w, 1.0)
         if not w.all():
@@ -97,14 +98,16 @@ class _EdgeOverBase:
             mean = np.where(w > 0, mean, limit)
         return np.where(self._inside(t, w), lift + mean, np.inf)
 
-    def place(self, t: Array, w: Array) -> tuple[Array, Array]:
+    def position(self, t: Floats, w: Floats) -> tuple[Floats, Floats]:
         """Return x and y of points of the edge."""
         return self.base.kv_u.stop - w * self.d, t * (self.base.kv_v.stop + w * self.e)
 
-    def lower(self, t: Interval, w: Interval) -> Array:
+    def lower(self, t: Interval, w: Interval) -> Floats:
         """Return bounds of g / w on boxes that touch w = 0, of g on others, and inf on those beside the base;
         t keeps its sign in a box."""
-        base, gap, b = self.base, self.gap, self.base.kv_v.stop
+        base = self.base
+        gap = self.gap
+        b = self.base.kv_v.stop
         rim = Interval(*[np.full_like(t.low, base.kv_u.stop)] * 2)
         end = Interval(*[np.full_like(t.low, gap.kv_u.stop)] * 2)
         width = w.scaled(self.e) + Interval(*[np.full_like(w.low, b)] * 2)
@@ -123,17 +126,17 @@ class _EdgeOverBase:
             *centre
         )  # else from the corner that lies over the base if any point of the box does
         at = np.where(whole, centre[0], near), np.where(whole, centre[1], w.low)
-        reach = [np.where(whole, 0.5, 1.0) * (side.high - side.low) for side in (t, w)]
+        widths = [np.where(whole, 0.5, 1.0) * (side.high - side.low) for side in (t, w)]
         value = (
             np.where(self._inside(*at), self(*at) * at[1], np.inf)
-            - by_t.magnitude * reach[0]
-            - by_w.magnitude * reach[1]
+            - by_t.magnitude * widths[0]
+            - by_w.magnitude * widths[1]
         )
         count = 8 * (base.kv_u.degree + base.kv_v.degree + 4)
         value = value - rounding(count, abs(base.coefficients).max() + abs(gap.coefficients).max())
         return np.where(w.low > 0, value, np.where(self._inside(near, w.low), by_w.low, np.inf))
 
-    def _inside(self, t: Array, w: Array) -> NDArray[np.bool_]:
+    def _inside(self, t: Floats, w: Floats) -> NDArray[np.bool_]:
         b = self.base.kv_v.stop
         return abs(t) * (b + w * self.e) <= b * (1 + 4 * np.finfo(float).eps)
 
@@ -148,7 +151,7 @@ class _Corner:
     da: float
     db: float
 
-    def __call__(self, w: Array, later: Array) -> Array:
+    def __call__(self, w: Floats, later: Floats) -> Floats:
         """Return the distance over later - w, and inf where w >= later."""
         (s, t), (a, b), (c, d) = self._relative(w, later), self._ends(self.front, w), self._ends(self.gap, w)
         low = self.front(a, t * b) + w * self.gap(c, t * d)
@@ -156,16 +159,17 @@ class _Corner:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(w < later, (high - low) / (later - w), np.inf)
 
-    def place(self, w: Array, later: Array) -> tuple[Array, Array]:
+    def position(self, w: Floats, later: Floats) -> tuple[Floats, Floats]:
         """Return x and y of the points that are compared."""
         return self.front.kv_u.stop + w * self.da, self.front.kv_v.stop - later * self.db
 
-    def lower(self, w: Interval, later: Interval) -> Array:
+    def lower(self, w: Interval, later: Interval) -> Floats:
         """Return bounds that are positive only where the distance is, or the distance over later - w; inf on
         boxes with w >= later."""
         (a, b), (c, d) = ([Interval(x, x) for x in self._ends(g, w.low)] for g in (self.front, self.gap))
         ones = np.ones_like(w.low)
-        nearest, farthest = self._relative(w.high, later.low), self._relative(w.low, later.high)
+        nearest = self._relative(w.high, later.low)
+        farthest = self._relative(w.low, later.high)
         s, t = (Interval(x, y).clipped(0, 1) for x, y in zip(farthest, nearest))
         high = range_over(self.front, s * a, b) + later * range_over(self.gap, s * c, d)
         low = range_over(self.front, a, t * b) + w * range_over(self.gap, c, t * d)
@@ -179,7 +183,7 @@ class _Corner:
         ratio = ratio + by_t * Interval(self.db / y.high, self.db / y.low)
         return np.where(w.low < later.high, np.maximum((high - low).low, ratio.low), np.inf)
 
-    def _relative(self, w: Array, later: Array) -> tuple[Array, Array]:
+    def _relative(self, w: Floats, later: Floats) -> tuple[Floats, Floats]:
         """Return s and t of the module."""
         a, b = self._ends(self.front, w)
         return np.minimum(1, (a + w * self.da) / (a + later * self.da)), np.minimum(
@@ -187,14 +191,15 @@ class _Corner:
         )
 
     @staticmethod
-    def _ends(graph: BSplineSurface, like: Array) -> tuple[Array, Array]:
+    def _ends(graph: BSplineSurface, like: Floats) -> tuple[Floats, Floats]:
         return np.full_like(like, graph.kv_u.stop), np.full_like(like, graph.kv_v.stop)
 
 
 def _require_order(graphs: Pair, thickness: float) -> None:
     """Raise ValueError where front and rear cross at equal (x, y)."""
     half = [min(getattr(g, kv).stop for g in graphs) for kv in ("kv_u", "kv_v")]
-    least = minimum(gap_graph(*(_segment(g, half) for g in graphs), thickness), tolerance=1e-12)
+    front, rear = (segment(g, half) for g in graphs)
+    least = minimum(gap_graph(front, rear, thickness), tolerance=1e-12)
     if least.lower <= 0:
         amount = abs(min(least.value, 0.0))
         raise ValueError(
@@ -207,19 +212,20 @@ def _require_order(graphs: Pair, thickness: float) -> None:
 def _require_edge(graphs: Pair, gap: BSplineSurface, side: tuple[int, int, int]) -> None:
     """Raise ValueError unless the edge on a side, (base, axis, sign), is proven to lie over its base."""
     base, axis, sign = side
-    front, rear = (_oriented(g, axis, (sign, 1)) for g in graphs)
+    front, rear = (oriented(g, axis, (sign, 1)) for g in graphs)
     own, other = (rear, front) if base else (front, rear)
     d, e = own.kv_u.stop - other.kv_u.stop, other.kv_v.stop - own.kv_v.stop
     if d < 0 or d == e == 0:
         return
     if base:
         own = BSplineSurface(own.kv_u, own.kv_v, -own.coefficients)
-    edge = _EdgeOverBase(own, _oriented(gap, axis, (sign, 1)), d, e)
+    edge = _EdgeOverBase(own, oriented(gap, axis, (sign, 1)), d, e)
     boxes = np.array([[[-1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [float(d > 0)] * 2]])
     proven, point = positive(edge.lower, edge, boxes)
     if proven:
         return
-    name, surface = f"{'-+'[sign > 0]}{'xy'[axis]}", ("front", "rear")[base]
+    name = f"{'-+'[sign > 0]}{'xy'[axis]}"
+    surface = ("front", "rear")[base]
     if point is None:
         raise ValueError(_undecided(f"the ruled edge at {name} crosses the {surface}"))
     t, w = (
@@ -233,7 +239,7 @@ def _require_edge(graphs: Pair, gap: BSplineSurface, side: tuple[int, int, int])
     )
     raise ValueError(
         f"the ruled edge at {name} crosses the {surface}: at "
-        f"{_where(edge.place(t[k], w[k]), axis, (sign, 1))} it lies "
+        f"{_where(edge.position(t[k], w[k]), axis, (sign, 1))} it lies "
         f"{max(0.0, -height[k]):.6g} mm {('before', 'behind')[base]} it; {_remedy(raised)}"
     )
 
@@ -241,9 +247,9 @@ def _require_edge(graphs: Pair, gap: BSplineSurface, side: tuple[int, int, int])
 def _require_corner(graphs: Pair, gap: BSplineSurface, axis: int, signs: tuple[int, int]) -> None:
     """Raise ValueError unless two edges that meet at a corner are proven not to cross; `axis` is the one in
     which the rear is larger."""
-    front, rear = (_oriented(g, axis, signs) for g in graphs)
+    front, rear = (oriented(g, axis, signs) for g in graphs)
     corner = _Corner(
-        front, _oriented(gap, axis, signs), rear.kv_u.stop - front.kv_u.stop, front.kv_v.stop - rear.kv_v.stop
+        front, oriented(gap, axis, signs), rear.kv_u.stop - front.kv_u.stop, front.kv_v.stop - rear.kv_v.stop
     )
     proven, point = positive(corner.lower, corner, np.array([[[0.0], [0.0]], [[1.0], [1.0]]]))
     if proven:
@@ -255,7 +261,7 @@ def _require_corner(graphs: Pair, gap: BSplineSurface, axis: int, signs: tuple[i
     height = corner(w, later)
     k = int(np.argmin(height))
     raise ValueError(
-        f"the ruled edges at {names} cross at {_where(corner.place(w[k], later[k]), axis, signs)}; "
+        f"the ruled edges at {names} cross at {_where(corner.position(w[k], later[k]), axis, signs)}; "
         f"{_remedy(-height[k])}"
     )
 
@@ -274,40 +280,7 @@ def _undecided(what: str) -> str:
     )
 
 
-def _where(place: tuple[float, float], axis: int, signs: tuple[int, int]) -> str:
-    """Return the place in x and y of a point given in oriented coordinates."""
-    x, y = (sign * float(a) + 0.0 for a, sign in zip(place, signs))
+def _where(position: tuple[Floats, Floats], axis: int, signs: tuple[int, int]) -> str:
+    """Return the position in x and y of a point given in oriented coordinates."""
+    x, y = (sign * float(a) + 0.0 for a, sign in zip(position, signs))
     return f"x = {(x, y)[axis]:.6g}, y = {(y, x)[axis]:.6g} mm"
-
-
-def _steepest(graph: BSplineSurface, axis: int) -> float:
-    """Return a bound of the slope in x or y: the greatest control coefficient of the derivative."""
-    kv, net = ((graph.kv_u, graph.coefficients), (graph.kv_v, graph.coefficients.T))[axis]
-    p, t = kv.degree, kv.knots
-    return float((p * abs(np.diff(net, axis=0)).max(axis=1) / (t[p + 1 : -1] - t[1 : -p - 1])).max())
-
-
-def _segment(graph: BSplineSurface, half: list[float]) -> BSplineSurface:
-    """Return the graph over a smaller rectangle, which ends at a knot where one lies there but for
-    rounding."""
-    operators = []
-    for kv, h in zip((graph.kv_u, graph.kv_v), half):
-        near = [kv.breaks[np.argmin(abs(kv.breaks - end))] for end in (-h, h)]
-        operators.append(
-            kv.segment(*(float(b) if abs(b - end) <= NEAR * h else end for b, end in zip(near, (-h, h))))
-        )
-    (kv_u, a), (kv_v, b) = operators
-    return BSplineSurface(kv_u, kv_v, tensor_apply(a, b, graph.coefficients))
-
-
-def _oriented(graph: BSplineSurface, axis: int, signs: tuple[int, int]) -> BSplineSurface:
-    """Return the graph in coordinates of which the first runs along `axis`, mirrored in those whose sign is
-    -1."""
-    vectors, net = [graph.kv_u, graph.kv_v], graph.coefficients
-    if axis:
-        vectors, net = vectors[::-1], net.T
-    for k, sign in enumerate(signs):
-        if sign < 0:
-            vectors[k] = KnotVector(vectors[k].degree, 0.0 - vectors[k].knots[::-1])
-            net = np.flip(net, k)
-    return BSplineSurface(*vectors, net)

@@ -13,11 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import half_widths, require_type
-from thbcad.lens.freeform_surface import Lens
+from thbcad.checks import Floats, Integers, half_widths, require_type
+from thbcad.lens.lens import Lens
 from thbcad.splines import BSplineSurface, gauss_rule
 
 
@@ -50,32 +50,33 @@ class Ellipse:
         """True where the longer semi-axis lies along y."""
         return self.semi_axes[1] > self.semi_axes[0]
 
-    def __call__(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, t: ArrayLike) -> tuple[Floats, Floats]:
         """Return (x, y) at the angles t, (n,) each, mm."""
         (a, b), t = self.semi_axes, np.asarray(t, dtype=np.float64)
         return (-a * np.sin(t), b * np.cos(t)) if self.upright else (a * np.cos(t), b * np.sin(t))
 
-    def crossings(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def crossings(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Integers]:
         """Return the angles in [0, 2 pi) at which the ellipse crosses the lines x = x_i and y = y_j.
 
         Returns (angles, lines): (n,) float and (n,) int, lines i of x and len(x) + j of y; not sorted.
         """
-        angles, lines, start = [], [], 0
+        angles = []
+        lines = []
+        start = 0
         for d, row in enumerate((x, y)):
-            share = np.asarray(row, dtype=np.float64) / self.semi_axes[d]
-            hit = np.flatnonzero(abs(share) <= 1)
+            relative = np.asarray(row, dtype=np.float64) / self.semi_axes[d]
+            hit = np.flatnonzero(abs(relative) <= 1)
             # angles from the axis d, then from the longer semi-axis
             turn = (np.pi / 2 if d == 1 else 0.0) - (np.pi / 2 if self.upright else 0.0)
             for sign in (1, -1):
-                angles.append((turn + sign * np.arccos(share[hit])) % (2 * np.pi))
+                angles.append((turn + sign * np.arccos(relative[hit])) % (2 * np.pi))
                 lines.append(start + hit)
-            start += len(share)
+            start += len(relative)
         return np.concatenate(angles), np.concatenate(lines)
 
 
 def require_aperture(lens: Lens, semi_axes: tuple[float, float]) -> Ellipse:
-    """Return the ellipse of an aperture that both surfaces reach; a Lens has proven that the rear lies behind
-    the front there.
+    """Return the ellipse of an aperture within both surfaces.
 
     Raises
     ------
@@ -129,8 +130,7 @@ def ellipse_integral(graph: BSplineSurface, ellipse: Ellipse) -> float:
     return float(weights @ (values * x * (b / a)))
 
 
-def inside(
-    graph: BSplineSurface, x: NDArray[np.float64], y: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def inside(graph: BSplineSurface, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Return points of the rim, those that rounding put beside the rectangle of the graph moved onto it."""
-    return tuple(np.clip(row, kv.start, kv.stop) for row, kv in ((x, graph.kv_u), (y, graph.kv_v)))
+    x, y = (np.clip(row, kv.start, kv.stop) for row, kv in ((x, graph.kv_u), (y, graph.kv_v)))
+    return x, y

@@ -9,19 +9,18 @@ import numpy as np
 from thbcad.certified import value_range
 from thbcad.checks import require_number, require_type
 from thbcad.lens.elliptic_aperture import Ellipse, aperture_volume, require_aperture
-from thbcad.lens.freeform_surface import Lens
+from thbcad.lens.lens import Lens
 from thbcad.lens.rim_curves import rim_curve
-from thbcad.sags import graph_poles
-from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
+from thbcad.lens.rims import SIDES, rim, ruled_edges
+from thbcad.splines import UNIT, BSplineSurface, gauss_rule
 
 LEAST = 1e-6  # mm; CAD kernels take points within 1e-7 mm for one
-UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
 NODES = 16  # of the Gauss rule on every span; its error falls by a factor per node
 
 
 @dataclass(frozen=True)
 class Flange:
-    """A flange between the planes z = low and z = high that reaches `width` beyond the lens on all sides.
+    """A flange between the planes z = low and z = high that extends `width` beyond the lens on all sides.
 
     Its outline is a rectangle with half-widths, or an ellipse with semi-axes, that are `width` greater
     than those of the lens; of surfaces of different size the greater half-widths count.
@@ -49,11 +48,13 @@ class Flange:
 
     def rectangle(self, lens: Lens) -> tuple[float, float]:
         """Return the half-widths of the outline round a rectangular lens, mm."""
-        return tuple(max(pair) + self.width for pair in zip(lens.front.half_width, lens.rear.half_width))
+        a, b = (max(pair) + self.width for pair in zip(lens.front.half_width, lens.rear.half_width))
+        return a, b
 
     def ellipse(self, aperture: Ellipse) -> Ellipse:
         """Return the outline round a lens with an elliptic aperture."""
-        return Ellipse(tuple(s + self.width for s in aperture.semi_axes))
+        a, b = aperture.semi_axes
+        return Ellipse((a + self.width, b + self.width))
 
 
 def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> None:
@@ -86,33 +87,11 @@ def require_clear(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | N
 def _rims(graph: BSplineSurface, lens: Lens, semi_axes: tuple[float, float] | None) -> list[BSplineSurface]:
     """Return the heights of a rim, curve by curve, as graphs that are constant in their second parameter."""
     if semi_axes is None:
-        c = graph.coefficients
-        curves = [(graph.kv_u, c[:, 0]), (graph.kv_v, c[-1]), (graph.kv_u, c[:, -1]), (graph.kv_v, c[0])]
+        curves = [rim(graph, side) for side in SIDES]
     else:
         ellipse = require_aperture(lens, semi_axes)
         curves = [(kv, poles[:, 2]) for kv, poles in (rim_curve(graph, ellipse, half) for half in (0, 1))]
     return [BSplineSurface(kv, UNIT, np.stack([z, z], axis=1)) for kv, z in curves]
-
-
-def ruled_edges(lens: Lens) -> list[BSplineSurface]:
-    """Return the four edges of a rectangular lens, at low y, high x, high y, low x, with poles (x, y, z) in
-    mm.
-
-    Their parameters are x or y in the rear's rectangle and 0 (front) to 1 (rear).
-    """
-    front, rear = lens.graphs()
-    surfaces = graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
-    edges = []
-    for along_x, row in ((True, 0), (False, -1), (True, -1), (False, 0)):
-        vectors = [s.kv_u if along_x else s.kv_v for s in surfaces]
-        rims = [s.coefficients[:, row] if along_x else s.coefficients[row] for s in surfaces]
-        kv = vectors[0].merged(vectors[1])
-        edges.append(
-            BSplineSurface(
-                kv, UNIT, np.stack([own.prolongation(kv) @ rim for own, rim in zip(vectors, rims)], axis=1)
-            )
-        )
-    return edges
 
 
 def flanged_volume(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | None = None) -> float:
@@ -141,14 +120,17 @@ def _inside(lens: Lens, flange: Flange) -> float:
     By Stokes' theorem it is the integral of (x dy - y dx) dz / 2 over the edges (s, v) between the planes.
     """
     total = 0.0
-    for sign, edge in zip((1, 1, -1, -1), ruled_edges(lens)):  # counter-clockwise
+    for side, edge in zip(SIDES, ruled_edges(lens)):
+        sign = -1 if side.clockwise else 1
         s, weights = gauss_rule(edge.kv_u.breaks, NODES)
         (front, rear), (slope, other) = (np.moveaxis(edge.grid(s, [0.0, 1.0], (d, 0)), 1, 0) for d in (0, 1))
         low, high = ((z - front[:, 2]) / (rear - front)[:, 2] for z in (flange.low, flange.high))
-        for share, weight in zip(*gauss_rule(np.array([0.0, 1.0]), 2)):
-            v = (low + share * (high - low))[:, None]
-            place, along, up = front + v * (rear - front), slope + v * (other - slope), rear - front
-            x, y, _ = place.T
+        for fraction, weight in zip(*gauss_rule(np.array([0.0, 1.0]), 2)):
+            v = (low + fraction * (high - low))[:, None]
+            point = front + v * (rear - front)
+            along = slope + v * (other - slope)
+            up = rear - front
+            x, y, _ = point.T
             form = (x * along[:, 1] - y * along[:, 0]) * up[:, 2] - (x * up[:, 1] - y * up[:, 0]) * along[
                 :, 2
             ]

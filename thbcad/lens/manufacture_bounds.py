@@ -1,4 +1,4 @@
-"""What a workshop asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
+"""What manufacturing asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
 
 Extremes come as certified enclosures of the spline graphs of `Lens.graphs`, which are the surfaces that the
 CAD files hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Volume and areas come
@@ -13,16 +13,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thbcad.certified import Enclosure, greatest_slope, least_radii, minimum, rounding, value_range
-from thbcad.checks import EPS, require_number, require_type
-from thbcad.lens.freeform_surface import FreeformSurface, Lens
+from thbcad.checks import EPS, Floats, require_number, require_type
+from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens import Lens
 from thbcad.sags import gap_graph
-from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
+from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
+from thbcad.surfaces import THBSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
-BENDING = 1e-5  # relative tolerance of slopes and radii: finer than a workshop measures them
+BENDING = 1e-5  # relative tolerance of slopes and radii: finer than they are measured
 LEAST_SPANS = 32  # per direction, of the quadrature of an area
 STRIP = 512  # rows of quadrature points at a time
 NM_PER_MM = 1e6
@@ -31,14 +32,14 @@ MM3_PER_CM3 = 1e3
 
 @dataclass(frozen=True)
 class HeightRange:
-    """Bounds of max h - min h of a height h(x, y), mm, and both extremes with their places."""
+    """Bounds of max h - min h of a height h(x, y), mm, and both extremes with their positions."""
 
     least: Enclosure
     greatest: Enclosure
 
     @property
     def value(self) -> float:
-        """The best value found, mm."""
+        """The best value, mm."""
         return self.greatest.value - self.least.value
 
     @property
@@ -79,8 +80,8 @@ class Feature:
 
 
 @dataclass(frozen=True)
-class SurfaceFigures:
-    """Figures of one surface; places are x = u, y = v in mm.
+class SurfaceMetrics:
+    """Metrics of one surface; positions are x = u, y = v in mm.
 
     slope : degrees, greatest angle between surface and plane z = 0
     concave, convex : mm, least radius of curvature as seen from the air, infinite where there is none
@@ -102,8 +103,8 @@ class SurfaceFigures:
 
 @dataclass(frozen=True)
 class Manufacturability:
-    """Figures of a lens; thicknesses in mm, in z between points of equal relative position, with the place on
-    the rear.
+    """Metrics of a lens; thicknesses in mm, in z between points of equal relative position, with the
+    position on the rear.
 
     thickness : the least anywhere.  edge_thickness : the least at the rim.  centre_thickness : at x = y = 0
     volume : mm^3.  density : g/cm^3 or None
@@ -112,13 +113,13 @@ class Manufacturability:
     thickness: Enclosure
     centre_thickness: Enclosure
     edge_thickness: Enclosure
-    front: SurfaceFigures
-    rear: SurfaceFigures
+    front: SurfaceMetrics
+    rear: SurfaceMetrics
     volume: float
     density: float | None
 
     @property
-    def surfaces(self) -> dict[str, SurfaceFigures]:
+    def surfaces(self) -> dict[str, SurfaceMetrics]:
         """The surfaces by name, front first."""
         return {"front": self.front, "rear": self.rear}
 
@@ -134,7 +135,7 @@ def mass(volume: float, density: float) -> float:
 
 
 def manufacturability(lens: Lens, density: float | None = None) -> Manufacturability:
-    """Return the figures of a lens for the workshop.
+    """Return the metrics of a lens for its manufacture.
 
     Bounds of heights differ by 1e-8 of the greatest, those of slopes and radii by 1e-5, or more where a whole
     curve or face holds the extreme.
@@ -154,8 +155,8 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
         thickness=minimum(gap, tolerance=HEIGHT),
         centre_thickness=_at_centre(gap),
         edge_thickness=_at_rim(gap),
-        front=_figures(lens.front, front, air_above=False),
-        rear=_figures(lens.rear, rear, air_above=True),
+        front=_metrics(lens.front, front, air_above=False),
+        rear=_metrics(lens.rear, rear, air_above=True),
         volume=lens.volume(),
         density=density,
     )
@@ -177,13 +178,13 @@ def _area(graph: BSplineSurface, points: int) -> float:
     (x, wx), (y, wy) = (_quadrature(kv, points) for kv in (graph.kv_u, graph.kv_v))
     total = 0.0
     for first in range(0, len(x), STRIP):
-        own = slice(first, first + STRIP)
-        z_x, z_y = (graph.grid(x[own], y, orders) for orders in ((1, 0), (0, 1)))
-        total += float(wx[own] @ np.sqrt(1 + z_x**2 + z_y**2) @ wy)
+        strip = slice(first, first + STRIP)
+        z_x, z_y = (graph.grid(x[strip], y, orders) for orders in ((1, 0), (0, 1)))
+        total += float(wx[strip] @ np.sqrt(1 + z_x**2 + z_y**2) @ wy)
     return total
 
 
-def _quadrature(kv: KnotVector, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _quadrature(kv: KnotVector, points: int) -> tuple[Floats, Floats]:
     """Return Gauss points and weights on every span, the spans cut into equal parts where they are few."""
     parts = -(-LEAST_SPANS // kv.spans)
     steps = np.arange(parts) / parts
@@ -192,24 +193,32 @@ def _quadrature(kv: KnotVector, points: int) -> tuple[NDArray[np.float64], NDArr
     return np.clip(x, kv.start, kv.stop), weights
 
 
-def _figures(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceFigures:
+def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceMetrics:
     radii = least_radii(graph, BENDING)
     concave, convex = (radii.concave, radii.convex) if air_above else (radii.convex, radii.concave)
-    departure = (
-        None if surface.sag is None else HeightRange(*value_range(_sag_graph(surface), tolerance=HEIGHT))
-    )
-    heights = HeightRange(*value_range(graph, tolerance=HEIGHT))
-    return SurfaceFigures(
-        _slope_angle(graph), concave, convex, heights, departure, _feature(surface), *area(graph)
+    departure = None
+    if surface.sag is not None:
+        departure = HeightRange(*value_range(_sag_graph(surface, surface.sag), tolerance=HEIGHT))
+    square, error = area(graph)
+    return SurfaceMetrics(
+        slope=_slope_angle(graph),
+        concave=concave,
+        convex=convex,
+        heights=HeightRange(*value_range(graph, tolerance=HEIGHT)),
+        departure=departure,
+        feature=_feature(surface),
+        area=square,
+        area_error=error,
     )
 
 
 def _slope_angle(graph: BSplineSurface) -> Enclosure:
     """Return the greatest slope in degrees; the arctangent and the product with 180 / pi round by less than 4
     EPS."""
-    found = greatest_slope(graph, BENDING)
-    lower, value, upper = (float(np.degrees(np.arctan(s))) for s in (found.lower, found.value, found.upper))
-    return replace(found, lower=lower * (1 - 4 * EPS), value=value, upper=min(upper * (1 + 4 * EPS), 90.0))
+    steepest = greatest_slope(graph, BENDING)
+    ends = steepest.lower, steepest.value, steepest.upper
+    lower, value, upper = (float(np.degrees(np.arctan(s))) for s in ends)
+    return replace(steepest, lower=lower * (1 - 4 * EPS), value=value, upper=min(upper * (1 + 4 * EPS), 90.0))
 
 
 def _at_centre(gap: BSplineSurface) -> Enclosure:
@@ -223,21 +232,20 @@ def _at_centre(gap: BSplineSurface) -> Enclosure:
 
 def _at_rim(gap: BSplineSurface) -> Enclosure:
     """Return the least gap on the four sides; a side is a graph that does not vary across."""
-    across, found = KnotVector.uniform(1, 1), []
+    sides = []
     for end, x, y in ((0, gap.kv_u.start, gap.kv_v.start), (-1, gap.kv_u.stop, gap.kv_v.stop)):
-        along_x = minimum(BSplineSurface(gap.kv_u, across, gap.coefficients[:, [end, end]]), tolerance=HEIGHT)
-        along_y = minimum(BSplineSurface(across, gap.kv_v, gap.coefficients[[end, end]]), tolerance=HEIGHT)
-        found += [replace(along_x, v=y), replace(along_y, u=x)]
-    best = min(found, key=lambda side: side.value)
-    return replace(best, lower=min(side.lower for side in found), upper=min(side.upper for side in found))
+        along_x = minimum(BSplineSurface(gap.kv_u, UNIT, gap.coefficients[:, [end, end]]), tolerance=HEIGHT)
+        along_y = minimum(BSplineSurface(UNIT, gap.kv_v, gap.coefficients[[end, end]]), tolerance=HEIGHT)
+        sides += [replace(along_x, v=y), replace(along_y, u=x)]
+    best = min(sides, key=lambda side: side.value)
+    return replace(best, lower=min(side.lower for side in sides), upper=min(side.upper for side in sides))
 
 
-def _sag_graph(surface: FreeformSurface) -> BSplineSurface:
+def _sag_graph(surface: FreeformSurface, sag: THBSurface) -> BSplineSurface:
     """Return the sag alone over the rectangle of its surface, mm."""
-    sag = surface.sag.to_bspline()
-    return BSplineSurface(
-        *(kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), surface.half_width)), sag.coefficients
-    )
+    spline = sag.to_bspline()
+    kv_x, kv_y = (kv.rescaled(-h, h) for kv, h in zip((spline.kv_u, spline.kv_v), surface.half_width))
+    return BSplineSurface(kv_x, kv_y, spline.coefficients)
 
 
 def _feature(surface: FreeformSurface) -> Feature | None:
@@ -248,7 +256,5 @@ def _feature(surface: FreeformSurface) -> Feature | None:
     boxes = space.boxes[np.isin(space.cells[:, 0], levels)]
     knots = space.kv_u, space.kv_v
     shortest = (boxes[:, 1::2] - boxes[:, ::2]).min(axis=0)
-    span = tuple(
-        float(s) * 2 * h / (kv.stop - kv.start) for s, h, kv in zip(shortest, surface.half_width, knots)
-    )
-    return Feature(int(levels.max()), span, tuple(kv.degree * s for kv, s in zip(knots, span)))
+    x, y = (float(s) * 2 * h / (kv.stop - kv.start) for s, h, kv in zip(shortest, surface.half_width, knots))
+    return Feature(int(levels.max()), (x, y), (space.kv_u.degree * x, space.kv_v.degree * y))

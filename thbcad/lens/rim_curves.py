@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from thbcad.checks import Floats, Integers
 from thbcad.lens.elliptic_aperture import Ellipse, inside
 from thbcad.splines import BSplineSurface, KnotVector
 
@@ -22,13 +22,11 @@ NEAR = 1e-8  # rad; crossings nearer to each other count as one: CAD kernels dro
 SAMPLES = np.arange(1, 16, 2) / 16
 MOST_SPANS = 100_000
 
-Array = NDArray[np.float64]
-
 
 def fitted_curve(
-    curve: Callable[[Array], Array], breaks: Array, counts: NDArray[np.int64]
-) -> tuple[KnotVector, Array]:
-    """Return knots and poles (n, d) of a spline of degree 5 that stays within 1e-9 of a curve at eight places
+    curve: Callable[[Floats], Floats], breaks: Floats, counts: Integers
+) -> tuple[KnotVector, Floats]:
+    """Return knots and poles (n, d) of a spline of degree 5 that stays within 1e-9 of a curve at eight points
     in every span.
 
     curve : function of t, (n,), that returns (n, d)
@@ -52,14 +50,12 @@ def fitted_curve(
             return kv, spline.c
         middles = breaks[:-1][failing] + np.diff(breaks)[failing] / 2
         order = np.argsort(np.r_[breaks, middles])
-        breaks, counts = (
-            np.r_[breaks, middles][order],
-            np.r_[counts, np.ones(len(middles), dtype=np.int64)][order],
-        )
+        breaks = np.r_[breaks, middles][order]
+        counts = np.r_[counts, np.ones(len(middles), dtype=np.int64)][order]
     raise ValueError(f"the curve needs more than {MOST_SPANS} spans for {TOLERANCE:g} mm")
 
 
-def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotVector, Array]:
+def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotVector, Floats]:
     """Return knots and poles (x, y, z), (n, 3), of a graph above half an ellipse, t in [0, pi] (half 0) or
     [pi, 2 pi] (half 1), mm.
 
@@ -68,14 +64,14 @@ def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotV
     ValueError : as `fitted_curve`.
     """
 
-    def rim(t: Array) -> Array:
+    def rim(t: Floats) -> Floats:
         x, y = inside(graph, *ellipse(t))
         return np.column_stack([x, y, graph(x, y)])
 
     return fitted_curve(rim, *_crossings(graph, ellipse, half * np.pi, (half + 1) * np.pi))
 
 
-def kinks(kv: KnotVector) -> tuple[Array, NDArray[np.int64]]:
+def kinks(kv: KnotVector) -> tuple[Floats, Integers]:
     """Return the inner breaks of a knot vector and how often a curve of degree 5 needs each as a knot.
 
     On a knot of multiplicity m a spline has p - m continuous derivatives.
@@ -84,17 +80,16 @@ def kinks(kv: KnotVector) -> tuple[Array, NDArray[np.int64]]:
     return values, np.clip(DEGREE - kv.degree + repeats, 1, DEGREE)
 
 
-def _crossings(
-    graph: BSplineSurface, ellipse: Ellipse, start: float, stop: float
-) -> tuple[Array, NDArray[np.int64]]:
+def _crossings(graph: BSplineSurface, ellipse: Ellipse, start: float, stop: float) -> tuple[Floats, Integers]:
     """Return the angles from start to stop at which the rim crosses knot lines, and how often each must be a
     knot."""
-    lines, counts = zip(*(kinks(kv) for kv in (graph.kv_u, graph.kv_v)))
-    angles, line = ellipse.crossings(*lines)
-    counts = np.concatenate(counts)[line]
+    (lines_x, counts_x), (lines_y, counts_y) = (kinks(kv) for kv in (graph.kv_u, graph.kv_v))
+    angles, line = ellipse.crossings(lines_x, lines_y)
+    counts = np.concatenate([counts_x, counts_y])[line]
     chosen = (angles > start + NEAR) & (angles < stop - NEAR)
     order = np.argsort(angles[chosen])
-    angles, counts = angles[chosen][order], counts[chosen][order]
+    angles = angles[chosen][order]
+    counts = counts[chosen][order]
     first = np.flatnonzero(np.diff(angles, prepend=-1.0) > NEAR)
     merged = np.maximum.reduceat(counts, first) if len(first) else counts
     return np.r_[start, angles[first], stop], np.r_[1, merged, 1]

@@ -21,20 +21,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thbcad.certified import Orders, bernstein
-from thbcad.checks import read_only, rebuilt, require_number, require_type
-from thbcad.lens.freeform_surface import Lens
-from thbcad.sags import gap_graph, graph_poles
+from thbcad.checks import Floats, Integers, read_only, rebuilt, require_number, require_type
+from thbcad.lens.lens import Lens
+from thbcad.lens.rims import placed_surfaces, rim_indices
+from thbcad.lens.soundness import require_sound
+from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
 
 MOST_TRIANGLES = 20_000_000
 LEAST_CHORD = 1e-8  # mm
 ALLOWANCE = 1e-10  # mm; what conics as splines (1e-11 mm) and the rounding of vertices within 10 m add
-FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges at low y, high x, high y, low x
-
-Array = NDArray[np.float64]
+FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges in the order of SIDES
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,15 +42,14 @@ class Tessellation:
 
     vertices : (n, 3) float, mm
     triangles : (t, 3) int, vertex numbers; the front comes first, then the rear, then the edges
-    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges at low y, high x, high y,
-        low x
+    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges in the order of SIDES
     chord : float, mm, bound of the distance of any point of the mesh from its face; on front and rear also of
         the error in z
     """
 
-    vertices: Array
-    triangles: NDArray[np.int64]
-    faces: NDArray[np.int64]
+    vertices: Floats
+    triangles: Integers
+    faces: Integers
     chord: float
 
     def __post_init__(self) -> None:
@@ -69,14 +67,13 @@ def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
 
     Raises
     ------
-    ValueError : a chord below 1e-8 mm, or too small for float32; more than 20 million triangles;
-        vertices that float32 does not tell apart.
+    ValueError : as `require_sound`; a chord below 1e-8 mm, or too small for float32; more than 20 million
+        triangles; vertices that float32 does not tell apart.
     """
     require_type("lens", lens, Lens)
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
-    front, rear = lens.graphs()
-    surfaces = graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
-    gap = gap_graph(front, rear, lens.thickness)
+    surfaces = placed_surfaces(require_sound(lens))
+    gap = gap_graph(*lens.graphs(), lens.thickness)
     added = ALLOWANCE + (_rounding(surfaces) if single else 0.0)
     if added > chord / 2:
         raise ValueError(
@@ -108,18 +105,18 @@ def _heights(surface: BSplineSurface) -> BSplineSurface:
     return BSplineSurface(surface.kv_u, surface.kv_v, surface.coefficients[..., 2])
 
 
-def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Array:
+def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Floats:
     """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells
     u, cells v)."""
-    found = [
+    strips = [
         np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)
     ]
-    own = np.concatenate(found, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
+    bounds = np.concatenate(strips, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
     i, j = (
         np.searchsorted(kv.breaks, fine.breaks[:-1], "right") - 1
         for kv, fine in ((graph.kv_u, mesh.kv_u), (graph.kv_v, mesh.kv_v))
     )
-    return own[:, i[:, None], j[None, :]]
+    return bounds[:, i[:, None], j[None, :]]
 
 
 def _rounding(surfaces: tuple[BSplineSurface, BSplineSurface]) -> float:
@@ -135,7 +132,7 @@ def _rounding(surfaces: tuple[BSplineSurface, BSplineSurface]) -> float:
     return max(factors) * float(np.spacing(np.float32(size))) / 2
 
 
-def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array, Array, float]:
+def _positions(bends: Floats, mesh: BSplineSurface, chord: float) -> tuple[Floats, Floats, float]:
     """Return parameters u and v of the grid lines, and the bound that the cells then keep.
 
     As 2 h k M_uv <= (h^2 + k^2) M_uv, h^2 (M_uu + M_uv) <= 4 chord and k^2 (M_vv + M_uv) <= 4 chord are
@@ -143,7 +140,8 @@ def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array,
     """
     uu, uv, vv = bends
     needs = (uu + uv).max(axis=1), (vv + uv).max(axis=0)
-    lines, steps = [], []
+    lines = []
+    steps = []
     for kv, need in zip((mesh.kv_u, mesh.kv_v), needs):
         width = np.diff(kv.breaks)
         parts = np.ceil(np.clip(width * np.sqrt(need / (4 * chord)), 1, MOST_TRIANGLES))
@@ -153,17 +151,19 @@ def _positions(bends: Array, mesh: BSplineSurface, chord: float) -> tuple[Array,
                 "greater one"
             )
         parts = parts.astype(np.int64)
-        share = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(
+        fraction = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(
             parts, parts
         )
-        lines.append(np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * share, kv.stop))
+        lines.append(
+            np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * fraction, kv.stop)
+        )
         steps.append(width / parts)
     h, k = steps[0][:, None], steps[1][None, :]
     return lines[0], lines[1], float((h * h * uu + 2 * h * k * uv + k * k * vv).max()) / 8
 
 
 def _rows(
-    lens: Lens, gap: BSplineSurface, bends: Array, lines: tuple[Array, Array], chord: float
+    lens: Lens, gap: BSplineSurface, bends: Floats, lines: tuple[Floats, Floats], chord: float
 ) -> tuple[int, float]:
     """Return how many rows of triangles the ruled edges need, and the bound that they then keep.
 
@@ -185,25 +185,20 @@ def _rows(
     return rows, max((float((bend + turn / rows).max()) for bend, turn in sides), default=0.0)
 
 
-def _ring(nu: int, nv: int) -> NDArray[np.int64]:
-    """Return the numbers of the rim's vertices in a grid of nu x nv cells, counter-clockwise seen from +z."""
-    grid = np.arange((nu + 1) * (nv + 1)).reshape(nu + 1, nv + 1)
-    return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
-
-
-def _vertices(grids: list[Array], rows: int, single: bool) -> Array:
+def _vertices(grids: list[Floats], rows: int, single: bool) -> Floats:
     """Return the vertices of front, rear and the rows between their rims, front first, (n, 3)."""
-    ring = _ring(*(n - 1 for n in grids[0].shape[:2]))
+    ring = rim_indices(*grids[0].shape[:2])
     front, rear = (g.reshape(-1, 3) for g in grids)
-    share = (np.arange(1, rows) / rows)[:, None, None]
-    between = (1 - share) * front[ring] + share * rear[ring]
+    fraction = (np.arange(1, rows) / rows)[:, None, None]
+    between = (1 - fraction) * front[ring] + fraction * rear[ring]
     vertices = np.concatenate([front, rear, between.reshape(-1, 3)])
     return vertices.astype(np.float32).astype(np.float64) if single else vertices
 
 
-def _triangles(nu: int, nv: int, rows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:
     """Return the vertex numbers of all triangles and the face of each."""
-    count, ring = (nu + 1) * (nv + 1), _ring(nu, nv)
+    count = (nu + 1) * (nv + 1)
+    ring = rim_indices(nu + 1, nv + 1)
     grid = np.arange(count).reshape(nu + 1, nv + 1)
     rear = _halves(grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
     between = 2 * count + np.arange((rows - 1) * len(ring)).reshape(rows - 1, len(ring))
@@ -215,8 +210,6 @@ def _triangles(nu: int, nv: int, rows: int) -> tuple[NDArray[np.int64], NDArray[
     return triangles, np.concatenate([np.repeat([FRONT, REAR], len(rear)), side])
 
 
-def _halves(
-    a: NDArray[np.int64], b: NDArray[np.int64], c: NDArray[np.int64], d: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _halves(a: Integers, b: Integers, c: Integers, d: Integers) -> Integers:
     """Return the triangles a b c and a c d of the quadrangles a b c d, alternating, (2 n, 3)."""
     return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)

@@ -8,12 +8,12 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.polynomial import Legendre
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import EPS, require_number, require_order, require_orders, require_type
+from thbcad.checks import EPS, Floats, require_number, require_order, require_orders, require_type
 from thbcad.splines import KnotVector, NURBSCurve
 
-Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
+Coordinate = TypeVar("Coordinate", float, Floats)
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class Conic:
 
     def require(self, half_width: tuple[float, float]) -> None:
         """Raise ValueError unless the conic is defined on the whole rectangle."""
-        reach = np.hypot(*half_width)
-        if not self.is_plane and (1 + self.constant) * (reach / self.radius) ** 2 >= 1:
+        corner = np.hypot(*half_width)
+        if not self.is_plane and (1 + self.constant) * (corner / self.radius) ** 2 >= 1:
             limit = abs(self.radius) / np.sqrt(1 + self.constant)
             raise ValueError(
                 f"the conic (radius {self.radius}, K {self.constant}) ends at r = {limit:.6g} mm, "
-                f"but the corner of the aperture lies at r = {reach:.6g} mm"
+                f"but the corner of the aperture lies at r = {corner:.6g} mm"
             )
 
     def __call__(self, x: Coordinate, y: Coordinate, derivative: tuple[int, int] = (0, 0)) -> Coordinate:
@@ -80,12 +80,12 @@ class Conic:
         a, b = derivative
         return c * factorial(a) * factorial(b) * self._taylor(x, y, a, b)
 
-    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative on the grid x x y, (len(x), len(y)).
 
         Raises
         ------
-        ValueError : a grid that reaches beyond the end of the conic.
+        ValueError : a grid that extends beyond the end of the conic.
         """
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         self.require((float(abs(x).max()), float(abs(y).max())))
@@ -113,7 +113,7 @@ class Conic:
             g[i, j] = q * scaled[i, j]
         return scaled[a, b]
 
-    def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return bounds of |d^n z / dx^n| (axis 0) or |d^n z / dy^n| (axis 1) on the cells of a grid.
 
         K >= -1: every Taylor coefficient in x of order n >= 1 is non-negative for x >= 0 and grows with
@@ -137,7 +137,8 @@ class Conic:
             return self.derivative_bound(order, 0, y, x).T
         (near, far), (low, high) = _distances(x), _distances(y)
         if self.constant >= -1:
-            far, high = far[:, None], high[None, :]
+            far = far[:, None]
+            high = high[None, :]
             w = 1 - (1 + self.constant) * (far**2 + high**2) / self.radius**2
             # the terms are all positive; what matters is the rounding of w, at most 8 EPS / w of it, in
             # w^(1/2 - n)
@@ -146,19 +147,18 @@ class Conic:
             order, (near[:, None], far[:, None]), (low[None, :], high[None, :])
         ) * (1 + 16 * order * EPS)
 
-    def _hyperboloid_bound(
-        self, n: int, x: tuple[Coordinate, Coordinate], y: tuple[Coordinate, Coordinate]
-    ) -> Coordinate:
+    def _hyperboloid_bound(self, n: int, x: tuple[Floats, Floats], y: tuple[Floats, Floats]) -> Floats:
         """Return the bound for K < -1 where |x| and |y| lie between the given numbers."""
         b2 = -(1 + self.constant) / self.radius**2
         (near, far), (low, high) = (tuple(b2 * a**2 for a in pair) for pair in (x, y))
         # B w^(-(n+1)/2) is greatest at B = 2 b^2 x^2 / (n - 1) with the least x, or at the end next to it
         height = np.clip(2 * near / (n - 1), 1 + low, 1 + high)
         slope = Legendre.basis(n - 1).deriv()
-        first, last = np.sqrt(near / (1 + high + near)), np.sqrt(far / (1 + low + far))
-        places = [first, last, *(np.clip(root, first, last) for root in slope.deriv().roots())]
+        first = np.sqrt(near / (1 + high + near))
+        last = np.sqrt(far / (1 + low + far))
+        positions = [first, last, *(np.clip(root, first, last) for root in slope.deriv().roots())]
         # n^4 is a bound of the second derivative of P and of the growth of rounding errors in its first
-        steepest = np.max([abs(slope(place)) for place in places], axis=0) + 2 * n**4 * EPS
+        steepest = np.max([abs(slope(position)) for position in positions], axis=0) + 2 * n**4 * EPS
         return (
             factorial(n - 2)
             / abs(self.radius)
@@ -180,7 +180,7 @@ class Conic:
         return float(EPS * abs(self(far, high)) * (6 + 2 * abs(1 - root) / root))
 
 
-def _distances(breaks: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _distances(breaks: ArrayLike) -> tuple[Floats, Floats]:
     """Return the least and the greatest distance from 0 of every interval of a row of breaks."""
     a, b = np.asarray(breaks, dtype=np.float64)[:-1], np.asarray(breaks, dtype=np.float64)[1:]
     return np.maximum(np.maximum(a, -b), 0), np.maximum(abs(a), abs(b))
@@ -208,8 +208,10 @@ def meridian(conic: Conic, radius: float) -> NURBSCurve:
             f"the conic (radius {conic.radius}, K {conic.constant}) ends at r = {limit:.6g} mm, before r = "
             f"{radius:.6g} mm"
         )
-    share = 1 + np.sqrt(square)
-    points = [[0.0, 0.0], [radius / share, 0.0], [radius, radius**2 / (conic.radius * share)]]
+    divisor = 1 + np.sqrt(square)
+    points = [[0.0, 0.0], [radius / divisor, 0.0], [radius, radius**2 / (conic.radius * divisor)]]
     return NURBSCurve(
-        KnotVector(2, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.array(points), np.array([1.0, 1.0, 2 / share])
+        KnotVector(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])),
+        np.array(points),
+        np.array([1.0, 1.0, 2 / divisor]),
     )

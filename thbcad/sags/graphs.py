@@ -5,8 +5,9 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
+from thbcad.checks import Floats
 from thbcad.sags.conic import Conic
 from thbcad.sags.proven_approximation import approximated
 from thbcad.splines import BSplineSurface, KnotVector, gauss_rule, tensor_apply
@@ -14,18 +15,19 @@ from thbcad.splines import BSplineSurface, KnotVector, gauss_rule, tensor_apply
 CONIC_TOLERANCE = 1e-11  # mm
 
 
-def square_coefficients(kv: KnotVector) -> NDArray[np.float64]:
+def square_coefficients(kv: KnotVector) -> Floats:
     """Return the coefficients of x^2: c_i = mean of t_a t_b over pairs of the p inner knots of i.
 
     Exact for degree 2 and more (the polar form of x^2).
     """
     p = kv.degree
     pairs = list(combinations(range(1, p + 1), 2))
-    return sum(kv.knots[a : a + kv.dim] * kv.knots[b : b + kv.dim] for a, b in pairs) / len(pairs)
+    products = (kv.knots[a : a + kv.dim] * kv.knots[b : b + kv.dim] for a, b in pairs)
+    return sum(products, np.zeros(kv.dim)) / len(pairs)
 
 
 def conic_graph(
-    conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: NDArray[np.float64] | None = None
+    conic: Conic, kv_x: KnotVector, kv_y: KnotVector, sag: Floats | None = None
 ) -> BSplineSurface:
     """Return conic + sag as one BSplineSurface, on the given knots, refined where the conic needs it.
 
@@ -50,7 +52,7 @@ def conic_graph(
     return BSplineSurface(graph.kv_u, graph.kv_v, graph.coefficients + sag)
 
 
-def _paraboloid(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> NDArray[np.float64]:
+def _paraboloid(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> Floats:
     return 0.5 / conic.radius * (square_coefficients(kv_x)[:, None] + square_coefficients(kv_y)[None, :])
 
 
@@ -79,17 +81,18 @@ def _aligned(kv: KnotVector, target: KnotVector) -> KnotVector:
 
 def gap_graph(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> BSplineSurface:
     """Return thickness + rear - front at equal relative positions, as a spline over the rear's rectangle."""
-    nets, target = [], []
-    for d in (0, 1):
-        mine, other = (rear.kv_u, front.kv_u) if d == 0 else (rear.kv_v, front.kv_v)
-        other = _aligned(other, mine)
-        both = mine.merged(other)
-        target.append(both)
-        nets.append([own.prolongation(both) for own in (other, mine)])
-    heights = [
-        tensor_apply(nets[0][k], nets[1][k], graph.coefficients) for k, graph in enumerate((front, rear))
-    ]
-    return BSplineSurface(*target, thickness + heights[1] - heights[0])
+    (kv_u, by_u), (kv_v, by_v) = (
+        _common(a, b) for a, b in ((front.kv_u, rear.kv_u), (front.kv_v, rear.kv_v))
+    )
+    low, high = (tensor_apply(a, b, graph.coefficients) for a, b, graph in zip(by_u, by_v, (front, rear)))
+    return BSplineSurface(kv_u, kv_v, thickness + high - low)
+
+
+def _common(front: KnotVector, rear: KnotVector) -> tuple[KnotVector, tuple[csr_array, csr_array]]:
+    """Return the knots of both over the rear's interval, and the operators from front and rear to them."""
+    front = _aligned(front, rear)
+    both = rear.merged(front)
+    return both, (front.prolongation(both), rear.prolongation(both))
 
 
 def volume_between(front: BSplineSurface, rear: BSplineSurface, thickness: float) -> float:

@@ -1,7 +1,7 @@
 """Polynomial sags over a rectangle: Chebyshev, Legendre and Zernike terms.
 
 Every sag is kept in tensor-product Chebyshev polynomials, in which values, derivatives and bounds
-are well conditioned.  `thbcad.sags.approximated` turns it into a spline: exactly, but for
+are well conditioned.  `approximated` turns it into a spline: exactly, but for
 rounding, where the degrees of the spline suffice.
 
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3 and 4; V.
@@ -17,11 +17,12 @@ from math import isqrt, sqrt
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import eval_jacobi
 
 from thbcad.checks import (
     EPS,
+    Floats,
     half_widths,
     read_only,
     rebuilt,
@@ -46,7 +47,7 @@ class PolynomialSag:
     """
 
     half_width: tuple[float, float]
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
 
     def __post_init__(self) -> None:
         h = half_widths(self.half_width)
@@ -65,13 +66,13 @@ class PolynomialSag:
         if a.ndim != 2 or a.size == 0:
             raise ValueError(f"coefficients must be a table, got shape {a.shape}")
         s, t = (chebyshev.chebpts1(n) for n in a.shape)
-        return cls(half_width, _coefficients(legendre.leggrid2d(s, t, a)))
+        return cls(half_width, _coefficients(np.asarray(legendre.leggrid2d(s, t, a), dtype=np.float64)))
 
     @classmethod
     def zernike(
         cls, half_width: tuple[float, float], radius: float, terms: Mapping[tuple[int, int], float]
     ) -> PolynomialSag:
-        """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may reach beyond the
+        """Return the sag sum a_nm Z_nm(x / radius, y / radius) on a rectangle, which may extend beyond the
         disk.
 
         terms : {(n, m): a_nm in mm}, see `zernike`; ``osa_orders(j)`` gives the (n, m) of an OSA/ANSI index j
@@ -99,27 +100,26 @@ class PolynomialSag:
         c = self.coefficients
         for axis, order in enumerate((a, b)):
             require_order(order)
-            c = chebyshev.chebder(c, int(order), scl=1 / self.half_width[axis], axis=axis)
+            by_axis = chebyshev.chebder(c, int(order), scl=1 / self.half_width[axis], axis=axis)
+            c = np.asarray(by_axis, dtype=np.float64)
         return PolynomialSag(self.half_width, c)
 
-    def __call__(
-        self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)
-    ) -> NDArray[np.float64]:
+    def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative at scattered points, (n,)."""
-        own = self.derivative(*require_orders(derivative))
+        derived = self.derivative(*require_orders(derivative))
         x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) / h for a, h in zip((x, y), self.half_width))
-        return chebyshev.chebval2d(x, y, own.coefficients)
+        return np.asarray(chebyshev.chebval2d(x, y, derived.coefficients), dtype=np.float64)
 
-    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative on the grid x x y, (len(x), len(y))."""
-        own = self.derivative(*require_orders(derivative))
+        derived = self.derivative(*require_orders(derivative))
         by_x, by_y = (
             chebyshev.chebvander(np.asarray(a) / h, n)
-            for a, h, n in zip((x, y), self.half_width, own.degrees)
+            for a, h, n in zip((x, y), self.half_width, derived.degrees)
         )
-        return by_x @ own.coefficients @ by_y.T
+        return by_x @ derived.coefficients @ by_y.T
 
-    def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return bounds of |d^order z| along an axis on the cells of a grid within the rectangle.
 
         The derivative is the polynomial that interpolates it at (degree + 1)^2 nodes of a cell, so that
@@ -130,9 +130,9 @@ class PolynomialSag:
         require_order(order)
         self._require_inside(x, y)
         orders = (order, 0) if axis == 0 else (0, order)
-        own = self.derivative(*orders)
-        p, q = (max(n, 1) for n in own.degrees)
-        at_nodes = cell_maxima(own.grid(lobatto_nodes(x, p), lobatto_nodes(y, q)), (p, q))
+        derived = self.derivative(*orders)
+        p, q = (max(n, 1) for n in derived.degrees)
+        at_nodes = cell_maxima(derived.grid(lobatto_nodes(x, p), lobatto_nodes(y, q)), (p, q))
         # coefficients of derivatives are sums of multiples >= 0 of those of z: rounding errs relative to the
         # sums of the sizes
         sizes = PolynomialSag(self.half_width, abs(self.coefficients)).derivative(*orders)
@@ -162,7 +162,7 @@ class PolynomialSag:
                 )
 
 
-def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> Floats:
     """Return the Zernike polynomial of degree n and azimuthal frequency m, of mean square 1 over the unit
     disk.
 
@@ -192,7 +192,7 @@ def osa_orders(j: int) -> tuple[int, int]:
     return n, 2 * int(j) - n * (n + 2)
 
 
-def _coefficients(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _coefficients(values: Floats) -> Floats:
     """Return the Chebyshev coefficients of the polynomial with these values at the Chebyshev points, of the
     same shape."""
     by_x, by_y = (chebyshev.chebvander(chebyshev.chebpts1(n), n - 1) for n in values.shape)

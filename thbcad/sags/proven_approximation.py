@@ -23,7 +23,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thbcad.checks import EPS, require_number
+from thbcad.checks import EPS, Floats, require_number
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
 
 MOST_CONTROL_POINTS = 2000  # per direction
@@ -34,11 +34,11 @@ class BoundedFunction(Protocol):
     """A function f(x, y), mm, with bounds of its derivatives and of its rounding errors; `str` of it names it
     in messages."""
 
-    def grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def grid(self, x: Floats, y: Floats) -> Floats:
         """Return the values on the grid x x y, (len(x), len(y))."""
         ...
 
-    def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return bounds of |d^order f| along an axis on the cells between the breaks x and y, (len(x) - 1,
         len(y) - 1)."""
         ...
@@ -64,9 +64,9 @@ class CellBounds:
     rounding : float, the part of `total` that stands for rounding errors.
     """
 
-    total: NDArray[np.float64]
-    remainder_x: NDArray[np.float64]
-    remainder_y: NDArray[np.float64]
+    total: Floats
+    remainder_x: Floats
+    remainder_y: Floats
     rounding: float
 
 
@@ -79,18 +79,18 @@ def lebesgue_bound(degree: int) -> float:
     return float(np.sum(1 / np.tan((2 * np.arange(degree) + 1) * np.pi / (4 * degree))) / degree)
 
 
-def lobatto_nodes(breaks: ArrayLike, degree: int) -> NDArray[np.float64]:
+def lobatto_nodes(breaks: ArrayLike, degree: int) -> Floats:
     """Return the extrema of the Chebyshev polynomial of a degree on every interval, (intervals degree + 1,),
     increasing.
 
     Neighbours share the break between them.
     """
     b = np.asarray(breaks, dtype=np.float64)
-    share = np.sin(np.arange(degree) * np.pi / (2 * degree)) ** 2
-    return np.append((b[:-1, None] + np.diff(b)[:, None] * share).ravel(), b[-1])
+    nodes = np.sin(np.arange(degree) * np.pi / (2 * degree)) ** 2
+    return np.append((b[:-1, None] + np.diff(b)[:, None] * nodes).ravel(), b[-1])
 
 
-def cell_maxima(values: NDArray[np.float64], degrees: tuple[int, int]) -> NDArray[np.float64]:
+def cell_maxima(values: Floats, degrees: tuple[int, int]) -> Floats:
     """Return the greatest size among the values at the nodes of every cell; values are (cells_x p + 1,
     cells_y q + 1)."""
     sizes = abs(values)
@@ -100,7 +100,7 @@ def cell_maxima(values: NDArray[np.float64], degrees: tuple[int, int]) -> NDArra
     return sizes
 
 
-def node_slack(breaks: ArrayLike, degree: int) -> NDArray[np.float64]:
+def node_slack(breaks: ArrayLike, degree: int) -> Floats:
     """Return for every interval the factor that covers the rounding of its nodes, (intervals,).
 
     Nodes moved by delta half-widths raise r and Lambda by a factor below 1 + 2 (p + 1)^3 delta
@@ -175,7 +175,7 @@ def _require_provable(function: BoundedFunction, bounds: CellBounds, tolerance: 
         )
 
 
-def _greatest_at_nodes(function: BoundedFunction, surface: BSplineSurface) -> NDArray[np.float64]:
+def _greatest_at_nodes(function: BoundedFunction, surface: BSplineSurface) -> Floats:
     """Return max_k |e(node_k)| of every cell, (spans_u, spans_v), a few rows of cells at a time."""
     p, q = surface.kv_u.degree, surface.kv_v.degree
     y = lobatto_nodes(surface.kv_v.breaks, q)
@@ -213,8 +213,9 @@ def _bisected_where_failing(
     third is expected."""
     failing = bounds.total > tolerance
     in_x, in_y = bounds.remainder_x * _expected_share(kv_x), bounds.remainder_y * _expected_share(kv_y)
-    return _bisected(kv_x, (failing & (2 * in_x >= in_y)).any(axis=1)), _bisected(
-        kv_y, (failing & (2 * in_y >= in_x)).any(axis=0)
+    return (
+        _bisected(kv_x, np.any(failing & (2 * in_x >= in_y), axis=1)),
+        _bisected(kv_y, np.any(failing & (2 * in_y >= in_x), axis=0)),
     )
 
 
@@ -223,7 +224,7 @@ def _bisected(kv: KnotVector, spans: NDArray[np.bool_]) -> KnotVector:
     return kv.insert((b[:-1] + np.diff(b) / 2)[spans])
 
 
-def _remainder(kv: KnotVector) -> NDArray[np.float64]:
+def _remainder(kv: KnotVector) -> Floats:
     """Return 4 (h / 4)^(p+1) / (p + 1)! of every span, (spans,)."""
     n = kv.degree + 1
     return 4 * (np.diff(kv.breaks) / 4) ** n / factorial(n)

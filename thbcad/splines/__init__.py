@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         remove_surface_knots as remove_surface_knots,
     )
     from thbcad.splines.knot_vector import (
+        UNIT as UNIT,
         KnotVector as KnotVector,
     )
     from thbcad.splines.nurbs import (
@@ -60,7 +61,10 @@ _FILES = {
         "remove_knots",
         "remove_surface_knots",
     ),
-    "knot_vector": ("KnotVector",),
+    "knot_vector": (
+        "KnotVector",
+        "UNIT",
+    ),
     "nurbs": (
         "NURBSCurve",
         "NURBSSurface",

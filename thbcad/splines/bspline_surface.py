@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import points, read_only, rebuilt, require_orders, require_type
+from thbcad.checks import Floats, points, read_only, rebuilt, require_orders, require_type
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
 
@@ -25,7 +25,7 @@ class BSplineSurface:
 
     kv_u: KnotVector
     kv_v: KnotVector
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
 
     def __post_init__(self) -> None:
         for name in ("kv_u", "kv_v"):
@@ -40,9 +40,7 @@ class BSplineSurface:
 
     __reduce__ = rebuilt
 
-    def __call__(
-        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
-    ) -> NDArray[np.float64]:
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
 
         Raises
@@ -65,7 +63,7 @@ class BSplineSurface:
             (self.kv_u.knots, self.kv_v.knots), self.coefficients, (self.kv_u.degree, self.kv_v.degree)
         )
 
-    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
 
         Raises
@@ -97,15 +95,17 @@ class BSplineSurface:
         ------
         ValueError : a degree above 10.
         """
-        vectors, net = [], self.coefficients
+        vectors: list[KnotVector] = []
+        net = self.coefficients
         for kv, degree in zip((self.kv_u, self.kv_v), degrees):
             rows = net.reshape(len(net), -1)
             while kv.degree < degree:
                 kv, rows = kv.elevate(), kv.elevation() @ rows
             net = np.moveaxis(rows.reshape(kv.dim, *net.shape[1:]), 0, 1)
             vectors.append(kv)
-        return BSplineSurface(*vectors, net)
+        kv_u, kv_v = vectors
+        return BSplineSurface(kv_u, kv_v, net)
 
-    def integral(self) -> np.float64 | NDArray[np.float64]:
+    def integral(self) -> np.float64 | Floats:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
         return np.einsum("i,j,ij...->...", self.kv_u.integrals(), self.kv_v.integrals(), self.coefficients)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thbcad.checks import Floats
 
 
-def gauss_rule(breaks: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def gauss_rule(breaks: Floats, n: int) -> tuple[Floats, Floats]:
     """Return nodes and weights of the Gauss rule with n nodes on every span between breaks, (spans n,) each.
 
     It is exact for piecewise polynomials of degree 2 n - 1.

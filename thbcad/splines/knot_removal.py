@@ -15,15 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import read_only, require_number, require_real, require_type
+from thbcad.checks import Floats, read_only, require_number, require_real, require_type
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import banded_least_squares, tensor_apply
 
 # nets are (n, m, d): n coefficients along the knots, m across them, d components
-Net = NDArray[np.float64]
+Net = Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Removal:
     """
 
     kv: KnotVector
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
     bound: float
 
 
@@ -93,7 +93,8 @@ def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRe
     require_number("tolerance", tolerance, least=0)
     kv_u, kv_v = surface.kv_u, surface.kv_v
     scale = _power_of_two(surface.coefficients)
-    net, tolerance = surface.coefficients.reshape(kv_u.dim, kv_v.dim, -1) / scale, tolerance / scale
+    net = surface.coefficients.reshape(kv_u.dim, kv_v.dim, -1) / scale
+    tolerance = tolerance / scale
     by_u = _thinned(kv_u, net, tolerance / 2)
     by_v = _thinned(kv_v, _turned(by_u.net), tolerance - by_u.bound)
     fitted = _turned(by_v.net)
@@ -103,7 +104,7 @@ def remove_surface_knots(surface: BSplineSurface, tolerance: float) -> SurfaceRe
     return SurfaceRemoval(BSplineSurface(by_u.kv, by_v.kv, scale * fitted.reshape(shape)), scale * bound)
 
 
-def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def removal_errors(kv: KnotVector, coefficients: Floats) -> Floats:
     """Return for each interior break the least max_i |c - P d|_i over all d, one copy of it removed, (spans -
     1,).
 
@@ -118,7 +119,7 @@ def removal_errors(kv: KnotVector, coefficients: NDArray[np.float64]) -> NDArray
     return scale * _defects(kv, coefficients.reshape(kv.dim, 1, -1) / scale)[:, 0]
 
 
-def _defects(kv: KnotVector, net: Net) -> NDArray[np.float64]:
+def _defects(kv: KnotVector, net: Net) -> Floats:
     """Return the `removal_errors` of every column of the net, (spans - 1, m)."""
     p, t = kv.degree, kv.knots
     last = np.searchsorted(t, kv.breaks[1:-1], "right") - 1
@@ -130,32 +131,38 @@ def _defects(kv: KnotVector, net: Net) -> NDArray[np.float64]:
 
 
 def _thinned(kv: KnotVector, net: Net, tolerance: float) -> _Fit:
-    """Return the fit on the fewest knots found.
+    """Return the fit on the fewest knots.
 
     Every second break, least error first: as many as go, found by bisection; in turn with the
     breaks between, until neither half loses a knot.  Neighbours stay, so that the errors of
     those that leave hardly add up.  Then all breaks one by one, until none goes.
     """
-    best, phase, idle = _Fit(kv, net, 0.0), 0, 0
+    best = _Fit(kv, net, 0.0)
+    phase = 0
+    idle = 0
     while idle < 2:
         errors = _defects(best.kv, best.net).max(axis=1)
         half = np.arange(phase, best.kv.spans - 1, 2)
         order = best.kv.breaks[1:-1][half[np.argsort(errors[half], kind="stable")]]
         fewer = _most(kv, net, tolerance, best, order)
         idle = idle + 1 if fewer is best else 0
-        best, phase = fewer, 1 - phase
+        best = fewer
+        phase = 1 - phase
     return _swept(kv, net, tolerance, best)
 
 
-def _most(kv: KnotVector, net: Net, tolerance: float, best: _Fit, order: NDArray[np.float64]) -> _Fit:
+def _most(kv: KnotVector, net: Net, tolerance: float, best: _Fit, order: Floats) -> _Fit:
     """Return the fit without one copy of the first k breaks of `order`, for the greatest k that bisection
     finds."""
-    start, low, high = best.kv, 0, len(order) + 1
+    start = best.kv
+    low = 0
+    high = len(order) + 1
     while high - low > 1:
         k = (low + high) // 2
         fit = _fit(kv, net, start, order[:k])
         if fit.bound <= tolerance:
-            low, best = k, fit
+            low = k
+            best = fit
         else:
             high = k
     return best
@@ -168,19 +175,21 @@ def _swept(kv: KnotVector, net: Net, tolerance: float, best: _Fit) -> _Fit:
     """
     before = None
     while best is not before:
-        before, errors = best, _defects(best.kv, best.net)
+        before = best
+        errors = _defects(best.kv, best.net)
         for k in np.argsort(errors.max(axis=1), kind="stable"):
-            z, worst = before.kv.breaks[k + 1 : k + 2], net[:, [errors[k].argmax()]]
+            z = before.kv.breaks[k + 1 : k + 2]
+            worst = net[:, [errors[k].argmax()]]
             if _fit(kv, worst, best.kv, z).bound <= tolerance:
                 fit = _fit(kv, net, best.kv, z)
                 best = fit if fit.bound <= tolerance else best
     return best
 
 
-def _fit(kv: KnotVector, net: Net, own: KnotVector, breaks: NDArray[np.float64]) -> _Fit:
-    """Return the least-squares fit to the net over `kv` on the knots `own` without one copy of each of the
+def _fit(kv: KnotVector, net: Net, kept: KnotVector, breaks: Floats) -> _Fit:
+    """Return the least-squares fit to the net over `kv` on the knots `kept` without one copy of each of the
     breaks."""
-    coarser = KnotVector(kv.degree, np.delete(own.knots, np.searchsorted(own.knots, breaks, "right") - 1))
+    coarser = KnotVector(kv.degree, np.delete(kept.knots, np.searchsorted(kept.knots, breaks, "right") - 1))
     p = coarser.prolongation(kv)
     d = banded_least_squares(p, kv.degree, net.reshape(kv.dim, -1))
     return _Fit(coarser, d.reshape(-1, *net.shape[1:]), _distance(net, (p @ d).reshape(net.shape)))
@@ -194,7 +203,7 @@ def _distance(net: Net, other: Net) -> float:
     return float(np.linalg.norm(net - other, axis=2).max())
 
 
-def _power_of_two(net: NDArray[np.float64]) -> float:
+def _power_of_two(net: Floats) -> float:
     """Return the power of two that makes the greatest size 1 to 2: squares of the scaled net keep its
     digits."""
     return float(np.ldexp(1.0, np.frexp(abs(net).max())[1] - 1))

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from thbcad.checks import (
+    Floats,
+    Integers,
     read_only,
     rebuilt,
     require_degree,
@@ -40,7 +42,7 @@ class KnotVector:
     """
 
     degree: int
-    knots: NDArray[np.float64]
+    knots: Floats
 
     def __post_init__(self) -> None:
         p = self.degree
@@ -103,7 +105,7 @@ class KnotVector:
         return float(self.knots[-1])
 
     @cached_property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """Distinct knots, (spans + 1,)."""
         return read_only(np.unique(self.knots))
 
@@ -112,19 +114,19 @@ class KnotVector:
         """Number of non-empty knot spans."""
         return len(self.breaks) - 1
 
-    def greville(self) -> NDArray[np.float64]:
+    def greville(self) -> Floats:
         """Return the Greville abscissae g_i = (t_(i+1) + ... + t_(i+p)) / p, (dim,).
 
         The spline with these coefficients is the identity (thesis 3.16).
         """
         return greville_abscissae(self.knots, self.degree)
 
-    def inner_knots(self) -> NDArray[np.float64]:
+    def inner_knots(self) -> Floats:
         """Return the inner knots t_(i+1) ... t_(i+p) of every function, (dim, p): coefficient i is the polar
         form there."""
         return self.knots[np.arange(self.dim)[:, None] + np.arange(1, self.degree + 1)]
 
-    def span_of(self, u: ArrayLike) -> NDArray[np.int64]:
+    def span_of(self, u: ArrayLike) -> Integers:
         """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.
 
         Raises
@@ -135,7 +137,7 @@ class KnotVector:
         self.require_inside(u)
         return np.minimum(np.searchsorted(self.knots, u, side="right") - 1, self.dim - 1)
 
-    def require_inside(self, u: NDArray[np.float64]) -> None:
+    def require_inside(self, u: Floats) -> None:
         """Raise ValueError for u that is NaN or outside [start, stop]."""
         bad = ~((u >= self.start) & (u <= self.stop))
         if bad.any():
@@ -143,7 +145,7 @@ class KnotVector:
                 f"parameter {u[bad].flat[0]} lies outside the domain [{self.start}, {self.stop}]"
             )
 
-    def basis(self, u: ArrayLike, derivative: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def basis(self, u: ArrayLike, derivative: int = 0) -> tuple[Integers, Floats]:
         """Return (first, values): at u only functions first .. first + p differ from zero.
 
         u : (n,) float.  first : (n,) int.  values : (n, p + 1) float.
@@ -170,7 +172,7 @@ class KnotVector:
         first, values = self.basis(u, derivative)
         return band_matrix(first, values, self.dim)
 
-    def integrals(self) -> NDArray[np.float64]:
+    def integrals(self) -> Floats:
         """Return the integrals of the B-splines, (t_(i+p+1) - t_i) / (p + 1), (dim,)."""
         return (self.knots[self.degree + 1 :] - self.knots[: self.dim]) / (self.degree + 1)
 
@@ -222,8 +224,8 @@ class KnotVector:
             require_number(name, end, finite=True)
         if (self.start, self.stop) == (start, stop):
             return self
-        share = (self.knots - self.start) / (self.stop - self.start)
-        return KnotVector(self.degree, np.where(share == 1, stop, start + (stop - start) * share))
+        fraction = (self.knots - self.start) / (self.stop - self.start)
+        return KnotVector(self.degree, np.where(fraction == 1, stop, start + (stop - start) * fraction))
 
     def prolongation(self, finer: KnotVector) -> csr_array:
         """Return the refinement operator, csr_array (finer.dim, dim), with C_finer = P @ C.
@@ -257,7 +259,7 @@ class KnotVector:
 
     def segment(self, start: float, stop: float) -> tuple[KnotVector, csr_array]:
         """Return the clamped knot vector of the piece on [start, stop] and the operator to its coefficients,
-        csr_array (own.dim, dim).
+        csr_array (piece.dim, dim).
 
         Splitting at u is the two segments [start, u] and [u, stop].
 
@@ -272,8 +274,8 @@ class KnotVector:
                 f"a segment needs {self.start} <= start < stop <= {self.stop}, got {start} and {stop}"
             )
         inner = self.knots[(self.knots > start) & (self.knots < stop)]
-        own = KnotVector.clamped(self.degree, inner, start, stop)
-        return own, self._polar(own)
+        piece = KnotVector.clamped(self.degree, inner, start, stop)
+        return piece, self._polar(piece)
 
     def bezier(self) -> csr_array:
         """Return the Bezier extraction, csr_array (spans (p + 1), dim): Bernstein coefficients of every span
@@ -286,12 +288,12 @@ class KnotVector:
         rows = bezier_rows(self.knots[span + np.arange(1 - p, p + 1)[:, None]])
         return band_matrix(np.repeat(span - p, p + 1), rows.reshape(-1, p + 1), self.dim)
 
-    def _polar(self, own: KnotVector) -> csr_array:
-        """Return the operator to the coefficients on `own`, a clamped piece of these knots and possibly more:
-        polar forms at its knots."""
+    def _polar(self, piece: KnotVector) -> csr_array:
+        """Return the operator to the coefficients on `piece`, clamped knots that hold those of this vector
+        there: polar forms at its knots."""
         p = self.degree
-        span = self.span_of(own.knots[: own.dim])
-        return band_matrix(span - p, blossom_rows(self.knots, p, span, own.inner_knots()), self.dim)
+        span = self.span_of(piece.knots[: piece.dim])
+        return band_matrix(span - p, blossom_rows(self.knots, p, span, piece.inner_knots()), self.dim)
 
     def elevate(self) -> KnotVector:
         """Return the knot vector of degree p + 1 whose splines contain those of this one.
@@ -312,8 +314,15 @@ class KnotVector:
         ------
         ValueError : degree 10 already.
         """
-        p, finer = self.degree, self.elevate()
+        p = self.degree
+        finer = self.elevate()
         span = self.span_of(finer.knots[: finer.dim])
         arguments = finer.inner_knots()
-        rows = sum(blossom_rows(self.knots, p, span, np.delete(arguments, k, axis=1)) for k in range(p + 1))
+        rows = sum(
+            (blossom_rows(self.knots, p, span, np.delete(arguments, k, axis=1)) for k in range(p + 1)),
+            np.zeros((finer.dim, p + 1)),
+        )
         return band_matrix(span - p, rows / (p + 1), self.dim)
+
+
+UNIT = KnotVector(1, np.array([0.0, 0.0, 1.0, 1.0]))  # of straight lines over [0, 1]

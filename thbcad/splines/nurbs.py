@@ -9,15 +9,23 @@ Source: L. Piegl and W. Tiller, The NURBS Book, chapter 4.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from itertools import pairwise, product
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import read_only, rebuilt, require_order, require_orders, require_real, require_type
+from thbcad.checks import (
+    Floats,
+    read_only,
+    rebuilt,
+    require_order,
+    require_orders,
+    require_real,
+    require_type,
+)
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import tensor_apply
@@ -25,7 +33,7 @@ from thbcad.splines.sparse_operators import tensor_apply
 GREATEST_WEIGHT = 1e150  # products and quotients of two are finite and not zero
 
 
-def quotient(jet: NDArray[np.float64]) -> NDArray[np.float64]:
+def quotient(jet: Floats) -> Floats:
     """Return the derivative (a, b) of x = (w x) / w from all lower derivatives of (w x, w).
 
         x^(a,b) = ((w x)^(a,b) - sum_(i,j) != (0,0) C(a,i) C(b,j) w^(i,j) x^(a-i,b-j)) / w
@@ -33,7 +41,8 @@ def quotient(jet: NDArray[np.float64]) -> NDArray[np.float64]:
     jet : (a + 1, b + 1, ..., d + 1) float, derivative (i, j) of (w x, w) in jet[i, j].
     Returns (..., d) float.  Source: The NURBS Book, (4.20).
     """
-    weight, out = jet[..., -1:], jet[..., :-1].copy()
+    weight = jet[..., -1:]
+    out = jet[..., :-1].copy()
     for a, b in product(*map(range, jet.shape[:2])):
         for i, j in product(range(a + 1), range(b + 1)):
             if i or j:
@@ -53,8 +62,8 @@ class NURBSCurve:
     """
 
     kv: KnotVector
-    points: NDArray[np.float64]
-    weights: NDArray[np.float64] | float = 1.0
+    points: Floats
+    weights: Floats = field(default_factory=partial(np.ones, ()))
 
     def __post_init__(self) -> None:
         require_type("kv", self.kv, KnotVector)
@@ -65,16 +74,16 @@ class NURBSCurve:
     __reduce__ = rebuilt
 
     @classmethod
-    def from_homogeneous(cls, kv: KnotVector, coefficients: NDArray[np.float64]) -> NURBSCurve:
+    def from_homogeneous(cls, kv: KnotVector, coefficients: Floats) -> NURBSCurve:
         """Return the curve with the coefficients (w_i P_i, w_i), (dim, d + 1)."""
         return cls(kv, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
 
     @cached_property
-    def homogeneous(self) -> NDArray[np.float64]:
+    def homogeneous(self) -> Floats:
         """The coefficients (w_i P_i, w_i), (dim, d + 1)."""
         return _homogeneous(self.points, self.weights)
 
-    def __call__(self, u: ArrayLike, derivative: int = 0) -> NDArray[np.float64]:
+    def __call__(self, u: ArrayLike, derivative: int = 0) -> Floats:
         """Return the points, or their derivatives of any order, at the parameters u, (n, d)."""
         require_order(derivative)
         jet = np.stack([self.kv.collocation(u, k) @ self.homogeneous for k in range(derivative + 1)])
@@ -97,7 +106,7 @@ class NURBSCurve:
     def transformed(self, matrix: ArrayLike, offset: ArrayLike = 0.0) -> NURBSCurve:
         """Return the affine image A C(u) + b.
 
-        matrix : (e, d) float, so that (3, 2) places a plane curve in space.  offset : (e,) float or one
+        matrix : (e, d) float, so that (3, 2) puts a plane curve into space.  offset : (e,) float or one
             number.
         """
         return NURBSCurve(self.kv, _image(self.points, matrix, offset), self.weights)
@@ -115,8 +124,8 @@ class NURBSSurface:
 
     kv_u: KnotVector
     kv_v: KnotVector
-    points: NDArray[np.float64]
-    weights: NDArray[np.float64] | float = 1.0
+    points: Floats
+    weights: Floats = field(default_factory=partial(np.ones, ()))
 
     def __post_init__(self) -> None:
         for name in ("kv_u", "kv_v"):
@@ -134,9 +143,7 @@ class NURBSSurface:
         return cls(surface.kv_u, surface.kv_v, surface.coefficients)
 
     @classmethod
-    def from_homogeneous(
-        cls, kv_u: KnotVector, kv_v: KnotVector, coefficients: NDArray[np.float64]
-    ) -> NURBSSurface:
+    def from_homogeneous(cls, kv_u: KnotVector, kv_v: KnotVector, coefficients: Floats) -> NURBSSurface:
         """Return the surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
         return cls(kv_u, kv_v, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
 
@@ -145,14 +152,12 @@ class NURBSSurface:
         """The polynomial surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
         return BSplineSurface(self.kv_u, self.kv_v, _homogeneous(self.points, self.weights))
 
-    def __call__(
-        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
-    ) -> NDArray[np.float64]:
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the points, or their derivatives of any order, at scattered parameters (u_k, v_k), (n,
         d)."""
         return _evaluated(self.homogeneous, u, v, derivative)
 
-    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the same on the grid u x v, (len(u), len(v), d)."""
         return _evaluated(self.homogeneous.grid, u, v, derivative)
 
@@ -182,12 +187,11 @@ class NURBSSurface:
         return NURBSSurface(self.kv_u, self.kv_v, _image(self.points, matrix, offset), self.weights)
 
 
-def _checked(
-    points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
     """Return both as read-only arrays of the shapes (*shape, d) and shape."""
     require_real(weights)
-    points, weights = read_only(points), np.asarray(weights, dtype=np.float64)
+    points = read_only(points)
+    weights = np.asarray(weights, dtype=np.float64)
     if points.ndim != len(shape) + 1 or points.shape[:-1] != shape or points.size == 0:
         raise ValueError(f"points must have shape {(*shape, 'd')}, got {points.shape}")
     if not np.isfinite(points).all():
@@ -203,11 +207,11 @@ def _checked(
     return points, read_only(np.broadcast_to(weights, shape))
 
 
-def _homogeneous(points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _homogeneous(points: Floats, weights: Floats) -> Floats:
     return read_only(np.concatenate([weights[..., None] * points, weights[..., None]], axis=-1))
 
 
-def _image(points: NDArray[np.float64], matrix: ArrayLike, offset: ArrayLike) -> NDArray[np.float64]:
+def _image(points: Floats, matrix: ArrayLike, offset: ArrayLike) -> Floats:
     matrix, offset = (np.asarray(x, dtype=np.float64) for x in (matrix, offset))
     if matrix.ndim != 2 or matrix.shape[1] != points.shape[-1]:
         raise ValueError(
@@ -220,8 +224,8 @@ def _image(points: NDArray[np.float64], matrix: ArrayLike, offset: ArrayLike) ->
 
 
 def _evaluated(
-    spline: Callable[..., NDArray[np.float64]], u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]
-) -> NDArray[np.float64]:
+    spline: Callable[..., Floats], u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]
+) -> Floats:
     """Return a derivative of the projection of a spline of homogeneous points, given as function of u, v and
     the derivative."""
     derivative = require_orders(derivative)

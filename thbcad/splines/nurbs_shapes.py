@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thbcad.checks import require_number, require_type
-from thbcad.splines.knot_vector import KnotVector
+from thbcad.splines.knot_vector import UNIT, KnotVector
 from thbcad.splines.nurbs import NURBSCurve, NURBSSurface
 
-UNIT = KnotVector(1, [0.0, 0.0, 1.0, 1.0])
-QUADRATIC = KnotVector(2, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+QUADRATIC = KnotVector(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))
 
 
 def line(start: ArrayLike, stop: ArrayLike) -> NURBSCurve:

@@ -1,7 +1,7 @@
 """Periodic B-splines: one period of knots, functions that run across the seam.
 
 The knots go on in both directions by t_(i+n) = t_i + T, where T is the period, and so do the
-functions.  All values come from the polar form of `thbcad.splines`, with indices modulo n.
+functions.  All values come from the polar form of `polar_forms`, with indices modulo n.
 
 Source: L. Schumaker, Spline Functions: Basic Theory, section 8.1; L. Piegl and W. Tiller, The
 NURBS Book, section 12.2 (unclamping).
@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from thbcad.checks import (
+    Floats,
     read_only,
     rebuilt,
     require_degree,
@@ -49,7 +50,7 @@ class PeriodicKnotVector:
     """
 
     degree: int
-    knots: NDArray[np.float64]
+    knots: Floats
 
     def __post_init__(self) -> None:
         p = self.degree
@@ -97,7 +98,7 @@ class PeriodicKnotVector:
         return self.stop - self.start
 
     @cached_property
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Floats:
         """Distinct knots from `start` to `stop`, both included, (spans + 1,)."""
         return read_only(np.unique(self.knots))
 
@@ -107,7 +108,7 @@ class PeriodicKnotVector:
         return len(self.breaks) - 1
 
     @cached_property
-    def extended(self) -> NDArray[np.float64]:
+    def extended(self) -> Floats:
         """The knots t_(-p) ... t_(n+p), (dim + 2 p + 1,): function i lies on entries i ... i + p + 1."""
         t = self.knots
         turn, k = np.divmod(np.arange(-self.degree, self.dim + self.degree + 1), self.dim)
@@ -116,14 +117,14 @@ class PeriodicKnotVector:
         before = self.start + (turn + 1) * self.period - (self.stop - t[k])
         return read_only(np.where(turn == 0, t[k], np.where(turn > 0, after, before)))
 
-    def greville(self) -> NDArray[np.float64]:
+    def greville(self) -> Floats:
         """Return the Greville abscissae g_i = (t_(i-p+1) + ... + t_i) / p, (dim,), which do not decrease.
 
         The first ones may lie before `start`; `collocation` takes them as they are.
         """
         return greville_abscissae(self.extended[: self.dim + self.degree + 1], self.degree)
 
-    def reduced(self, u: ArrayLike) -> NDArray[np.float64]:
+    def reduced(self, u: ArrayLike) -> Floats:
         """Return u - k T in [start, stop), the same shape; what lies there already does not change.
 
         Raises
@@ -151,7 +152,7 @@ class PeriodicKnotVector:
         u = self.reduced(u)
         return self._polar(u, np.broadcast_to(u[:, None], (len(u), self.degree)), int(derivative))
 
-    def integrals(self) -> NDArray[np.float64]:
+    def integrals(self) -> Floats:
         """Return the integrals of the functions over one period, (t_(i+1) - t_(i-p)) / (p + 1), (dim,)."""
         p = self.degree
         return (self.extended[p + 1 : p + 1 + self.dim] - self.extended[: self.dim]) / (p + 1)
@@ -189,10 +190,10 @@ class PeriodicKnotVector:
 
     def clamp(self) -> tuple[KnotVector, csr_array]:
         """Return the clamped knot vector on [start, stop] and the exact operator to its coefficients,
-        csr_array (own.dim, dim)."""
+        csr_array (piece.dim, dim)."""
         inner = self.knots[(self.knots > self.start) & (self.knots < self.stop)]
-        own = KnotVector.clamped(self.degree, inner, self.start, self.stop)
-        return own, self._polar(own.knots[: own.dim], own.inner_knots())
+        piece = KnotVector.clamped(self.degree, inner, self.start, self.stop)
+        return piece, self._polar(piece.knots[: piece.dim], piece.inner_knots())
 
     def elevate(self) -> PeriodicKnotVector:
         """Return the knot vector of degree p + 1 whose splines contain those of this one."""
@@ -204,21 +205,20 @@ class PeriodicKnotVector:
         """Return the degree elevation, csr_array (elevate().dim, dim), by the mean of polar forms of
         `KnotVector.elevation`."""
         windows = self.elevate()._windows()
-        start, arguments = windows[:, 0], windows[:, 1:]
+        start = windows[:, 0]
+        arguments = windows[:, 1:]
         return sum(self._polar(start, np.delete(arguments, k, axis=1)) for k in range(self.degree + 1)) / (
             self.degree + 1
         )
 
-    def _windows(self) -> NDArray[np.float64]:
+    def _windows(self) -> Floats:
         """Return the first p + 1 knots of every function, (dim, p + 1), moved by whole periods until the
         first lies in [start, stop)."""
         p = self.degree
         first = (np.arange(self.dim) - p) % self.dim
         return self.extended[p + first[:, None] + np.arange(p + 1)]
 
-    def _polar(
-        self, at: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0
-    ) -> csr_array:
+    def _polar(self, at: Floats, arguments: Floats, derivative: int = 0) -> csr_array:
         """Return the polar forms at `arguments`, (n, p), of the pieces that hold `at`, (n,) in [start, stop):
         csr_array (n, dim)."""
         p = self.degree

@@ -15,12 +15,11 @@ Source: T. Lyche and K. Moerken, Spline Methods, chapters 2-4; thesis 3.5-3.9 an
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thbcad.checks import Floats, Integers
 
 
-def blossom(
-    near: NDArray[np.float64], arguments: NDArray[np.float64], derivative: int = 0
-) -> NDArray[np.float64]:
+def blossom(near: Floats, arguments: Floats, derivative: int = 0) -> Floats:
     """Return the rows R_1(a_1) ... R_p(a_p) for many spans [t_mu, t_mu+1) at once.
 
     Parameters
@@ -39,7 +38,8 @@ def blossom(
         return np.zeros((count, degree + 1))
     rows = [np.ones(count)]
     for k in range(1, degree + 1):
-        argument, out = arguments[:, k - 1], [np.zeros(0)] * (k + 1)
+        argument = arguments[:, k - 1]
+        out = [np.zeros(0)] * (k + 1)
         for r, before in enumerate(rows):
             # function mu - k + 1 + r of degree k - 1 lies on [low, high] = [t_j, t_(j+k)]
             low, high = near[degree + r - k], near[degree + r]
@@ -56,30 +56,31 @@ def blossom(
 
 
 def blossom_rows(
-    knots: NDArray[np.float64],
+    knots: Floats,
     degree: int,
-    span: NDArray[np.int64],
-    arguments: NDArray[np.float64],
+    span: Integers,
+    arguments: Floats,
     derivative: int = 0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots."""
     near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
     return blossom(near, arguments, derivative)
 
 
-def bezier_rows(near: NDArray[np.float64]) -> NDArray[np.float64]:
+def bezier_rows(near: Floats) -> Floats:
     """Return the Bezier extraction of many spans [a, b] from the knots around them: (2 degree, n) -> (n,
     degree + 1, degree + 1).
 
     Coefficient k of a span is the polar form at degree - k times a and k times b.
     """
-    p, n = len(near) // 2, near.shape[1]
+    p = len(near) // 2
+    n = near.shape[1]
     late = np.arange(p) >= p - np.arange(p + 1)[:, None]
     arguments = np.moveaxis(near[p - 1 + late], -1, 0).reshape(n * (p + 1), p)
     return blossom(np.repeat(near, p + 1, axis=1), arguments).reshape(n, p + 1, p + 1)
 
 
-def greville_abscissae(knots: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+def greville_abscissae(knots: Floats, degree: int) -> Floats:
     """Return g_i = (t_(i+1) + ... + t_(i+p)) / p of rows of knots, (..., n + p + 1) -> (..., n).
 
     Each is an offset from its first knot: equal knots give that knot exactly.

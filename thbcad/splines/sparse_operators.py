@@ -3,36 +3,37 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
+from thbcad.checks import Floats, Integers
 
-def csr_rows(values: NDArray[np.float64], indices: NDArray[np.int64], columns: int) -> csr_array:
+
+def csr_rows(values: Floats, indices: Integers, columns: int) -> csr_array:
     """Return the csr_array with the same number of entries in every row; both arrays are (n, ...).
 
     Small matrices get 32-bit indices, which makes products with them faster.
     """
     n = len(values)
     width = values.size // n if n else 1
-    kind = np.int32 if max(columns, values.size) < np.iinfo(np.int32).max else np.int64
-    indptr = np.arange(n + 1, dtype=kind) * width
-    return csr_array((values.ravel(), indices.ravel().astype(kind), indptr), shape=(n, columns))
+    dtype = np.int32 if max(columns, values.size) < np.iinfo(np.int32).max else np.int64
+    indptr = np.arange(n + 1, dtype=dtype) * width
+    return csr_array((values.ravel(), indices.ravel().astype(dtype), indptr), shape=(n, columns))
 
 
-def band_matrix(first: NDArray[np.int64], values: NDArray[np.float64], columns: int) -> csr_array:
+def band_matrix(first: Integers, values: Floats, columns: int) -> csr_array:
     """Return the csr_array whose row r holds `values[r]` from column `first[r]` on."""
     return csr_rows(values, first[:, None] + np.arange(values.shape[1]), columns)
 
 
-def tensor_apply(a: csr_array, b: csr_array, net: NDArray[np.float64]) -> NDArray[np.float64]:
+def tensor_apply(a: csr_array, b: csr_array, net: Floats) -> Floats:
     """Return a @ net @ b.T, for every component of a net (n_u, n_v) or (n_u, n_v, d)."""
     by_u = (a @ net.reshape(net.shape[0], -1)).reshape((a.shape[0], *net.shape[1:]))
     turned = np.ascontiguousarray(np.moveaxis(by_u, 1, 0)).reshape(net.shape[1], -1)
     return np.moveaxis((b @ turned).reshape((b.shape[0], a.shape[0], *net.shape[2:])), 0, 1)
 
 
-def banded_least_squares(p: csr_array, degree: int, net: NDArray[np.float64]) -> NDArray[np.float64]:
+def banded_least_squares(p: csr_array, degree: int, net: Floats) -> Floats:
     """Return the d of least |net - P d|, for net (n, m).
 
     Banded normal equations, corrected once: cond P grows like 2^p only, so that this is as accurate as QR.

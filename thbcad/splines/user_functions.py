@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thbcad.checks import require_real
+from thbcad.checks import Floats, require_real
 
-Function = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+Function = Callable[[Floats, Floats], Floats]
 
 
-def evaluate(function: Function, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+def evaluate(function: Function, u: Floats, v: Floats) -> Floats:
     """Return function(u, v) as float64, (n,) or (n, d), at points of shape (n,).
 
     Raises

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from thbcad.hierarchy import DyadicAxis, Integers, THBSpace
+from thbcad.checks import Floats, Integers
+from thbcad.hierarchy import DyadicAxis, THBSpace
 from thbcad.splines import KnotVector, band_matrix, blossom, tensor_apply
 from thbcad.surfaces.rectangle_partition import rectangles
 
@@ -22,19 +22,18 @@ def cell_rectangles(space: THBSpace) -> Integers:
     """Return the fewest rectangles of same-level leaf cells, (n, 5) int [level, i0, i1, j0, j1)."""
     rows = []
     for level in space.hierarchy:
-        found = rectangles(level.leaves)
-        rows.append(np.column_stack([np.full(len(found), level.number), found]))
+        boxes = rectangles(level.leaves)
+        rows.append(np.column_stack([np.full(len(boxes), level.number), boxes]))
     return np.concatenate(rows)
 
 
-def patches(
-    space: THBSpace, coefficients: NDArray[np.float64]
-) -> Iterator[tuple[KnotVector, KnotVector, NDArray[np.float64]]]:
+def patches(space: THBSpace, coefficients: Floats) -> Iterator[tuple[KnotVector, KnotVector, Floats]]:
     """Yield (knot vector in u, knot vector in v, net) of every patch, nets (n_u, n_v, ...)."""
     nets = list(space.nets.coefficients(coefficients))
     known: dict[tuple[int, int, int, int], tuple[KnotVector, csr_array, Integers]] = {}
     for number, i0, i1, j0, j1 in cell_rectangles(space).tolist():
-        level, sides = space.hierarchy[number], []
+        level = space.hierarchy[number]
+        sides = []
         for d, (start, stop) in enumerate(((i0, i1), (j0, j1))):
             key = number, d, start, stop
             if key not in known:
@@ -52,9 +51,9 @@ def _side(axis: DyadicAxis, level: int, start: int, stop: int) -> tuple[KnotVect
     breaks = np.arange(start, stop + 1)
     count = axis.multiplicity(level, breaks)
     count[[0, -1]] = p + 1
-    own = KnotVector(p, np.repeat(axis.value(level, breaks), count))
+    patch = KnotVector(p, np.repeat(axis.value(level, breaks), count))
     spans = np.repeat(breaks[:-1], count[:-1])
     first = axis.acting(level, spans)
     functions = np.arange(first[0], first[-1] + p + 1)
-    weights = blossom(axis.knots_around(level, spans), own.inner_knots())
-    return own, band_matrix(first - first[0], weights, len(functions)), functions
+    weights = blossom(axis.knots_around(level, spans), patch.inner_knots())
+    return patch, band_matrix(first - first[0], weights, len(functions)), functions

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.checks import require_number
-from thbcad.hierarchy import DyadicAxis, Integers, THBSpace
+from thbcad.checks import Integers, require_number
+from thbcad.hierarchy import DyadicAxis, THBSpace
 from thbcad.splines import BSplineSurface, KnotVector, banded_least_squares, tensor_apply
 
 Box = tuple[tuple[int, int], tuple[int, int]]  # start and stop in u and in v, in breaks of the finest level
@@ -72,43 +72,54 @@ def faces(space: THBSpace, surface: BSplineSurface, price: float) -> Iterator[BS
     price : control points that a face is worth; 0 gives the fewest control points, inf one face
     """
     require_number("the price of a face", price, least=0)
-    sides = tuple(_side(space, d) for d in (0, 1))
-    whole = tuple((0, side.axis.spans(side.top)) for side in sides)
-    _, boxes = _cheapest(sides, whole, np.arange(len(sides[0].low)), price)
+    sides = _side(space, 0), _side(space, 1)
+    (last_u, last_v) = (side.axis.spans(side.top) for side in sides)
+    _, boxes = _cheapest(sides, ((0, last_u), (0, last_v)), np.arange(len(sides[0].low)), price)
     for box in boxes:
         yield _face(sides, surface, box)
 
 
 def _side(space: THBSpace, d: int) -> _Side:
-    axis, top = space.hierarchy[0].axes[d], space.levels - 1
+    axis = space.hierarchy[0].axes[d]
+    top = space.levels - 1
     old = np.arange(axis.spans0 + 1)
-    low = [cells[:, d] << (top - level) for level, cells in enumerate(space.refined)]
-    size = [np.full(len(cells), 1 << (top - level)) for level, cells in enumerate(space.refined)]
-    low, size = (np.concatenate([np.zeros(0, dtype=np.int64), *rows]) for rows in (low, size))
-    return _Side(axis, top, old << top, axis.multiplicity(0, old), low, low + size)
+    none = np.zeros(0, dtype=np.int64)
+    low = np.concatenate([none, *(c[:, d] << (top - level) for level, c in enumerate(space.refined))])
+    size = np.concatenate(
+        [none, *(np.full(len(c), 1 << (top - level)) for level, c in enumerate(space.refined))]
+    )
+    return _Side(
+        axis=axis,
+        top=top,
+        old=old << top,
+        multiplicity=axis.multiplicity(0, old),
+        low=low,
+        high=low + size,
+    )
 
 
 def _cheapest(sides: tuple[_Side, _Side], box: Box, cells: Integers, price: float) -> tuple[float, list[Box]]:
-    """Return (cost, boxes) of the cheapest way to cover a box that some of the refined cells meet."""
-    own, cells = _points(sides, box, cells)
+    """Return (cost, boxes) of the cheapest cover of a box that some of the refined cells meet."""
+    points, cells = _points(sides, box, cells)
     least = int(np.prod([side.axis.degree + 1 for side in sides]))
-    if own + price <= 2 * (least + price):
-        return own + price, [box]
+    if points + price <= 2 * (least + price):
+        return points + price, [box]
     options = []
     for d, side in enumerate(sides):
         at = side.middle(*box[d])
         if at is not None:
             halves = [
-                tuple(part if k == d else box[k] for k in (0, 1))
-                for part in ((box[d][0], at), (at, box[d][1]))
+                (part, box[1]) if d == 0 else (box[0], part) for part in ((box[d][0], at), (at, box[d][1]))
             ]
             options.append((sum(_points(sides, half, cells)[0] for half in halves), halves))
     if not options:
-        return own + price, [box]
+        return points + price, [box]
     _, halves = min(options, key=lambda option: option[0])
     parts = [_cheapest(sides, half, cells, price) for half in halves]
     cost = sum(part[0] for part in parts)
-    return (cost, [b for part in parts for b in part[1]]) if cost < own + price else (own + price, [box])
+    return (
+        (cost, [b for part in parts for b in part[1]]) if cost < points + price else (points + price, [box])
+    )
 
 
 def _points(sides: tuple[_Side, _Side], box: Box, cells: Integers) -> tuple[int, Integers]:
@@ -125,9 +136,11 @@ def _face(sides: tuple[_Side, _Side], surface: BSplineSurface, box: Box) -> BSpl
     """Return the face over a box: the segment of the surface, without the knots that only others need."""
     _, cells = _points(sides, box, np.arange(len(sides[0].low)))
     vectors = [side.knot_vector(*ends, cells) for side, ends in zip(sides, box)]
-    segments = [kv.segment(own.start, own.stop) for own, kv in zip(vectors, (surface.kv_u, surface.kv_v))]
-    net = tensor_apply(*(operator for _, operator in segments), surface.coefficients)
-    for own, (segment, _) in zip(vectors, segments):
-        rows = banded_least_squares(own.prolongation(segment), own.degree, net.reshape(len(net), -1))
-        net = np.moveaxis(rows.reshape(own.dim, *net.shape[1:]), 0, 1)
-    return BSplineSurface(*vectors, net)
+    segments = [kv.segment(face.start, face.stop) for face, kv in zip(vectors, (surface.kv_u, surface.kv_v))]
+    (_, by_u), (_, by_v) = segments
+    net = tensor_apply(by_u, by_v, surface.coefficients)
+    for face, (segment, _) in zip(vectors, segments):
+        rows = banded_least_squares(face.prolongation(segment), face.degree, net.reshape(len(net), -1))
+        net = np.moveaxis(rows.reshape(face.dim, *net.shape[1:]), 0, 1)
+    kv_u, kv_v = vectors
+    return BSplineSurface(kv_u, kv_v, net)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-Integers = NDArray[np.int64]
+from thbcad.checks import Integers
 
 
 def rectangles(cells: Integers) -> Integers:
@@ -68,11 +68,15 @@ class _Region:
 def _chords(corners: Integers, edges: Integers, axis: int) -> Integers:
     """Return chords along an axis, between neighbouring concave corners and inside the region, (k, 3) int
     [line, start, stop]."""
-    line, place = corners[:, 1 - axis], corners[:, axis]
-    order = np.lexsort((place, line))
-    line, place = line[order], place[order]
+    line = corners[:, 1 - axis]
+    position = corners[:, axis]
+    order = np.lexsort((position, line))
+    line = line[order]
+    position = position[order]
     same = line[1:] == line[:-1]
-    line, start, stop = line[1:][same], place[:-1][same], place[1:][same]
+    line = line[1:][same]
+    start = position[:-1][same]
+    stop = position[1:][same]
     length = max(int(edges[:, axis].max(initial=0)), int(stop.max(initial=0))) + 1
     inside = np.sort(edges[:, 1 - axis] * length + edges[:, axis])
     count = np.searchsorted(inside, line * length + stop) - np.searchsorted(inside, line * length + start)
@@ -86,7 +90,7 @@ def _disjoint(along_i: Integers, along_j: Integers) -> tuple[NDArray[np.bool_], 
     if meet.nnz == 0:
         return left, ~right
     partner = maximum_bipartite_matching(meet, perm_type="column")
-    # Koenig: what alternating paths from the unmatched chords reach
+    # Koenig: what alternating paths from the unmatched chords lead to
     left = partner < 0
     owner = np.full(len(along_j), -1)
     owner[partner[~left]] = np.flatnonzero(~left)
@@ -155,11 +159,12 @@ class _Cuts:
 
     def rooms(self) -> Integers:
         """Return the rectangles between the walls."""
-        region, keys = self._region, self._region.keys
+        region = self._region
+        keys = self._region.keys
         pairs = []
         for edges, walls, step in zip(region.inner_edges, self._walls, (1, self._width)):
-            own = edges @ np.array([self._width, 1])
-            free = own[~np.isin(own, np.fromiter(walls, dtype=np.int64, count=len(walls)))]
+            sides = edges @ np.array([self._width, 1])
+            free = sides[~np.isin(sides, np.fromiter(walls, dtype=np.int64, count=len(walls)))]
             pairs.append(np.searchsorted(keys, np.stack([free - step, free])))
         a, b = np.concatenate(pairs, axis=1)
         graph = csr_array((np.ones(len(a), dtype=bool), (a, b)), shape=(len(keys), len(keys)))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thbcad.checks import points, read_only, rebuilt, require_type
+from thbcad.checks import Floats, points, read_only, rebuilt, require_type
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces.level_patches import patches
@@ -29,7 +29,7 @@ class THBSurface:
     """
 
     space: THBSpace
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
 
     def __post_init__(self) -> None:
         require_type("space", self.space, THBSpace)
@@ -50,7 +50,7 @@ class THBSurface:
         return BSplineSurface(embedding.kv_u, embedding.kv_v, embedding.coefficients(self.coefficients))
 
     @cached_property
-    def _local(self) -> NDArray[np.float64]:
+    def _local(self) -> Floats:
         """Local coefficients of the leaf cells, (cells, p + 1, q + 1, ...)."""
         nets = np.concatenate(list(self.space.nets.coefficients(self.coefficients)))
         return nets[self.space.local_basis.blocks]
@@ -64,9 +64,7 @@ class THBSurface:
         """
         return self._tensor
 
-    def __call__(
-        self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)
-    ) -> NDArray[np.float64]:
+    def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
 
         Raises
@@ -78,7 +76,7 @@ class THBSurface:
             return self._tensor(u, v, derivative)
         return self._cellwise(u, v, derivative)
 
-    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
+    def grid(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values on the grid u x v, (len(u), len(v)) or (len(u), len(v), d).
 
         Raises
@@ -91,13 +89,13 @@ class THBSurface:
         values = self._cellwise(np.repeat(u, len(v)), np.tile(v, len(u)), derivative)
         return values.reshape(len(u), len(v), *values.shape[1:])
 
-    def _cellwise(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> NDArray[np.float64]:
+    def _cellwise(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int]) -> Floats:
         """Return the values at scattered points from the local coefficients of their cells."""
         u, v = points(u, v)
         strips = []
         for first in range(0, max(len(u), 1), STRIP):
-            own = slice(first, first + STRIP)
-            by_u, by_v, cell = self.space.local_values(u[own], v[own], derivative)
+            strip = slice(first, first + STRIP)
+            by_u, by_v, cell = self.space.local_values(u[strip], v[strip], derivative)
             strips.append(np.einsum("ka,kb,kab...->k...", by_u, by_v, self._local[cell], optimize=True))
         return np.concatenate(strips)
 
@@ -106,7 +104,7 @@ class THBSurface:
         cells."""
         return [BSplineSurface(*patch) for patch in patches(self.space, self.coefficients)]
 
-    def bernstein(self) -> NDArray[np.float64]:
+    def bernstein(self) -> Floats:
         """Return the Bernstein coefficients on every leaf cell, (cells, p + 1, q + 1) or (cells, p + 1, q +
         1, d).
 
@@ -116,7 +114,7 @@ class THBSurface:
         return self.space.local_basis.bernstein(self._local)
 
     def to_faces(self, price: float) -> list[BSplineSurface]:
-        """Return the same surface as faces on only their own needed knots, between one face and many.
+        """Return the same surface as faces on only the knots that each needs, between one face and many.
 
         price : how many control points a face is worth; 0 gives the fewest control points that
             bisection finds, inf one face.

@@ -18,7 +18,7 @@ from optics.system import lens_product
 from tests.optics.cases import moved_point, write_problem
 from tests.optics.commands.cases import refused, strict_json
 from thbcad.cad.exchange import read_step
-from thbcad.cad.shapes import lens_surfaces
+from thbcad.lens import placed_surfaces
 
 pytestmark = pytest.mark.xdist_group("named command")
 
@@ -215,7 +215,7 @@ def failures(capsys, folder):
 @pytest.mark.parametrize(("face", "word"), [(0, "front"), (1, "rear")])
 def test_a_pole_moved_by_a_nanometre_is_caught(copy, capsys, face, word):
     path = copy / "lens.step"
-    pole = lens_surfaces(ResultFolder(copy).read_lens())[face].coefficients[2, 1]
+    pole = placed_surfaces(ResultFolder(copy).read_lens())[face].coefficients[2, 1]
     path.write_text(moved_point(path.read_text(), pole, np.array([0.0, 0.0, 1e-6])))
     names = failures(capsys, copy)
     assert f"{word} poles and knots that differ from the lens in memory" in names

@@ -19,8 +19,7 @@ from optics.export.formats import SOLIDS, export
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad import write_lens
 from thbcad.cad.exchange import read_faces
-from thbcad.cad.shapes import lens_surfaces
-from thbcad.lens import Flange
+from thbcad.lens import Flange, placed_surfaces
 
 EQUAL = small_lens(sag=rough(small_space()))
 HOLLOW = hollow_lens(rough, rough)
@@ -143,7 +142,7 @@ def test_separate_faces_read_back_bit_for_bit(tmp_path, name, lens):
     assert [file.name for file in files] == [f"lens_front.{name}", f"lens_rear.{name}"]
     assert names(tmp_path) == [file.name for file in files]
     assert all(c.ok for c in checks)
-    for file, own in zip(files, lens_surfaces(lens)):
+    for file, own in zip(files, placed_surfaces(lens)):
         (read,) = read_faces(file)
         for a, b in (
             (read.coefficients, own.coefficients),

@@ -17,7 +17,7 @@ from optics.export.read_back import array_checks, cloud_checks, mesh_checks, sag
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad import read_lens, write_lens
 from thbcad.io import ply_bytes
-from thbcad.lens import EDGES, tessellated
+from thbcad.lens import EDGES, SIDES, tessellated
 
 pytest.importorskip("trimesh")
 pytest.importorskip("lib3mf")
@@ -164,13 +164,13 @@ def test_a_changed_coefficient_shows(tmp_path):
     assert failing(array_checks(EQUAL, path)) == ["rear"]
 
 
-@pytest.mark.parametrize("side", range(4))
+@pytest.mark.parametrize("side", SIDES, ids=lambda side: side.name)
 def test_edge_distances_of_points_beside_a_ruled_edge(side):
     """Points R(u, w) moved along the normal of the ruled face lie as far from it as they were moved."""
     lens = hollow_lens()
-    rng = np.random.default_rng(side)
+    rng = np.random.default_rng(SIDES.index(side))
     s, w = rng.uniform(-0.9, 0.9, 200), rng.uniform(0.1, 0.9, 200)[:, None]
-    axis, sign = side in (1, 3), 1 if side in (1, 2) else -1
+    axis, sign = side.axis == 1, 1 if side.end else -1
     rims, slopes = [], []
     for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
         places = [s * surface.half_width[0], np.full_like(s, sign * surface.half_width[1])][

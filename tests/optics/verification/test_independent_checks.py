@@ -17,8 +17,9 @@ from tests.optics.cases import moved_point, small_lens
 from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
-from thbcad.cad.shapes import lens_solid, lens_surfaces
-from thbcad.io import read_brep
+from thbcad.cad.shapes import lens_solid
+from thbcad.io import parse_brep
+from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
 
 pytestmark = pytest.mark.xdist_group("independent checks")
@@ -117,12 +118,12 @@ def test_a_file_cut_off_is_refused(good, tmp_path, backend, tenth):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize(("face", "name"), [(0, FRONT), (1, REAR)])
 def test_a_pole_moved_by_a_nanometre_is_caught(good, tmp_path, backend, face, name, axis):
-    pole = lens_surfaces(good.lens)[face].coefficients[2, 1]
+    pole = placed_surfaces(good.lens)[face].coefficients[2, 1]
     assert failed(good, tmp_path, moved_point(good.text, pole, 1e-6 * np.eye(3)[axis]), backend) >= {name}
 
 
 def test_a_rear_pole_moved_by_a_nanometre_moves_the_rays_of_occt(good, tmp_path, backend):
-    pole = lens_surfaces(good.lens)[1].coefficients[3, 3]
+    pole = placed_surfaces(good.lens)[1].coefficients[3, 3]
     assert failed(good, tmp_path, moved_point(good.text, pole, [0, 0, 1e-6]), backend) >= {REAR, LANDING}
 
 
@@ -211,14 +212,14 @@ def test_a_face_missing_is_caught(good, tmp_path, backend, which):
 
 
 def test_a_knot_moved_is_caught(good, tmp_path, backend):
-    knot = compact(f"{lens_surfaces(good.lens)[1].kv_u.breaks[1]:#.17G}")
+    knot = compact(f"{placed_surfaces(good.lens)[1].kv_u.breaks[1]:#.17G}")
     text = good.text.replace(knot, f"{np.nextafter(float(knot), 0):#.17G}")
     assert text != good.text
     assert failed(good, tmp_path, text, backend) >= {REAR, RIMS}
 
 
 def test_knots_in_another_order_are_refused(good, tmp_path, backend):
-    breaks = [compact(f"{k:#.17G}") for k in lens_surfaces(good.lens)[1].kv_u.breaks[:2]]
+    breaks = [compact(f"{k:#.17G}") for k in placed_surfaces(good.lens)[1].kv_u.breaks[:2]]
     text = re.sub(rf"{breaks[0]},\s*{breaks[1]}", f"{breaks[1]},{breaks[0]}", good.text)
     assert text != good.text
     with pytest.raises(ValueError, match="must not decrease"):
@@ -233,7 +234,7 @@ def test_faces_in_another_order_pass(good, tmp_path, backend):
         failed(good, tmp_path, good.text.replace(shell, ",".join([*rest[:1], b, *rest[1:], a])), backend)
         == set()
     )
-    assert _optical(read_brep(tmp_path / "lens.step")) == (5, 1)
+    assert _optical(parse_brep(tmp_path / "lens.step")) == (5, 1)
     assert not step_solid(tmp_path / "lens.step").IsNull()
 
 

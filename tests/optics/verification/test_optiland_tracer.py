@@ -18,7 +18,7 @@ from oracles.light_formulas import fresnel, meridional
 from tests.optics.cases import hollow_lens, moved_point, small_lens
 from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import read_step, write_step
-from thbcad.cad.shapes import lens_surfaces
+from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface
 
@@ -73,7 +73,7 @@ def test_a_pole_moved_by_a_nanometre_is_caught(tmp_path, backend):
     away."""
     problem, lens = shaped(tmp_path)
     write_step(lens, tmp_path / "lens.step")
-    pole = lens_surfaces(lens)[1].coefficients[4, 5]
+    pole = placed_surfaces(lens)[1].coefficients[4, 5]
     (tmp_path / "lens.step").write_text(
         moved_point((tmp_path / "lens.step").read_text(), pole, [0.0, 0.0, 1e-6])
     )
@@ -92,7 +92,7 @@ def test_rays_land_where_snells_law_in_angles_sends_them():
     inside = meridional(r).to(0.0).refracted(0.0, 1.0, 1.5)
     expected = inside.to(6.0 - r**2 / 80).refracted(-r / 40, 1.5, 1.0).to(60.0).r
     found = optiland_trace(
-        *lens_surfaces(small_lens(rear=Conic(-40.0, -1.0))), *along_axis(r, 0 * r), 1.5, 60.0
+        *placed_surfaces(small_lens(rear=Conic(-40.0, -1.0))), *along_axis(r, 0 * r), 1.5, 60.0
     )
     np.testing.assert_allclose(found.points[:, 0], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.points[:, 1], 0, rtol=0, atol=1e-12)
@@ -101,7 +101,7 @@ def test_rays_land_where_snells_law_in_angles_sends_them():
 
 
 def test_far_field_points_are_angles():
-    faces = lens_surfaces(small_lens(rear=Conic(-40.0, -1.0)))
+    faces = placed_surfaces(small_lens(rear=Conic(-40.0, -1.0)))
     rays = along_axis(np.linspace(-9, 9, 7), np.linspace(-5, 8, 7))
     far, near = (optiland_trace(*faces, *rays, 1.5, z).points for z in (np.inf, 1e9))
     # from 1e9 mm the lens is a point of 20 mm
@@ -129,7 +129,7 @@ def test_steep_rays_in_a_hollow_meet_as_ours_do(tmp_path, height, spans):
 
 def test_starts_at_one_height_lose_steep_rays(monkeypatch):
     """What the search for a start is for: from the rim's height alone, Newton's method is held at the rim."""
-    faces, rays = lens_surfaces(rough_hollow()), glowing(256)
+    faces, rays = placed_surfaces(rough_hollow()), glowing(256)
     searched = optiland_trace(*faces, *rays, 1.5, 1005.0)
     monkeypatch.setattr(
         module, "_nearest", lambda surface, heights, points, directions: np.zeros(len(points), dtype=int)
@@ -143,7 +143,7 @@ def test_starts_at_one_height_lose_steep_rays(monkeypatch):
 
 def test_an_iteration_that_has_not_ended_loses_the_ray(monkeypatch):
     """One step of Newton's method is not enough for steep rays; they must not go on from beside the face."""
-    faces = lens_surfaces(rough_hollow())
+    faces = placed_surfaces(rough_hollow())
     rays = glowing(64)
     ended = optiland_trace(*faces, *rays, 1.5, 1005.0)
     monkeypatch.setattr(module, "NEWTON_STEPS", 1)
@@ -154,7 +154,7 @@ def test_an_iteration_that_has_not_ended_loses_the_ray(monkeypatch):
 
 
 def test_rays_beside_the_lens_totally_reflected_or_backwards_do_not_arrive():
-    faces = lens_surfaces(small_lens(rear=Conic(-11.0, -1.0), thickness=10.0))
+    faces = placed_surfaces(small_lens(rear=Conic(-11.0, -1.0), thickness=10.0))
     origins, directions = along_axis(
         np.array([11.0, 0.0, 0.0, 9.9, 0.0]), np.array([0.0, -10.5, 0.0, 9.9, 0.0])
     )
@@ -165,7 +165,7 @@ def test_rays_beside_the_lens_totally_reflected_or_backwards_do_not_arrive():
 
 
 def test_rays_beside_a_plane_front_do_not_reach_a_larger_rear():
-    faces = lens_surfaces(small_lens(rear_half_width=(12.0, 12.0)))
+    faces = placed_surfaces(small_lens(rear_half_width=(12.0, 12.0)))
     found = optiland_trace(
         *faces, *along_axis(np.array([9.9, 11.0, 0.0]), np.array([9.9, 0.0, -10.1])), 1.5, 60.0
     )
@@ -173,7 +173,7 @@ def test_rays_beside_a_plane_front_do_not_reach_a_larger_rear():
 
 
 def test_rays_that_start_behind_the_front_do_not_meet_it():
-    faces = lens_surfaces(rough_hollow())
+    faces = placed_surfaces(rough_hollow())
     apex = faces[0]([0.0], [0.0])[0]
     origins = apex + np.outer([-0.01, 0.01], ALONG)
     np.testing.assert_array_equal(
@@ -182,7 +182,7 @@ def test_rays_that_start_behind_the_front_do_not_meet_it():
 
 
 def test_parts_of_the_rays_land_as_all(monkeypatch):
-    faces, rays = lens_surfaces(rough_hollow()), glowing(64)
+    faces, rays = placed_surfaces(rough_hollow()), glowing(64)
     whole = optiland_trace(*faces, *rays, 1.5, 1005.0)
     monkeypatch.setattr(module, "AT_ONCE", 7)
     parts = optiland_trace(*faces, *rays, 1.5, 1005.0)
@@ -192,7 +192,7 @@ def test_parts_of_the_rays_land_as_all(monkeypatch):
 
 def test_knots_need_not_run_from_0_to_1():
     """The same poles over other parameter ranges are the same faces."""
-    faces, rays = lens_surfaces(rough_hollow()), glowing(64, 40.0)
+    faces, rays = placed_surfaces(rough_hollow()), glowing(64, 40.0)
     moved = [
         BSplineSurface(*(type(kv)(kv.degree, 3 * kv.knots + 7) for kv in (s.kv_u, s.kv_v)), s.coefficients)
         for s in faces
@@ -204,7 +204,7 @@ def test_knots_need_not_run_from_0_to_1():
 def test_the_settings_of_optiland_are_put_back():
     from optiland import backend
 
-    faces, rays = lens_surfaces(small_lens()), along_axis(np.linspace(-9, 9, 5), np.linspace(-7, 8, 5))
+    faces, rays = placed_surfaces(small_lens()), along_axis(np.linspace(-9, 9, 5), np.linspace(-7, 8, 5))
     exact = optiland_trace(*faces, *rays, 1.5, 60.0).points
     backend.set_precision("float32")
     try:

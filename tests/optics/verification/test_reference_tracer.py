@@ -14,9 +14,8 @@ from optics.tracing import SearchedHits, Tracer
 from optics.verification.reference_tracer import SAMPLES, ParametricFace, _intersect, trace_step
 from oracles.light_formulas import refracted_vector
 from tests.optics.cases import coefficients, grazing_rays, landing_points
-from thbcad.cad.shapes import lens_surfaces
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -96,7 +95,7 @@ def require_first(backend, lens, origin, direction):
     """Compare both searches with the samples, ray by ray; return (the clear rays, those among them that meet
     the face again)."""
     found = first_fall(lens, origin, direction)
-    points, normals, met = _intersect(ParametricFace(lens_surfaces(lens)[1]), origin, direction)
+    points, normals, met = _intersect(ParametricFace(placed_surfaces(lens)[1]), origin, direction)
     by_step = np.einsum("ij,ij->i", points - origin, direction)
     by_search, hit = searched(backend, lens, origin, direction)
     clear = found.clear
@@ -142,7 +141,7 @@ def test_a_slope_that_turns_within_a_sample_loses_no_ray(height, waves, spans):
     lens = wavy_lens(height, waves, spans=spans)
     origin, direction = grazing(lens, 4000, 1)
     found = first_fall(lens, origin, direction)
-    points, _, met = _intersect(ParametricFace(lens_surfaces(lens)[1]), origin, direction)
+    points, _, met = _intersect(ParametricFace(placed_surfaces(lens)[1]), origin, direction)
     assert found.clear.sum() > 2000
     assert np.flatnonzero(found.clear & ~met).tolist() == []
     off = np.abs(np.einsum("ij,ij->i", points - origin, direction) - found.t)
@@ -175,7 +174,7 @@ def test_the_whole_trace_lands_where_the_first_meeting_sends_the_light(backend, 
     expected = (at[passes] + ((TARGET_Z - at[passes][:, 2]) / out[:, 2])[:, None] * out)[forward, :2]
     chosen = np.flatnonzero(passes)[forward]
     assert len(chosen) > 300
-    step = SimpleNamespace(**dict(zip(("front", "rear"), lens_surfaces(lens))))
+    step = SimpleNamespace(**dict(zip(("front", "rear"), placed_surfaces(lens))))
     reference = trace_step(step, origin, direction, 1.0, index, TARGET_Z)
     assert (reference.flux[chosen] > 0).all()
     # 1e-11 of the angle, by a slope of at most 1 / 0.05 and the cosine 0.05 of the direction out

@@ -23,7 +23,8 @@ from tests.optics.cases import moved_point
 from tests.optics.verification.cases import EVERY_LENS, shaped
 from thbcad import KnotVector, write_step
 from thbcad.cad.exchange import compact, read_step
-from thbcad.cad.shapes import lens_solid, lens_surfaces
+from thbcad.cad.shapes import lens_solid
+from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface
 
 pytestmark = pytest.mark.xdist_group("step checks")
@@ -83,20 +84,20 @@ def test_writing_twice_gives_the_same_bytes(good, tmp_path):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize(("face", "name"), [(0, "front"), (1, "rear")])
 def test_a_pole_moved_by_a_nanometre_is_caught(good, tmp_path, backend, face, name, axis):
-    pole = lens_surfaces(good.lens)[face].coefficients[2, 1]
+    pole = placed_surfaces(good.lens)[face].coefficients[2, 1]
     names = failed(good, tmp_path, moved_point(good.text, pole, 1e-6 * np.eye(3)[axis]), backend)
     assert f"{name} poles and knots that differ from the lens in memory" in names
     assert f"{name} face against the lens in memory" in names
 
 
 def test_a_rear_pole_moved_by_a_nanometre_moves_the_light(good, tmp_path, backend):
-    pole = lens_surfaces(good.lens)[1].coefficients[3, 3]
+    pole = placed_surfaces(good.lens)[1].coefficients[3, 3]
     names = failed(good, tmp_path, moved_point(good.text, pole, [0, 0, 1e-6]), backend)
     assert "landing points, independent trace of the file" in names
 
 
 def test_a_pole_moved_by_its_last_bit_is_caught(good, tmp_path, backend):
-    pole = lens_surfaces(good.lens)[1].coefficients[3, 3]
+    pole = placed_surfaces(good.lens)[1].coefficients[3, 3]
     names = failed(good, tmp_path, moved_point(good.text, pole, [0, 0, np.spacing(pole[2])]), backend)
     assert names == [
         "file differs from a fresh export of the lens by this version",
@@ -106,7 +107,7 @@ def test_a_pole_moved_by_its_last_bit_is_caught(good, tmp_path, backend):
 
 def test_a_knot_moved_is_caught(good, tmp_path, backend):
     """The first interior knot of every spline of the file, -7.5 mm (level 1), moves by a micrometre."""
-    knot = compact(f"{lens_surfaces(good.lens)[1].kv_u.breaks[1]:#.17G}")
+    knot = compact(f"{placed_surfaces(good.lens)[1].kv_u.breaks[1]:#.17G}")
     assert good.text.count(knot) > 0
     names = failed(good, tmp_path, good.text.replace(knot, f"{float(knot) + 1e-3:#.17G}"), backend)
     assert "rear poles and knots that differ from the lens in memory" in names
@@ -232,7 +233,7 @@ def test_another_lens_is_caught(good, tmp_path, backend, step):
 
 
 def test_surface_deviation_is_the_greatest_distance_in_z(good):
-    rear = lens_surfaces(good.lens)[1]
+    rear = placed_surfaces(good.lens)[1]
     assert surface_deviation(rear, good.lens.rear, good.lens.thickness) < 1e-13
     assert surface_deviation(rear, good.lens.rear, good.lens.thickness + 0.25) == pytest.approx(
         0.25, rel=1e-12
@@ -252,14 +253,14 @@ CHECKS = [
 @pytest.mark.parametrize("scale", [1.001, 0.999])
 def test_surface_deviation_sees_a_face_of_another_size(good, scale):
     """A plane is the same height everywhere: a face that is too large or too small is still another face."""
-    front = lens_surfaces(good.lens)[0]
+    front = placed_surfaces(good.lens)[0]
     face = BSplineSurface(front.kv_u, front.kv_v, front.coefficients * [scale, 1.0, 1.0])
     assert surface_deviation(face, good.lens.front, 0.0) == pytest.approx(abs(scale - 1) * 10, rel=1e-9)
 
 
 def test_numbers_that_differ_are_counted(good):
     """A face of another degree with as many poles, and none at all, differ in everything."""
-    own = lens_surfaces(good.lens)[1]
+    own = placed_surfaces(good.lens)[1]
     everything = own.coefficients.size + len(own.kv_u.knots) + len(own.kv_v.knots)
     moved = own.coefficients.copy()
     moved[2, 3, 1:] += 1.0
@@ -296,7 +297,7 @@ def test_deposit_shares_the_flux_between_the_nearest_pixels():
 def test_read_step_gives_back_every_bit(good, tmp_path):
     (tmp_path / "lens.step").write_text(good.text)
     step = read_step(tmp_path / "lens.step")
-    for read, own in zip((step.front, step.rear), lens_surfaces(good.lens)):
+    for read, own in zip((step.front, step.rear), placed_surfaces(good.lens)):
         np.testing.assert_array_equal(read.coefficients, own.coefficients)
         np.testing.assert_array_equal(read.kv_u.knots, own.kv_u.knots)
         np.testing.assert_array_equal(read.kv_v.knots, own.kv_v.knots)

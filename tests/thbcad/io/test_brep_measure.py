@@ -18,7 +18,7 @@ from tests.thbcad.io.cases import written
 from thbcad.cad.exchange import step_bytes, write_step
 from thbcad.cad.shapes import lens_part
 from thbcad.io.brep_measure import ACCURACY, areas, volume
-from thbcad.io.step_brep import brep, read_brep
+from thbcad.io.step_brep import brep, parse_brep
 from thbcad.io.step_text import entities_of_text
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -56,7 +56,7 @@ def test_a_block_anywhere(tmp_path):
         (holed, 25, [5, 5, 5, 5, 5, 5, 10, 10, 15, 15]),
     ):
         moved = BRepBuilderAPI_Transform(shape, shift * turn, True).Shape()
-        solid = read_brep(written(moved, tmp_path / "block.step"))
+        solid = parse_brep(written(moved, tmp_path / "block.step"))
         # OCCT's own writer keeps about 13 digits: coordinates near 100 mm lie within some 1e-11 mm
         assert volume(solid) == pytest.approx(size, rel=1e-10)
         assert sorted(areas(solid)) == pytest.approx(sorted(faces), rel=1e-10)
@@ -107,7 +107,7 @@ def test_other_faces_are_refused(tmp_path):
         BRepPrimAPI_MakeCylinder(2.0, 3.0).Solid(),
         BRepBuilderAPI_NurbsConvert(torus, True).Shape(),
     ):
-        solid = read_brep(written(shape, tmp_path / "round.step"))
+        solid = parse_brep(written(shape, tmp_path / "round.step"))
         for measure in (volume, areas):
             with pytest.raises(ValueError, match="must be a plane or a spline that is not rational"):
                 measure(solid)
@@ -140,4 +140,4 @@ def test_a_solid_inside_out_is_refused():
 
 def test_written_and_read(tmp_path):
     write_step(LENSES["plano"], tmp_path / "lens.step")
-    assert volume(read_brep(tmp_path / "lens.step")) == pytest.approx(LENSES["plano"].volume(), rel=1e-10)
+    assert volume(parse_brep(tmp_path / "lens.step")) == pytest.approx(LENSES["plano"].volume(), rel=1e-10)

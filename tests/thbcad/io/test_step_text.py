@@ -14,8 +14,9 @@ from tests.cases import ROOT
 from tests.thbcad.cases import LENSES, assert_same_surface
 from tests.thbcad.io.cases import written
 from thbcad.cad.exchange import read_faces, read_step, step_bytes, write_step
-from thbcad.cad.shapes import lens_solid, lens_surfaces
-from thbcad.io.step_brep import MILLIMETRE, brep, length_unit, read_brep
+from thbcad.cad.shapes import lens_solid
+from thbcad.io.brep_records import MILLIMETRE
+from thbcad.io.step_brep import brep, length_unit, parse_brep
 from thbcad.io.step_text import (
     MOST_NESTED,
     REAL,
@@ -26,6 +27,7 @@ from thbcad.io.step_text import (
     having,
     read_part21,
 )
+from thbcad.lens import placed_surfaces
 from thbcad.splines import NURBSSurface
 
 HEAD = "ISO-10303-21;\nHEADER;\nFILE_NAME('a; ENDSEC;','');\nENDSEC;\nDATA;\n"
@@ -165,7 +167,7 @@ def test_the_text_holds_the_very_splines(tmp_path, name):
     """Read from the text, by OCCT, and in memory: the same bits."""
     path = tmp_path / "lens.step"
     write_step(LENSES[name], path)
-    solid, step = read_brep(path), read_step(path)
+    solid, step = parse_brep(path), read_step(path)
     assert (solid.name, solid.unit, len(solid.faces), len(solid.edges), solid.unpaired, solid.gaps) == (
         "lens",
         MILLIMETRE,
@@ -174,12 +176,12 @@ def test_the_text_holds_the_very_splines(tmp_path, name):
         0,
         0,
     )
-    for face, by_occt, own in zip(solid.faces, (step.front, step.rear), lens_surfaces(LENSES[name])):
+    for face, by_occt, own in zip(solid.faces, (step.front, step.rear), placed_surfaces(LENSES[name])):
         assert_same_surface(face.surface, by_occt)
         assert_same_surface(face.surface, own)
     for face, other in zip(solid.faces, read_faces(path), strict=True):
         if face.surface is None:
-            assert face.kind == "PLANE"
+            assert face.surface_type == "PLANE"
         else:
             assert_same_surface(face.surface, other)
 
@@ -196,7 +198,7 @@ def test_rational_faces_read_as_occt_reads_them(tmp_path):
     """A quarter of a torus as NURBS: complex entities, with weights."""
     torus = BRepPrimAPI_MakeTorus(10.0, 3.0, 0.5, 1.25, 1.5).Shape()
     path = written(BRepBuilderAPI_NurbsConvert(torus, True).Shape(), tmp_path / "torus.step")
-    solid = read_brep(path)
+    solid = parse_brep(path)
     rational = 0
     for face, other in zip(solid.faces, read_faces(path), strict=True):
         assert type(face.surface) is type(other)
@@ -206,15 +208,15 @@ def test_rational_faces_read_as_occt_reads_them(tmp_path):
         np.testing.assert_array_equal(face.surface.kv_v.knots, other.kv_v.knots)
         if isinstance(other, NURBSSurface):
             rational += 1
-            assert "RATIONAL_B_SPLINE_SURFACE" in face.kind
+            assert "RATIONAL_B_SPLINE_SURFACE" in face.surface_type
             np.testing.assert_array_equal(face.surface.weights, other.weights)
     assert rational
     assert solid.unpaired == 0
 
 
 def test_faces_that_are_no_splines_have_no_surface(tmp_path):
-    solid = read_brep(written(BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Solid(), tmp_path / "box.step"))
-    assert [(f.kind, f.surface) for f in solid.faces] == [("PLANE", None)] * 6
+    solid = parse_brep(written(BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Solid(), tmp_path / "box.step"))
+    assert [(f.surface_type, f.surface) for f in solid.faces] == [("PLANE", None)] * 6
     for face in solid.faces:
         assert sorted(abs(face.plane[1])) == [0, 0, 1]
     for edge in solid.edges:
@@ -235,7 +237,7 @@ def test_a_file_cut_off_at_every_tenth_is_refused(tmp_path, text, tenth):
     path = tmp_path / "lens.step"
     path.write_text(text[: len(text) * tenth // 10])
     with pytest.raises(ValueError, match=r"lens\.step is not a whole STEP file"):
-        read_brep(path)
+        parse_brep(path)
 
 
 @given(st.integers(0, len(TABLE63.rstrip()) - 1))

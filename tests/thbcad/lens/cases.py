@@ -3,7 +3,8 @@
 import numpy as np
 
 from thbcad.hierarchy import THBSpace
-from thbcad.lens.freeform_surface import FreeformSurface, Lens
+from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens import Lens
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 

@@ -10,10 +10,13 @@ from hypothesis import assume, given, settings, strategies as st
 from OCP.BOPAlgo import BOPAlgo_ArgumentAnalyzer
 
 from tests.thbcad.cases import seeds, surfaces
-from thbcad.cad.shapes import lens_solid
+from thbcad.cad.shapes import part_between
 from thbcad.certified import MOST_BOXES, Interval, positive, range_over
 from thbcad.hierarchy import THBSpace
-from thbcad.lens.freeform_surface import FreeformSurface, Lens
+from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens import Lens
+from thbcad.lens.rims import placed_surfaces
+from thbcad.lens.soundness import require_sound
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -172,34 +175,32 @@ def test_the_critical_thickness_of_a_bump(axis, wide, other):
         if wide == "front"
         else (FreeformSurface(small), quartic(big, -0.3, axis))
     )
-    Lens(*surfaces_of, 1.62, 1.5)
+    require_sound(Lens(*surfaces_of, 1.62, 1.5))
     crossing = (
         rf"the ruled edge at -[xy] crosses the {wide}: at .* it lies \S+ mm "
         rf"{'before' if wide == 'front' else 'behind'} it"
     )
     with pytest.raises(ValueError, match=crossing + r"; raise lens\.thickness by more than 0\.2 mm"):
-        Lens(*surfaces_of, 1.4, 1.5)
+        require_sound(Lens(*surfaces_of, 1.4, 1.5))
     with pytest.raises(ValueError, match=r"the ruled edge at"):
-        Lens(*surfaces_of, 1.59, 1.5)
+        require_sound(Lens(*surfaces_of, 1.59, 1.5))
 
 
 @pytest.mark.parametrize(("thickness", "crosses"), [(1.55, True), (1.7, False)])
-def test_occt_finds_the_same_solids_to_meet_themselves(thickness, crosses, monkeypatch):
+def test_occt_finds_the_same_solids_to_meet_themselves(thickness, crosses):
     """Its self-interference test of the six faces, on both sides of the critical thickness of 1.6 mm."""
     pair = quartic((2.0, 1.0), 0.3, 0), FreeformSurface((1.0, 0.75))
-    with monkeypatch.context() as unchecked:
-        unchecked.setattr("thbcad.lens.freeform_surface.require_simple_edges", lambda *_: None)
-        lens = Lens(*pair, thickness, 1.5)
+    lens = Lens(*pair, thickness, 1.5)
     analyzer = BOPAlgo_ArgumentAnalyzer()
-    analyzer.SetShape1(lens_solid(lens))
+    analyzer.SetShape1(part_between(placed_surfaces(lens), planar=False).solid)
     analyzer.SelfInterMode = True
     analyzer.Perform()
     assert analyzer.HasFaulty() == crosses
     if crosses:
         with pytest.raises(ValueError, match="the ruled edge"):
-            Lens(*pair, thickness, 1.5)
+            require_sound(lens)
     else:
-        Lens(*pair, thickness, 1.5)
+        require_sound(lens)
 
 
 def test_a_tangent_edge_is_undecided():
@@ -209,7 +210,7 @@ def test_a_tangent_edge_is_undecided():
         match=r"undecided whether the ruled edge at -x crosses the front|the ruled edge at -x crosses the "
         r"front.* than \S+e-\d+ mm",
     ):
-        Lens(quartic((2.0, 1.0), 0.3, 0), FreeformSurface((1.0, 1.0)), 1.6, 1.5)
+        require_sound(Lens(quartic((2.0, 1.0), 0.3, 0), FreeformSurface((1.0, 1.0)), 1.6, 1.5))
 
 
 def test_edges_that_cross_each_other_alone():
@@ -226,10 +227,10 @@ def test_edges_that_cross_each_other_alone():
         match=r"ruled edges at \+x and \+y cross at x = 1\.4\d*, y = 1\.4\d* mm; raise .* more than "
         r"0\.033\d* mm",
     ):
-        Lens(*pair, 1.0, 1.5)
+        require_sound(Lens(*pair, 1.0, 1.5))
     assert corner(*pair, 1.0, 0, (1, 1)) == pytest.approx(-0.0337, abs=0.002)
     assert min(clearances(*pair, 1.0).values()) > 0
-    assert Lens(*pair, 1.5, 1.5).thickness == 1.5
+    assert require_sound(Lens(*pair, 1.5, 1.5)).thickness == 1.5
 
 
 def test_surfaces_that_cross_at_equal_places_alone():
@@ -247,8 +248,8 @@ def test_surfaces_that_cross_at_equal_places_alone():
         ValueError,
         match=r"front and rear cross: at x = \S+, y = \S+ mm the rear lies \S+ mm before the front; raise",
     ):
-        Lens(*pair, 1.2, 1.5)
-    assert Lens(*pair, 2.1, 1.5).least_thickness().lower > 0
+        require_sound(Lens(*pair, 1.2, 1.5))
+    assert require_sound(Lens(*pair, 2.1, 1.5)).least_thickness().lower > 0
 
 
 @settings(max_examples=40)
@@ -265,7 +266,7 @@ def test_random_lenses(data):
     ).max()
     thickness = max(0.0, relative) + 10 ** rng.uniform(-1.5, 0.5)
     try:
-        Lens(*pair, thickness, 1.5)
+        require_sound(Lens(*pair, thickness, 1.5))
         sentence = ""
     except ValueError as error:
         sentence = str(error)

@@ -10,8 +10,10 @@ from scipy.optimize import minimize
 
 from tests.thbcad.cases import refined_spaces, surfaces
 from thbcad.hierarchy import THBSpace
-from thbcad.lens.freeform_surface import FreeformSurface, Lens
+from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens import Lens
 from thbcad.lens.manufacture_bounds import BENDING, HEIGHT, area, manufacturability
+from thbcad.lens.soundness import require_sound
 from thbcad.sags import Conic, square_coefficients
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -43,7 +45,8 @@ def lenses(draw):
     other = tuple(h * draw(st.sampled_from([1.0, 1.0, 0.9, 1.2])) for h in half)
     front, rear = (draw(surfaces(half_width=size, conics=False)) for size in (half, other))
     try:
-        return Lens(front, rear, float(np.hypot(*half)) * draw(st.floats(1.0, 2.0)) + 7.0, 1.5)
+        thickness = float(np.hypot(*half)) * draw(st.floats(1.0, 2.0)) + 7.0
+        return require_sound(Lens(front, rear, thickness, 1.5))
     except ValueError:
         reject()
 

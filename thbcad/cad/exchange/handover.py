@@ -59,7 +59,8 @@ def named_faces(lens: Lens | Part) -> dict[str, build123d.Face]:
     ImportError : build123d is not installed, or beside another OCP.
     ValueError : something else than a Lens or a Part.
     """
-    bd, part = _library("build123d"), _part(lens)
+    bd = _library("build123d")
+    part = _part(lens)
     return {name: bd.Face(face, label=name) for name, face in zip(part.names, part.faces)}
 
 

@@ -65,12 +65,13 @@ EXCEPTIONS = [
     for e in vars(module).values()
     if isinstance(e, type) and issubclass(e, Exception)
 ]
-OCCT_ERRORS = tuple(EXCEPTIONS)  # they have no common base
+OCCT_ERRORS: tuple[type[Exception], ...] = tuple(EXCEPTIONS)  # they have no common base
+READ_ERRORS: tuple[type[Exception], ...] = (ValueError, *OCCT_ERRORS)
 LEAST_SIZE = 1e-6  # mm; OCCT drops smaller faces
 
 
 def write_faces(surfaces: Sequence[BSplineSurface | NURBSSurface], path: str | Path) -> None:
-    """Write surfaces with points (x, y, z) in mm as loose faces; the suffix tells the format.
+    """Write surfaces with points (x, y, z) in mm as loose faces; the suffix names the format.
 
     STEP is .step or .stp, IGES is .igs or .iges, BREP is .brep.  The same surfaces give the same bytes.
 
@@ -165,7 +166,8 @@ def _format(path: Path) -> tuple[Callable[[Sequence[NURBSSurface]], bytes], Call
 
 
 def _compound(surfaces: Sequence[NURBSSurface]) -> TopoDS_Compound:
-    compound, builder = TopoDS_Compound(), BRep_Builder()
+    compound = TopoDS_Compound()
+    builder = BRep_Builder()
     builder.MakeCompound(compound)
     for k, surface in enumerate(surfaces):
         try:
@@ -176,18 +178,19 @@ def _compound(surfaces: Sequence[NURBSSurface]) -> TopoDS_Compound:
 
 
 def _read_face(path: Path, number: int, face: TopoDS_Face) -> BSplineSurface | NURBSSurface:
-    geom, kind = BRep_Tool.Surface_s(face), BRepAdaptor_Surface(face)
+    geom = BRep_Tool.Surface_s(face)
+    adaptor = BRepAdaptor_Surface(face)
     try:
         if isinstance(geom, Geom_BSplineSurface):
             return spline_surface(geom)
-        exact = kind.GetType() in EXACT or (
-            kind.GetType() in SWEPT and kind.BasisCurve().GetType() not in APPROXIMATE
+        exact = adaptor.GetType() in EXACT or (
+            adaptor.GetType() in SWEPT and adaptor.BasisCurve().GetType() not in APPROXIMATE
         )
         if not exact:
             raise ValueError("it is no surface that NURBS hold exactly")
         trimmed = Geom_RectangularTrimmedSurface(geom, *_rectangle(face, geom))
         return spline_surface(GeomConvert.SurfaceToBSplineSurface_s(trimmed))
-    except (ValueError, *OCCT_ERRORS) as error:
+    except READ_ERRORS as error:
         raise ValueError(f"face {number} of {path} cannot be read: {error}") from error
 
 

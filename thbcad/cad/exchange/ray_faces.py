@@ -1,5 +1,4 @@
-"""Rays and the faces of an OCCT shape: the first meeting, found by OCCT's own intersection of lines and
-faces."""
+"""Rays and the faces of an OCCT shape: their first intersection, as OCCT computes it."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from OCP.BRep import BRep_Tool
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
@@ -20,7 +19,8 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from thbcad.cad.exchange.reading import step_shape
 from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import TOLERANCE
-from thbcad.io import read_brep
+from thbcad.checks import Floats, Integers
+from thbcad.io import parse_brep
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
@@ -33,24 +33,24 @@ class FaceHits:
     """Where n rays first meet a face: points (n, 3) in mm and outward unit normals (n, 3), NaN for rays that
     meet none.
 
-    faces : (n,) int, the place of the face in the shape, -1 for none.
+    faces : (n,) int, the number of the face in the shape, -1 for none.
     """
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    points: Floats
+    normals: Floats
+    faces: Integers
 
 
 def step_solid(path: str | Path) -> TopoDS_Shape:
     """Return the shape of a STEP file with one solid, in mm.
 
-    The text is read first by `read_brep`: OCCT can end the process over a damaged file.
+    The text is read first by `parse_brep`: OCCT can end the process over a damaged file.
 
     Raises
     ------
-    OSError : the file cannot be read.  ValueError : as `read_brep`, or OCCT cannot read it.
+    OSError : the file cannot be read.  ValueError : as `parse_brep`, or OCCT cannot read it.
     """
-    read_brep(path)
+    parse_brep(path)
     silence()
     return step_shape(Path(path))
 
@@ -77,8 +77,8 @@ def face_hits(
     if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
         raise ValueError("origins and directions must be finite, directions not zero")
     shape = solid if isinstance(solid, TopoDS_Shape) else step_solid(solid)
-    places = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, TopAbs_FACE, places)
+    numbers = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, TopAbs_FACE, numbers)
     intersector = IntCurvesFace_ShapeIntersector()
     intersector.Load(shape, TOLERANCE)
     points, normals = (np.full(origins.shape, np.nan) for _ in range(2))
@@ -87,15 +87,17 @@ def face_hits(
         intersector.PerformNearest(gp_Lin(gp_Pnt(*origin), gp_Dir(*direction)), after, FARTHEST)
         if intersector.NbPnt():
             face = intersector.Face(1)
-            faces[k] = places.FindIndex(face) - 1
+            faces[k] = numbers.FindIndex(face) - 1
             points[k] = intersector.Pnt(1).Coord()
             normals[k] = _normal(face, intersector.UParameter(1), intersector.VParameter(1))
     return FaceHits(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), faces)
 
 
-def _normal(face: TopoDS_Face, u: float, v: float) -> NDArray[np.float64]:
+def _normal(face: TopoDS_Face, u: float, v: float) -> Floats:
     """Return the outward normal of a face, of any length."""
-    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    point = gp_Pnt()
+    along_u = gp_Vec()
+    along_v = gp_Vec()
     BRep_Tool.Surface_s(TopoDS.Face_s(face)).D1(u, v, point, along_u, along_v)
     return np.array(along_u.Crossed(along_v).Coord()) * (
         -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0

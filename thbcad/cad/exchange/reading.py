@@ -29,11 +29,12 @@ BREP_END = re.compile(rb"\*\s+[-+ie]\d+ \d+\s*\Z")
 
 def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
     """Return the faces, edges, ... of a shape in their order."""
-    explorer, found = TopExp_Explorer(shape, kind), []
+    explorer = TopExp_Explorer(shape, kind)
+    shapes = []
     while explorer.More():
-        found.append(explorer.Current())
+        shapes.append(explorer.Current())
         explorer.Next()
-    return found
+    return shapes
 
 
 def step_shape(path: Path) -> TopoDS_Shape:
@@ -57,7 +58,8 @@ def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
     ------
     ValueError : it is not readable.
     """
-    reader, document = STEPCAFControl_Reader(), TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
+    reader = STEPCAFControl_Reader()
+    document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
     with occt_settings({"xstep.cascade.unit": "MM"}):
         if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.Transfer(document):
             raise ValueError(f"{path} is not a readable STEP file")
@@ -86,7 +88,8 @@ def brep_shape(path: Path) -> TopoDS_Shape:
     ------
     ValueError : it is not readable, or not whole.
     """
-    shape, data = TopoDS_Shape(), path.read_bytes()
+    shape = TopoDS_Shape()
+    data = path.read_bytes()
     # OCCT does not return from a truncated file: every shape of the table must end with its star, then one of
     # them is named
     table = BREP_TABLE.search(data)

@@ -106,9 +106,9 @@ def solid_file(shape: TopoDS_Shape, path: str | Path) -> SolidFile:
 
     Raises
     ------
-    ValueError : the shape does not hold two optical faces (curved both ways, not rational).
+    ValueError : the shape does not hold two optical faces (curved in both directions, not rational).
     """
-    # the ruled edges are straight one way, front and rear are not
+    # the ruled edges are straight in one direction, front and rear are not
     curved = [s for s in spline_faces(shape) if min(s.kv_u.degree, s.kv_v.degree) > 1]
     splines = [spline for spline in curved if isinstance(spline, BSplineSurface)]
     if len(splines) != 2:
@@ -130,8 +130,10 @@ def solid_volume(shape: TopoDS_Shape, tolerance: float) -> float:
 
     tolerance : relative, which OCCT's Gauss-Kronrod integral keeps face by face, span by span.
     """
-    properties, only_closed, by_spans = GProp_GProps(), False, True
-    # from the plane z = 0: the flux of the whole place vector through rough faces needs far more points
+    properties = GProp_GProps()
+    only_closed = False
+    by_spans = True
+    # from the plane z = 0: the flux of the whole position vector through rough faces needs far more points
     plane = gp_Pln(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1))
     BRepGProp.VolumePropertiesGK_s(shape, properties, plane, tolerance, only_closed, by_spans)
     return properties.Mass()

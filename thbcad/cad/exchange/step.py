@@ -65,7 +65,7 @@ def write_step(lens: Lens, path: str | Path, product: Product | None = None, sch
     Raises
     ------
     OSError : the file cannot be written.
-    ValueError : another schema.
+    ValueError : another schema; as `require_sound`.
     RuntimeError : OCCT refuses the solid.
     """
     require_type("lens", lens, Lens)
@@ -121,7 +121,8 @@ def read_step(path: str | Path) -> SolidFile:
     Raises
     ------
     OSError : the file cannot be read.
-    ValueError : it is no STEP file, or does not hold two optical faces (curved both ways, not rational).
+    ValueError : it is no STEP file, or does not hold two optical faces (curved in both directions, not
+        rational).
     """
     path = Path(path)
     with path.open("rb"):
@@ -155,14 +156,15 @@ def _document(part: Part, product: Product) -> TDocStd_Document:
     colours."""
     document = TDocStd_Document(_extended("XmlXCAF"))
     main = document.Main()
-    shapes, colours = XCAFDoc_DocumentTool.ShapeTool_s(main), XCAFDoc_DocumentTool.ColorTool_s(main)
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(main)
+    colours = XCAFDoc_DocumentTool.ColorTool_s(main)
     label = shapes.AddShape(part.solid, False)
     TDataStd_Name.Set_s(label, _extended(product.name))
     for name, face in zip(part.names, part.faces, strict=True):
-        place = shapes.AddSubShape(label, face)
-        TDataStd_Name.Set_s(place, _extended(name))
+        sub = shapes.AddSubShape(label, face)
+        TDataStd_Name.Set_s(sub, _extended(name))
         rgb = COLOURS.get(name.partition(" ")[0], OTHER_COLOUR)
-        colours.SetColor(place, Quantity_Color(*rgb, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
+        colours.SetColor(sub, Quantity_Color(*rgb, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
     if product.material:
         note = "" if product.index is None else f"refractive index {product.index}"
         texts = [_string(text) for text in (product.material, note, "density", "POSITIVE_RATIO_MEASURE")]
@@ -199,14 +201,16 @@ def _face_names(reader: STEPControl_Reader, shape: TopoDS_Shape) -> tuple[str, .
 
 def _product_name(document: TDocStd_Document) -> str:
     """Return the name of the first free shape."""
-    labels, name = TDF_LabelSequence(), TDataStd_Name()
+    labels = TDF_LabelSequence()
+    name = TDataStd_Name()
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(labels)
     return name.Get().ToExtString() if _found(labels, name) else ""
 
 
 def _material_name(document: TDocStd_Document) -> str:
     """Return the name of the first material."""
-    labels, material = TDF_LabelSequence(), XCAFDoc_Material()
+    labels = TDF_LabelSequence()
+    material = XCAFDoc_Material()
     XCAFDoc_DocumentTool.MaterialTool_s(document.Main()).GetMaterialLabels(labels)
     return material.GetName().ToCString() if _found(labels, material) else ""
 

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
         patched_part as patched_part,
     )
     from thbcad.cad.shapes.plain_solid import (
-        NAMES as NAMES,
         lens_part as lens_part,
         lens_solid as lens_solid,
-        lens_surfaces as lens_surfaces,
+        part_between as part_between,
+    )
+    from thbcad.cad.shapes.topology import (
+        NAMES as NAMES,
     )
 
 _FILES = {
@@ -42,10 +44,10 @@ _FILES = {
     "part": ("Part",),
     "patched_solid": ("patched_part",),
     "plain_solid": (
-        "NAMES",
         "lens_part",
         "lens_solid",
-        "lens_surfaces",
+        "part_between",
     ),
+    "topology": ("NAMES",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

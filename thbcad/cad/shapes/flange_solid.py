@@ -5,17 +5,27 @@ The flange is a frame round the lens: its two planes cut the edges of the lens, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
-from thbcad.cad.shapes.aperture_solid import EDGES, elliptic_faces
+from thbcad.cad.shapes.aperture_solid import HALVES, elliptic_faces
 from thbcad.cad.shapes.occt_splines import TOLERANCE
-from thbcad.cad.shapes.plain_solid import NAMES, boundary, closed_part, lens_surfaces, side_line, spline_face
 from thbcad.cad.shapes.rings import plane_face, wall_faces
+from thbcad.cad.shapes.topology import NAMES, closed_part, side_line, spline_face
 from thbcad.cad.shapes.walls import EllipticWall, PlaneWall, RuledWall, side_ring
-from thbcad.lens import Flange, require_aperture, require_clear, ruled_edges
+from thbcad.lens import (
+    SIDES,
+    Flange,
+    placed_surfaces,
+    require_aperture,
+    require_clear,
+    require_sound,
+    rim,
+    ruled_edges,
+)
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
@@ -31,22 +41,27 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
 
     semi_axes : (a, b) float of an elliptic aperture, mm, as in `trimmed_part`; None is the rectangular lens
 
-    Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight places
+    Edges between surfaces of different size are ruled; the flange meets them within 1e-9 mm, at eight points
     of every span.
 
     Raises
     ------
-    ValueError : as `trimmed_part`; a rim less than 1e-6 mm away from the flange.
+    ValueError : as `trimmed_part` and `require_sound`; a rim less than 1e-6 mm away from the flange.
     """
-    require_clear(lens, flange, semi_axes)
+    require_clear(require_sound(lens), flange, semi_axes)
     builder = BRep_Builder()
+    wall: Wall
+    outline: Wall
+    edges: Sequence[str]
     if semi_axes is None:
         wall, (front, bottom), (rear, top) = _rectangular(builder, lens)
-        outline, edges = PlaneWall(flange.rectangle(lens)), NAMES[2:]
+        outline = PlaneWall(flange.rectangle(lens))
+        edges = NAMES[2:]
     else:
         ellipse = require_aperture(lens, semi_axes)
         wall, ((front, bottom), (rear, top)) = EllipticWall(ellipse), elliptic_faces(builder, lens, ellipse)
-        outline, edges = EllipticWall(flange.ellipse(ellipse)), EDGES
+        outline = EllipticWall(flange.ellipse(ellipse))
+        edges = HALVES
     inner, outer = ([w.level(builder, z) for z in (flange.low, flange.high)] for w in (wall, outline))
     faces = [
         front,
@@ -68,13 +83,14 @@ def _rectangular(
 ) -> tuple[Wall, tuple[TopoDS_Face, Ring], tuple[TopoDS_Face, Ring]]:
     """Return the wall of the edges and (face, ring of its rim) of front and rear."""
     planar = lens.front.half_width == lens.rear.half_width
-    wall = PlaneWall(lens.rear.half_width) if planar else RuledWall(ruled_edges(lens))
-    found = []
-    for k, surface in enumerate(lens_surfaces(lens)):
-        rims = [boundary(surface, side) for side in range(4)]
-        ring = side_ring(builder, rims) if planar else wall.rim(builder, rims, float(k))
+    ruled = RuledWall(ruled_edges(lens))
+    optical = []
+    for k, surface in enumerate(placed_surfaces(lens)):
+        rims = [rim(surface, side) for side in SIDES]
+        ring = side_ring(builder, rims) if planar else ruled.rim(builder, rims, float(k))
         face = spline_face(builder, surface, ring.edges)
-        for side, edge in enumerate(ring.edges):
+        for side, edge in zip(SIDES, ring.edges):
             builder.UpdateEdge(TopoDS.Edge_s(edge), side_line(surface, side), face, TOLERANCE)
-        found.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
-    return wall, *found
+        optical.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
+    front, rear = optical
+    return PlaneWall(lens.rear.half_width) if planar else ruled, front, rear

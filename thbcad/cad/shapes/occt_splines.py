@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.gp import gp_Pnt
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
+from thbcad.checks import Floats
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 TOLERANCE = 1e-7  # mm, OCCT's default confusion
@@ -40,7 +40,7 @@ def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
     return geom
 
 
-def geom_curve(kv: KnotVector, poles: NDArray[np.float64]) -> Geom_BSplineCurve:
+def geom_curve(kv: KnotVector, poles: Floats) -> Geom_BSplineCurve:
     """Return the spline curve with poles (n, 3) as Geom_BSplineCurve."""
     array = TColgp_Array1OfPnt(1, len(poles))
     for k, (x, y, z) in enumerate(poles.tolist(), 1):
@@ -72,7 +72,8 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
 
 def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
     values, counts = np.unique(kv.knots, return_counts=True)
-    knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
+    knots = TColStd_Array1OfReal(1, len(values))
+    multiplicities = TColStd_Array1OfInteger(1, len(values))
     for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
         knots.SetValue(k, value)
         multiplicities.SetValue(k, count)

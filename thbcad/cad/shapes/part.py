@@ -15,7 +15,7 @@ class Part:
     """A solid and its faces in the order in which they were added.
 
     solid : TopoDS_Solid, mm
-    names : of the faces; the first word tells what a face is: front, rear, edge or flange
+    names : of the faces; the first word says what a face is: front, rear, edge or flange
     faces : TopoDS_Face, as they lie in the solid (orientation included)
     """
 

@@ -2,7 +2,7 @@
 surface.
 
 Patches meet at T-junctions.  The corners of all patches are vertices; an edge is the piece of a patch's
-boundary between two consecutive vertices, so that exactly two faces share it.  Nothing is sewn.
+boundary between two consecutive vertices, so that it belongs to exactly two faces.  Nothing is sewn.
 """
 
 from __future__ import annotations
@@ -13,32 +13,38 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve
 from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.plain_solid import (
-    CORNERS,
+from thbcad.cad.shapes.topology import (
     NAMES,
-    SIDES,
-    boundary,
     closed_part,
-    flat_face,
-    lens_surfaces,
+    edge_face,
     new_edge,
     new_vertex,
-    ruled_face,
     side_line,
     spline_face,
     strut,
     turned,
 )
-from thbcad.checks import require_type
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.checks import Floats
+from thbcad.lens import (
+    CORNERS,
+    SIDES,
+    Corner,
+    FreeformSurface,
+    Lens,
+    Side,
+    placed_surfaces,
+    require_sound,
+    rim,
+    rim_parameter,
+)
 from thbcad.sags import conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
@@ -52,30 +58,26 @@ def patched_part(lens: Lens) -> Part:
 
     Raises
     ------
-    ValueError : a patch with an edge of 2e-7 mm or less, which CAD takes for a point.
+    ValueError : as `require_sound`; a patch with an edge of 2e-7 mm or less, which CAD takes for a point.
     """
-    require_type("lens", lens, Lens)
     builder = BRep_Builder()
-    whole = lens_surfaces(lens)
+    whole = placed_surfaces(require_sound(lens))
     sheets = [_Sheet(builder, patches) for patches in lens_patches(lens)]
-    ends = [(kv.start, kv.stop) for kv in (whole[1].kv_u, whole[1].kv_v)]
-    corners = [[sheet.vertices[ends[0][a], ends[1][b]] for a, b in CORNERS] for sheet in sheets]
+    vertices = [{c: sheet.vertices[_corner(whole[1], c)] for c in CORNERS} for sheet in sheets]
     planar = lens.front.half_width == lens.rear.half_width
-    struts = [strut(builder, whole, corner, corners, planar) for corner in range(4)]
+    struts = {corner: strut(builder, whole, corner, vertices, planar) for corner in CORNERS}
 
     # the normal of the parametrisation points to +z: outward at the rear, inward at the front
     faces = [TopoDS.Face_s(face.Reversed()) for face in sheets[0].faces] + sheets[1].faces
-    for side, (start, stop) in enumerate(SIDES):
+    for side in SIDES:
         front, rear = (sheet.chain(side, s) for sheet, s in zip(sheets, whole))
         chains = [
             front,
-            [struts[stop]],
+            [struts[side.stop]],
             [edge.Reversed() for edge in reversed(rear)],
-            [struts[start].Reversed()],
+            [struts[side.start].Reversed()],
         ]
-        loop = [edge for chain in chains for edge in chain]
-        face = flat_face(builder, whole, side, loop) if planar else ruled_face(builder, whole, side, chains)
-        faces.append(face if side < 2 else TopoDS.Face_s(face.Reversed()))
+        faces.append(edge_face(builder, whole, side, chains, planar))
     names = [f"{name} {k + 1}" for name, sheet in zip(NAMES, sheets) for k in range(len(sheet.faces))]
     return closed_part([*names, *NAMES[2:]], faces)
 
@@ -83,23 +85,25 @@ def patched_part(lens: Lens) -> Part:
 def lens_patches(lens: Lens) -> tuple[list[BSplineSurface], list[BSplineSurface]]:
     """Return the patches of front and rear with poles (x, y, z) in the lens frame, in mm.
 
-    As `lens_surfaces`, all are parametrised over the rear's rectangle.  Sags, planes and paraboloids are
+    As `placed_surfaces`, all are parametrised over the rear's rectangle.  Sags, planes and paraboloids are
     exact but for rounding, other conics are within 1e-11 mm.  A surface without sag is one patch.
     """
     target = lens.rear.half_width
-    rows = zip((lens.front, lens.rear), lens_surfaces(lens), (0.0, lens.thickness))
+    rows = zip((lens.front, lens.rear), placed_surfaces(lens), (0.0, lens.thickness))
     front, rear = (
-        [whole] if surface.sag is None else list(_placed(surface, vertex, target))
+        [whole] if surface.sag is None else list(_placed(surface, surface.sag, vertex, target))
         for surface, whole, vertex in rows
     )
     return front, rear
 
 
-def _placed(surface: FreeformSurface, vertex: float, target: tuple[float, float]) -> Iterator[BSplineSurface]:
+def _placed(
+    surface: FreeformSurface, sag: THBSurface, vertex: float, target: tuple[float, float]
+) -> Iterator[BSplineSurface]:
     """Yield the patches of conic + sag over the rectangle with half-widths `target`; equal positions get
     equal knots."""
-    space, patches = surface.sag.space, surface.sag.to_patches()
-    domains, half = (space.kv_u, space.kv_v), surface.half_width
+    domains = (sag.space.kv_u, sag.space.kv_v)
+    patches = sag.to_patches()
     marks = [
         np.unique(
             np.concatenate(
@@ -109,31 +113,31 @@ def _placed(surface: FreeformSurface, vertex: float, target: tuple[float, float]
         for d in (0, 1)
     ]
     for patch in patches:
-        own = [
+        kv_x, kv_y = (
             KnotVector(kv.degree, _mapped(kv.knots, domain, h))
-            for kv, domain, h in zip((patch.kv_u, patch.kv_v), domains, half)
-        ]
-        graph = conic_graph(surface.conic, *own, patch.coefficients)
+            for kv, domain, h in zip((patch.kv_u, patch.kv_v), domains, surface.half_width)
+        )
+        graph = conic_graph(surface.conic, kv_x, kv_y, patch.coefficients)
         x, y = np.meshgrid(graph.kv_u.greville(), graph.kv_v.greville(), indexing="ij")
         poles = np.stack([x, y, vertex + graph.coefficients], axis=-1)
-        knots = [
-            _snapped(kv.knots * (t / h), m)
-            for kv, t, h, m in zip((graph.kv_u, graph.kv_v), target, half, marks)
-        ]
-        yield BSplineSurface(*(KnotVector(kv.degree, t) for kv, t in zip(own, knots)), poles)
+        kv_u, kv_v = (
+            KnotVector(kv.degree, _snapped(kv.knots * (t / h), m))
+            for kv, t, h, m in zip((graph.kv_u, graph.kv_v), target, surface.half_width, marks)
+        )
+        yield BSplineSurface(kv_u, kv_v, poles)
 
 
-def _mapped(knots: NDArray[np.float64], domain: KnotVector, half: float) -> NDArray[np.float64]:
+def _mapped(knots: Floats, domain: KnotVector, half: float) -> Floats:
     """Return knots of a sag as positions in [-half, half]; the same knot always gives the same float."""
-    share = (knots - domain.start) / (domain.stop - domain.start)
-    return np.where(share == 1, half, -half + 2 * half * share)
+    fraction = (knots - domain.start) / (domain.stop - domain.start)
+    return np.where(fraction == 1, half, -half + 2 * half * fraction)
 
 
-def _snapped(knots: NDArray[np.float64], marks: NDArray[np.float64]) -> NDArray[np.float64]:
+def _snapped(knots: Floats, marks: Floats) -> Floats:
     """Return the knots; those that are a mark but for rounding become it."""
-    room = NEAR * marks[-1]
-    near = marks[np.minimum(np.searchsorted(marks, knots - room), len(marks) - 1)]
-    return np.where(abs(near - knots) < room, near, knots)
+    tolerance = NEAR * marks[-1]
+    near = marks[np.minimum(np.searchsorted(marks, knots - tolerance), len(marks) - 1)]
+    return np.where(abs(near - knots) < tolerance, near, knots)
 
 
 class _Sheet:
@@ -147,55 +151,57 @@ class _Sheet:
         self.vertices: dict[tuple[float, float], TopoDS_Vertex] = {}
         self._edges: dict[tuple[int, float, float], TopoDS_Edge] = {}
         for patch in patches:
-            for a, b in CORNERS:
-                place = (patch.kv_u.start, patch.kv_u.stop)[a], (patch.kv_v.start, patch.kv_v.stop)[b]
-                if place not in self.vertices:
-                    self.vertices[place] = new_vertex(builder, patch.coefficients[-a, -b])
+            for corner in CORNERS:
+                position = _corner(patch, corner)
+                if position not in self.vertices:
+                    self.vertices[position] = new_vertex(builder, patch.coefficients[corner])
         # by axis and line: the positions of the vertices on the line v (axis 0) or u (axis 1)
-        self._places: tuple[dict[float, list[float]], dict[float, list[float]]] = ({}, {})
+        self._positions: tuple[dict[float, list[float]], dict[float, list[float]]] = ({}, {})
         for u, v in sorted(self.vertices):
-            self._places[0].setdefault(v, []).append(u)
-            self._places[1].setdefault(u, []).append(v)
+            self._positions[0].setdefault(v, []).append(u)
+            self._positions[1].setdefault(u, []).append(v)
         self.faces = [self._face(patch) for patch in patches]
 
-    def chain(self, side: int, surface: BSplineSurface) -> list[TopoDS_Edge]:
+    def chain(self, side: Side, surface: BSplineSurface) -> list[TopoDS_Edge]:
         """Return the edges along a side of a patch, or of all patches, towards increasing x or y; makes those
         that are not there."""
-        axis, line, (kv, poles) = side % 2, _line(surface, side), boundary(surface, side)
-        places = self._places[axis][line]
-        between = places[bisect_left(places, kv.start) : bisect_right(places, kv.stop)]
-        found = []
+        axis = side.axis
+        line = rim_parameter(surface, side)
+        kv, poles = rim(surface, side)
+        positions = self._positions[axis][line]
+        between = positions[bisect_left(positions, kv.start) : bisect_right(positions, kv.stop)]
+        edges = []
         for start, stop in pairwise(between):
             key = axis, line, start
             if key not in self._edges:
-                own, piece = kv.segment(start, stop)
-                points = piece @ poles
+                segment, operator = kv.segment(start, stop)
+                points = operator @ poles
                 if np.linalg.norm(points[-1] - points[0]) <= 2 * TOLERANCE:
                     raise ValueError(
                         f"a patch has an edge of at most {2 * TOLERANCE:g} mm at {points[0]} mm; use fewer "
                         "levels"
                     )
                 ends = [self.vertices[(t, line) if axis == 0 else (line, t)] for t in (start, stop)]
-                self._edges[key] = new_edge(self._builder, geom_curve(own, points), start, stop, *ends)
-            found.append(self._edges[key])
-        return found
+                self._edges[key] = new_edge(self._builder, geom_curve(segment, points), start, stop, *ends)
+            edges.append(self._edges[key])
+        return edges
 
     def _face(self, patch: BSplineSurface) -> TopoDS_Face:
-        chains = [self.chain(side, patch) for side in range(4)]
+        chains = {side: self.chain(side, patch) for side in SIDES}
         loop = [
-            turned(edge, side >= 2)
-            for side in range(4)
-            for edge in (chains[side][::-1] if side >= 2 else chains[side])
+            turned(edge, side.clockwise)
+            for side, chain in chains.items()
+            for edge in (chain[::-1] if side.clockwise else chain)
         ]
         face = spline_face(self._builder, patch, loop)
-        for side, chain in enumerate(chains):
+        for side, chain in chains.items():
             line = side_line(patch, side)
             for edge in chain:
                 self._builder.UpdateEdge(edge, line, face, TOLERANCE)
         return face
 
 
-def _line(surface: BSplineSurface, side: int) -> float:
-    """Return the parameter that is constant along a side."""
-    kv = surface.kv_v if side in (0, 2) else surface.kv_u
-    return kv.start if side in (0, 3) else kv.stop
+def _corner(surface: BSplineSurface, corner: Corner) -> tuple[float, float]:
+    """Return the parameters of a corner."""
+    u, v = ((kv.start, kv.stop)[k] for kv, k in zip((surface.kv_u, surface.kv_v), corner))
+    return u, v

@@ -17,7 +17,7 @@ from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE
-from thbcad.cad.shapes.plain_solid import new_edge, new_wire
+from thbcad.cad.shapes.topology import new_edge, new_wire
 
 if TYPE_CHECKING:
     from OCP.Geom import Geom_Curve, Geom_Surface

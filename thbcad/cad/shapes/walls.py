@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Geom import (
     Geom_Circle,
     Geom_CylindricalSurface,
@@ -21,10 +20,11 @@ from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 
 from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface
-from thbcad.cad.shapes.plain_solid import CORNERS, UNIT, new_edge, new_vertex, turned
 from thbcad.cad.shapes.rings import Ring
-from thbcad.lens import Ellipse, fitted_curve, kinks
-from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.cad.shapes.topology import new_edge, new_vertex, turned
+from thbcad.checks import Floats
+from thbcad.lens import CORNERS, SIDES, Ellipse, Side, fitted_curve, kinks
+from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
     from OCP.BRep import BRep_Builder
@@ -45,7 +45,8 @@ class PlaneWall:
 
     def corner(self, k: int) -> tuple[float, float]:
         """Return (x, y) of a corner, mm."""
-        return tuple(h * (2 * side - 1) for h, side in zip(self.half_width, CORNERS[k % 4]))
+        x, y = (h if end else -h for h, end in zip(self.half_width, CORNERS[k % 4]))
+        return x, y
 
     def surface(self, panel: int) -> Geom_Surface:
         return Geom_Plane(gp_Pln(gp_Pnt(*self.corner(panel), 0.0), gp_Dir(*OUTWARD[panel])))
@@ -54,13 +55,13 @@ class PlaneWall:
         return Geom_Line(gp_Pnt(*self.corner(corner), 0.0), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        places = [np.array([*self.corner(k), z]) for k in range(4)]
-        vertices = [new_vertex(builder, place) for place in places]
+        points = [np.array([*self.corner(k), z]) for k in range(4)]
+        vertices = [new_vertex(builder, point) for point in points]
         edges = []
         for k in range(4):
-            step = places[(k + 1) % 4] - places[k]
+            step = points[(k + 1) % 4] - points[k]
             length = float(np.linalg.norm(step))
-            line = Geom_Line(gp_Pnt(*places[k].tolist()), gp_Dir(*step.tolist()))
+            line = Geom_Line(gp_Pnt(*points[k].tolist()), gp_Dir(*step.tolist()))
             edges.append(new_edge(builder, line, 0.0, length, vertices[k], vertices[(k + 1) % 4]))
         return Ring(vertices, edges, (), (z,) * 4)
 
@@ -89,7 +90,7 @@ class EllipticWall:
             else Geom_Ellipse(self._axes(z), max(a, b), min(a, b))
         )
 
-    def _places(self, z: Sequence[float]) -> NDArray[np.float64]:
+    def _points(self, z: Sequence[float]) -> Floats:
         return np.column_stack([*self.ellipse([0.0, np.pi]), z])
 
     def surface(self, panel: int) -> Geom_Surface:
@@ -98,19 +99,19 @@ class EllipticWall:
         return Geom_SurfaceOfLinearExtrusion(self._curve(0.0), UP)
 
     def strut(self, corner: int) -> Geom_Curve:
-        return Geom_Line(gp_Pnt(*self._places((0.0, 0.0))[corner].tolist()), UP)
+        return Geom_Line(gp_Pnt(*self._points((0.0, 0.0))[corner].tolist()), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        vertices = [new_vertex(builder, place) for place in self._places((z, z))]
+        vertices = [new_vertex(builder, point) for point in self._points((z, z))]
         edges = [
             new_edge(builder, self._curve(z), *self.ends[k], vertices[k], vertices[1 - k]) for k in (0, 1)
         ]
         return Ring(vertices, edges, (Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0)),) * 2, (z, z))
 
-    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
+    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
         """Return the ring along two splines (x, y, z) over the angle, one for each half."""
         heights = tuple(float(poles[0, 2]) for _, poles in curves)
-        vertices = [new_vertex(builder, place) for place in self._places(heights)]
+        vertices = [new_vertex(builder, point) for point in self._points(heights)]
         edges = [
             new_edge(builder, geom_curve(*curves[k]), *self.ends[k], vertices[k], vertices[1 - k])
             for k in (0, 1)
@@ -142,11 +143,9 @@ class RuledWall:
         return geom_surface(self.panels[panel])
 
     def strut(self, corner: int) -> Geom_Curve:
-        return geom_curve(UNIT, self.panels[corner].coefficients[_first(corner)])
+        return geom_curve(UNIT, self.panels[corner].coefficients[_first(SIDES[corner])])
 
-    def rim(
-        self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]], v: float
-    ) -> Ring:
+    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]], v: float) -> Ring:
         """Return the ring of the front's (v = 0) or the rear's rim (v = 1)."""
         return replace(
             side_ring(builder, curves),
@@ -160,13 +159,13 @@ class RuledWall:
         curves = [self._level(panel, z) for panel in self.panels]
         flat = [(kv, np.column_stack([poles[:, :2], np.full(len(poles), z)])) for kv, poles in curves]
         traces = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves]
-        heights = [float(poles[_first(side), 2]) for side, (_, poles) in enumerate(curves)]
+        heights = [float(poles[_first(side), 2]) for side, (_, poles) in zip(SIDES, curves)]
         return replace(side_ring(builder, flat), traces=traces, heights=heights)
 
-    def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, NDArray[np.float64]]:
+    def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, Floats]:
         """Return knots and poles (x, y, v) of the level line of a panel."""
 
-        def line(s: NDArray[np.float64]) -> NDArray[np.float64]:
+        def line(s: Floats) -> Floats:
             front, rear = np.moveaxis(panel.grid(s, [0.0, 1.0]), 1, 0)
             v = (z - front[:, 2]) / (rear[:, 2] - front[:, 2])
             return np.column_stack([front[:, :2] + v[:, None] * (rear - front)[:, :2], v])
@@ -175,26 +174,25 @@ class RuledWall:
         return fitted_curve(line, np.r_[panel.kv_u.start, breaks, panel.kv_u.stop], np.r_[1, counts, 1])
 
 
-def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, NDArray[np.float64]]]) -> Ring:
+def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
     """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have
     their z as height."""
-    starts = [poles[_first(side)] for side, (_, poles) in enumerate(curves)]
-    vertices = [new_vertex(builder, place) for place in starts]
+    starts = [poles[_first(side)] for side, (_, poles) in zip(SIDES, curves)]
+    vertices = [new_vertex(builder, point) for point in starts]
     edges = []
-    for side, (kv, poles) in enumerate(curves):
-        pair = vertices[side], vertices[(side + 1) % 4]
-        start, stop = pair if side < 2 else pair[::-1]
-        edges.append(
-            turned(new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, start, stop), side >= 2)
-        )
-    return Ring(vertices, edges, (), [float(place[2]) for place in starts])
+    for k, (side, (kv, poles)) in enumerate(zip(SIDES, curves)):
+        pair = vertices[k], vertices[(k + 1) % 4]
+        ends = pair[::-1] if side.clockwise else pair
+        edge = new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, *ends)
+        edges.append(turned(edge, side.clockwise))
+    return Ring(vertices, edges, (), [float(point[2]) for point in starts])
 
 
-def _first(side: int) -> int:
-    """Return the index of the first pole counter-clockwise: x or y falls along the sides 2 and 3."""
-    return 0 if side < 2 else -1
+def _first(side: Side) -> int:
+    """Return the index of the first pole of a rim, counter-clockwise."""
+    return -1 if side.clockwise else 0
 
 
-def trace(kv: KnotVector, poles: NDArray[np.float64]) -> Geom2d_BSplineCurve:
+def trace(kv: KnotVector, poles: Floats) -> Geom2d_BSplineCurve:
     """Return a spline with poles (n, 2) as a curve in the parameters of a face."""
     return GeomAPI.To2d_s(geom_curve(kv, np.column_stack([poles, np.zeros(len(poles))])), gp_Pln())

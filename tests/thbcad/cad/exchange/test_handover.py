@@ -16,7 +16,8 @@ from OCP.GProp import GProp_GProps
 from tests.cases import ROOT
 from tests.thbcad.cases import LENSES, lenses
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
-from thbcad.cad.shapes import NAMES, lens_part, lens_surfaces, spline_surface
+from thbcad.cad.shapes import NAMES, lens_part, spline_surface
+from thbcad.lens import placed_surfaces
 
 FLAT = ("plano", "freeform", "paraboloids", "sphere")  # edges are planes
 OUTWARD = {
@@ -64,8 +65,8 @@ def test_faces_keep_every_bit(lens):
     faces = named_faces(lens)
     wrapped = [to_build123d(lens).faces()[k] for k in (0, 1)], [to_cadquery(lens).Faces()[k] for k in (0, 1)]
     for front, rear in ((faces["front"], faces["rear"]), *wrapped):
-        assert same_bits(net(front), lens_surfaces(lens)[0])
-        assert same_bits(net(rear), lens_surfaces(lens)[1])
+        assert same_bits(net(front), placed_surfaces(lens)[0])
+        assert same_bits(net(rear), placed_surfaces(lens)[1])
 
 
 @pytest.mark.parametrize("name", LENSES)
@@ -122,7 +123,7 @@ def test_a_pocket_is_cut_and_the_optical_faces_stay(name):
     cut = solid - cube
     assert cut.is_valid
     assert volume(solid) - volume(cut) == pytest.approx(0.5, abs=2e-6 * lens.volume())
-    assert same_bits(net(cut.faces()[0]), lens_surfaces(lens)[0])
+    assert same_bits(net(cut.faces()[0]), placed_surfaces(lens)[0])
     other = cq.Workplane(obj=to_cadquery(lens)).cut(cq.Workplane(obj=cq.Solid(cube.solid().wrapped))).val()
     assert other.isValid()
     assert volume(other) == pytest.approx(volume(cut), rel=2e-6)
@@ -169,7 +170,7 @@ def test_an_assembly_reads_back(library, tmp_path):
     assert volume(parts["lens"].solid()) == pytest.approx(lens.volume(), rel=2e-6)
     assert volume(parts["block"].solid()) == pytest.approx(24, rel=2e-6)
     front, rear = (net(face).coefficients for face in parts["lens"].faces()[:2])
-    for read, own in zip((front, rear), lens_surfaces(lens)):
+    for read, own in zip((front, rear), placed_surfaces(lens)):
         moved = own.coefficients + np.array([0, 0, away])
         np.testing.assert_allclose(read, moved, rtol=0, atol=TEXT * np.abs(moved).max())
 

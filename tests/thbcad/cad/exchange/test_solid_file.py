@@ -44,9 +44,9 @@ from thbcad.cad.exchange.step import (
     write_step,
 )
 from thbcad.cad.exchange.step_writing import silence
-from thbcad.cad.shapes import NAMES, Part, lens_part, lens_surfaces
-from thbcad.io import having, read_brep as read_text, read_part21
-from thbcad.lens import Product
+from thbcad.cad.shapes import NAMES, Part, lens_part
+from thbcad.io import having, parse_brep, read_part21
+from thbcad.lens import Product, placed_surfaces
 
 pytestmark = pytest.mark.xdist_group("solid file")
 
@@ -144,7 +144,7 @@ def test_the_solid_is_whole_and_bit_exact(written):
     assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (1, 6, 0, True, True)
     assert read.tolerance == 1e-7
     assert read.volume == pytest.approx(LENS.volume(), rel=1e-6)
-    for face, own in zip((read.front, read.rear), lens_surfaces(LENS)):
+    for face, own in zip((read.front, read.rear), placed_surfaces(LENS)):
         assert_same_surface(face, own)
 
 
@@ -153,10 +153,11 @@ def test_face_names_stand_at_their_faces(written):
     _, path = written
     entities = read_part21(path)
     named = {
-        face.number: entities[face.number].parameters("ADVANCED_FACE", 4)[0] for face in read_text(path).faces
+        face.number: entities[face.number].parameters("ADVANCED_FACE", 4)[0]
+        for face in parse_brep(path).faces
     }
     assert tuple(named.values()) == NAMES
-    for face, own in zip(read_text(path).faces, lens_surfaces(LENS)):
+    for face, own in zip(parse_brep(path).faces, placed_surfaces(LENS)):
         assert_same_surface(face.surface, own)
 
 
@@ -341,7 +342,7 @@ def test_all_formats_give_one_record(tmp_path):
             True,
         )
         assert found.volume == pytest.approx(LENS.volume(), rel=1e-6)
-        for face, own in zip((found.front, found.rear), lens_surfaces(LENS)):
+        for face, own in zip((found.front, found.rear), placed_surfaces(LENS)):
             assert np.array_equal(face.coefficients, own.coefficients)
 
 

@@ -15,9 +15,9 @@ from oracles.spline_definitions import flux_volume
 from tests.thbcad.cases import LENSES, assert_same_surface, bits, corner_sag
 from thbcad.cad.exchange.step import read_step, write_step
 from thbcad.cad.exchange.step_writing import compact
-from thbcad.cad.shapes import lens_solid, lens_surfaces
+from thbcad.cad.shapes import lens_solid
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -44,7 +44,7 @@ def test_one_closed_solid_of_six_faces(written):
 
 def test_poles_and_knots_read_back_bit_for_bit(written):
     lens, _, read = written
-    front, rear = lens_surfaces(lens)
+    front, rear = placed_surfaces(lens)
     assert_same_surface(read.front, front)
     assert_same_surface(read.rear, rear)
 
@@ -84,7 +84,7 @@ def test_rims_are_the_boundary_rows_of_the_nets(written):
     lens, path, _ = written
     wanted = {
         bits(row + 0.0)
-        for s in lens_surfaces(lens)
+        for s in placed_surfaces(lens)
         for c in [s.coefficients]
         for row in (c[0], c[-1], c[:, 0], c[:, -1])
     }
@@ -100,7 +100,7 @@ def test_rims_are_the_boundary_rows_of_the_nets(written):
 def test_front_and_rear_share_their_relative_knots(written):
     """Knots at the same relative place are the same float64: the ruled faces hold no sliver spans."""
     lens, _, _ = written
-    for a, b in zip(*([s.kv_u, s.kv_v] for s in lens_surfaces(lens))):
+    for a, b in zip(*([s.kv_u, s.kv_v] for s in placed_surfaces(lens))):
         assert (a.start, a.stop) == (b.start, b.stop)
         assert np.diff(np.unique(np.r_[a.knots, b.knots])).min() > 1e-6 * a.stop
 
@@ -202,8 +202,8 @@ def test_front_and_rear_are_told_apart_by_place_not_by_pole_density(tmp_path):
     lens = Lens(front, rear, 2.0, 1.5)
     write_step(lens, tmp_path / "lens.step")
     read = read_step(tmp_path / "lens.step")
-    assert_same_surface(read.front, lens_surfaces(lens)[0])
-    assert_same_surface(read.rear, lens_surfaces(lens)[1])
+    assert_same_surface(read.front, placed_surfaces(lens)[0])
+    assert_same_surface(read.rear, placed_surfaces(lens)[1])
 
 
 @pytest.mark.parametrize("degrees", [((3, 3), (4, 4)), ((3, 3), (2, 3)), ((2, 4), (2, 4))])

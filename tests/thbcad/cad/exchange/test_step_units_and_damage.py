@@ -9,7 +9,7 @@ from OCP.Interface import Interface_Static
 
 from tests.thbcad.cases import LENSES
 from thbcad.cad.exchange.step import read_step, write_step
-from thbcad.cad.shapes import lens_surfaces
+from thbcad.lens import placed_surfaces
 
 # ---- units and damaged files ----
 
@@ -20,7 +20,7 @@ def test_lengths_are_converted_to_millimetres(text, tmp_path):
     assert metres != text
     path.write_text(metres)
     read = read_step(path)
-    front, rear = lens_surfaces(LENSES["table63"])
+    front, rear = placed_surfaces(LENSES["table63"])
     assert np.allclose(read.front.coefficients, 1000 * front.coefficients, rtol=1e-15, atol=0)
     assert np.allclose(read.rear.coefficients, 1000 * rear.coefficients, rtol=1e-15, atol=0)
     assert read.volume == pytest.approx(1e9 * LENSES["table63"].volume(), rel=1e-6)

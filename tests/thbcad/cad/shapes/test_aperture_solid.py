@@ -17,7 +17,6 @@ from tests.thbcad import cases as strategies
 from tests.thbcad.cad.shapes.cases import CASES, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes.aperture_solid import trimmed_part
-from thbcad.cad.shapes.plain_solid import lens_surfaces
 from thbcad.lens import (
     DEGREE,
     TOLERANCE,
@@ -28,6 +27,7 @@ from thbcad.lens import (
     aperture_volume,
     ellipse_integral,
     kinks,
+    placed_surfaces,
     rim_curve,
 )
 from thbcad.sags import Conic
@@ -160,7 +160,7 @@ def test_the_solid_is_closed_and_precise(written):
 
 def test_front_and_rear_keep_every_pole(written):
     lens, _, _, _, read = written
-    for found, wanted in zip((read.front, read.rear), lens_surfaces(lens), strict=True):
+    for found, wanted in zip((read.front, read.rear), placed_surfaces(lens), strict=True):
         assert same_bits(found, wanted)
 
 

@@ -12,7 +12,6 @@ from hypothesis import given, strategies as st
 from tests.thbcad.cad.shapes.cases import CASES, rough, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes.flange_solid import flanged_part
-from thbcad.cad.shapes.plain_solid import lens_surfaces
 from thbcad.lens import (
     Flange,
     FreeformSurface,
@@ -20,6 +19,7 @@ from thbcad.lens import (
     Product,
     aperture_volume,
     flanged_volume,
+    placed_surfaces,
     require_clear,
     ruled_edges,
 )
@@ -90,7 +90,7 @@ def test_names_of_the_faces():
 
 def test_front_and_rear_keep_every_pole(written):
     lens, _, _, _, read = written
-    for found, wanted in zip((read.front, read.rear), lens_surfaces(lens), strict=True):
+    for found, wanted in zip((read.front, read.rear), placed_surfaces(lens), strict=True):
         assert same_bits(found, wanted)
 
 

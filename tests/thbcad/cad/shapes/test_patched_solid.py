@@ -20,10 +20,10 @@ from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_Ind
 from tests.thbcad.cases import surfaces
 from thbcad.cad.exchange import explore, part_step, step_shape
 from thbcad.cad.shapes.patched_solid import lens_patches, patched_part
-from thbcad.cad.shapes.plain_solid import lens_part, lens_surfaces
+from thbcad.cad.shapes.plain_solid import lens_part
 from thbcad.hierarchy import THBSpace
-from thbcad.io import patched_deviation, read_brep
-from thbcad.lens import FreeformSurface, Lens, Product
+from thbcad.io import parse_brep, patched_deviation
+from thbcad.lens import FreeformSurface, Lens, Product, placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -207,7 +207,7 @@ def test_the_text_names_the_faces(written):
 
 def test_the_text_pairs_every_edge_without_occt(written):
     _, part, path, _ = written
-    solid = read_brep(path)
+    solid = parse_brep(path)
     assert (len(solid.faces), solid.unpaired, solid.gaps) == (len(part.faces), 0, 0)
 
 
@@ -287,7 +287,7 @@ def test_patches_tile_both_surfaces_and_lie_on_them(lens):
 @settings(max_examples=25)
 def test_patches_have_the_parameters_of_the_one_face(lens):
     """x and y of a patch at (u, v) are those of the face that the six-face lens has there."""
-    for patches, whole in zip(lens_patches(lens), lens_surfaces(lens)):
+    for patches, whole in zip(lens_patches(lens), placed_surfaces(lens)):
         for patch in patches:
             middle = [[(kv.start + kv.stop) / 2] for kv in (patch.kv_u, patch.kv_v)]
             assert (

@@ -1,0 +1,69 @@
+"""A lens is a plain record: what is proven of it is proven at the doors, with the same sentence."""
+
+import json
+from functools import partial
+
+import pytest
+
+from thbcad.cad.exchange import brep_bytes, iges_bytes, named_faces, step_bytes, to_build123d, write_step
+from thbcad.cad.shapes import flanged_part, lens_part, lens_solid, patched_part, trimmed_part
+from thbcad.io import lens_from_dict, lens_to_dict, read_lens, write_lens
+from thbcad.lens.flange import Flange
+from thbcad.lens.freeform_surface import FreeformSurface
+from thbcad.lens.lens import Lens
+from thbcad.lens.soundness import require_sound
+from thbcad.lens.triangulation import tessellated
+from thbcad.sags import Conic
+
+CROSSING = {
+    "surfaces": (FreeformSurface((3, 4)), FreeformSurface((3, 4), Conic(-10, -1)), 1.0),
+    "edges": (FreeformSurface((8, 8), Conic(-5.0, -1.0)), FreeformSurface((5, 5), Conic(-5.0, -1.0)), 0.5),
+}
+SENTENCE = {
+    "surfaces": r"the surfaces cross: at x = -?3, y = -?4 mm the rear lies 0\.25 mm before the front",
+    "edges": r"the ruled edge at -x crosses the front: at x = \S+, y = \S+ mm it lies \S+ mm before it",
+}
+DOORS = {
+    "step": step_bytes,
+    "iges": iges_bytes,
+    "brep": brep_bytes,
+    "part": lens_part,
+    "solid": lens_solid,
+    "patches": patched_part,
+    "aperture": partial(trimmed_part, semi_axes=(2.0, 2.0)),
+    "flange": partial(flanged_part, flange=Flange(2.0, 0.2, 0.4)),
+    "mesh": partial(tessellated, chord=1e-2),
+    "native": lambda lens: lens_from_dict(lens_to_dict(lens)),
+    "build123d": to_build123d,
+    "faces": named_faces,
+}
+
+
+def test_a_sound_lens_is_returned():
+    lens = Lens(FreeformSurface((3, 4)), FreeformSurface((3, 4), Conic(-10, -1)), 2.0, 1.5)
+    assert require_sound(lens) is lens
+
+
+@pytest.mark.parametrize("crossing", CROSSING)
+@pytest.mark.parametrize("door", DOORS)
+def test_doors_refuse_a_lens_that_crosses_itself(door, crossing):
+    lens = Lens(*CROSSING[crossing], 1.5)
+    with pytest.raises(ValueError, match=SENTENCE[crossing]):
+        DOORS[door](lens)
+
+
+@pytest.mark.parametrize("crossing", CROSSING)
+def test_nothing_is_written_of_a_lens_that_crosses_itself(crossing, tmp_path):
+    lens = Lens(*CROSSING[crossing], 1.5)
+    for write in (write_lens, write_step):
+        with pytest.raises(ValueError, match=SENTENCE[crossing]):
+            write(lens, tmp_path / "lens")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "lens.json").write_text(json.dumps(lens_to_dict(lens)), "utf-8")
+    with pytest.raises(ValueError, match=SENTENCE[crossing]):
+        read_lens(tmp_path / "lens.json")
+
+
+def test_something_else_is_refused():
+    with pytest.raises(ValueError, match="lens must be a Lens, got str"):
+        require_sound("lens")

@@ -1,0 +1,99 @@
+"""The sides of a lens, the rims of its surfaces there, and the ruled edges between them.
+
+Sides and corners are counted counter-clockwise as seen from +z: side k runs from corner k to corner k + 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thbcad.checks import Floats, Integers
+from thbcad.sags import graph_poles
+from thbcad.splines import UNIT, BSplineSurface, KnotVector
+
+if TYPE_CHECKING:
+    from thbcad.lens.lens import Lens
+
+Corner = tuple[int, int]  # the indices, 0 or -1, of the pole in the corner
+Surfaces = tuple[BSplineSurface, BSplineSurface]
+
+
+@dataclass(frozen=True)
+class Side:
+    """A side of the rectangle under front and rear.
+
+    name : of the edge face on this side
+    axis : int, 0 where the side runs along x, 1 where it runs along y
+    end : int, 0 on the low and -1 on the high side of the other axis: the index of its poles
+    """
+
+    name: str
+    axis: int
+    end: int
+
+    @property
+    def start(self) -> Corner:
+        """The corner from which x or y rises along the side."""
+        return (0, self.end) if self.axis == 0 else (self.end, 0)
+
+    @property
+    def stop(self) -> Corner:
+        """The corner up to which x or y rises along the side."""
+        return (-1, self.end) if self.axis == 0 else (self.end, -1)
+
+    @property
+    def clockwise(self) -> bool:
+        """Whether x or y rises clockwise along the side."""
+        return (self.axis == 0) == (self.end == -1)
+
+
+SIDES = (Side("edge -y", 0, 0), Side("edge +x", 1, -1), Side("edge +y", 0, -1), Side("edge -x", 1, 0))
+CORNERS: tuple[Corner, ...] = ((0, 0), (-1, 0), (-1, -1), (0, -1))
+
+
+def placed_surfaces(lens: Lens) -> Surfaces:
+    """Return front and rear as BSplineSurfaces with poles (x, y, z) in the lens's frame, mm.
+
+    Both are parametrised over the rear's rectangle, so that their rims can be ruled.
+    """
+    front, rear = lens.graphs()
+    return graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
+
+
+def rim(surface: BSplineSurface, side: Side) -> tuple[KnotVector, Floats]:
+    """Return knots and poles, (n, ...), of the boundary curve of a surface on a side, x or y rising."""
+    net = surface.coefficients
+    return (surface.kv_u, surface.kv_v)[side.axis], net[:, side.end] if side.axis == 0 else net[side.end]
+
+
+def rim_parameter(surface: BSplineSurface, side: Side) -> float:
+    """Return the parameter that is constant along a side: v on those along x, u on those along y."""
+    kv = (surface.kv_v, surface.kv_u)[side.axis]
+    return kv.start if side.end == 0 else kv.stop
+
+
+def ruled_edge(surfaces: Surfaces, side: Side) -> BSplineSurface:
+    """Return the ruled surface between the rims of front (v = 0) and rear (v = 1) on a side, mm.
+
+    surfaces : as `placed_surfaces`.  The first parameter is that of the rims, on the knots of both.
+    """
+    front, rear = (rim(surface, side) for surface in surfaces)
+    kv = front[0].merged(rear[0])
+    return BSplineSurface(
+        kv, UNIT, np.stack([own.prolongation(kv) @ poles for own, poles in (front, rear)], axis=1)
+    )
+
+
+def ruled_edges(lens: Lens) -> list[BSplineSurface]:
+    """Return the four edges of a rectangular lens in the order of SIDES, as `ruled_edge`."""
+    surfaces = placed_surfaces(lens)
+    return [ruled_edge(surfaces, side) for side in SIDES]
+
+
+def rim_indices(nx: int, ny: int) -> Integers:
+    """Return the numbers of the points on the rim of a grid of nx x ny points, y first, counter-clockwise."""
+    grid = np.arange(nx * ny).reshape(nx, ny)
+    return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
