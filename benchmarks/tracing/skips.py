@@ -1,4 +1,4 @@
-"""What every skip of `optics.skips` saves, and what it changes: loss and gradient with and without it.
+"""What every skip of `optics.system` saves, and what it changes: loss and gradient with and without it.
 
 Run: thbcad bench skips
 
