@@ -29,7 +29,9 @@ if TYPE_CHECKING:
         note as note,
     )
     from optics.runtime.quoted_numbers import (
+        marked_numbers as marked_numbers,
         refreshed as refreshed,
+        without_marked_numbers as without_marked_numbers,
     )
     from optics.runtime.rows import (
         Row as Row,
@@ -69,7 +71,11 @@ _FILES = {
         "check_lines",
         "note",
     ),
-    "quoted_numbers": ("refreshed",),
+    "quoted_numbers": (
+        "marked_numbers",
+        "refreshed",
+        "without_marked_numbers",
+    ),
     "rows": (
         "Row",
         "median_seconds",

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from optics.runtime.errors import UserError
 from optics.runtime.stored_rows import StoredRows
@@ -30,14 +31,19 @@ FACTORS = {
 
 @dataclass(frozen=True)
 class Quoted:
-    """A marked number of a page, and the text that the stored rows would put in its place."""
+    """A marked number of a page, and the text that the stored row puts in its place.
+
+    factor : from the unit of the row to the unit shown.
+    """
 
     text: str
     wanted: str
-    row: str
+    unit: str
+    factor: float
+    row: Mapping[str, Any]
 
 
-def quoted_numbers(page: str, stored: Mapping[str, StoredRows]) -> list[Quoted]:
+def marked_numbers(page: str, stored: Mapping[str, StoredRows]) -> list[Quoted]:
     """Return all marked numbers of a page.
 
     Raises
@@ -77,7 +83,8 @@ def _quoted(match: re.Match[str], stored: Mapping[str, StoredRows]) -> Quoted:
         raise UserError(f"the mark {row!r} shows the unit {seen!r}, the row has {unit!r}")
     if value is None:
         raise UserError(f"the mark {row!r} names a row without a finite value")
-    return Quoted(match["number"], rounded(factor * value, match["number"]), row)
+    wanted = rounded(factor * value, match["number"])
+    return Quoted(match["number"], wanted, seen or unit, factor, found[0])
 
 
 def rounded(value: float, like: str) -> str:

@@ -3,7 +3,7 @@
 import pytest
 
 from optics.runtime import StoredRows, UserError
-from optics.runtime.quoted_numbers import quoted_numbers, refreshed, rounded, without_marked_numbers
+from optics.runtime.quoted_numbers import marked_numbers, refreshed, rounded, without_marked_numbers
 
 
 def row(name, value, unit=""):
@@ -40,7 +40,7 @@ STORED = {"tiny": StoredRows("tiny", "2026-11-20", {}, ROWS)}
 )
 def test_a_quoted_number_is_the_stored_value_in_the_digits_shown(quoted, wanted):
     text = f"It takes {quoted}, at most."
-    (found,) = quoted_numbers(text, STORED)
+    (found,) = marked_numbers(text, STORED)
     assert found.wanted == wanted
     assert refreshed(text, STORED) == text.replace(found.text, wanted, 1)
     marked = quoted[: quoted.index("-->") + 3]
@@ -60,11 +60,11 @@ def test_a_quoted_number_is_the_stored_value_in_the_digits_shown(quoted, wanted)
 )
 def test_a_mark_that_leads_nowhere_is_refused(quoted, reason):
     with pytest.raises(UserError, match=reason):
-        quoted_numbers(quoted, STORED)
+        marked_numbers(quoted, STORED)
 
 
 def test_other_comments_are_no_marks():
-    assert quoted_numbers("5 mm <!-- a remark --> 6 mm", STORED) == []
+    assert marked_numbers("5 mm <!-- a remark --> 6 mm", STORED) == []
 
 
 @pytest.mark.parametrize(
