@@ -1,4 +1,5 @@
-"""The extended source of Table 6.3 in figures: the two designs, and the thesis's way from the same start.
+"""The extended source of Table 6.3 of the thesis: two designs, and the method of the thesis from the same
+start.
 
 Run: thbcad bench extended
 """

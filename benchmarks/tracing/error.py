@@ -1,4 +1,4 @@
-"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's ways and ours, on
+"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's methods and ours, on
 three lenses.
 
 Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows
