@@ -59,9 +59,9 @@ BARE_HOOK = (
     "    return package not in own and not package.startswith('_sysconfigdata')\n" + HOOK
 )
 READ_STEP_TEXT = f"""
-from thbcad.io import read_brep, volume
+from thbcad.io import parse_brep, volume
 
-solid = read_brep({str(DATA / "lens.step")!r})
+solid = parse_brep({str(DATA / "lens.step")!r})
 print(len(solid.faces), "faces", abs(volume(solid) / lens.volume() - 1) < 1e-13)
 """
 BARE_OUTPUT = "148 (14, 14)\n6 faces True\n"
