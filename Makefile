@@ -3,7 +3,7 @@
 # make quick  a fast part of the tests, of every room
 # make slow   the tests that `make test` leaves out: whole programs, statistical repetitions
 # make coverage  runs the tests and prints what they cover
-# make lint   ruff
+# make lint   ruff and mypy
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=
@@ -83,6 +83,7 @@ quick: setup
 lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
+	@.venv/bin/mypy
 
 setup:
 	@scripts/setup

@@ -1,5 +1,5 @@
-"""The lens as a CAD file: seconds, megabytes and what reads back, on rough synthetic lenses that fill the
-whole net.
+"""The lens as a CAD file: time, size and what is read back, for rough synthetic lenses that fill the whole
+net.
 
 Run on one core: thbcad bench cad
 """

@@ -1,4 +1,4 @@
-"""The pages of docs/ and the README: every Python block runs, and prints what its comments say."""
+"""The pages of docs/ and the README: blocks run, links lead somewhere, numbers are the measured ones."""
 
 import re
 from contextlib import redirect_stdout
@@ -6,10 +6,19 @@ from io import StringIO
 
 import pytest
 
-from tests.cases import ROOT
+from optics.commands import benchmark_page
+from optics.problem import load_problem
+from optics.runtime import marked_numbers, read_rows, without_marked_numbers
+from tests.cases import EXAMPLES, ROOT
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+QUOTING = [page for page in PAGES if page.name not in ("CONTRIBUTING.md", "CHANGELOG.md", "benchmarks.md")]
+STORED = read_rows(ROOT / "docs" / "data")
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+TOML = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
 
 
@@ -39,3 +48,53 @@ def test_blocks_print_what_their_comments_say(page, tmp_path, monkeypatch):
 def test_links_lead_somewhere(page):
     for target in LINK.findall(page.read_text("utf-8")):
         assert target.startswith("https://") or (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.name)
+def test_marked_numbers_are_the_stored_ones(page):
+    """`thbcad bench --markdown` refreshes them."""
+    wrong = [q for q in marked_numbers(page.read_text("utf-8"), STORED) if q.text != q.wanted]
+    assert wrong == []
+
+
+def test_the_page_of_benchmarks_is_that_of_the_stored_rows():
+    assert (ROOT / "docs" / "benchmarks.md").read_text("utf-8") == benchmark_page(ROOT)
+
+
+def table_rows(page):
+    """Return the rows of all tables of a page as lists of cells, without the rows of dashes."""
+    rows = [re.split(r"(?<!\\)\|", line)[1:-1] for line in page.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in row] for row in rows if set("".join(row)) - set("-: ")]
+
+
+def test_tables_of_the_readme_hold_marked_numbers_and_their_limits():
+    """No measured number is written by hand; a limit is that of the row, in the unit shown."""
+    page = (ROOT / "README.md").read_text("utf-8")
+    heading, *rows = table_rows(page)
+    assert heading == ["quantity", "result", "limit"]
+    assert 1 <= len(rows) <= 8
+    for _, result, limit in rows:
+        assert not re.search(r"\d", without_marked_numbers(result)), result
+        (quoted,) = marked_numbers(result, STORED)
+        if quoted.row["limit"] is None:
+            assert limit == ""
+        else:
+            sense, number = quoted.row["limit"].split()
+            shown = re.fullmatch(r"(at least )?(\d[\d.]*(?:e-?\d+)?) ?(.*)", limit)
+            assert bool(shown[1]) == (sense == ">=")
+            assert float(shown[2]) == pytest.approx(quoted.factor * float(number))
+            assert shown[3] == quoted.unit
+
+
+def test_the_problem_of_the_readme_is_that_of_the_pearl(tmp_path):
+    (text,) = TOML.findall((ROOT / "README.md").read_text("utf-8"))
+    assert len(text.splitlines()) == 8
+    (tmp_path / "my.toml").write_text(text.replace("pearl.png", str(EXAMPLES / "pearl.png")), "utf-8")
+    assert load_problem(tmp_path / "my.toml") == load_problem(EXAMPLES / "pearl.toml")
+
+
+def test_every_room_stands_on_the_page_of_the_architecture():
+    page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    doors = [path for package in ("thbcad", "optics") for path in (ROOT / package).rglob("__init__.py")]
+    rooms = [".".join(path.relative_to(ROOT).parts[1:-1]) for path in doors]
+    assert [room for room in rooms if room and f"`{room}`" not in page] == []

@@ -1,4 +1,5 @@
-"""The extended source of Table 6.3: the two designs, and the thesis's method from the same start.
+"""The extended source of Table 6.3 of the thesis: two designs, and the method of the thesis from the same
+start.
 
 Run: thbcad bench extended
 """

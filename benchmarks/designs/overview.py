@@ -1,4 +1,4 @@
-"""The main job: the pearl design from process start to end, and what it rests on.
+"""Designs from the problem file to the verified result, and the accuracy and speed that they rest on.
 
 Run: thbcad bench overview
 """

@@ -1,5 +1,5 @@
-"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's methods and ours,
-on three lenses.
+"""Run time against relative L2 error, of the irradiance and of the gradient: Mitsuba's methods and ours, on
+three lenses.
 
 Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows
 the curves. The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.

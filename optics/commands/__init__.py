@@ -5,12 +5,16 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.commands.bench_command import (
+        benchmark_page as benchmark_page,
+    )
     from optics.commands.cli import (
         entry as entry,
         main as main,
     )
 
 _FILES = {
+    "bench_command": ("benchmark_page",),
     "cli": (
         "entry",
         "main",

@@ -1,27 +1,89 @@
-"""`thbcad bench`: the figures of a benchmark beside their limits."""
+"""`thbcad bench`: the figures of a benchmark beside their limits, stored and written into the pages."""
 
 from __future__ import annotations
 
+import ast
 import sys
 from argparse import Namespace
+from datetime import date
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from optics.runtime import UserError, machine, table
+from optics.runtime import (
+    StoredRows,
+    UserError,
+    machine,
+    machine_facts,
+    read_rows,
+    refreshed,
+    rows_page,
+    store_rows,
+    table,
+)
+from thbcad.io import write_text
 
 
-def bench(options: Namespace) -> tuple[list[dict[str, Any]], list[str], bool]:
-    """Run a benchmark that lies in the checkout this package was installed from."""
-    root = Path(__file__).resolve().parents[2]
-    modules = {
-        p.stem: p
-        for p in sorted((root / "benchmarks").rglob("*.py"))
-        if "\ndef rows(" in p.read_text("utf-8")
-    }
+def bench(options: Namespace) -> tuple[Any, list[str], bool]:
+    """Run a benchmark that lies in the checkout this package was installed from, or write the pages of the
+    stored rows."""
+    modules = _modules(checkout())
+    if options.markdown:
+        if options.name or options.store:
+            raise UserError("--markdown runs no benchmark: give it without a name and without --store")
+        return _write_pages(checkout(), modules)
     if options.name not in modules:
         names = ", ".join(sorted(modules)) or "none, run from a checkout"
-        raise UserError(f"there is no benchmark {options.name!r}; this installation has: {names}")
-    sys.path.insert(0, str(root))
-    rows = import_module(".".join(modules[options.name].relative_to(root).with_suffix("").parts)).rows()
-    return [row.plain() for row in rows], [machine(), *table(rows)], all(row.ok for row in rows)
+        wrong = f"there is no benchmark {options.name!r}" if options.name else "bench needs a name"
+        raise UserError(f"{wrong}; this installation has: {names}")
+    sys.path.insert(0, str(checkout()))
+    module = modules[options.name].relative_to(checkout()).with_suffix("")
+    rows = import_module(".".join(module.parts)).rows()
+    plain, lines = [row.plain() for row in rows], [machine(), *table(rows)]
+    if options.store:
+        stored = StoredRows(options.name, date.today().isoformat(), machine_facts(), plain)
+        lines.append(f"stored in {store_rows(stored, checkout() / 'docs' / 'data')}")
+    return plain, lines, all(row.ok for row in rows)
+
+
+def checkout() -> Path:
+    """Return the folder that holds the packages, and in a checkout `benchmarks` and `docs`."""
+    return Path(__file__).resolve().parents[2]
+
+
+def benchmark_page(root: Path) -> str:
+    """Return docs/benchmarks.md of a checkout."""
+    modules, stored = _modules(root), read_rows(root / "docs" / "data")
+    for name in stored:
+        if name not in modules:
+            raise UserError(f"docs/data/{name}.json belongs to no benchmark; delete it")
+    return rows_page([*stored.values()], {name: _sentence(modules[name]) for name in stored})
+
+
+def _write_pages(root: Path, modules: dict[str, Path]) -> tuple[dict[str, list[str]], list[str], bool]:
+    """Write docs/benchmarks.md and refresh the marked numbers of the README and the pages of docs."""
+    stored = read_rows(root / "docs" / "data")
+    if not stored:
+        raise UserError(
+            "there are no stored rows in docs/data of a checkout; measure some: thbcad bench NAME --store"
+        )
+    new = {root / "docs" / "benchmarks.md": benchmark_page(root)}
+    for path in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
+        new.setdefault(path, refreshed(path.read_text("utf-8"), stored))
+    changed = [path for path, text in new.items() if not path.exists() or path.read_text("utf-8") != text]
+    for path in changed:
+        write_text(path, new[path])
+    names = [path.relative_to(root).as_posix() for path in changed]
+    return {"changed": names}, [f"wrote {name}" for name in names] or ["every page is up to date"], True
+
+
+def _modules(root: Path) -> dict[str, Path]:
+    """Return the benchmarks of a checkout by name: the modules that have `rows()`."""
+    files = sorted((root / "benchmarks").rglob("*.py"))
+    return {path.stem: path for path in files if "\ndef rows(" in path.read_text("utf-8")}
+
+
+def _sentence(path: Path) -> str:
+    """Return the first sentence of a benchmark's docstring."""
+    text = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
+    return " ".join(text.split("\n\n")[0].split())

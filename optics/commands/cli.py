@@ -126,7 +126,13 @@ def parser() -> argparse.ArgumentParser:
     bench = commands.add_parser(
         "bench", help="run a benchmark of a checkout and print its figures beside their limits"
     )
-    bench.add_argument("name", metavar="NAME", help="a module of benchmarks/, such as overview")
+    bench.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
+    bench.add_argument("--store", action="store_true", help="also keep the figures in docs/data/NAME.json")
+    bench.add_argument(
+        "--markdown",
+        action="store_true",
+        help="run nothing: write docs/benchmarks.md and the marked numbers of README and docs from docs/data",
+    )
     for command in (design, new, check, verify, export, trace, etendue, bench):
         command.add_argument("--json", action="store_true", help="print the result as JSON")
     return main

@@ -133,8 +133,8 @@ class Indicators:
             THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
             for sag, space in zip(lens.sags, spaces)
         ]
-        lens = lens.with_sags(finer)
-        objective = stage_objective(self.system, lens, stage, self.target, self.backend)
+        refined = lens.with_sags(finer)
+        objective = stage_objective(self.system, refined, stage, self.target, self.backend)
         coefficients = [sag.coefficients for sag in finer]
         gradients = objective(coefficients).gradients
         probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))

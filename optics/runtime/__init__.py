@@ -28,11 +28,25 @@ if TYPE_CHECKING:
         check_lines as check_lines,
         note as note,
     )
+    from optics.runtime.quoted_numbers import (
+        marked_numbers as marked_numbers,
+        refreshed as refreshed,
+        without_marked_numbers as without_marked_numbers,
+    )
     from optics.runtime.rows import (
         Row as Row,
-        machine as machine,
         median_seconds as median_seconds,
         table as table,
+    )
+    from optics.runtime.stored_rows import (
+        StoredRows as StoredRows,
+        read_rows as read_rows,
+        rows_page as rows_page,
+        store_rows as store_rows,
+    )
+    from optics.runtime.this_machine import (
+        machine as machine,
+        machine_facts as machine_facts,
     )
 
 _FILES = {
@@ -57,11 +71,25 @@ _FILES = {
         "check_lines",
         "note",
     ),
+    "quoted_numbers": (
+        "marked_numbers",
+        "refreshed",
+        "without_marked_numbers",
+    ),
     "rows": (
         "Row",
-        "machine",
         "median_seconds",
         "table",
+    ),
+    "stored_rows": (
+        "StoredRows",
+        "read_rows",
+        "rows_page",
+        "store_rows",
+    ),
+    "this_machine": (
+        "machine",
+        "machine_facts",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

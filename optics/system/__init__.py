@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.system.lens import (
-        base_lens as base_lens,
         freeforms as freeforms,
         lens_product as lens_product,
     )
@@ -25,12 +24,10 @@ if TYPE_CHECKING:
     )
     from optics.system.tracing_skips import (
         skip_lines as skip_lines,
-        skips as skips,
     )
 
 _FILES = {
     "lens": (
-        "base_lens",
         "freeforms",
         "lens_product",
     ),
@@ -41,9 +38,6 @@ _FILES = {
     ),
     "source": ("LightSource",),
     "target": ("target_irradiance",),
-    "tracing_skips": (
-        "skip_lines",
-        "skips",
-    ),
+    "tracing_skips": ("skip_lines",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

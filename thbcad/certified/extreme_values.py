@@ -6,7 +6,7 @@ and at the four corners it takes its value there.  Both bounds meet with the squ
 size: branch and bound drops the cells that cannot hold the greatest value and quarters the others.
 
 The bounds hold in floating point: what rounding does to the coefficients comes with them, see
-`thbcad.certified`.
+`bernstein_cells`.
 
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14.
 """

@@ -1,7 +1,7 @@
 """Polynomial sags over a rectangle: Chebyshev, Legendre and Zernike terms.
 
 Every sag is kept in tensor-product Chebyshev polynomials, in which values, derivatives and bounds
-are well conditioned.  `thbcad.sags.approximated` turns it into a spline: exactly, but for
+are well conditioned.  `approximated` turns it into a spline: exactly, but for
 rounding, where the degrees of the spline suffice.
 
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice, chapters 3 and 4; V.

@@ -1,7 +1,7 @@
 """Periodic B-splines: one period of knots, functions that run across the seam.
 
 The knots go on in both directions by t_(i+n) = t_i + T, where T is the period, and so do the
-functions.  All values come from the polar form of `thbcad.splines`, with indices modulo n.
+functions.  All values come from the polar form of `polar_forms`, with indices modulo n.
 
 Source: L. Schumaker, Spline Functions: Basic Theory, section 8.1; L. Piegl and W. Tiller, The
 NURBS Book, section 12.2 (unclamping).

@@ -1,0 +1,121 @@
+"""Rows of benchmarks that are kept: one file per benchmark, and the page of all of them.
+
+A row is kept as it is printed: name, value, unit, reference, limit, ok.  A row whose name is indented belongs
+to the last row before it that is not; its full name is "name of that row > its own name".
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from optics.runtime.errors import UserError
+from thbcad.io import json_text, write_text
+
+KEYS = ("name", "value", "unit", "reference", "limit", "ok")
+INTRODUCTION = """\
+# Benchmarks
+
+Every table below is the result of one benchmark.
+`thbcad bench NAME --store` measures it and keeps the rows in `docs/data/NAME.json`.
+`thbcad bench --markdown` writes this page from these files.
+Each row has a limit or none; `ok` says whether the limit is met.
+The column `reference` names another code in the same run, or the thesis.
+"""
+
+
+@dataclass(frozen=True)
+class StoredRows:
+    """The rows of one run of a benchmark, its date (ISO 8601) and the facts of the machine."""
+
+    name: str
+    date: str
+    machine: Mapping[str, str | int]
+    rows: Sequence[Mapping[str, Any]]
+
+    def named(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """Yield each row with its full name."""
+        head = ""
+        for row in self.rows:
+            name = row["name"].strip()
+            if row["name"] == name:
+                head = name
+                yield name, row
+            else:
+                yield f"{head} > {name}", row
+
+
+def store_rows(stored: StoredRows, folder: Path) -> Path:
+    """Write the rows to folder/NAME.json, atomically, and return the path."""
+    path = folder / f"{stored.name}.json"
+    data = {"date": stored.date, "machine": dict(stored.machine), "rows": [dict(r) for r in stored.rows]}
+    folder.mkdir(exist_ok=True)
+    write_text(path, json_text(data))
+    return path
+
+
+def read_rows(folder: Path) -> dict[str, StoredRows]:
+    """Return what is stored in a folder, by the names of the benchmarks.
+
+    Raises
+    ------
+    UserError : a file that `store_rows` did not write.
+    """
+    return {path.stem: _read(path) for path in sorted(folder.glob("*.json"))}
+
+
+def _read(path: Path) -> StoredRows:
+    try:
+        data = json.loads(path.read_text("utf-8"))
+        stored = StoredRows(path.stem, data["date"], data["machine"], data["rows"])
+        if not all(set(row) == set(KEYS) for row in stored.rows):
+            raise KeyError("rows")
+    except (ValueError, KeyError, TypeError):
+        raise UserError(
+            f"{path} holds no rows of a benchmark; measure them again: thbcad bench {path.stem} --store"
+        ) from None
+    return stored
+
+
+def rows_page(stored: Sequence[StoredRows], sentences: Mapping[str, str]) -> str:
+    """Return the page of all stored rows as Markdown; sentences : what each benchmark measures, by name."""
+    return "\n".join([INTRODUCTION, *(_section(s, sentences[s.name]) for s in stored)])
+
+
+def _section(stored: StoredRows, sentence: str) -> str:
+    m = stored.machine
+    lines = [
+        f"## {stored.name}",
+        "",
+        sentence,
+        "",
+        f"Measured on {stored.date}: {m['processor']}, {m['cores']} cores, {m['memory_gib']} GiB, "
+        f"{m['system']}, Python {m['python']}.",
+        "",
+        "| quantity | value | unit | limit | ok | reference |",
+        "|---|---:|---|---|---|---|",
+    ]
+    for row in stored.rows:
+        ok = "" if row["limit"] is None else "yes" if row["ok"] else "**no**"
+        cells = [_indented(row["name"]), shown(row["value"]), row["unit"], row["limit"] or "", ok]
+        lines.append("| " + " | ".join(_escaped(cell) for cell in [*cells, row["reference"]]) + " |")
+    return "\n".join([*lines, ""])
+
+
+def shown(value: float | None) -> str:
+    """Return a value with four digits, whole numbers with all of theirs; None stands for one that is not
+    finite."""
+    if value is None:
+        return "-"
+    return f"{value:,}".replace(",", " ") if isinstance(value, int) else f"{value:.4g}"
+
+
+def _indented(name: str) -> str:
+    return name if name == name.strip() else "&nbsp;&nbsp;" + name.strip()
+
+
+def _escaped(cell: str) -> str:
+    return cell.replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*") if cell != "**no**" else cell

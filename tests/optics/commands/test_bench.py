@@ -1,0 +1,125 @@
+"""`thbcad bench`: stored rows, the page of all of them, and what is refused."""
+
+import json
+import sys
+
+import pytest
+
+from optics.commands import bench_command, main
+from optics.runtime import machine_facts
+
+BENCHMARK = '''"""Two
+lines | of one sentence.
+
+More.
+"""
+
+from optics.runtime import Row
+
+
+def rows():
+    first = [Row("time", 12.3456, "s", "peer 3 s", 15), Row("   of this", 2489)]
+    return [*first, Row("worst", float("inf"), "", "", 1)]
+'''
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """Yield a checkout with one benchmark, and make the command work there."""
+    for folder in ("benchmarks", "docs"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "benchmarks" / "__init__.py").touch()
+    (tmp_path / "benchmarks" / "tiny.py").write_text(BENCHMARK)
+    (tmp_path / "benchmarks" / "no_rows.py").write_text("ROWS = 1\n")
+    (tmp_path / "README.md").write_text("It took 9.9 s<!-- tiny: time -->.\n")
+    (tmp_path / "docs" / "page.md").write_text("Of 1 000<!-- tiny: time > of this --> rows 3 are old.\n")
+    monkeypatch.setattr(bench_command, "checkout", lambda: tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    others = {name: m for name, m in sys.modules.items() if name.split(".")[0] == "benchmarks"}
+    for name in others:
+        del sys.modules[name]
+    yield tmp_path
+    for name in ("benchmarks", "benchmarks.tiny"):
+        sys.modules.pop(name, None)
+    sys.modules.update(others)
+
+
+def test_rows_are_stored_as_they_are_printed(checkout, capsys):
+    assert main(["bench", "tiny", "--store", "--json"]) == 1  # a limit is missed
+    printed = json.loads(capsys.readouterr().out)
+    stored = json.loads((checkout / "docs" / "data" / "tiny.json").read_text())
+    assert stored["rows"] == printed
+    assert stored["rows"][0] == {
+        "name": "time",
+        "value": 12.3456,
+        "unit": "s",
+        "reference": "peer 3 s",
+        "limit": "<= 15",
+        "ok": True,
+    }
+    assert stored["machine"] == machine_facts()
+    assert len(stored["date"]) == len("2026-11-20")
+
+
+def test_nothing_is_stored_unasked(checkout):
+    main(["bench", "tiny"])
+    assert not (checkout / "docs" / "data").exists()
+
+
+def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, capsys):
+    main(["bench", "tiny", "--store"])
+    assert main(["bench", "--markdown"]) == 0
+    assert "wrote docs/benchmarks.md" in capsys.readouterr().out
+    page = (checkout / "docs" / "benchmarks.md").read_text().splitlines()
+    assert "## tiny" in page
+    assert "Two lines | of one sentence." in page
+    assert "| time | 12.35 | s | &lt;= 15 | yes | peer 3 s |" in page
+    assert "| &nbsp;&nbsp;of this | 2 489 |  |  |  |  |" in page
+    assert "| worst | - |  | &lt;= 1 | **no** |  |" in page
+    assert (checkout / "README.md").read_text() == "It took 12.3 s<!-- tiny: time -->.\n"
+    quoted = (checkout / "docs" / "page.md").read_text()
+    assert quoted == "Of 2 489<!-- tiny: time > of this --> rows 3 are old.\n"
+    assert main(["bench", "--markdown"]) == 0
+    assert "every page is up to date" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ([], "bench needs a name; this installation has: tiny"),
+        (["no_rows"], "there is no benchmark 'no_rows'; this installation has: tiny"),
+        (["--store"], "bench needs a name"),
+        (["tiny", "--markdown"], "--markdown runs no benchmark"),
+        (["--store", "--markdown"], "--markdown runs no benchmark"),
+        (["--markdown"], "there are no stored rows"),
+    ],
+)
+def test_bad_use_is_one_sentence(checkout, capsys, arguments, reason):
+    assert main(["bench", *arguments]) == 2
+    message = capsys.readouterr().err
+    assert reason in message
+    assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["[]", "no json", '{"date": "", "machine": {}, "rows": [{"name": "a"}]}'])
+def test_a_file_that_holds_no_rows_is_refused(checkout, capsys, text):
+    (checkout / "docs" / "data").mkdir()
+    (checkout / "docs" / "data" / "tiny.json").write_text(text)
+    assert main(["bench", "--markdown"]) == 2
+    assert "holds no rows of a benchmark" in capsys.readouterr().err
+
+
+def test_rows_of_a_benchmark_that_is_gone_are_refused(checkout, capsys):
+    main(["bench", "tiny", "--store"])
+    (checkout / "benchmarks" / "tiny.py").unlink()
+    capsys.readouterr()
+    assert main(["bench", "--markdown"]) == 2
+    assert "docs/data/tiny.json belongs to no benchmark" in capsys.readouterr().err
+
+
+def test_no_page_changes_where_a_mark_leads_nowhere(checkout):
+    main(["bench", "tiny", "--store"])
+    (checkout / "docs" / "page.md").write_text("Of 1 000<!-- tiny: gone --> rows.\n")
+    assert main(["bench", "--markdown"]) == 2
+    assert (checkout / "README.md").read_text().startswith("It took 9.9 s")
+    assert not (checkout / "docs" / "benchmarks.md").exists()
