@@ -146,7 +146,8 @@ def _upper(derivatives: Floats, kappa: float, slope_error: float, error: float) 
     rho = (steep * away) ** 2 / (4 * np.sqrt(1 + steep**2))
     # |L| <= w^3 + 3 w^2 away, and its change with the slopes is at most 3 w^2
     mu += kappa * (rho + 3 * w**2 * slope_error + ROUNDINGS * EPS * w**2 * (w + 3 * away))
-    return np.minimum(kappa + np.maximum(mu, 0) / least_w, np.maximum(nu, 0) / least_w)
+    result: Floats = np.minimum(kappa + np.maximum(mu, 0) / least_w, np.maximum(nu, 0) / least_w)
+    return result
 
 
 def _greater_eigenvalue(a: Floats, b: Floats, c: Floats) -> Floats:

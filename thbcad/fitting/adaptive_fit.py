@@ -191,7 +191,8 @@ def _function_errors(surface: THBSurface, function: Function) -> Floats:
     fractions = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
     u, v = cell_points(space, *fractions)
     difference = surface(u.ravel(), v.ravel()) - evaluate(function, u.ravel(), v.ravel())
-    return _distance(difference).reshape(u.shape).max(axis=1)
+    result: Floats = _distance(difference).reshape(u.shape).max(axis=1)
+    return result
 
 
 def _sample_errors(surface: THBSurface, samples: Samples) -> Floats:
@@ -203,4 +204,5 @@ def _sample_errors(surface: THBSurface, samples: Samples) -> Floats:
 
 
 def _distance(difference: Floats) -> Floats:
-    return np.linalg.norm(difference.reshape(len(difference), -1), axis=1)
+    result: Floats = np.linalg.norm(difference.reshape(len(difference), -1), axis=1)
+    return result

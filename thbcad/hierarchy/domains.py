@@ -112,7 +112,8 @@ class Domains:
     def _parents(self, level: int, keys: Integers) -> Integers:
         """Return the keys on level - 1 of the cells that hold cells of a level."""
         i, j = self.pairs(level, keys).T
-        return (i >> 1) * self.axes[1].spans(level - 1) + (j >> 1)
+        result: Integers = (i >> 1) * self.axes[1].spans(level - 1) + (j >> 1)
+        return result
 
     def _require_leaves(self, level: int, keys: Integers) -> None:
         orphan = (

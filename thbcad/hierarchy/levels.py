@@ -47,7 +47,8 @@ class DyadicAxis:
         whole = np.minimum(breaks >> level, self.spans0 - 1)
         fraction = (breaks - (whole << level)) / float(1 << level)
         inside = row[whole] + (row[whole + 1] - row[whole]) * fraction
-        return np.where(breaks == self.spans(level), row[-1], inside)
+        result: Floats = np.where(breaks == self.spans(level), row[-1], inside)
+        return result
 
     def multiplicity(self, level: int, breaks: Integers) -> Integers:
         """Return how often each break occurs in the knot vector of a level."""
@@ -57,13 +58,17 @@ class DyadicAxis:
     def first_knot(self, level: int, breaks: Integers) -> Integers:
         """Return the index of the first knot at each break of a level."""
         whole = -((-breaks) >> level)
-        return breaks + self._surplus[whole]
+        result: Integers = breaks + self._surplus[whole]
+        return result
 
     def knot_break(self, level: int, knots: Integers) -> Integers:
         """Return the break of a level at which each knot of the level sits, given the knots' indices."""
         starts = (np.arange(self.spans0 + 1) << level) + self._surplus[:-1]
         whole = np.searchsorted(starts, knots, side="right") - 1
-        return (whole << level) + np.maximum(knots - starts[whole] - self._multiplicity[whole] + 1, 0)
+        result: Integers = (whole << level) + np.maximum(
+            knots - starts[whole] - self._multiplicity[whole] + 1, 0
+        )
+        return result
 
     def knots(self, level: int, index: Integers) -> Floats:
         """Return knots of a level by their indices."""

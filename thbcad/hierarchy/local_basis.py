@@ -51,7 +51,8 @@ class LocalBasis:
         """Return the Bernstein coefficients on every leaf cell from local B-spline coefficients, both (cells,
         p + 1, q + 1, ...)."""
         by_u, by_v = (bezier_rows(knots) for knots in self._knots)
-        return np.einsum("cki,cij...,clj->ckl...", by_u, net, by_v, optimize=True)
+        result: Floats = np.einsum("cki,cij...,clj->ckl...", by_u, net, by_v, optimize=True)
+        return result
 
 
 def _knots_around(level: Level, direction: int) -> Floats:

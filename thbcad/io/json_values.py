@@ -67,11 +67,13 @@ def a_list(data: dict[str, Any], key: str) -> list[Any]:
     """Return the list under a key."""
     if not isinstance(data[key], list):
         raise ValueError(f"the file's {key} must be a list")
-    return data[key]
+    result: list[Any] = data[key]
+    return result
 
 
 def a_table(data: dict[str, Any], key: str) -> dict[str, Any]:
     """Return the object under a key."""
     if not isinstance(data[key], dict):
         raise ValueError(f"the file's {key} must be an object")
-    return data[key]
+    result: dict[str, Any] = data[key]
+    return result

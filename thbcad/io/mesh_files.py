@@ -57,7 +57,8 @@ def stl_bytes(mesh: Tessellation) -> bytes:
     facets["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     facets["corners"] = corners
     head = f"thbcad lens, mm, chord error at most {mesh.chord:.3g} mm".encode().ljust(80)
-    return head + np.uint32(len(facets)).astype("<u4").tobytes() + facets.tobytes()
+    result: bytes = head + np.uint32(len(facets)).astype("<u4").tobytes() + facets.tobytes()
+    return result
 
 
 def threemf_bytes(mesh: Tessellation) -> bytes:

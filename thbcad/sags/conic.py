@@ -71,14 +71,17 @@ class Conic:
         c = 1.0 / self.radius
         r2 = x * x + y * y
         root = np.sqrt(1 - (1 + self.constant) * c * c * r2)
+        result: Coordinate
         if derivative == (0, 0):
-            return c * r2 / (1 + root)
-        if derivative == (1, 0):
-            return c * x / root + 0 * y
-        if derivative == (0, 1):
-            return c * y / root + 0 * x
-        a, b = derivative
-        return c * factorial(a) * factorial(b) * self._taylor(x, y, a, b)
+            result = c * r2 / (1 + root)
+        elif derivative == (1, 0):
+            result = c * x / root + 0 * y
+        elif derivative == (0, 1):
+            result = c * y / root + 0 * x
+        else:
+            a, b = derivative
+            result = c * factorial(a) * factorial(b) * self._taylor(x, y, a, b)
+        return result
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative on the grid x x y, (len(x), len(y)).
@@ -111,7 +114,8 @@ class Conic:
                 total = total - k * (2 * y * g.get((i, j - 1), 0.0) + g.get((i, j - 2), 0.0))
             scaled[i, j] = total / (k * w)
             g[i, j] = q * scaled[i, j]
-        return scaled[a, b]
+        result: Coordinate = scaled[a, b]
+        return result
 
     def derivative_bound(self, order: int, axis: int, x: ArrayLike, y: ArrayLike) -> Floats:
         """Return bounds of |d^n z / dx^n| (axis 0) or |d^n z / dy^n| (axis 1) on the cells of a grid.
@@ -159,7 +163,7 @@ class Conic:
         positions = [first, last, *(np.clip(root, first, last) for root in slope.deriv().roots())]
         # n^4 is a bound of the second derivative of P and of the growth of rounding errors in its first
         steepest = np.max([abs(slope(position)) for position in positions], axis=0) + 2 * n**4 * EPS
-        return (
+        result: Floats = (
             factorial(n - 2)
             / abs(self.radius)
             * b2 ** (n / 2 - 1)
@@ -167,6 +171,7 @@ class Conic:
             * (height + near) ** (-(n + 1) / 2)
             * steepest
         )
+        return result
 
     def rounding(self, x: ArrayLike, y: ArrayLike) -> float:
         """Return a bound of the rounding errors of the values on the rectangle that the rows x and y span,

@@ -138,7 +138,8 @@ class PolynomialSag:
         sizes = PolynomialSag(self.half_width, abs(self.coefficients)).derivative(*orders)
         allowance = 2 * self._roundings() * sizes.coefficients.sum()
         slack = node_slack(x, p)[:, None] * node_slack(y, q)[None, :]
-        return slack * lebesgue_bound(p) * lebesgue_bound(q) * (at_nodes + allowance)
+        result: Floats = slack * lebesgue_bound(p) * lebesgue_bound(q) * (at_nodes + allowance)
+        return result
 
     def rounding(self, x: ArrayLike, y: ArrayLike) -> float:
         """Return a bound of the rounding errors of `grid` on the rectangle that the rows x and y span, mm."""
@@ -182,7 +183,8 @@ def zernike(n: int, m: int, x: ArrayLike, y: ArrayLike) -> Floats:
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     turned = (x + 1j * y) ** abs(m)
     radial = eval_jacobi((n - abs(m)) // 2, 0, abs(m), 2 * (x * x + y * y) - 1)
-    return sqrt((n + 1) * (1 if m == 0 else 2)) * radial * (turned.real if m >= 0 else turned.imag)
+    result: Floats = sqrt((n + 1) * (1 if m == 0 else 2)) * radial * (turned.real if m >= 0 else turned.imag)
+    return result
 
 
 def osa_orders(j: int) -> tuple[int, int]:

@@ -107,7 +107,8 @@ def node_slack(breaks: ArrayLike, degree: int) -> Floats:
     (Markov's inequality); delta is at most 4 EPS max|x| over the width of the interval.
     """
     b = np.asarray(breaks, dtype=np.float64)
-    return 1 + 8 * (degree + 1) ** 3 * EPS * abs(b).max() / np.diff(b)
+    result: Floats = 1 + 8 * (degree + 1) ** 3 * EPS * abs(b).max() / np.diff(b)
+    return result
 
 
 def error_bounds(function: BoundedFunction, surface: BSplineSurface) -> CellBounds:

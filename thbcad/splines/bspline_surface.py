@@ -54,7 +54,8 @@ class BSplineSurface:
             kv.require_inside(x)
         if derivative[0] > self.kv_u.degree or derivative[1] > self.kv_v.degree:
             return np.zeros((len(u), *self.coefficients.shape[2:]))
-        return self._scattered(np.column_stack([u, v]), nu=derivative)
+        result: Floats = self._scattered(np.column_stack([u, v]), nu=derivative)
+        return result
 
     @cached_property
     def _scattered(self) -> NdBSpline:
@@ -108,4 +109,7 @@ class BSplineSurface:
 
     def integral(self) -> np.float64 | Floats:
         """Return the integral over the domain, exact: sum_ij I_i I_j c_ij."""
-        return np.einsum("i,j,ij...->...", self.kv_u.integrals(), self.kv_v.integrals(), self.coefficients)
+        result: np.float64 | Floats = np.einsum(
+            "i,j,ij...->...", self.kv_u.integrals(), self.kv_v.integrals(), self.coefficients
+        )
+        return result

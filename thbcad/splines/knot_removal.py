@@ -127,7 +127,8 @@ def _defects(kv: KnotVector, net: Net) -> Floats:
     a = (t[last][:, None] - t[rows]) / (t[rows + p + 1] - t[rows])
     y = np.cumprod(np.column_stack([np.ones(len(a)), -a[:, :-1] / (1 - a[:, 1:])]), axis=1)
     y /= np.abs(y).sum(axis=1, keepdims=True)
-    return np.linalg.norm(sum(y[:, k, None, None] * net[rows[:, k]] for k in range(p + 2)), axis=2)
+    result: Floats = np.linalg.norm(sum(y[:, k, None, None] * net[rows[:, k]] for k in range(p + 2)), axis=2)
+    return result
 
 
 def _thinned(kv: KnotVector, net: Net, tolerance: float) -> _Fit:

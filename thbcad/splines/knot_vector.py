@@ -124,7 +124,8 @@ class KnotVector:
     def inner_knots(self) -> Floats:
         """Return the inner knots t_(i+1) ... t_(i+p) of every function, (dim, p): coefficient i is the polar
         form there."""
-        return self.knots[np.arange(self.dim)[:, None] + np.arange(1, self.degree + 1)]
+        result: Floats = self.knots[np.arange(self.dim)[:, None] + np.arange(1, self.degree + 1)]
+        return result
 
     def span_of(self, u: ArrayLike) -> Integers:
         """Return for each u the index mu with t_mu <= u < t_(mu+1); the end counts to the last span.

@@ -48,7 +48,8 @@ def quotient(jet: Floats) -> Floats:
             if i or j:
                 out[a, b] -= comb(a, i) * comb(b, j) * weight[i, j] * out[a - i, b - j]
         out[a, b] /= weight[0, 0]
-    return out[-1, -1]
+    result: Floats = out[-1, -1]
+    return result
 
 
 @dataclass(frozen=True, eq=False)

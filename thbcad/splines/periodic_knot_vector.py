@@ -216,7 +216,8 @@ class PeriodicKnotVector:
         first lies in [start, stop)."""
         p = self.degree
         first = (np.arange(self.dim) - p) % self.dim
-        return self.extended[p + first[:, None] + np.arange(p + 1)]
+        result: Floats = self.extended[p + first[:, None] + np.arange(p + 1)]
+        return result
 
     def _polar(self, at: Floats, arguments: Floats, derivative: int = 0) -> csr_array:
         """Return the polar forms at `arguments`, (n, p), of the pieces that hold `at`, (n,) in [start, stop):

@@ -44,4 +44,5 @@ def banded_least_squares(p: csr_array, degree: int, net: Floats) -> Floats:
     band[(gram.row - gram.col)[lower], gram.col[lower]] = gram.data[lower]
     factor = cholesky_banded(band, lower=True), True
     d = cho_solve_banded(factor, p.T @ net)
-    return d + cho_solve_banded(factor, p.T @ (net - p @ d))
+    result: Floats = d + cho_solve_banded(factor, p.T @ (net - p @ d))
+    return result

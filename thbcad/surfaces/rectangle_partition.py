@@ -80,7 +80,8 @@ def _chords(corners: Integers, edges: Integers, axis: int) -> Integers:
     length = max(int(edges[:, axis].max(initial=0)), int(stop.max(initial=0))) + 1
     inside = np.sort(edges[:, 1 - axis] * length + edges[:, axis])
     count = np.searchsorted(inside, line * length + stop) - np.searchsorted(inside, line * length + start)
-    return np.stack([line, start, stop], axis=1)[count == stop - start]
+    result: Integers = np.stack([line, start, stop], axis=1)[count == stop - start]
+    return result
 
 
 def _disjoint(along_i: Integers, along_j: Integers) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -53,7 +53,8 @@ class THBSurface:
     def _local(self) -> Floats:
         """Local coefficients of the leaf cells, (cells, p + 1, q + 1, ...)."""
         nets = np.concatenate(list(self.space.nets.coefficients(self.coefficients)))
-        return nets[self.space.local_basis.blocks]
+        result: Floats = nets[self.space.local_basis.blocks]
+        return result
 
     def to_bspline(self) -> BSplineSurface:
         """Return the same surface as one tensor-product B-spline with only the knots needed.
