@@ -61,11 +61,11 @@ QUICK = \
 	tests/optics/tracing/test_sequential.py \
 	tests/optics/tracing/test_span_search.py \
 	tests/optics/verification/test_step_checks.py \
-	tests/thbcad/test_identities.py \
+	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \
 	tests/thbcad/certified/test_slope_and_curvature.py \
-	tests/thbcad/fitting/test_quasi_interpolant.py \
+	tests/thbcad/fitting/test_adaptive_fit.py \
 	tests/thbcad/hierarchy/test_levels.py \
 	tests/thbcad/hierarchy/test_reference_values.py \
 	tests/thbcad/hierarchy/test_thb_space.py \
