@@ -18,8 +18,6 @@ import pytest
 import thbcad
 from tests.cases import ROOT
 
-pytestmark = pytest.mark.xdist_group("architecture")  # which parses every file once
-
 FLOORS = [
     ["thbcad.doors", "thbcad.checks"],
     ["thbcad.splines"],

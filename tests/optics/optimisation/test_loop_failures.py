@@ -11,8 +11,6 @@ from optics.runtime import NumericalError, UserError
 from tests.optics.optimisation.cases import FLAT, loaded
 from thbcad.surfaces import THBSurface
 
-pytestmark = pytest.mark.xdist_group("small design")
-
 
 def test_a_loss_that_is_not_finite_is_named(tmp_path, backend):
     system = loaded(tmp_path, FLAT)
