@@ -18,8 +18,6 @@ import pytest
 import thbcad
 from tests.cases import ROOT
 
-pytestmark = pytest.mark.xdist_group("architecture")  # which parses every file once
-
 FLOORS = [
     ["thbcad.doors", "thbcad.checks"],
     ["thbcad.splines"],
@@ -88,8 +86,13 @@ def tree(path):
     return ast.parse(path.read_text("utf-8"))
 
 
+@cache
+def nodes(path):
+    return list(ast.walk(tree(path)))
+
+
 def calls(path, *functions):
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if (
             isinstance(node, ast.Call)
             and getattr(node.func, "attr", getattr(node.func, "id", "")) in functions
@@ -104,13 +107,13 @@ def imported(path):
     In the packages a string that is the name of a module counts as an import of it.
     """
     found = set()
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{name(path)}: relative import"
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    for node in ast.walk(tree(path)) if path in PACKAGE_FILES else ():
+    for node in nodes(path) if path in PACKAGE_FILES else ():
         if (
             isinstance(node, ast.Constant)
             and isinstance(node.value, str)
@@ -317,9 +320,7 @@ def test_only_named_modules_import(package):
 def test_files_are_data(path):
     """Nothing that is read is executed: no pickle, no eval, no exec."""
     assert not packages(path) & {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
-    called = {
-        n.func.id for n in ast.walk(tree(path)) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
-    }
+    called = {n.func.id for n in nodes(path) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
     assert not called & {"eval", "exec", "compile"}
 
 
@@ -341,23 +342,22 @@ def test_the_kernel_loads_no_cad_and_no_rendering():
     assert not loaded & (set(HEAVY) - {"numpy", "scipy"})
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        "sags.proven_approximation",
-        "splines.nurbs_shapes",
-        "sags.graphs",
-        "io.step_brep",
-        "cad.shapes.topology",
-        "cad.exchange.loose_faces",
-    ],
+TENSOR_PRODUCT = (
+    "sags.proven_approximation",
+    "splines.nurbs_shapes",
+    "sags.graphs",
+    "io.step_brep",
+    "cad.shapes.topology",
+    "cad.exchange.loose_faces",
 )
-def test_tensor_product_modules_do_not_load_the_hierarchy(module):
-    loaded = run("-c", f"import sys, thbcad.{module}; print(*sys.modules)").stdout.split()
-    assert "thbcad.splines.knot_vector" in loaded
-    assert not {"thbcad.hierarchy.levels", "thbcad.hierarchy.thb_space", "thbcad.surfaces.thb_surface"} & set(
-        loaded
-    )
+
+
+def test_tensor_product_modules_do_not_load_the_hierarchy():
+    imports = "; ".join(f"import thbcad.{module}" for module in TENSOR_PRODUCT)
+    loaded = run("-c", f"import sys; {imports}; print(*sys.modules)").stdout.split()
+    assert {f"thbcad.{module}" for module in TENSOR_PRODUCT} <= set(loaded)
+    hierarchy = {"thbcad.hierarchy.levels", "thbcad.hierarchy.thb_space", "thbcad.surfaces.thb_surface"}
+    assert not hierarchy & set(loaded)
 
 
 def test_help_loads_neither_numpy_nor_scipy():

@@ -17,8 +17,6 @@ from optics.tracing import FATES, Tracer
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
-pytestmark = pytest.mark.xdist_group("light fates")
-
 DOME = {  # thesis Table 6.3: a glowing square of 1 mm in the hollow of a dome
     "source.kind": "lambertian",
     "source.half_width": [0.5, 0.5],

@@ -20,8 +20,6 @@ from tests.optics.commands.cases import refused, strict_json
 from thbcad.cad.exchange import read_step
 from thbcad.lens import placed_surfaces
 
-pytestmark = pytest.mark.xdist_group("named command")
-
 BRIEF = {
     "optimizer.iterations": [2],
     "lens.rear.freeform.max_level": 0,

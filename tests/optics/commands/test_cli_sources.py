@@ -14,8 +14,6 @@ from optics.problem import load_problem
 from tests.optics.cases import write_problem
 from tests.optics.commands.cases import FIGURES, refused, strict_json
 
-pytestmark = pytest.mark.xdist_group("extended command")
-
 EXTENDED = {
     "title": "extended",
     "source.kind": "lambertian",

@@ -14,8 +14,6 @@ from optics.commands import main
 from tests.optics.cases import picture, write_problem
 from tests.optics.commands.cases import command, refused, strict_json
 
-pytestmark = pytest.mark.xdist_group("interrupted command")
-
 LONG = {
     "optimizer.start": "flat",
     "optimizer.iterations": [2, 2, 2000],

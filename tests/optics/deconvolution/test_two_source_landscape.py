@@ -7,8 +7,6 @@ from numpy.testing import assert_allclose
 from optics.deconvolution.two_source_landscape import MARKS, disk, landscape, square, two_sources
 from optics.etendue import Kernel, approximate
 
-pytestmark = pytest.mark.xdist_group("landscape")
-
 
 @pytest.fixture(scope="module", params=[square, disk], ids=["square", "disk"])
 def case(request):

@@ -18,8 +18,6 @@ from tests.optics.cases import coefficients, hollow_lens, picture, rough, small_
 from tests.optics.optimisation.cases import run
 from thbcad.sags import Conic
 
-pytestmark = pytest.mark.xdist_group("curvature scale")
-
 WINDOW = BSplineWindow(3)
 
 

@@ -10,8 +10,6 @@ from optics.runtime import UserError
 from optics.system import OpticalSystem
 from tests.optics.optimisation.cases import loaded, rows_of, run
 
-pytestmark = pytest.mark.xdist_group("design sources")
-
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}
 POINT = {"source.kind": "point", "source.half_angle": 45.0, "source.exponent": 1.0}
 FREE_FRONT = {

@@ -15,8 +15,6 @@ from tests.cases import ROOT
 from tests.optics.cases import write_problem
 from tests.optics.optimisation.cases import FLAT, check_counts, loaded, rows_of
 
-pytestmark = pytest.mark.xdist_group("small design")
-
 ON_ONE_THREAD = """
 import sys
 from hashlib import sha256

@@ -15,8 +15,6 @@ from optics.optimisation.stage_plan import stages
 from optics.optimisation.state import State, first_sags
 from tests.optics.optimisation.cases import FLAT, check_counts, loaded, rows_of, run
 
-pytestmark = pytest.mark.xdist_group("small design")
-
 
 def test_the_loss_falls_at_every_level(small):
     for level in range(3):

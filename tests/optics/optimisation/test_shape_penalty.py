@@ -16,8 +16,6 @@ from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
-pytestmark = pytest.mark.xdist_group("shape penalty")
-
 ROOM = 1.02  # limits are kept with two percent to spare
 HESSIAN = {(2, 0): 1, (1, 1): 2, (0, 2): 1}
 

@@ -15,8 +15,6 @@ from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
-pytestmark = pytest.mark.xdist_group("solid figure")
-
 PANELS = {
     "rear": np.s_[30:440, :460],
     "side": np.s_[30:440, 462:],

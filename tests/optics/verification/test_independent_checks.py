@@ -22,8 +22,6 @@ from thbcad.io import parse_brep
 from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
 
-pytestmark = pytest.mark.xdist_group("independent checks")
-
 LANDING = "landing points by OCCT's intersections with the file"
 REAR = "text of the file: rear numbers that differ from the lens in memory"
 FRONT = "text of the file: front numbers that differ from the lens in memory"

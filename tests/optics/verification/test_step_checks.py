@@ -27,8 +27,6 @@ from thbcad.cad.shapes import lens_solid
 from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface
 
-pytestmark = pytest.mark.xdist_group("step checks")
-
 
 def written(problem, lens, path):
     """Write a STEP file as a design does."""

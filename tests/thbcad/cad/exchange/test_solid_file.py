@@ -48,8 +48,6 @@ from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.io import having, parse_brep, read_part21
 from thbcad.lens import Product, placed_surfaces
 
-pytestmark = pytest.mark.xdist_group("solid file")
-
 LENS = LENSES["ruled"]
 PRODUCT = Product("Pearl lens", "A. Grinder", "Optics Ltd", "PMMA", 1.19, 1.49)
 SCRIPTS = [

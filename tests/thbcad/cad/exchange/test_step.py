@@ -22,8 +22,6 @@ from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
-pytestmark = pytest.mark.xdist_group("step")
-
 
 @pytest.fixture(scope="module", params=LENSES)
 def written(request, tmp_path_factory):

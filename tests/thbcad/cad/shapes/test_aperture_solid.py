@@ -33,8 +33,6 @@ from thbcad.lens import (
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
 
-pytestmark = pytest.mark.xdist_group("aperture solid")
-
 BETWEEN = (
     2 * TOLERANCE
 )  # a rim is held at eight places in every span; between them the error of degree 5 is less than twice that

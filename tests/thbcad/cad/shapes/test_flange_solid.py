@@ -25,8 +25,6 @@ from thbcad.lens import (
 )
 from thbcad.sags import Conic
 
-pytestmark = pytest.mark.xdist_group("flange solid")
-
 FLANGE = Flange(2.5, 1.6, 3.1)
 RECTANGULAR = {
     "plane edges": CASES["round"][0],

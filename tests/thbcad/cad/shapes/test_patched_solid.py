@@ -28,8 +28,6 @@ from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
-pytestmark = pytest.mark.xdist_group("patched solid")
-
 EPS = np.finfo(float).eps
 CONIC = 1e-11  # mm, of conics that are neither planes nor paraboloids
 
