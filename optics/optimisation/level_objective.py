@@ -133,8 +133,7 @@ class Indicators:
             THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
             for sag, space in zip(lens.sags, spaces)
         ]
-        lens = lens.with_sags(finer)
-        objective = stage_objective(self.system, lens, stage, self.target, self.backend)
+        objective = stage_objective(self.system, lens.with_sags(finer), stage, self.target, self.backend)
         coefficients = [sag.coefficients for sag in finer]
         gradients = objective(coefficients).gradients
         probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
