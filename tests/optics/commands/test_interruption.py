@@ -94,12 +94,12 @@ def test_a_checkpoint_that_is_none_is_refused(stopped_copy, capsys, text):
 
 
 WRONG = [
-    *(("level", v) for v in ("two", None, -1, 1.5, 99, [1])),
+    *(("stage", v) for v in ("two", None, -1, 1.5, 99, [1])),
     *(("sags", v) for v in (3, {}, [], [3], [{}], None, "x")),
     *(("history", v) for v in (3, [[0]], [["x"] * 6])),
     ("version", 1),
-    ("version", 3),
-    ("begun", "maybe"),
+    ("version", 2),
+    ("moved", "maybe"),
 ]
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from optics.optimisation.state import earlier_state
 from optics.runtime import UserError
-from optics.system import OpticalSystem
 from tests.optics.optimisation.cases import loaded, rows_of, run
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}
@@ -115,15 +114,15 @@ def test_an_earlier_design_gives_its_sags(twofold, alone, tmp_path):
     """A front that was not free starts from zero; one that is no longer free is refused."""
     state = earlier_state(twofold.system, twofold.lens)
     assert state.sags == twofold.lens.sags
-    assert (state.level, state.begun) == (2, True)
-    wide, _ = loaded(tmp_path, FREE_FRONT)
-    state = earlier_state(OpticalSystem(wide), alone.lens)
+    assert (state.moved, state.stage) == (False, 2)
+    wide = loaded(tmp_path, FREE_FRONT)
+    state = earlier_state(wide, alone.lens)
     assert not state.sags[0].coefficients.any()
     assert state.sags[1] is alone.lens.rear.sag
     with pytest.raises(
         UserError, match=r"the front surface of the earlier design differs .* make lens\.front equal"
     ):
         earlier_state(alone.system, twofold.lens)
-    other, _ = loaded(tmp_path, FREE_FRONT | {"lens.front.freeform.spans": [3, 4]})
+    other = loaded(tmp_path, FREE_FRONT | {"lens.front.freeform.spans": [3, 4]})
     with pytest.raises(UserError, match=r"the front surface of the earlier design differs"):
-        earlier_state(OpticalSystem(other), twofold.lens)
+        earlier_state(other, twofold.lens)
