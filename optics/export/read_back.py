@@ -1,4 +1,4 @@
-"""What exported files hold, read by what did not write them, against the exact surfaces of the lens."""
+"""The content of exported files, read by independent programs, against the exact surfaces of the lens."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
     """Return the Checks of a mesh file: closed, oriented, nowhere farther from the lens than `chord`, mm.
 
     Front and rear are compared in z, the edges by the distance, at the corners, the middles of the sides and
-    the centroids of triangles, of all or of evenly spaced ones so that there are about a million points per
+    the centroids of triangles.  Of large meshes every n-th triangle counts, for about a million points a
     face.
     """
     read = (
@@ -150,22 +150,21 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
 
 
 def sag_checks(word: str, surface: FreeformSurface, path: Path, chord: float) -> list[Check]:
-    """Return the Checks of a grid sag: numpy reads it, scipy interpolates it as OpticStudio does,
-    bicubically."""
+    """Return the Checks of a grid sag: numpy reads it, scipy interpolates it as OpticStudio, bicubically."""
     first, *_ = path.read_text("ascii").split("\n", 1)
     (nx, ny), (dx, dy) = (int(n) for n in first.split()[:2]), (float(d) for d in first.split()[2:4])
     rows = np.loadtxt(path, skiprows=1).reshape(ny, nx, 5)[::-1]
     x, y = dx * (np.arange(nx) - (nx - 1) / 2), dy * (np.arange(ny) - (ny - 1) / 2)
     z, zx, zy, zxy = rows[..., :4].transpose(2, 1, 0)
-    middles = [(a[:-1] + a[1:]) / 2 for a in (x, y)]
-    lines, slopes = (CubicHermiteSpline(x, f, fx, axis=0)(middles[0]) for f, fx in ((z, zx), (zy, zxy)))
-    between = CubicHermiteSpline(y, lines, slopes, axis=1)(middles[1])
+    mid_x, mid_y = ((a[:-1] + a[1:]) / 2 for a in (x, y))
+    lines, slopes = (CubicHermiteSpline(x, f, fx, axis=0)(mid_x) for f, fx in ((z, zx), (zy, zxy)))
+    between = CubicHermiteSpline(y, lines, slopes, axis=1)(mid_y)
     by = "DAT read back by numpy"
     return [
         Check(f"{word} sags at the points, {by}", _greatest(z - surface.grid(x, y)), SURFACE, "mm"),
         Check(
             f"{word} sags between the points, bicubic, {by}",
-            _greatest(between - surface.grid(*middles)),
+            _greatest(between - surface.grid(mid_x, mid_y)),
             chord,
             "mm",
         ),
@@ -222,15 +221,14 @@ def _samples(corners: Array, triangles: NDArray[np.int64]) -> Array:
 
 
 def _height_error(points: Array, surface: FreeformSurface, vertex: float) -> float:
-    """Return the greatest error in z, and of x and y what lies beside the rectangle."""
-    inside = [np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width)]
-    error = points - np.column_stack([*inside, vertex + surface(*inside)])
+    """Return the greatest distance of points from the surface: in z, and in x and y beside the rectangle."""
+    x, y = (np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width))
+    error = points - np.column_stack([x, y, vertex + surface(x, y)])
     return float(np.linalg.norm(error, axis=1).max())
 
 
 def _read_3mf(path: Path) -> Any:
-    """Return the one mesh of a 3MF file as lib3mf, the consortium's own library, reads it, as a
-    trimesh.Trimesh."""
+    """Return the one mesh of a 3MF file, as a trimesh.Trimesh; the consortium's library lib3mf reads it."""
     model = import_module("lib3mf").get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from optics.optimisation import Row
     from optics.system import OpticalSystem
     from optics.tracing import RayPath
+    from thbcad.hierarchy import THBSpace
     from thbcad.lens import FreeformSurface, Lens
 
 DPI, SIZE = 110, (5.2, 4.4)
@@ -130,7 +131,7 @@ def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
             out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
             out[f"{prefix}mesh"] = (
                 f"Hierarchical mesh of the {name} surface: leaf cells by level.",
-                _mesh(surface),
+                _mesh(surface.sag.space, surface.half_width),
             )
     return out
 
@@ -144,9 +145,8 @@ def _sag(surface: FreeformSurface) -> bytes:
     return png_bytes(figure)
 
 
-def _mesh(surface: FreeformSurface) -> bytes:
-    space, (hx, hy) = surface.sag.space, surface.half_width
-    cells = space.cells
+def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
+    (hx, hy), cells = half_width, space.cells
     (x0, x1), (y0, y1) = (
         h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
         for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
@@ -157,7 +157,7 @@ def _mesh(surface: FreeformSurface) -> bytes:
     figure, axes = _axes()
     colours = plt.get_cmap("viridis")(cells[:, 0] / max(1, space.levels - 1))
     axes.add_collection(
-        LineCollection(np.concatenate([loops, loops[:, :1]], 1), colors=colours, linewidths=0.3)
+        LineCollection(list(np.concatenate([loops, loops[:, :1]], 1)), colors=colours, linewidths=0.3)
     )
     axes.set_xlim(-hx, hx)
     axes.set_ylim(-hy, hy)

@@ -101,14 +101,15 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
         boxes.append(_wider(scene.box(body, scene.source), 0.25))
     shapes = np.array([np.divide(*np.ptp(box, axis=0)) for box in boxes])  # width / height
     height = min(TALLEST, WIDTH / shapes.sum())
-    left = (WIDTH - height * shapes.sum()) / 2 + height * np.cumsum([0.0, *shapes[:-1]])
+    starts = (WIDTH - height * shapes.sum()) / 2 + height * np.cumsum([0.0, *shapes[:-1]])
     figure = plt.figure(figsize=(WIDTH, height + TEXT))
-    for box, shape, start in zip(boxes, shapes, left):
+    for box, shape, start in zip(boxes, shapes, starts):
         place = (start / WIDTH, TEXT / (height + TEXT), shape * height / WIDTH, height / (height + TEXT))
         axes = figure.add_axes(place, frameon=False, xticks=[], yticks=[])
         _draw(axes, scene, faces, irradiance, paths)
-        axes.set_xlim(box[:, 0])
-        axes.set_ylim(box[:, 1])
+        (left, low), (right, high) = box
+        axes.set_xlim(left, right)
+        axes.set_ylim(low, high)
     figure.text(0.5, 0.1 / (height + TEXT), _text(problem, scene), fontsize=9, ha="center")
     return png_bytes(figure)
 

@@ -109,9 +109,8 @@ def _names(axes: Axes, faces: Sequence[Face], turn: Array) -> None:
     for face in faces:
         middle = (slice(None), *(n // 2 for n in face.points.shape[1:]))
         if turn[2] @ face.normals[middle] > 0.1:
-            axes.text(
-                *(turn[:2] @ face.points[middle]), face.name, ha="center", va="center", fontsize=8, bbox=LABEL
-            )
+            x, y = turn[:2] @ face.points[middle]
+            axes.text(x, y, face.name, ha="center", va="center", fontsize=8, bbox=LABEL)
 
 
 def _text(lens: Lens, steeper: dict[str, float]) -> str:

@@ -54,9 +54,10 @@ class View:
     reach: float
 
     @property
-    def extent(self) -> list[float]:
+    def extent(self) -> tuple[float, float, float, float]:
         """Left, right, bottom and top of the view, mm."""
-        return [self.centre[k] + side * self.reach for k in (0, 1) for side in (-1, 1)]
+        (x, y), r = self.centre, self.reach
+        return (x - r, x + r, y - r, y + r)
 
     def pixels(self, seen: Array) -> NDArray[np.int64]:
         """Return the number of the pixel of every turned point (3, n), (n,)."""
@@ -117,9 +118,9 @@ def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
 def _positions(surface: FreeformSurface) -> list[Array]:
     """Return x and y of samples: equal steps of a length that grows, at every place, as the steepest of the
     lines across it."""
-    even = [np.linspace(-h, h, SAMPLES) for h in surface.half_width]
-    z, found = surface.grid(*even), []
-    for axis, a in enumerate(even):
+    uniform = [np.linspace(-h, h, SAMPLES) for h in surface.half_width]
+    z, found = surface.grid(uniform[0], uniform[1]), []
+    for axis, a in enumerate(uniform):
         step = np.hypot(np.diff(a), np.abs(np.diff(z, axis=axis)).max(axis=1 - axis))
         length = np.concatenate([[0.0], np.cumsum(step)])
         found.append(np.interp(np.linspace(0, length[-1], SAMPLES), length, a))

@@ -1,4 +1,4 @@
-"""`thbcad trace`: fates by flux and by number, other ways of light, files, refusals."""
+"""`thbcad trace`: fates by flux and by number, other paths of light, files, refusals."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
     assert (
         data["efficiency"] == data["flux_w"]["on_target"] < data["efficiency_bound"] == pytest.approx(0.96**2)
     )
-    assert 0 < data["nonsequential"]["by_other_ways"] < 1
+    assert 0 < data["nonsequential"]["by_other_paths"] < 1
     files = {"fresnel.png", "irradiance.npz", "irradiance.png", "phase_space.png", "trace.json"}
     assert {p.name for p in (folder / "trace").iterdir()} == files
     with np.load(folder / "trace" / "irradiance.npz", allow_pickle=False) as arrays:

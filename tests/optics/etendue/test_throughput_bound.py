@@ -15,7 +15,7 @@ from optics.etendue.throughput_bound import (
     RAYS,
     aperture_etendue,
     brightest,
-    front_share,
+    front_fraction,
     image_half_width,
     least_mean,
     rear_area,
@@ -153,7 +153,7 @@ def test_share_that_meets_a_plane_front(problem_file):
     problem = load_problem(problem_file(LAMBERTIAN | {"source.half_width": [1e-3, 1e-3]}))
     ratio = 10 / 20
     wide = sqrt(1 + ratio**2)
-    assert front_share(OpticalSystem(problem)) == pytest.approx(
+    assert front_fraction(OpticalSystem(problem)) == pytest.approx(
         4 * ratio / wide * atan(ratio / wide) / pi, abs=2.4e-3
     )
 
@@ -175,7 +175,7 @@ def test_share_that_meets_a_hollow_front(backend, problem_file, distance):
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     beside = tracer.fates(landing, problem.target.half_width).beside_lens
-    assert front_share(OpticalSystem(problem)) == pytest.approx(1 - beside, abs=1e-12)
+    assert front_fraction(OpticalSystem(problem)) == pytest.approx(1 - beside, abs=1e-12)
 
 
 def test_a_small_target_limits_the_flux(problem_file):
