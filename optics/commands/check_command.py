@@ -42,7 +42,7 @@ def check(options: Namespace) -> Outcome:
         ],
     }
     lines = [
-        f"{problem.title}: the problem is sound",
+        f"{problem.title}: the problem is valid",
         f"picture {_by(picture.shape[::-1])}, target {_by(screen.pixels)} pixels, {dark:.0%} of them dark",
         f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; "
         f"volume {volume:.6g} mm^3",

@@ -125,13 +125,7 @@ def _finish(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolde
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
-    metrics = measurement.metrics | {
-        "dof": sum(sag.space.dim for sag in lens.sags),
-        "levels": max(sag.space.levels for sag in lens.sags),
-        "evaluations": state.evaluations,
-        "wall_s": clock.total(),
-        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-    }
+    metrics = measurement.metrics | _run_metrics(lens, state, clock)
     folder.write_json("metrics.json", metrics)
     rows = manufacture_rows(product, problem.source.wavelength)
     page = Report(
@@ -147,6 +141,17 @@ def _finish(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolde
     lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
     data = {"folder": str(folder.path), "metrics": metrics, "verify": checked}
     return Outcome(data, lines, checked["ok"])
+
+
+def _run_metrics(lens: Lens, state: State, clock: _Clock) -> dict[str, Any]:
+    """Return the metrics of the run itself, by name."""
+    return {
+        "dof": sum(sag.space.dim for sag in lens.sags),
+        "levels": max(sag.space.levels for sag in lens.sags),
+        "evaluations": state.evaluations,
+        "wall_s": clock.total(),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
 
 
 def _store(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder) -> None:

@@ -133,7 +133,7 @@ def _bound_lines(system: OpticalSystem, bound: dict[str, Any]) -> list[str]:
         )
     return [
         *lines,
-        f"rel_l2 is at least {bound['lower_bound']:.4f}; light with {bound['attained']:.4f} was found "
+        f"rel_l2 is at least {bound['lower_bound']:.4f}; the solver attains {bound['attained']:.4f} "
         f"(KKT {bound['kkt']:.1e}, {bound['merged']} x {bound['merged']} pixels merged, "
         f"{bound['sizes']} sizes, {bound['seconds']:.1f} s)",
     ]

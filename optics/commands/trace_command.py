@@ -21,7 +21,7 @@ MOST_RAYS = 1 << 15  # per direction
 
 
 def trace(options: Namespace) -> Outcome:
-    """Trace the lens of a result folder and tell where its light goes."""
+    """Trace the lens of a result folder and report where its light goes."""
     from optics.report import fresnel_figure, irradiance_figure, phase_space_figure
     from optics.runtime import load_backend
     from thbcad.io import json_text, write_bytes, write_text

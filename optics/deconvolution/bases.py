@@ -86,13 +86,8 @@ def approximate_in_basis(
     goal = require_target(kernel, target)
     require_number("tolerance", tolerance, above=0.0)
     require_integer("most_iterations", most_iterations, 1)
-    for name, basis, length in zip(("rows", "columns"), (rows, columns), kernel.light_shape(goal.shape)):
-        if np.ndim(basis) != 2 or len(basis) != length or not (np.asarray(basis) >= 0).all():
-            raise ValueError(
-                f"{name} must hold non-negative columns of {length} pixels of light, "
-                f"got shape {np.shape(basis)}"
-            )
-    blur = BasisBlur(kernel, np.asarray(rows, float), np.asarray(columns, float))
+    n, m = kernel.light_shape(goal.shape)
+    blur = BasisBlur(kernel, _basis("rows", rows, n), _basis("columns", columns, m))
     top = goal.max()
     start = np.zeros((blur.rows.shape[1], blur.columns.shape[1]))
     weights, steps = descend(blur, start, goal / top, tolerance, most_iterations)
@@ -108,6 +103,21 @@ def approximate_in_basis(
         lower_bound=min(residual, scaled_bound(blur, goal, error)),
         iterations=steps,
     )
+
+
+def _basis(name: str, values: ArrayLike, pixels: int) -> Array:
+    """Return a basis as floats.
+
+    Raises
+    ------
+    ValueError : it is negative or has another number of pixels.
+    """
+    basis = np.asarray(values, dtype=np.float64)
+    if basis.ndim != 2 or len(basis) != pixels or not (basis >= 0).all():
+        raise ValueError(
+            f"{name} must hold non-negative columns of {pixels} pixels of light, got shape {basis.shape}"
+        )
+    return basis
 
 
 def deltas(pixels: int, spacing: int = 1) -> Array:

@@ -24,8 +24,8 @@ SPLIT = 200  # steps of the splitting, after which those of the gradient method 
 class Approximation:
     """Light F >= 0 whose image E * F is near a target G.
 
-    solution : (n + k - 1, m + l - 1), F in the unit of the target; light beyond the border may reach the
-        image too
+    solution : (n + k - 1, m + l - 1), F in the unit of the target; light beyond the border adds to the image
+        too
     image : (n, m), E * F
     residual : ||E * F - G|| / ||G||
     lower_bound : no light F >= 0 has a residual below this
@@ -53,8 +53,8 @@ def approximate(
     """Return light F >= 0 that minimises ||E * F - G||^2, with its certificate.
 
     target : (n, m), G >= 0, not smaller than the kernel.  Light that misses the image does not count.
-    tolerance : of the relative KKT residual; where `most_iterations` steps do not reach it,
-        `Approximation.kkt` tells.
+    tolerance : of the relative KKT residual; `most_iterations` steps may end above it, see
+        `Approximation.kkt`
 
     Splitting, then gradient steps in single precision, then in double precision, see
     `optics.etendue.nonnegative_solvers`.

@@ -37,12 +37,12 @@ class PatchImages:
     def narrowest(self, fraction: float) -> tuple[float, float]:
         """Return the widths in x and y below which the images of this fraction of the light lie."""
         known = np.isfinite(self.width[0])
-        found = []
+        widths = []
         for width in self.width[:, known]:
             order = np.argsort(width)
             light = np.cumsum(self.flux[known][order])
-            found.append(float(width[order][np.searchsorted(light, fraction * light[-1])]))
-        return found[0], found[1]
+            widths.append(float(width[order][np.searchsorted(light, fraction * light[-1])]))
+        return widths[0], widths[1]
 
 
 def patch_images(system: OpticalSystem, lens: Lens, backend: Backend) -> PatchImages:

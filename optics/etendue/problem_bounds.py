@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
+from optics.etendue.image_size import image_half_width
 from optics.etendue.source_image_bound import ImageBound, image_bound
-from optics.etendue.throughput_bound import image_half_width, throughput
+from optics.etendue.throughput_bound import throughput
 
 if TYPE_CHECKING:
     from optics.system import OpticalSystem

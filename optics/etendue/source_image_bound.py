@@ -86,11 +86,11 @@ def image_bound(
     least = _solved(target, sizes[0], profile, merge, finest)
     for other in sizes[1:]:
         for coarser, tolerance in (*QUICK, (1, finest)):
-            found = _solved(target, other, profile, coarser * merge, max(tolerance, finest))
-            if found.lower_bound >= least.lower_bound:
+            new = _solved(target, other, profile, coarser * merge, max(tolerance, finest))
+            if new.lower_bound >= least.lower_bound:
                 break
         else:
-            least = found
+            least = new
     return replace(least, sizes=len(sizes))
 
 
@@ -123,22 +123,22 @@ def _solved(
     goal = _merged(target, merge)
     scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
     kernel: PixelBlur
-    found: Approximation
+    best: Approximation
     if profile.kind == "uniform":
         kernel = KernelStack.boxes(*_boxes(size, merge, goal.shape))
-        found, bound = stack_approximation(kernel, goal, tolerance, MOST_STEPS)
+        best, bound = stack_approximation(kernel, goal, tolerance, MOST_STEPS)
     else:
         kernel = _picture(profile, size[0] / merge, size[1] / merge, goal.shape)
-        found = approximate(kernel, goal, tolerance, MOST_STEPS)
-        bound = found.lower_bound
+        best = approximate(kernel, goal, tolerance, MOST_STEPS)
+        bound = best.lower_bound
     return ImageBound(
         lower_bound=scale * bound,
-        attained=scale * found.residual,
-        kkt=found.kkt,
+        attained=scale * best.residual,
+        kkt=best.kkt,
         merged=merge,
         sizes=1,
         target=goal,
-        image=found.image,
+        image=best.image,
         kernel=kernel.weights,
     )
 

@@ -50,13 +50,13 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
     by = f"{name.upper()} read back by OCCT"
     checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
-    for word, face, own, (surface, vertex) in zip(
+    for word, face, exact, (surface, vertex) in zip(
         ("front", "rear"), (read.front, read.rear), placed_surfaces(lens), surfaces
     ):
         checks.append(
             Check(
                 f"{word} poles and knots that differ from the lens in memory, {by}",
-                differing_numbers(face, own),
+                differing_numbers(face, exact),
                 0,
                 "",
             )
@@ -77,7 +77,7 @@ def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
 
 
 def face_checks(
-    word: str, own: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str
+    word: str, exact: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str
 ) -> list[Check]:
     """Return the Checks of a file with one loose face."""
     by = f"{name.upper()} read back by OCCT"
@@ -85,7 +85,7 @@ def face_checks(
         Check(f"faces besides the one expected, {by}", len(read) - 1, 0, ""),
         Check(
             f"{word} poles and knots that differ from the lens in memory, {by}",
-            differing_numbers(read[0], own),
+            differing_numbers(read[0], exact),
             0,
             "",
         ),
@@ -109,11 +109,7 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
     the centroids of triangles.  Of large meshes every n-th triangle counts, for about a million points a
     face.
     """
-    read = (
-        _read_3mf(path)
-        if name == "3mf"
-        else import_module("trimesh").load_mesh(path, file_type=name, process=name == "stl")
-    )
+    read = _read_3mf(path) if name == "3mf" else _read_mesh(path, name)
     by = f"{name.upper()} read back by {READERS[name][0]}"
     checks = [
         Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
@@ -227,6 +223,11 @@ def _height_error(points: Array, surface: FreeformSurface, vertex: float) -> flo
     return float(np.linalg.norm(error, axis=1).max())
 
 
+def _read_mesh(path: Path, name: str) -> Any:
+    """Return the mesh of a file of another format, as a trimesh.Trimesh; corners of STL are merged."""
+    return import_module("trimesh").load_mesh(path, file_type=name, process=name == "stl")
+
+
 def _read_3mf(path: Path) -> Any:
     """Return the one mesh of a 3MF file, as a trimesh.Trimesh; the consortium's library lib3mf reads it."""
     model = import_module("lib3mf").get_wrapper().CreateModel()
@@ -237,10 +238,10 @@ def _read_3mf(path: Path) -> Any:
     objects.MoveNext()
     mesh = objects.GetCurrentMeshObject()
     rows = (
-        (b"".join(map(bytes, items)), kind)
-        for items, kind in ((mesh.GetVertices(), "<f4"), (mesh.GetTriangleIndices(), "<u4"))
+        (b"".join(map(bytes, items)), dtype)
+        for items, dtype in ((mesh.GetVertices(), "<f4"), (mesh.GetTriangleIndices(), "<u4"))
     )
-    vertices, triangles = (np.frombuffer(data, kind).reshape(-1, 3) for data, kind in rows)
+    vertices, triangles = (np.frombuffer(data, dtype).reshape(-1, 3) for data, dtype in rows)
     return import_module("trimesh").Trimesh(
         vertices.astype(np.float64), triangles.astype(np.int64), process=False
     )

@@ -5,13 +5,13 @@ more rays.  A level can start from two surfaces:
 
 - flat: the first level starts from the base conic, every other from the exact surface of the
   one before (prolongation);
-- transport: every level starts from the optimal-transport surface fitted in its own space.  The
+- transport: every level starts from the optimal-transport surface fitted in the space of the level.  The
   levels before the last then need no optimisation, only the marking of cells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -29,6 +29,9 @@ from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from optics.optimisation.stage_plan import Stage
     from optics.runtime import Backend
     from optics.system import OpticalSystem
@@ -97,13 +100,10 @@ def design(
         state = replace(state, sags=lens.sags, history=recorder.history)
         try:
             marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, start))
-            sags = tuple(sag.refine(cells) for sag, cells in zip(lens.sags, marked))
-            following = replace(state, stage=state.stage + 1, sags=sags)
-            if following.stage < len(plan) and plan[following.stage].level > stage.level:
-                following, fit = _fitted(following, start)
+            following, new_fit = _refined(state, plan, marked, start)
         except KeyboardInterrupt:
             raise Interrupted(state) from None
-        state = following
+        state, fit = following, new_fit or fit
         if checkpoint:
             checkpoint(state)
     if start and fit and not start.within(fit):
@@ -142,6 +142,20 @@ def _fitted(state: State, start: TransportStart | None) -> tuple[State, Transpor
         return state, None
     fit = start.fit(state.sags[-1].space)
     return replace(state, sags=(*state.sags[:-1], fit.sag)), fit
+
+
+def _refined(
+    state: State,
+    plan: Sequence[Stage],
+    marked: Sequence[Mapping[int, NDArray[np.int64]]],
+    start: TransportStart | None,
+) -> tuple[State, TransportFit | None]:
+    """Return the state of the next stage, with the marked cells refined, and the fit of a new level."""
+    sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
+    following = replace(state, stage=state.stage + 1, sags=sags)
+    if following.stage < len(plan) and plan[following.stage].level > plan[state.stage].level:
+        return _fitted(following, start)
+    return following, None
 
 
 def _optimised(lens: Lens, recorder: Recorder, stage: Stage, note: Callable[[str], None]) -> Lens:

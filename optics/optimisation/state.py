@@ -62,7 +62,7 @@ def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
 
 
 def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
-    """Return the State that optimises the sags of an earlier design on the last level, on their own meshes.
+    """Return the State that optimises the sags of an earlier design on the last level, without a new mesh.
 
     A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the
     optimiser averages the sags with their mirror images.

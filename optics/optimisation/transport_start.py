@@ -1,8 +1,8 @@
 """The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space.
 
 The light of a source without extent has one direction at every point of the rear surface.  Optimal
-transport from its density there to the target tells where each point should send it, Snell's law
-which slope does so.  Where the rays spread inside the lens, density and directions depend on the
+transport from its density there to the target gives the target point of each point, Snell's law the
+slope that sends the light there.  Where the rays spread inside the lens, density and directions depend on the
 shape that is looked for.  They are traced again on each new shape, a few times.
 """
 

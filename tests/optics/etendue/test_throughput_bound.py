@@ -10,14 +10,13 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import dblquad
 from scipy.optimize import minimize
 
+from optics.etendue.image_size import image_half_width, least_mean
 from optics.etendue.measured_images import PATCHES, patch_images
 from optics.etendue.throughput_bound import (
     RAYS,
     aperture_etendue,
     brightest,
     front_fraction,
-    image_half_width,
-    least_mean,
     rear_area,
     source_etendue,
     spread,
