@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         nonsequential as nonsequential,
         sections as sections,
         sequential as sequential,
+        sequential_metrics as sequential_metrics,
     )
     from optics.analysis.light_fates import (
         fans as fans,
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     )
     from optics.analysis.metrics import (
         Measurement as Measurement,
+        dark_fraction as dark_fraction,
         measure as measure,
     )
 
@@ -28,6 +30,7 @@ _FILES = {
         "nonsequential",
         "sections",
         "sequential",
+        "sequential_metrics",
     ),
     "light_fates": (
         "fans",
@@ -35,6 +38,7 @@ _FILES = {
     ),
     "metrics": (
         "Measurement",
+        "dark_fraction",
         "measure",
     ),
 }

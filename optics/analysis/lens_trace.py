@@ -17,6 +17,7 @@ from optics.tracing import (
     TargetPlane,
     Tracer,
     at_target,
+    efficiency_bound,
     jacobian_determinants,
     source_points,
     trace_nonsequential,
@@ -31,17 +32,19 @@ if TYPE_CHECKING:
 RAYS_AT_ONCE = 1 << 21
 NONSEQUENTIAL_RAYS = (256, 256)
 SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of etendue
-# of the grid in the sections of phase space, and how far it goes towards grazing rays
-LINES, WIDEST = 201, 0.98
-# of the light on the target: what may come by other ways where the sequential tracer is said to suffice
+LINES = 201  # of the grid in the sections of phase space, in each direction
+WIDEST = 0.98  # of the sine of the source's half-angle: where the grid ends
+# of the light on the target: what may come by other paths where the sequential tracer is said to suffice
 NEGLIGIBLE = 0.01
 
 
 def sequential(
     system: OpticalSystem, lens: Lens, backend: Backend, rays: int
 ) -> tuple[NDArray[np.float64], SequentialFates, dict[str, int]]:
-    """Return (irradiance (rows, columns), flux by fate, rays by fate) of rays x rays rays, with box
-    pixels."""
+    """Trace rays x rays rays and measure them with box pixels.
+
+    Returns (irradiance (rows, columns), flux by fate, rays by fate).
+    """
     screen = system.target.screen()
     splat = Splat(backend, screen, BoxWindow())
     image, fates, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
@@ -56,29 +59,47 @@ def sequential(
     return image.reshape(screen.shape, order="F"), reduce(add, fates), numbers
 
 
+def sequential_metrics(
+    system: OpticalSystem, lens: Lens, fates: SequentialFates, counts: dict[str, int]
+) -> dict[str, Any]:
+    """Return the metrics of a trace by `sequential`, by name."""
+    return {
+        "rays": sum(counts.values()),
+        "counts": counts,
+        "fates_w": asdict(fates),
+        "efficiency": fates.on_target / system.problem.source.flux,
+        "efficiency_bound": efficiency_bound(lens.index),
+    }
+
+
 def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, Any]:
-    """Return the fates of the light in the closed lens, W, and the share on the target that came by other
-    paths than front and rear."""
+    """Return the fates of the light in the closed lens, W.
+
+    `by_other_paths` is the fraction of the light on the target that did not pass front and rear once each.
+    """
     rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
-    found = trace_nonsequential(backend, lens, rays, TargetPlane(system.target.z, half_width))
-    landings = found.landings
+    result = trace_nonsequential(backend, lens, rays, TargetPlane(system.target.z, half_width))
+    landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
-    total, direct = float(landings.flux[onto].sum()), float(landings.flux[onto & found.direct].sum())
+    total = float(landings.flux[onto].sum())
+    direct = float(landings.flux[onto & result.direct].sum())
     other = 1 - direct / total if total else 0.0
     return {
-        "fates_w": asdict(found.fates),
-        "by_other_ways": other,
+        "fates_w": asdict(result.fates),
+        "by_other_paths": other,
         "sequential_suffices": other <= NEGLIGIBLE,
     }
 
 
 def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:
-    """Return how far the determinant of the map from source to target in phase space is from 1, over rays
-    that arrive."""
+    """Return how far the determinant of the map from source to target in phase space is from 1.
+
+    `rays` counts those that arrive, over which `median` and `most` are taken.
+    """
     rays, source = single_rays(system.source.rays(SAMPLES), lens), system.problem.source
     size = max(source.half_width) or source.distance
-    found = jacobian_determinants(
+    determinants = jacobian_determinants(
         backend,
         lens,
         source_points(rays),
@@ -86,7 +107,7 @@ def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[st
         float(rays.origin[2, 0]),
         plane_behind(system, lens),
     )
-    off = np.abs(found[np.isfinite(found)] - 1)
+    off = np.abs(determinants[np.isfinite(determinants)] - 1)
     return {
         "rays": int(off.size),
         "median": float(np.median(off)) if off.size else 0.0,
@@ -95,32 +116,33 @@ def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[st
 
 
 def plane_behind(system: OpticalSystem, lens: Lens) -> float:
-    """Return z of the target plane; of a plane a thickness behind the lens where the target is the far
-    field."""
+    """Return z of the target plane, or in the far field of a plane one thickness behind the lens, mm."""
     return 2 * lens.thickness if system.target.far_field else system.target.z
 
 
 def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:
-    """Return rays of the source with x = 0 and p = 0 in phase space, in planes by name, and how far y matters
-    there, mm."""
+    """Return rays of the source with x = 0 and p = 0 in phase space, by the name of a plane.
+
+    With them comes the greatest |y| to show there, mm.
+    """
     source, collimated, target = system.problem.source, system.source.collimated, system.target
     behind = 2 * lens.thickness
-    reach = source.half_width[1] or 1.0
+    size = source.half_width[1] or 1.0
     y = np.linspace(-1, 1, LINES) * source.half_width[1]
     q = np.linspace(-1, 1, LINES) * (0.0 if collimated else WIDEST * np.sin(np.radians(source.half_angle)))
     points = np.zeros((4, LINES * LINES))
     points[1], points[3] = (a.ravel() for a in np.meshgrid(y, q))
     start = -source.distance - (max(lens.front.half_width) if collimated else 0.0)
-    found = {
-        "source": (PhaseSpace(points, np.ones(points.shape[1])), 1.1 * reach),
+    planes = {
+        "source": (PhaseSpace(points, np.ones(points.shape[1])), 1.1 * size),
         f"behind the lens, z = {behind:g} mm": (
             at_target(backend, lens, points, start, behind),
             1.5 * lens.rear.half_width[1],
         ),
     }
     if not target.far_field:
-        found["target"] = (
+        planes["target"] = (
             at_target(backend, lens, points, start, target.z),
             1.1 * target.settings.half_width[1],
         )
-    return found
+    return planes

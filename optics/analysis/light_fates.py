@@ -46,8 +46,10 @@ def nonsequential_metrics(
 
 
 def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[RayPath]]:
-    """Return the paths of two fans of rays from the source's middle in the plane x = 0: equal steps of the
-    angle, and of its sine."""
+    """Return the paths of two fans of rays from the source's centre in the plane x = 0.
+
+    One has equal steps of the angle, the other of its sine.
+    """
     source = system.problem.source
     widest = np.radians(source.half_angle) * WIDEST
     out = {}

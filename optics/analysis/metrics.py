@@ -1,38 +1,45 @@
 """What the lens delivers, measured on fresh rays in float64 with box pixels.
 
-A ray of a grid stands for a cell of the source, whose light arrives spread over about 1 / RAYS_PER_PIXEL of a
-pixel: it is shared between two pixels when it lands so close to their border.  On sharp edges
-that removes most of the moire between rays and pixels and changes nothing else
-(`rel_l2_floor` tells).
+A ray of a grid stands for a cell of the source.  The light of the cell arrives spread over about 1 /
+RAYS_PER_PIXEL of a pixel, and a ray that lands so close to a border counts for both pixels.  On sharp edges
+this removes most of the moire between rays and pixels.  It changes nothing else, which `rel_l2_floor`
+measures.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import reduce
+from operator import add
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.target import PixelWindow, Splat
-from optics.tracing import SequentialFates, Tracer
+from optics.tracing import Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
     from optics.system import OpticalSystem
     from optics.target import Screen
+    from optics.tracing import SequentialFates
     from thbcad.lens import Lens
 
 RAYS_PER_PIXEL = 11  # in each direction, for each of the two ray sets
 LEAST_PER_PIXEL, MOST_RAYS = 3, 4096  # on large screens: so many per pixel, or so many per direction
+DARK = 0.01  # of the greatest irradiance: what counts as dark
 RAYS_AT_ONCE = 1 << 21
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """irradiance, target : (rows, columns), W/mm^2, intensities in the far field; metrics : those that
-    the README explains."""
+    """What a lens delivers.
+
+    irradiance, target : (rows, columns), W/mm^2; in the far field intensities
+    metrics : numbers by name
+    """
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]
@@ -42,8 +49,8 @@ class Measurement:
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    Two ray sets, neither of which the optimisation has seen, are traced; their mean is the
-    irradiance and their difference tells the estimator's own error (`rel_l2_floor`).
+    Two ray sets are traced, neither of which the optimisation has seen.  Their mean is the irradiance, their
+    difference measures the error of the estimator (`rel_l2_floor`).
     """
     screen, flux = system.target.screen(), system.problem.source.flux
     rng = np.random.default_rng(system.problem.run.seed)
@@ -72,8 +79,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
 def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
     """Return rel_l2, psnr_db and ssim of two images, both scaled to unit mean.
 
-    None stands for a figure that is not defined: psnr_db of equal images, ssim of images
-    narrower than its least window of 3 pixels.
+    None stands for a metric that is not defined: psnr_db of equal images, ssim of images narrower than its
+    least window of 3 pixels.
     """
     from skimage.metrics import structural_similarity
 
@@ -91,6 +98,11 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
     }
 
 
+def dark_fraction(target: NDArray[np.float64]) -> float:
+    """Return the fraction of pixels with at most DARK of the greatest irradiance."""
+    return float((target <= DARK * target.max()).mean())
+
+
 def _trace(
     system: OpticalSystem,
     lens: Lens,
@@ -102,12 +114,11 @@ def _trace(
     """Return (irradiance, flux by fate) of fresh rays, traced in parts."""
     splat = Splat(backend, screen, PixelWindow(0.5 / RAYS_PER_PIXEL))
     image: DrArray = 0.0
-    fates: SequentialFates | None = None
+    fates = []
     for part in system.source.parts(counts, fresh, RAYS_AT_ONCE):
         tracer = Tracer(backend, lens, part, system.target.z)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux)
-            here = tracer.fates(landing, screen.half_width)
-        fates = here if fates is None else fates + here
-    return image.numpy().reshape(screen.shape, order="F"), fates
+            fates.append(tracer.fates(landing, screen.half_width))
+    return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)

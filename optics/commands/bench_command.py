@@ -1,4 +1,4 @@
-"""`thbcad bench`: the figures of a benchmark beside their limits, stored and written into the pages."""
+"""`thbcad bench`: the results of a benchmark beside their limits, stored and written into the pages."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from argparse import Namespace
 from datetime import date
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
+from optics.commands.outcome import Outcome
 from optics.runtime import (
     StoredRows,
     UserError,
@@ -24,9 +24,8 @@ from optics.runtime import (
 from thbcad.io import write_text
 
 
-def bench(options: Namespace) -> tuple[Any, list[str], bool]:
-    """Run a benchmark that lies in the checkout this package was installed from, or write the pages of the
-    stored rows."""
+def bench(options: Namespace) -> Outcome:
+    """Run a benchmark of the checkout this package was installed from, or write the pages of stored rows."""
     modules = _modules(checkout())
     if options.markdown:
         if options.name or options.store:
@@ -43,7 +42,7 @@ def bench(options: Namespace) -> tuple[Any, list[str], bool]:
     if options.store:
         stored = StoredRows(options.name, date.today().isoformat(), machine_facts(), plain)
         lines.append(f"stored in {store_rows(stored, checkout() / 'docs' / 'data')}")
-    return plain, lines, all(row.ok for row in rows)
+    return Outcome(plain, lines, all(row.ok for row in rows))
 
 
 def checkout() -> Path:
@@ -60,13 +59,11 @@ def benchmark_page(root: Path) -> str:
     return rows_page([*stored.values()], {name: _sentence(modules[name]) for name in stored})
 
 
-def _write_pages(root: Path, modules: dict[str, Path]) -> tuple[dict[str, list[str]], list[str], bool]:
+def _write_pages(root: Path, modules: dict[str, Path]) -> Outcome:
     """Write docs/benchmarks.md and refresh the marked numbers of the README and the pages of docs."""
     stored = read_rows(root / "docs" / "data")
     if not stored:
-        raise UserError(
-            "there are no stored rows in docs/data of a checkout; measure some: thbcad bench NAME --store"
-        )
+        raise UserError("there are no stored rows in docs/data of a checkout; run thbcad bench NAME --store")
     new = {root / "docs" / "benchmarks.md": benchmark_page(root)}
     for path in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
         new.setdefault(path, refreshed(path.read_text("utf-8"), stored))
@@ -74,7 +71,7 @@ def _write_pages(root: Path, modules: dict[str, Path]) -> tuple[dict[str, list[s
     for path in changed:
         write_text(path, new[path])
     names = [path.relative_to(root).as_posix() for path in changed]
-    return {"changed": names}, [f"wrote {name}" for name in names] or ["every page is up to date"], True
+    return Outcome({"changed": names}, [f"wrote {name}" for name in names] or ["every page is up to date"])
 
 
 def _modules(root: Path) -> dict[str, Path]:

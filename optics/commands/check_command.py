@@ -5,27 +5,28 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
 
+from optics.analysis import dark_fraction
+from optics.commands.outcome import Outcome
 from optics.etendue import etendue_note
-from optics.optimisation import stages
+from optics.optimisation import stages, surfaces_can_cross
 from optics.problem import load_problem
 from optics.system import advice, skip_lines, solvable_system
 
 
-def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+def check(options: Namespace) -> Outcome:
     """Read a problem without tracing."""
     problem = load_problem(options.problem)
     system = solvable_system(problem)
-    light, screen = system.target.light, system.target.screen()
-    target = system.target.irradiance(screen, problem.source.flux)
+    picture, screen = system.target.light, system.target.screen()
+    dark = dark_fraction(system.target.irradiance(screen, problem.source.flux))
     least, volume = system.lens.least_thickness(), system.lens.volume()
     plan = stages(system, problem.optimizer.start == "transport")
     data = {
         "title": problem.title,
-        "picture_pixels": list(light.shape[::-1]),
+        "picture_pixels": list(picture.shape[::-1]),
         "target_pixels": list(screen.pixels),
-        "dark_share": float((target <= 0.01 * target.max()).mean()),
+        "dark_share": dark,
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
         "volume_mm3": volume,
@@ -41,23 +42,22 @@ def check(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         ],
     }
     lines = [
-        f"{problem.title}: the problem is sound",
-        f"picture {_by(light.shape[::-1])}, target {_by(screen.pixels)} pixels, {data['dark_share']:.0%} of "
-        "them dark",
-        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; volume "
-        f"{data['volume_mm3']:.6g} mm^3",
+        f"{problem.title}: the problem is valid",
+        f"picture {_by(picture.shape[::-1])}, target {_by(screen.pixels)} pixels, {dark:.0%} of them dark",
+        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; "
+        f"volume {volume:.6g} mm^3",
     ]
     lines += [
         f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
         for s in plan
     ]
-    if least.lower <= sum(f.z_freedom for f in system.freeforms):
+    if surfaces_can_cross(system):
         lines.append(
             "note: z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
     lines += skip_lines(system.skips)
     lines += [f"note: {sentence}" for sentence in [*advice(system), *etendue_note(system)]]
-    return data, lines, True
+    return Outcome(data, lines)
 
 
 def _by(size: Sequence[int]) -> str:

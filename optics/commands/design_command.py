@@ -11,6 +11,7 @@ from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress
 from optics.optimisation import Interrupted, ResultFolder, earlier_state
 from optics.problem import limit_checks, load_problem, problem_to_toml
@@ -42,7 +43,7 @@ class _Clock:
         return {**self.phases, "total": perf_counter() - self._start}
 
 
-def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
     clock = _Clock()
     problem = load_problem(options.problem)
@@ -68,9 +69,8 @@ def design(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         clock.lap("optimise")
         return _finish(system, lens, state, folder, clock)
     except (KeyboardInterrupt, ImportError) as error:
-        if isinstance(error, ImportError) and not isinstance(
-            error.__cause__, KeyboardInterrupt
-        ):  # Ctrl-C while OCP is loaded
+        # an ImportError is an interruption where Ctrl-C came while OCP was loaded
+        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):
             raise
         if folder.has_checkpoint():
             note(f"the same command with --resume goes on from {folder.path}")
@@ -100,9 +100,7 @@ def _optimise(
         progress.close()
 
 
-def _finish(
-    system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder, clock: _Clock
-) -> tuple[dict[str, Any], list[str], bool]:
+def _finish(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder, clock: _Clock) -> Outcome:
     """Export, measure, verify and report a designed lens."""
     from optics.etendue import limit_sentence
     from optics.problem import as_data, manufacture_rows
@@ -118,29 +116,42 @@ def _finish(
     measurement, paths = _measured(system, lens, exact)
     limit = limit_sentence(system, lens, measurement.metrics)
     clock.lap("measure")
-    found = manufacturability(lens, problem.lens.density or None)
-    folder.write_json("manufacture.json", as_data(found))
-    checked = _verified(system, lens, folder, found, exact)
+    product = manufacturability(lens, problem.lens.density or None)
+    folder.write_json("manufacture.json", as_data(product))
+    checked = _verified(system, lens, folder, product, exact)
     clock.lap("verify")
     pictures = draw_all(system, lens, measurement, state.history, paths)
     pictures |= _solids(system, lens, measurement, exact)
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
-    metrics = measurement.metrics | {
+    metrics = measurement.metrics | _run_metrics(lens, state, clock)
+    folder.write_json("metrics.json", metrics)
+    rows = manufacture_rows(product, problem.source.wavelength)
+    page = Report(
+        problem=problem,
+        metrics=metrics,
+        verification=checked,
+        manufacture=rows,
+        pictures=pictures,
+        limit=limit,
+    )
+    write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
+    folder.drop_checkpoint()
+    lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
+    data = {"folder": str(folder.path), "metrics": metrics, "verify": checked}
+    return Outcome(data, lines, checked["ok"])
+
+
+def _run_metrics(lens: Lens, state: State, clock: _Clock) -> dict[str, Any]:
+    """Return the metrics of the run itself, by name."""
+    return {
         "dof": sum(sag.space.dim for sag in lens.sags),
         "levels": max(sag.space.levels for sag in lens.sags),
         "evaluations": state.evaluations,
         "wall_s": clock.total(),
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
-    folder.write_json("metrics.json", metrics)
-    rows = manufacture_rows(found, problem.source.wavelength)
-    page = Report(problem, metrics, checked, rows, pictures, limit)
-    write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
-    folder.drop_checkpoint()
-    lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
-    return {"folder": str(folder.path), "metrics": metrics, "verify": checked}, lines, checked["ok"]
 
 
 def _store(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder) -> None:
@@ -159,8 +170,7 @@ def _store(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder
 def _measured(
     system: OpticalSystem, lens: Lens, backend: Backend
 ) -> tuple[Measurement, dict[str, list[RayPath]]]:
-    """Return the Measurement of a lens, and fans of rays where light may take other paths than by front and
-    rear."""
+    """Return the Measurement of a lens, and fans of rays where light may pass its edges."""
     from optics.analysis import fans, measure, nonsequential_metrics
     from optics.tracing import efficiency_bound
 
@@ -168,8 +178,8 @@ def _measured(
     metrics = measurement.metrics | {"efficiency_bound": efficiency_bound(lens.index)}
     if not metrics["efficiency"]:
         note(
-            "no light reaches the target; raise optimizer.lost_flux_weight, or make the target larger or "
-            "nearer to the beam"
+            "no light reaches the target; raise optimizer.lost_flux_weight, "
+            "or make the target larger or nearer to the beam"
         )
     if not system.path.by_edges:
         return replace(measurement, metrics=metrics), {}
@@ -178,13 +188,13 @@ def _measured(
 
 
 def _verified(
-    system: OpticalSystem, lens: Lens, folder: ResultFolder, found: Manufacturability, backend: Backend
+    system: OpticalSystem, lens: Lens, folder: ResultFolder, product: Manufacturability, backend: Backend
 ) -> dict[str, Any]:
-    """Verify the STEP file and the limits of manufacture, store and return the checks."""
+    """Verify the STEP file and the limits of manufacturing, store and return the checks."""
     from optics.runtime import verification
     from optics.verification import StepFile, verify
 
-    checks = verify(system, lens, StepFile(folder.step), backend) + limit_checks(system.problem, found)
+    checks = verify(system, lens, StepFile(folder.step), backend) + limit_checks(system.problem, product)
     checked = verification(checks)
     folder.write_json("verify.json", checked)
     return checked
@@ -198,10 +208,7 @@ def _solids(
 
     scene = scene_view(system, lens, measurement.irradiance, scene_paths(system, lens, exact))
     return {
-        "scene": (
-            "Source, lens and target, seen from behind; rays that miss the target are red.",
-            scene,
-        ),
+        "scene": ("Source, lens and target, seen from behind; rays that miss the target are red.", scene),
         "solid_before": ("The solid before optimisation.", solid_views(system.lens)),
         "solid": (
             "The solid from four sides; the text below says how much steeper its relief is shaded.",
@@ -211,7 +218,7 @@ def _solids(
 
 
 def _shown(value: float | None, form: str) -> str:
-    """Return a figure as text, "-" where it is not defined."""
+    """Return a metric as text, "-" where it is not defined."""
     return "-" if value is None else format(value, form)
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from optics.etendue import KIND, Found, certain_bound, problem_bound, rear_area, throughput
+from optics.commands.outcome import Outcome
+from optics.etendue import LENS_CLASS, ProblemBound, certain_bound, problem_bound, rear_area, throughput
 from optics.optimisation import ResultFolder, require_writable
 from optics.problem import load_problem
 from optics.runtime import UserError
@@ -16,58 +17,57 @@ from optics.tracing import efficiency_bound
 
 if TYPE_CHECKING:
     from optics.etendue import Throughput
-    from optics.problem import Problem
     from optics.system import OpticalSystem
 
-NARROW = 0.05  # of a designed lens's light comes in narrower images than the width that is told
+NARROW = 0.05  # of a designed lens's light comes in narrower images than the measured width
 NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the light"
 
 
-def etendue(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
-    """Tell what can arrive at the target, and how near light that is made of images of the source comes to
-    it."""
+def etendue(options: Namespace) -> Outcome:
+    """Say what can arrive at the target, and how near light made of images of the source comes to it."""
     if options.efficiency is not None and not 0 < options.efficiency <= 1:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     if options.out:
         require_writable(Path(options.out))
     system = solvable_system(load_problem(options.problem))
-    problem, lens, found = system.problem, system.lens, throughput(system)
-    data, lines = _throughput_told(problem, found)
-    if not found.source:
-        return data, [*lines, NO_LIMIT], True
-    share = options.efficiency or found.picture / problem.source.flux
+    passing = throughput(system)
+    data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
+    if not passing.source:
+        return Outcome(data, [*lines, NO_LIMIT])
+    efficiency = options.efficiency or passing.picture / system.problem.source.flux
     start = perf_counter()
-    bound = certain_bound(system, lens, share)
-    told = _told(bound, start)
-    data |= {"efficiency": share, "bound": told}
-    lines += _bound_lines(system, told)
-    lines.append(
-        f"no {KIND}, {rear_area(lens):.4g} mm^2, brings {share:.4g} of the light to the target and goes "
-        "below that"
-    )
-    lines.append("lenses whose images differ may: etendue bounds the mean of their areas alone")
+    bound = certain_bound(system, system.lens, efficiency)
+    data |= {"efficiency": efficiency, "bound": _bound_data(bound, start)}
+    lines += [
+        *_bound_lines(system, data["bound"]),
+        f"no {LENS_CLASS}, {rear_area(system.lens):.4g} mm^2, "
+        f"brings {efficiency:.4g} of the light to the target and goes below that",
+        "lenses whose images differ may: etendue bounds the mean of their areas alone",
+    ]
     if options.measure:
         start = perf_counter()
-        data["measured"] = _told(problem_bound(system, _measured_half_width(system, options.measure)), start)
-        lines.append(
-            f"the lens of {options.measure}: {1 - NARROW:.0%} of its light comes in images at least so "
-            "large; were they alike:"
-        )
-        lines += _bound_lines(system, data["measured"])
+        measured = problem_bound(system, _measured_half_width(system, options.measure))
+        data["measured"] = _bound_data(measured, start)
+        lines += [
+            f"the lens of {options.measure}: "
+            f"{1 - NARROW:.0%} of its light comes in images at least so large; were they alike:",
+            *_bound_lines(system, data["measured"]),
+        ]
     if options.out:
         from optics.report import bound_figure
         from thbcad.io import write_bytes
 
         write_bytes(Path(options.out), bound_figure(bound.bound, system.target.screen()))
         lines.append(f"wrote {options.out}")
-    return data, lines, True
+    return Outcome(data, lines)
 
 
-def _told(found: Found, start: float) -> dict[str, Any]:
-    bound = found.bound
+def _bound_data(images: ProblemBound, start: float) -> dict[str, Any]:
+    """Return a bound for --json.  start : `perf_counter()` before it was computed."""
+    bound = images.bound
     return {
-        "half_width": list(found.half_width),
-        "pixels": list(found.width),
+        "half_width": list(images.half_width),
+        "pixels": list(images.width),
         "lower_bound": bound.lower_bound,
         "attained": bound.attained,
         "kkt": bound.kkt,
@@ -88,49 +88,52 @@ def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, flo
     return wide / 2, high / 2
 
 
-def _throughput_told(problem: Problem, found: Throughput) -> tuple[dict[str, Any], list[str]]:
-    passing = efficiency_bound(problem.lens.index)
-    data: dict[str, Any] = {
-        "etendue_mm2_sr": {"source": found.source, "front": found.front, "target": found.target},
+def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, Any]:
+    return {
+        "etendue_mm2_sr": {"source": passing.source, "front": passing.front, "target": passing.target},
         "flux_w": {
-            "source": problem.source.flux,
-            "meets_front": found.meets_front,
-            "arriving": found.arriving,
-            "picture": found.picture,
+            "source": system.problem.source.flux,
+            "meets_front": passing.meets_front,
+            "arriving": passing.arriving,
+            "picture": passing.picture,
         },
-        "brightness_asked": found.asked,
+        "brightness_asked": passing.asked,
     }
+
+
+def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
+    transmittance = efficiency_bound(system.lens.index)
     lines = [
-        f"{found.source:10.4g} mm^2 sr  etendue of the source",
-        f"{found.front:10.4g} mm^2 sr  of its light that meets the front",
-        f"{found.target:10.4g} mm^2 sr  between rear aperture and target",
-        f"{found.meets_front:10.4g} W  meet the front; two uncoated faces pass at most {passing:.4f}",
-        f"{found.arriving:10.4g} W  can arrive at most",
+        f"{passing.source:10.4g} mm^2 sr  etendue of the source",
+        f"{passing.front:10.4g} mm^2 sr  of its light that meets the front",
+        f"{passing.target:10.4g} mm^2 sr  between rear aperture and target",
+        f"{passing.meets_front:10.4g} W  meet the front; two uncoated faces pass at most {transmittance:.4f}",
+        f"{passing.arriving:10.4g} W  can arrive at most",
     ]
-    if found.source:
+    if passing.source:
         lines.append(
-            f"{found.picture:10.4g} W  as the picture asked for, whose brightest pixel then takes "
-            f"{found.asked:.3g} of the radiance"
+            f"{passing.picture:10.4g} W  as the picture asked for, "
+            f"whose brightest pixel then takes {passing.asked:.3g} of the radiance"
         )
-    return data, lines
+    return lines
 
 
-def _bound_lines(system: OpticalSystem, told: dict[str, Any]) -> list[str]:
+def _bound_lines(system: OpticalSystem, bound: dict[str, Any]) -> list[str]:
     unit = "degrees" if system.target.far_field else "mm"
-    (hx, hy), (wide, high) = told["half_width"], told["pixels"]
+    (hx, hy), (wide, high) = bound["half_width"], bound["pixels"]
     lines = [
         f"images of the source: at least {2 * hx:.4g} x {2 * hy:.4g} {unit}, {wide:.3g} x {high:.3g} pixels"
     ]
-    if not told["sizes"]:
+    if not bound["sizes"]:
         return [*lines, "they are narrower than two pixels and set no limit to rel_l2"]
     if system.problem.source.profile != "uniform":
         lines.append(
-            "note: the source is no uniform rectangle; the bound holds for images of this size, centred on "
-            "pixels"
+            "note: the source is no uniform rectangle; "
+            "the bound holds for images of this size, centred on pixels"
         )
     return [
         *lines,
-        f"rel_l2 is at least {told['lower_bound']:.4f}; light with {told['attained']:.4f} was found "
-        f"(KKT {told['kkt']:.1e}, {told['merged']} x {told['merged']} pixels merged, {told['sizes']} sizes, "
-        f"{told['seconds']:.1f} s)",
+        f"rel_l2 is at least {bound['lower_bound']:.4f}; the solver attains {bound['attained']:.4f} "
+        f"(KKT {bound['kkt']:.1e}, {bound['merged']} x {bound['merged']} pixels merged, "
+        f"{bound['sizes']} sizes, {bound['seconds']:.1f} s)",
     ]

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from optics.commands.outcome import Outcome
 from optics.runtime import UserError, check_lines
 
 if TYPE_CHECKING:
     from thbcad.lens import Flange
 
 
-def export(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
-    """Write the lens for other programs, check the file and store what was found beside it."""
+def export(options: Namespace) -> Outcome:
+    """Write the lens for other programs, check the file and store the checks beside it."""
     from optics.export import Body, export as run, format_of, labelled_lens
     from optics.runtime import verification
     from thbcad.io import json_text, write_text
@@ -34,11 +35,8 @@ def export(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
         **verification(checks),
     }
     write_text(f"{options.out}.json", json_text(data))
-    return (
-        data,
-        [*check_lines(data), *(f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files)],
-        data["ok"],
-    )
+    written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
+    return Outcome(data, [*check_lines(data), *written], data["ok"])
 
 
 def _flange(numbers: Sequence[float] | None) -> Flange | None:

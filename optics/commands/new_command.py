@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from typing import Any
 
+from optics.commands.outcome import Outcome
 from optics.problem import commented_problem
 
 
-def new(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
+def new(options: Namespace) -> Outcome:
     """Print a problem file to start from."""
     text = commented_problem()
-    return {"problem": text}, text.splitlines(), True
+    return Outcome({"problem": text}, text.splitlines())

@@ -28,8 +28,8 @@ class DesignProgress:
         if self._last is None:
             self._bar.total = sum(s.work for s in plan)
             self._bar.initial = self._bar.n = sum(s.work for s in plan if s.level < stage.level)
-        if self._last is not None and row.level != self._last.level:
-            self._log()
+        elif row.level != self._last.level:
+            self._log(self._last)
         self._last = row
         self._in_level += 1
         self._bar.set_description_str(
@@ -42,11 +42,10 @@ class DesignProgress:
 
     def close(self) -> None:
         if self._last is not None:
-            self._log()
+            self._log(self._last)
         self._bar.close()
 
-    def _log(self) -> None:
-        row = self._last
+    def _log(self, row: Row) -> None:
         self._bar.write(
             f"level {row.level}: {row.dof} DOF, {self._in_level} evaluations, misfit {row.fit:.4f}, "
             f"{row.seconds:.1f} s",

@@ -1,27 +1,27 @@
-"""`thbcad trace`: a designed lens traced again, in sequence and without, and its light in phase space."""
+"""`thbcad trace`: a designed lens traced again, sequentially and non-sequentially, and its phase space."""
 
 from __future__ import annotations
 
 import io
 from argparse import Namespace
-from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from optics.analysis import conservation, nonsequential, sections, sequential
+from optics.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
+from optics.commands.outcome import Outcome
 from optics.optimisation import ResultFolder, writable_folder
 from optics.runtime import UserError
 from optics.system import OpticalSystem
-from optics.tracing import SENTENCES, efficiency_bound
+from optics.tracing import SENTENCES
 
 MOST_RAYS = 1 << 15  # per direction
 
 
-def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
-    """Trace the lens of a result folder and tell where its light goes."""
+def trace(options: Namespace) -> Outcome:
+    """Trace the lens of a result folder and report where its light goes."""
     from optics.report import fresnel_figure, irradiance_figure, phase_space_figure
     from optics.runtime import load_backend
     from thbcad.io import json_text, write_bytes, write_text
@@ -40,12 +40,8 @@ def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     seconds = perf_counter() - start
     screen = system.target.screen()
     data: dict[str, Any] = {
-        "rays": sum(counts.values()),
         "seconds": seconds,
-        "counts": counts,
-        "fates_w": asdict(fates),
-        "efficiency": fates.on_target / problem.source.flux,
-        "efficiency_bound": efficiency_bound(lens.index),
+        **sequential_metrics(system, lens, fates, counts),
         "etendue": conservation(system, lens, exact),
     }
     if not system.target.far_field:
@@ -57,7 +53,7 @@ def trace(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
     write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
     write_text(folder / "trace.json", json_text(data))
-    return data, [*_lines(data), f"wrote {folder}"], True
+    return Outcome(data, [*_lines(data), f"wrote {folder}"])
 
 
 def _lines(data: dict[str, Any]) -> list[str]:
@@ -67,21 +63,21 @@ def _lines(data: dict[str, Any]) -> list[str]:
         count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
         lines.append(f"{abs(flux):10.6f} W {count}  {SENTENCES[name]}")
     lines.append(
-        f"efficiency {data['efficiency']:.4f}, at most {data['efficiency_bound']:.4f} through two uncoated "
-        "faces"
+        f"efficiency {data['efficiency']:.4f}, "
+        f"at most {data['efficiency_bound']:.4f} through two uncoated faces"
     )
     etendue = data["etendue"]
     lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")
     if "nonsequential" in data:
-        found = data["nonsequential"]
+        closed = data["nonsequential"]
         lines += [
             f"{flux:10.6f} W  {SENTENCES[name]}, with all reflections"
-            for name, flux in found["fates_w"].items()
+            for name, flux in closed["fates_w"].items()
             if flux
         ]
-        verdict = "suffices" if found["sequential_suffices"] else "does not suffice"
+        verdict = "suffices" if closed["sequential_suffices"] else "does not suffice"
         lines.append(
-            f"{found['by_other_ways']:.2%} of the light on the target comes by other ways: the sequential "
-            f"tracer {verdict}"
+            f"{closed['by_other_paths']:.2%} of the light on the target comes by other paths: "
+            f"the sequential tracer {verdict}"
         )
     return lines

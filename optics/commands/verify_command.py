@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
+from optics.commands.outcome import Outcome
 from optics.optimisation import ResultFolder
 from optics.problem import limit_checks
 from optics.runtime import UserError, check_lines, note
@@ -13,9 +13,8 @@ from optics.system import OpticalSystem
 from thbcad.doors import pip_command
 
 
-def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
-    """Check the STEP file of a result folder against its lens, by this program and by others; or a STEP file
-    by itself."""
+def verify(options: Namespace) -> Outcome:
+    """Check the STEP file of a result folder against its lens, or a STEP file by itself."""
     from optics.runtime import verification
     from optics.verification import (
         StepFile,
@@ -52,4 +51,4 @@ def verify(options: Namespace) -> tuple[dict[str, Any], list[str], bool]:
     except ValueError as error:
         raise UserError(str(error)) from None
     checked = verification(checks)
-    return checked, check_lines(checked), checked["ok"]
+    return Outcome(checked, check_lines(checked), checked["ok"])

@@ -32,8 +32,9 @@ from thbcad.checks import require_integer, require_number
 class RectangleResponse:
     """The response with which N equal sources make a rectangle of height 1 about 0.
 
-    width : L, the full width of the rectangle.  sources : N >= 1.  splits : M >= 0, how often the sine is
-        halved
+    width : L, the full width of the rectangle
+    sources : N >= 1
+    splits : M >= 0, how often the argument of the sine is halved
 
     Raises
     ------
@@ -56,19 +57,19 @@ class RectangleResponse:
 
     @property
     def positions(self) -> Array:
-        """Where the sources are, about 0, (N,)."""
-        return self.spacing * (np.arange(self.sources) - (self.sources - 1) / 2)
+        """The positions of the sources, about 0, (N,)."""
+        return self.spacing * (np.arange(self.sources, dtype=np.float64) - (self.sources - 1) / 2)
 
     @property
     def centres(self) -> Array:
         """The middles of the pieces, about 0, (2^M,)."""
         count = 2**self.splits
-        return self.width / count * (np.arange(count) - (count - 1) / 2)
+        return self.width / count * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
 
     def __call__(self, x: ArrayLike) -> Array:
         """Return E_p(x): N on the pieces, 0 elsewhere."""
         offset = np.abs(np.asarray(x, dtype=np.float64)[..., None] - self.centres)
-        return self.sources * (offset <= self.spacing / 2).any(axis=-1)
+        return np.where((offset <= self.spacing / 2).any(axis=-1), float(self.sources), 0.0)
 
     def transform(self, frequency: ArrayLike) -> Array:
         """Return E_p^(k) in the convention of (7.4)."""
@@ -90,7 +91,9 @@ class RectangleResponse:
 
 
 def source_transform(frequency: ArrayLike, sources: int, spacing: float) -> Array:
-    """Return G^(k) = sin(pi N k s) / (N sin(pi k s)) of N equal sources of flux 1 / N, s apart, about their
-    middle (7.14)."""
+    """Return G^(k) = sin(pi N k s) / (N sin(pi k s)) (7.14).
+
+    It is the transform of N equal sources of flux 1 / N, s apart, about their middle.
+    """
     turn = 2 * np.pi * spacing * np.asarray(frequency, dtype=np.float64)[..., None]
     return np.cos(turn * (np.arange(sources) - (sources - 1) / 2)).mean(axis=-1)

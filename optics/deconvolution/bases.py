@@ -1,7 +1,6 @@
 """Non-negative approximation in a basis: light F = P_r W P_c^T with coefficients W >= 0.
 
-A one-dimensional basis is a matrix (n, m): column i holds the share of function i that falls in each of n
-pixels.
+A one-dimensional basis is a matrix (n, m): column i holds the integrals of function i over n pixels.
 
 Source: thesis 7.32-7.41; errata: the exponents of (7.36) start above -1, where they are integrable.
 """
@@ -58,9 +57,9 @@ class BasisBlur:
         """Return the transposed map of an image, (a, b)."""
         return self.rows.T @ self.kernel.adjoint(image) @ self.columns / self.scale
 
-    def reach(self, shape: tuple[int, ...]) -> Array:
-        """Return what the coefficients bring onto the image, (a, b)."""
-        return self.rows.T @ self.kernel.reach(shape) @ self.columns / self.scale
+    def column_sums(self, shape: tuple[int, ...]) -> Array:
+        """Return A^T 1, what the coefficients bring onto an image of this shape, (a, b)."""
+        return self.rows.T @ self.kernel.column_sums(shape) @ self.columns / self.scale
 
 
 def approximate_in_basis(
@@ -71,12 +70,13 @@ def approximate_in_basis(
     tolerance: float = 1e-5,
     most_iterations: int = 5000,
 ) -> Approximation:
-    """Return light in the cone of a tensor-product basis that minimises ||E * F - G||^2, with its
-    certificate.
+    """Return light F in the cone of a tensor-product basis that minimises ||E * F - G||^2.
 
-    rows : (n + k - 1, a).  columns : (m + l - 1, b), the basis in both directions, for a target (n, m) and
-        kernel (k, l)
-    The lower bound holds for light of this basis, the KKT residual is that of the coefficients.
+    rows : (n + k - 1, a), the basis across the rows, for a target (n, m) and a kernel (k, l)
+    columns : (m + l - 1, b), the basis across the columns
+
+    Of its certificate the lower bound holds for light of this basis, the KKT residual is that of the
+    coefficients.
 
     Raises
     ------
@@ -86,24 +86,38 @@ def approximate_in_basis(
     goal = require_target(kernel, target)
     require_number("tolerance", tolerance, above=0.0)
     require_integer("most_iterations", most_iterations, 1)
-    for name, basis, length in zip(("rows", "columns"), (rows, columns), kernel.light_shape(goal.shape)):
-        if np.ndim(basis) != 2 or len(basis) != length or not (np.asarray(basis) >= 0).all():
-            raise ValueError(
-                f"{name} must hold non-negative columns of {length} pixels of light, got shape "
-                f"{np.shape(basis)}"
-            )
-    blur, top = BasisBlur(kernel, np.asarray(rows, float), np.asarray(columns, float)), goal.max()
+    n, m = kernel.light_shape(goal.shape)
+    blur = BasisBlur(kernel, _basis("rows", rows, n), _basis("columns", columns, m))
+    top = goal.max()
     start = np.zeros((blur.rows.shape[1], blur.columns.shape[1]))
     weights, steps = descend(blur, start, goal / top, tolerance, most_iterations)
     weights = weights * top
     image = blur.apply(weights)
     error = goal - image
     residual = norm(error) / norm(goal)
-    bound = min(residual, scaled_bound(blur, goal, error))
-    light = blur.light(weights) / blur.scale
     return Approximation(
-        read_only(light), read_only(image), residual, kkt_residual(blur, weights, goal), bound, steps
+        solution=read_only(blur.light(weights) / blur.scale),
+        image=read_only(image),
+        residual=residual,
+        kkt=kkt_residual(blur, weights, goal),
+        lower_bound=min(residual, scaled_bound(blur, goal, error)),
+        iterations=steps,
     )
+
+
+def _basis(name: str, values: ArrayLike, pixels: int) -> Array:
+    """Return a basis as floats.
+
+    Raises
+    ------
+    ValueError : it is negative or has another number of pixels.
+    """
+    basis = np.asarray(values, dtype=np.float64)
+    if basis.ndim != 2 or len(basis) != pixels or not (basis >= 0).all():
+        raise ValueError(
+            f"{name} must hold non-negative columns of {pixels} pixels of light, got shape {basis.shape}"
+        )
+    return basis
 
 
 def deltas(pixels: int, spacing: int = 1) -> Array:
@@ -112,10 +126,12 @@ def deltas(pixels: int, spacing: int = 1) -> Array:
 
 
 def beta(pixels: int, greatest: tuple[float, float], counts: tuple[int, int]) -> Array:
-    """Return Beta distributions over the row of pixels (7.36), (n, N_a N_b): x^(a - 1) (1 - x)^(b - 1) / B(a,
-    b).
+    """Return Beta distributions x^(a - 1) (1 - x)^(b - 1) / B(a, b) on the row of pixels (7.36).
 
-    greatest : (A, B).  counts : (N_a, N_b).  a = i A / N_a for i = 1 .. N_a, b = j B / N_b for j = 1 .. N_b
+    greatest : (A, B)
+    counts : (N_a, N_b); a = i A / N_a for i = 1 .. N_a, b = j B / N_b for j = 1 .. N_b
+
+    Returns (n, N_a N_b).
     """
     a, b = (np.arange(1, count + 1) * most / count for most, count in zip(greatest, counts))
     a, b = (x.ravel() for x in np.meshgrid(a, b, indexing="ij"))
@@ -123,18 +139,16 @@ def beta(pixels: int, greatest: tuple[float, float], counts: tuple[int, int]) ->
 
 
 def irwin_hall(pixels: int, terms: int, spacing: float = 1.0) -> Array:
-    """Return shifted densities of the sum of `terms` uniform variables of width `spacing` (7.37): cardinal
-    B-splines.
+    """Return shifted densities of the sum of `terms` uniform variables of width `spacing` (7.37).
 
-    The functions are `spacing` pixels apart and all those that meet the row of pixels; inside their sum is
-    `spacing` per pixel and function area 1.
+    They are cardinal B-splines of area 1, `spacing` pixels apart: all those that meet the row of pixels.
+    Inside the row their sum is 1 / `spacing` per pixel.
     """
     return _shifted(pixels, terms, spacing, spacing)
 
 
 def bates(pixels: int, terms: int, width: float, spacing: float) -> Array:
-    """Return shifted densities of the mean of `terms` uniform variables of the given width, `spacing` pixels
-    apart."""
+    """Return densities of the mean of `terms` uniform variables of this width, `spacing` pixels apart."""
     return _shifted(pixels, terms, width / terms, spacing)
 
 
@@ -144,6 +158,6 @@ def _shifted(pixels: int, terms: int, knot: float, spacing: float) -> Array:
     require_number("width", knot, above=0.0)
     first = -terms * knot + spacing
     starts = first + spacing * np.arange(int(np.ceil((pixels - first) / spacing)))
-    share = BSpline.basis_element(np.arange(terms + 1.0), extrapolate=False).antiderivative()
+    integral = BSpline.basis_element(np.arange(terms + 1.0), extrapolate=False).antiderivative()
     edges = (np.arange(pixels + 1)[:, None] - starts) / knot
-    return np.diff(share(np.clip(edges, 0, terms)) / share(terms), axis=0)
+    return np.diff(integral(np.clip(edges, 0, terms)) / integral(terms), axis=0)

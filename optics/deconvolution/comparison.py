@@ -8,16 +8,20 @@ import numpy as np
 
 from optics.deconvolution.regularisation import conjugate_gradients, laplacian_gradients, maximum_entropy
 from optics.deconvolution.two_source_landscape import disk, square, two_sources
-from optics.etendue import Approximation, Array, Kernel, norm
+from optics.etendue import Approximation, Array, Kernel, Real, norm
 
-# of the target for the entropy, which depends on its unit; the thesis gives none, 8-bit images have this one
+# of the target for the entropy, which depends on the unit; the thesis names none, 8-bit images have this peak
 PEAK = 255.0
 
 
 @dataclass(frozen=True)
 class Case:
-    """Two equal sources m columns and n rows apart, a target, mu of the maximum entropy and steps of the
-    conjugate gradients."""
+    """Two equal sources and a target.
+
+    m, n : columns and rows from one source to the other
+    mu : of the maximum entropy
+    steps : of the conjugate gradients
+    """
 
     figure: str
     shape: str
@@ -45,11 +49,15 @@ CASES = (
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """light, image : (n, m), in the unit of the target.  residual : ||E * F - G|| / ||G||.  least : min F
-    over max F."""
+    """The light of one method.
 
-    light: Array
-    image: Array
+    light, image : (n, m), in the unit of the target
+    residual : ||E * F - G|| / ||G||
+    least : min F over max |F|
+    """
+
+    light: Real
+    image: Real
     residual: float
     least: float
 
@@ -67,7 +75,7 @@ def compare(case: Case) -> tuple[Approximation, dict[str, Response]]:
     return best, {name: _response(kernel, target, light) for name, light in lights.items()}
 
 
-def _response(kernel: Kernel, target: Array, light: Array) -> Response:
+def _response(kernel: Kernel, target: Array, light: Real) -> Response:
     image = kernel.apply(np.pad(light, [(side // 2, side // 2) for side in kernel.weights.shape]))
     residual = norm(image - target) / norm(target)
     return Response(light, image, residual, float(light.min() / np.abs(light).max()))

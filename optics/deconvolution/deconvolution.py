@@ -15,15 +15,19 @@ from scipy import fft
 from optics.etendue import Array
 
 EPSILON = 1e-14
-REACH, SAMPLES = 5.0, 100_001  # [-5, 5]; 0.25, 0.2501, 0.5 and 0.51 are whole numbers of steps
+# [-5, 5]; 0.25, 0.2501, 0.5 and 0.51 are whole numbers of steps
+HALF_DOMAIN = 5.0
+SAMPLES = 100_001
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A rectangle of light, the sources that shall make it, and the response that regularised deconvolution
-    gives.
+    """A rectangle of light, the sources that shall make it, and the response by regularised deconvolution.
 
-    x : (n,), the samples.  target, response : (n,).  half_width : of the rectangle.  sources : (s,) positions
+    x : (n,), the samples
+    target, response : (n,)
+    half_width : of the rectangle
+    sources : (s,), their positions
     """
 
     x: Array
@@ -34,8 +38,7 @@ class Case:
 
     @property
     def negative(self) -> float:
-        """The integral of the negative part over that of the absolute value: 0 for a response that can
-        exist."""
+        """The integral of the negative part over that of the absolute value."""
         return float(-self.response[self.response < 0].sum() / np.abs(self.response).sum())
 
     @property
@@ -64,13 +67,12 @@ def points_transform(frequency: ArrayLike, sources: ArrayLike) -> NDArray[np.com
 
 
 def rectangle_case(half_width: float, sources: tuple[float, ...], epsilon: float = EPSILON) -> Case:
-    """Return the response for a rectangle of height 1, and 1/2 at its edges, sampled at 100,001 places of
-    [-5, 5].
+    """Return the response for a rectangle of height 1, and 1/2 at its edges, at 100,001 samples of [-5, 5].
 
     The period is one step longer than the domain, so that no frequency is exactly a zero of the transform of
     two sources at +-1/4: there (7.6) would give 0 in place of the limit of E^ / G^.
     """
-    x, step = np.linspace(-REACH, REACH, SAMPLES, retstep=True)
+    x, step = np.linspace(-HALF_DOMAIN, HALF_DOMAIN, SAMPLES, retstep=True)
     edge = np.abs(x) - half_width
     target = np.where(np.abs(edge) < step / 2, 0.5, edge < 0)
     response = deconvolve(target, points_transform(fft.rfftfreq(SAMPLES, step), sources), epsilon)
@@ -79,17 +81,21 @@ def rectangle_case(half_width: float, sources: tuple[float, ...], epsilon: float
 
 def figure_7_4() -> tuple[Case, Case, Case]:
     """Return the cases of Figure 7.4: a solution; a rectangle 2 % wider; a source 1e-4 further out."""
-    return tuple(
-        rectangle_case(*case)
-        for case in ((0.5, (-0.25, 0.25)), (0.51, (-0.25, 0.25)), (0.5, (-0.25, 0.2501)))
+    return (
+        rectangle_case(0.5, (-0.25, 0.25)),
+        rectangle_case(0.51, (-0.25, 0.25)),
+        rectangle_case(0.5, (-0.25, 0.2501)),
     )
 
 
 def uncovered_zero(weights: ArrayLike, target: ArrayLike) -> float:
-    """Return the greatest |E^| / E^(0) at the zeros of G^, 0 where all zeros of G^ are zeros of E^ (or G^ has
-    none).
+    """Return the greatest |E^| / E^(0) at the zeros of G^.
 
-    weights : (s,) the sources on a row of pixels.  target : (n,) the pixels of the row.
+    It is 0 where all zeros of G^ are zeros of E^, or G^ has none.
+
+    weights : (s,), the sources on a row of pixels
+    target : (n,), the pixels of the row
+
     An integrable response needs 0, since E^ = G^ E_p^.  The zeros are the roots of sum of a_n z^n on the unit
     circle.
     """
@@ -105,12 +111,12 @@ def uncovered_zero(weights: ArrayLike, target: ArrayLike) -> float:
 
 
 def least_eigenvalue(function: ArrayLike) -> float:
-    """Return the least eigenvalue, over the greatest in size, of the matrix with entries Phi(x_j - x_k) on a
-    periodic row.
+    """Return the least eigenvalue of the matrix with entries Phi(x_j - x_k), over the greatest in size.
 
-    function : (n,), Phi(0), Phi(1), ..., Phi(-1), with Phi(-x) = conj(Phi(x)).
-    The eigenvalues are its transform (Bochner): Phi is positive definite where the result is not negative.
-     For Phi = E^ / G^ they are the response itself.
+    The x_j are a periodic row.  The eigenvalues are the transform of Phi (Bochner): Phi is positive definite
+    where the result is not negative.  For Phi = E^ / G^ they are the response itself.
+
+    function : (n,), Phi(0), Phi(1), ..., Phi(-1), with Phi(-x) = conj(Phi(x))
     """
     phi = np.asarray(function)
     if not np.allclose(phi, np.conj(np.roll(phi[::-1], 1))):

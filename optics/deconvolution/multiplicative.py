@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import fftconvolve
 
-from optics.etendue import Approximation, Array, Kernel, certified, require_target
+from optics.etendue import Approximation, Array, Kernel, Real, certified, per_column_sum, require_target
 from thbcad.checks import require_integer
 
 
@@ -24,7 +24,7 @@ def richardson_lucy(kernel: Kernel, target: ArrayLike, steps: int) -> Approximat
     """
     goal = require_target(kernel, target)
     require_integer("steps", steps, 1)
-    light = np.full(kernel.light_shape(goal.shape), goal.mean())
+    light: Real = np.full(kernel.light_shape(goal.shape), goal.mean())
     for _ in range(steps):
         light = light * _factor(kernel, light, goal)
     return certified(kernel, light, goal, steps)
@@ -33,17 +33,18 @@ def richardson_lucy(kernel: Kernel, target: ArrayLike, steps: int) -> Approximat
 def blind_deconvolution(
     start: Kernel, target: ArrayLike, rounds: int, steps: int = 5
 ) -> tuple[Kernel, Approximation]:
-    """Return a source and light whose image is near the target, both unknown (7.8), by alternating
-    Richardson-Lucy steps.
+    """Return a source and light whose image is near the target, by alternating Richardson-Lucy steps (7.8).
 
-    start : the first guess of the source; its zeros stay zeros.  rounds : of `steps` steps in the source,
-        then in the light
+    start : the first guess of the source; its zeros stay zeros
+    rounds : of `steps` steps in the light, then in the source
+
     A point stays a point, and then the light becomes the target: the trivial solution.
     """
     goal = require_target(start, target)
     require_integer("rounds", rounds, 1)
     require_integer("steps", steps, 1)
-    kernel, light = start, np.full(start.light_shape(goal.shape), goal.mean())
+    kernel = start
+    light: Real = np.full(start.light_shape(goal.shape), goal.mean())
     for _ in range(rounds):
         for _ in range(steps):
             light = light * _factor(kernel, light, goal)
@@ -52,13 +53,13 @@ def blind_deconvolution(
     return kernel, certified(kernel, light, goal, rounds * steps)
 
 
-def _factor(kernel: Kernel, light: Array, target: Array) -> Array:
-    reach = kernel.reach(target.shape)
+def _factor(kernel: Kernel, light: Real, target: Array) -> Real:
+    sums = kernel.column_sums(target.shape)
     back = np.maximum(kernel.adjoint(_ratio(kernel, light, target)), 0)
-    return np.divide(back, reach, out=np.zeros_like(back), where=reach > 0)
+    return per_column_sum(back, sums)
 
 
-def _source_factor(kernel: Kernel, light: Array, target: Array) -> Array:
+def _source_factor(kernel: Kernel, light: Real, target: Array) -> Array:
     """Return the factors of the taps, (k, l): the correlation of the light with G / A F, over that with 1."""
     seen = [
         fftconvolve(light, image[::-1, ::-1], "valid")[::-1, ::-1]
@@ -67,6 +68,6 @@ def _source_factor(kernel: Kernel, light: Array, target: Array) -> Array:
     return np.maximum(seen[0], 0) / np.maximum(seen[1], np.finfo(np.float64).tiny)
 
 
-def _ratio(kernel: Kernel, light: Array, target: Array) -> Array:
+def _ratio(kernel: Kernel, light: Real, target: Array) -> Array:
     image = kernel.apply(light)
     return np.divide(target, image, out=np.zeros_like(target), where=image > 0)

@@ -1,5 +1,4 @@
-"""Loss landscapes of two equal sources: how the best residual depends on their distance (thesis, Figures 7.7
-and 7.8)."""
+"""Loss landscapes of two equal sources: the best residual by their distance (thesis, Figures 7.7 and 7.8)."""
 
 from __future__ import annotations
 
@@ -18,8 +17,9 @@ MARKS = {"square": ((0, 8), (6, 6), (8, 0)), "disk": ((0, 4), (8, 4), (13, 4))} 
 
 @dataclass(frozen=True, eq=False)
 class Landscape:
-    """The certified best residuals ||E * F - G|| / ||G|| with the second source n rows and m columns from the
-    first.
+    """The certified best residuals ||E * F - G|| / ||G||, by the position of the second source.
+
+    It lies n rows and m columns from the first.
 
     residual, lower_bound, kkt : (STEPS + 1, STEPS + 1), at [n, m]
     """
@@ -48,10 +48,11 @@ def two_sources(target: Array, m: int, n: int) -> Approximation:
 
 def landscape(target: Array, steps: int = STEPS) -> Landscape:
     """Return the landscape over m, n = 0 .. steps.  target : dark in a border of `steps` pixels."""
-    found = [[two_sources(target, m, n) for m in range(steps + 1)] for n in range(steps + 1)]
-    fields = ("residual", "lower_bound", "kkt")
+    best = [[two_sources(target, m, n) for m in range(steps + 1)] for n in range(steps + 1)]
     return Landscape(
-        *(read_only([[getattr(one, field) for one in row] for row in found]) for field in fields)
+        residual=read_only([[one.residual for one in row] for row in best]),
+        lower_bound=read_only([[one.lower_bound for one in row] for row in best]),
+        kkt=read_only([[one.kkt for one in row] for row in best]),
     )
 
 

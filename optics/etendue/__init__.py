@@ -14,12 +14,11 @@ if TYPE_CHECKING:
     from optics.etendue.certificate import (
         kkt_residual as kkt_residual,
         norm as norm,
+        per_column_sum as per_column_sum,
         scaled_bound as scaled_bound,
     )
     from optics.etendue.kernel import (
         Kernel as Kernel,
-    )
-    from optics.etendue.kernel_stack import (
         Real as Real,
     )
     from optics.etendue.measured_images import (
@@ -29,9 +28,9 @@ if TYPE_CHECKING:
         descend as descend,
     )
     from optics.etendue.problem_bounds import (
-        KIND as KIND,
+        LENS_CLASS as LENS_CLASS,
         QUICK as QUICK,
-        Found as Found,
+        ProblemBound as ProblemBound,
         certain_bound as certain_bound,
         etendue_note as etendue_note,
         limit_sentence as limit_sentence,
@@ -60,15 +59,18 @@ _FILES = {
     "certificate": (
         "kkt_residual",
         "norm",
+        "per_column_sum",
         "scaled_bound",
     ),
-    "kernel": ("Kernel",),
-    "kernel_stack": ("Real",),
+    "kernel": (
+        "Kernel",
+        "Real",
+    ),
     "measured_images": ("patch_images",),
     "nonnegative_solvers": ("descend",),
     "problem_bounds": (
-        "Found",
-        "KIND",
+        "LENS_CLASS",
+        "ProblemBound",
         "QUICK",
         "certain_bound",
         "etendue_note",

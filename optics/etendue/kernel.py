@@ -1,7 +1,7 @@
 """Source blurs on a pixel grid, and the linear convolution with them.
 
-The light F has more pixels than its image: light beyond the border of the image reaches it through the
-blur.  An image of n x m pixels and a kernel of k x l taps belong to (n + k - 1) x (m + l - 1) pixels of
+The light F has more pixels than its image: light beyond the border of the image comes into it by the blur.
+An image of n x m pixels and a kernel of k x l taps belong to (n + k - 1) x (m + l - 1) pixels of
 light.
 
 Source: thesis 7.1-7.2 and 7.28-7.30, as a convolution in two dimensions with zeros outside.
@@ -26,13 +26,27 @@ FEW_TAPS = 12  # up to so many, shifted copies are added faster than transforms 
 
 
 class Blur(Protocol):
-    """A linear map of light to images with non-negative entries."""
+    """A linear map A of light, or of its coefficients, to images (n, m); no entry of A is negative."""
 
-    def apply(self, light: Real, /) -> Real: ...
+    def apply(self, light: Real, /) -> Real:
+        """Return A f."""
 
-    def adjoint(self, image: Real, /) -> Real: ...
+    def adjoint(self, image: Real, /) -> Real:
+        """Return A^T y."""
 
-    def reach(self, shape: tuple[int, ...], /) -> Array: ...
+    def column_sums(self, shape: tuple[int, ...], /) -> Array:
+        """Return A^T 1 for images of the given shape."""
+
+
+class PixelBlur(Blur, Protocol):
+    """A `Blur` of pixels of light, by one kernel or by several of one shape."""
+
+    @property
+    def weights(self) -> Array:
+        """The kernel, or the mean of the kernels, (k, l)."""
+
+    def light_shape(self, shape: tuple[int, ...], /) -> tuple[int, int]:
+        """Return the shape of the light for images of the given shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +73,11 @@ class Kernel:
 
     @classmethod
     def points(cls, shifts: ArrayLike, weights: ArrayLike) -> Kernel:
-        """Return the blur of point sources.  shifts : (n, 2) int, rows and columns.  weights : (n,).  Equal
-        shifts add up."""
+        """Return the blur of point sources; equal shifts add up.
+
+        shifts : (n, 2) int, rows and columns
+        weights : (n,)
+        """
         at, w = np.asarray(shifts), np.asarray(weights, dtype=np.float64)
         if (
             at.ndim != 2
@@ -69,12 +86,12 @@ class Kernel:
             or not np.issubdtype(at.dtype, np.integer)
         ):
             raise ValueError(
-                f"shifts must be whole numbers of shape (n, 2) with n weights, got shapes {at.shape} and "
-                f"{w.shape}"
+                f"shifts must be whole numbers of shape (n, 2) with n weights, "
+                f"got shapes {at.shape} and {w.shape}"
             )
-        reach = np.abs(at).max(axis=0)
-        taps = np.zeros(2 * reach + 1)
-        np.add.at(taps, tuple((at + reach).T), w)
+        farthest = np.abs(at).max(axis=0)
+        taps = np.zeros(2 * farthest + 1)
+        np.add.at(taps, tuple((at + farthest).T), w)
         return cls(taps)
 
     @classmethod
@@ -98,8 +115,10 @@ class Kernel:
 
     @classmethod
     def image(cls, picture: ArrayLike) -> Kernel:
-        """Return the blur of a source that looks like a picture, (k, l); an even side gets a dark pixel more
-        at its end."""
+        """Return the blur of a source that looks like a picture, (k, l).
+
+        A side of an even number of pixels gets a dark pixel more at its end.
+        """
         w = require_light("picture", picture)
         return cls(np.pad(w, [(0, 1 - side % 2) for side in w.shape]))
 
@@ -133,7 +152,7 @@ class Kernel:
             for i, j, weight in self.taps:
                 image += weight * light[k - 1 - i : k - 1 - i + n, l - 1 - j : l - 1 - j + m]
             return image
-        transfer, size = _transfer(self, light.shape, light.dtype.type)
+        transfer, size = _transfer(self, light.shape, light.dtype)
         return fft.irfft2(fft.rfft2(light, size) * transfer, size)[k - 1 : k - 1 + n, l - 1 : l - 1 + m]
 
     def adjoint(self, image: Real) -> Real:
@@ -149,14 +168,15 @@ class Kernel:
             for i, j, weight in self.taps:
                 light[k - 1 - i : k - 1 - i + n, l - 1 - j : l - 1 - j + m] += weight * image
             return light
-        transfer, size = _transfer(self, shape, image.dtype.type)
+        transfer, size = _transfer(self, shape, image.dtype)
         placed = np.zeros(size, image.dtype)
         placed[k - 1 : k - 1 + n, l - 1 : l - 1 + m] = image
         return fft.irfft2(fft.rfft2(placed) * transfer.conj(), size)[: shape[0], : shape[1]]
 
-    def reach(self, shape: tuple[int, ...]) -> Array:
-        """Return A^T 1, the share of every pixel of light that falls on an image of the given shape, by sums
-        without cancellation.
+    def column_sums(self, shape: tuple[int, ...]) -> Array:
+        """Return A^T 1: the fraction of every pixel of light that falls on an image of this shape.
+
+        Its sums have no cancellation.
 
         Raises
         ------
@@ -170,7 +190,12 @@ class Kernel:
 
 
 def require_light(name: str, values: ArrayLike) -> Array:
-    """Return a non-negative image as floats, or raise a ValueError that says what is wrong with it."""
+    """Return a non-negative image as floats.
+
+    Raises
+    ------
+    ValueError : it has no two dimensions or no flux, or a pixel is negative or not finite.
+    """
     image = np.asarray(values, dtype=np.float64)
     if image.ndim != 2 or image.size == 0:
         raise ValueError(f"{name} must be an image of rows and columns, got shape {image.shape}")
@@ -183,8 +208,10 @@ def require_light(name: str, values: ArrayLike) -> Array:
 
 
 def _window_sums(taps: Array, side: int) -> Array:
-    """Return (side + k - 1, l), for light x the sum of the taps t of its column with 0 <= x + t - (k - 1) <
-    side.  taps : (k, l)."""
+    """Return for light x the sum of the taps t of its column with 0 <= x + t - (k - 1) < side.
+
+    taps : (k, l).  Returns (side + k - 1, l).
+    """
     first, last = np.cumsum(taps[::-1], axis=0), np.cumsum(taps, axis=0)
     return np.concatenate([first[:-1], np.repeat(first[-1:], side - len(taps) + 1, axis=0), last[-2::-1]])
 
@@ -193,7 +220,7 @@ def _edges(half: float) -> Array:
     if not (np.isfinite(half) and half > 0):
         raise ValueError(f"a half width or radius must be a positive number of pixels, got {half}")
     middle = int(np.ceil(half - 0.5))
-    return np.arange(-middle, middle + 2) - 0.5
+    return np.arange(-middle, middle + 2, dtype=np.float64) - 0.5
 
 
 def _covered(half: float) -> Array:
@@ -207,7 +234,7 @@ def _half_disk(u: Array) -> Array:
 
 @lru_cache(maxsize=2)
 def _transfer(
-    kernel: Kernel, shape: tuple[int, int], kind: type[np.floating]
+    kernel: Kernel, shape: tuple[int, ...], precision: np.dtype[np.floating]
 ) -> tuple[NDArray[np.complexfloating], tuple[int, int]]:
     size = (fft.next_fast_len(shape[0], real=True), fft.next_fast_len(shape[1], real=True))
-    return fft.rfft2(kernel.weights.astype(kind), size), size
+    return fft.rfft2(kernel.weights.astype(precision), size), size

@@ -1,7 +1,7 @@
-"""Several blurs at once: light of which every part has a blur of its own, as of systems that are not
-shift-invariant (thesis 7.5).
+"""Several blurs at once: parts of the light with a different blur each (thesis 7.5).
 
-With light F_k >= 0 for each of K kernels w_k the image is the mean
+Such are systems that are not shift-invariant.  With light F_k >= 0 for each of K kernels w_k the image is the
+mean
 
     E = 1 / K  sum over k of w_k * F_k.
 
@@ -19,16 +19,15 @@ from scipy import fft
 from scipy.ndimage import maximum_filter
 
 from optics.etendue.approximation import Approximation, approximate
-from optics.etendue.kernel import Kernel
-
-Array = NDArray[np.float64]
-Real = NDArray[np.floating]
+from optics.etendue.certificate import per_column_sum
+from optics.etendue.kernel import Array, Kernel, Real
 
 
 @dataclass(frozen=True, eq=False)
 class KernelStack:
-    """Kernels of one shape (k, l) with the operators of a `Kernel`; the lights for an image of (n, m) lie on
-    top of each other, (K (n + k - 1), m + l - 1).
+    """Kernels of one shape (k, l), as one `PixelBlur`.
+
+    The lights for an image of (n, m) lie on top of each other, (K (n + k - 1), m + l - 1).
 
     Raises
     ------
@@ -47,8 +46,8 @@ class KernelStack:
         """Return the boxes of rows or rows + 1 by columns or columns + 1 whole pixels.
 
         A uniform rectangle whose sides lie between, anywhere on the pixels, is a mean of shifted copies of
-        these four.  For the interval [a, b] covers of the pixel [i, i + 1] the share of t in [0, 1) with a <=
-        i + t < b, and for each t these are floor(b - a) or one more neighbouring pixels.
+        these four.  For the interval [a, b] covers the fraction of the pixel [i, i + 1] that the t in [0, 1)
+        with a <= i + t < b make up, and for each t these i are floor(b - a) or one more neighbouring pixels.
         """
         shape = rows + 1 + rows % 2, columns + 1 + columns % 2
         sides = [(a, b) for a in (rows, rows + 1) for b in (columns, columns + 1)]
@@ -71,24 +70,23 @@ class KernelStack:
         each = light.reshape(len(self.kernels), -1, light.shape[1])
         k, l = self.kernels[0].weights.shape
         n, m = each.shape[1] - k + 1, each.shape[2] - l + 1
-        transfers, size = _transfers(self, each.shape[1:], light.dtype.type)
-        return fft.irfft2((fft.rfft2(each, size) * transfers).sum(axis=0), size)[
-            k - 1 : k - 1 + n, l - 1 : l - 1 + m
-        ]
+        transfers, size = _transfers(self, each.shape[1:], light.dtype)
+        image = fft.irfft2((fft.rfft2(each, size) * transfers).sum(axis=0), size)
+        return image[k - 1 : k - 1 + n, l - 1 : l - 1 + m]
 
     def adjoint(self, image: Real) -> Real:
         """Return A^T y: <apply(f), y> = <f, adjoint(y)>.  image : (n, m).  Returns as `light_shape`."""
         k, l = self.kernels[0].weights.shape
         (n, m), (rows, columns) = image.shape, self.kernels[0].light_shape(image.shape)
-        transfers, size = _transfers(self, (rows, columns), image.dtype.type)
+        transfers, size = _transfers(self, (rows, columns), image.dtype)
         placed = np.zeros(size, image.dtype)
         placed[k - 1 : k - 1 + n, l - 1 : l - 1 + m] = image
         return fft.irfft2(fft.rfft2(placed) * transfers.conj(), size)[:, :rows, :columns].reshape(-1, columns)
 
-    def reach(self, shape: tuple[int, ...]) -> Array:
-        """Return A^T 1, the share of every pixel of light that falls on an image of the given shape, over
+    def column_sums(self, shape: tuple[int, ...]) -> Array:
+        """Return A^T 1: the fraction of every pixel of light that falls on an image of this shape, over
         K."""
-        return np.concatenate([kernel.reach(shape) for kernel in self.kernels]) / len(self.kernels)
+        return np.concatenate([kernel.column_sums(shape) for kernel in self.kernels]) / len(self.kernels)
 
 
 def stack_approximation(
@@ -96,35 +94,28 @@ def stack_approximation(
 ) -> tuple[Approximation, float]:
     """Return (Approximation, lower bound of ||E - G|| / ||G||) for the images of a stack.
 
-    The bound is that of `optics.etendue.certificate`: y = e - c with e = G - E; c[i] is the greatest of
-    max(0, A^T e / A^T 1) over the pixels of all lights that reach pixel i, so that A^T y <= 0 but for
+    The bound is that of `optics.etendue.certificate`: y = e - c with e = G - E.  Here c[i] is the greatest of
+    max(0, A^T e / A^T 1) over the pixels of all lights whose blur covers pixel i, so that A^T y <= 0 but for
     rounding, delta.
     """
-    found = approximate(stack, target, tolerance, most_iterations)
-    error, norm = target - found.image, np.linalg.norm(target)
-    reach = stack.reach(target.shape)
-    excess = (
-        _per_reach(stack.adjoint(error), reach).reshape(len(stack.kernels), -1, reach.shape[1]).max(axis=0)
-    )
+    best = approximate(stack, target, tolerance, most_iterations)
+    error, norm = target - best.image, np.linalg.norm(target)
+    sums = stack.column_sums(target.shape)
+    each = per_column_sum(stack.adjoint(error), sums).reshape(len(stack.kernels), -1, sums.shape[1])
+    excess = np.maximum(each.max(axis=0), 0)
     (k, l), (n, m) = stack.kernels[0].weights.shape, target.shape
-    near = maximum_filter(np.maximum(excess, 0), (k, l), mode="constant")[
-        k // 2 : k // 2 + n, l // 2 : l // 2 + m
-    ]
+    near = maximum_filter(excess, (k, l), mode="constant")[k // 2 : k // 2 + n, l // 2 : l // 2 + m]
     y = error - near
     size = np.linalg.norm(y)
-    delta = max(0.0, _per_reach(stack.adjoint(y), reach).max())
+    delta = max(0.0, per_column_sum(stack.adjoint(y), sums).max())
     bound = (np.vdot(y, target) / norm - delta * np.sqrt(y.size)) / size if size else 0.0
-    return found, float(np.clip(bound, found.lower_bound, found.residual))
-
-
-def _per_reach(light: Array, reach: Array) -> Array:
-    return np.divide(light, reach, out=np.zeros_like(light), where=reach > 0)
+    return best, float(np.clip(bound, best.lower_bound, best.residual))
 
 
 @lru_cache(maxsize=2)
 def _transfers(
-    stack: KernelStack, shape: tuple[int, int], real: type
+    stack: KernelStack, shape: tuple[int, ...], precision: np.dtype[np.floating]
 ) -> tuple[NDArray[np.complexfloating], tuple[int, int]]:
     size = (fft.next_fast_len(shape[0], real=True), fft.next_fast_len(shape[1], real=True))
     weights = np.stack([kernel.weights for kernel in stack.kernels]) / len(stack.kernels)
-    return fft.rfft2(weights.astype(real), size), size
+    return fft.rfft2(weights.astype(precision), size), size

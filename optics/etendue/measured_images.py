@@ -1,5 +1,4 @@
-"""The images of the source that a designed lens throws, patch by patch of its rear, measured by tracing
-(thesis 7.5, outlook)."""
+"""The images of the source that a designed lens throws through patches of its rear (thesis 7.5, outlook)."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
-PATCHES = 16  # each way, over the rear
+PATCHES = 16  # in each direction, over the rear
 RAYS = (2048, 512)  # their product counts
 LEAST_RAYS = 100  # per patch, for its image to be measured
 
@@ -25,32 +24,32 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PatchImages:
-    """Images of the source through patches of the rear: flux (n, n) in W, width (2, n, n) in mm (degrees in
-    the far field).
+    """Images of the source through patches of the rear; the first index of a patch goes with x.
 
-    The first index goes with x.  width : sqrt(12) times the rms deviation in x and in y, the side of a
-    uniform rectangle; NaN where too few rays pass.
+    flux : (n, n), W
+    width : (2, n, n), mm (degrees in the far field), sqrt(12) times the rms deviation in x and in y, which is
+        the side of a uniform rectangle; NaN where too few rays pass
     """
 
     flux: Array
     width: Array
 
-    def narrowest(self, share: float) -> tuple[float, float]:
-        """Return the widths in x and y below which the images of a share of the light lie."""
+    def narrowest(self, fraction: float) -> tuple[float, float]:
+        """Return the widths in x and y below which the images of this fraction of the light lie."""
         known = np.isfinite(self.width[0])
-        found = []
+        widths = []
         for width in self.width[:, known]:
             order = np.argsort(width)
             light = np.cumsum(self.flux[known][order])
-            found.append(float(width[order][np.searchsorted(light, share * light[-1])]))
-        return found[0], found[1]
+            widths.append(float(width[order][np.searchsorted(light, fraction * light[-1])]))
+        return widths[0], widths[1]
 
 
 def patch_images(system: OpticalSystem, lens: Lens, backend: Backend) -> PatchImages:
     """Trace rays from the whole source and return the PatchImages of a lens.  backend : of double precision.
 
-    Where in a patch a ray leaves the rear moves its image: a quadratic in that place is fitted to the landing
-    points of every patch, weighted by flux, and taken off; what is left is the image.
+    The position in a patch at which a ray leaves the rear moves its image.  A quadratic in this position is
+    fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the image.
     """
     tracer = Tracer(backend, lens, system.source.rays(RAYS), system.target.z)
     coefficients = [sag.coefficients for sag in lens.sags]
@@ -61,12 +60,13 @@ def patch_images(system: OpticalSystem, lens: Lens, backend: Backend) -> PatchIm
         backend.dr.eval(values)
     x, y, *arrival, flux = (a.numpy() for a in values)
     lit = flux > 0
-    places = [(a[lit] / h + 1) / 2 * PATCHES for a, h in zip((x, y), lens.rear.half_width)]
-    cells = [np.clip(np.floor(a).astype(int), 0, PATCHES - 1) for a in places]
-    within = [2 * (a - c) - 1 for a, c in zip(places, cells)]
-    squares = _residual_squares(cells[0] * PATCHES + cells[1], within, [a[lit] for a in arrival], flux[lit])
+    positions = [(a[lit] / h + 1) / 2 * PATCHES for a, h in zip((x, y), lens.rear.half_width)]
+    cells = [np.clip(np.floor(a).astype(int), 0, PATCHES - 1) for a in positions]
+    within = [2 * (a - c) - 1 for a, c in zip(positions, cells)]
+    patch = cells[0] * PATCHES + cells[1]
+    squares = _residual_squares(patch, within, [a[lit] for a in arrival], flux[lit])
     width = np.sqrt(12 * np.maximum(squares, 0)).reshape(2, PATCHES, PATCHES)
-    total = np.bincount(cells[0] * PATCHES + cells[1], flux[lit], PATCHES**2).reshape(PATCHES, PATCHES)
+    total = np.bincount(patch, flux[lit], PATCHES**2).astype(np.float64).reshape(PATCHES, PATCHES)
     return PatchImages(total, width)
 
 
@@ -77,7 +77,7 @@ def _residual_squares(
     count = PATCHES**2
 
     def summed(values: Array) -> Array:
-        return np.bincount(patch, values, count)
+        return np.asarray(np.bincount(patch, values, count), dtype=np.float64)
 
     a, b = within
     basis = [np.ones_like(a), a, b, a * a, a * b, b * b]

@@ -1,7 +1,6 @@
-"""Two solvers of min ||A f - g||^2 over f >= 0, both matrix-free: one is fast at first, the other ends
-exactly.
+"""Two matrix-free solvers of min ||A f - g||^2 over f >= 0: one is fast at first, the other ends exactly.
 
-A is the blur of `optics.etendue.kernel.Kernel`.  Gradient steps are slow where the kernel's transform is
+A is a `Blur`.  Gradient steps are slow where the kernel's transform is
 nearly 0; the splitting, which divides by the transform, is not.
 """
 
@@ -13,16 +12,15 @@ import numpy as np
 from scipy import fft
 
 from optics.etendue.certificate import gradient
-from optics.etendue.kernel import Blur, Kernel, Real
+from optics.etendue.kernel import Blur, PixelBlur, Real
 
-IMAGE_PENALTY, LIGHT_PENALTY = (
-    0.1,
-    0.001,
-)  # of u = A f and of h = f, beside the curvature 1 of the loss: speed depends on them
+# of u = A f and of h = f, beside the curvature 1 of the loss: the speed depends on them
+IMAGE_PENALTY = 0.1
+LIGHT_PENALTY = 0.001
 RELAXATION = 1.8
 
 
-def split(kernel: Kernel, start: Real, target: Real, steps: int) -> Real:
+def split(blur: PixelBlur, start: Real, target: Real, steps: int) -> Real:
     """Return light after some steps of the alternating direction method of multipliers.
 
     It splits ||M u - g||^2 / 2 + [h >= 0] with u = W f, h = f.  W is the circular convolution on a grid with
@@ -34,14 +32,15 @@ def split(kernel: Kernel, start: Real, target: Real, steps: int) -> Real:
     Source: S. Boyd et al., Found. Trends Mach. Learn. 3 (2011), 3.4.3 for the over-relaxation;
     M. Almeida and M. Figueiredo, IEEE Trans. Image Process. 22 (2013), for u and M.
     """
-    (k, l), shape = kernel.weights.shape, start.shape
+    (k, l), shape = blur.weights.shape, start.shape
     size = (fft.next_fast_len(shape[0], real=True), fft.next_fast_len(shape[1], real=True))
-    transfer = fft.rfft2(kernel.weights.astype(target.dtype), size)
+    transfer = fft.rfft2(blur.weights.astype(target.dtype), size)
     curvature = IMAGE_PENALTY * np.abs(transfer) ** 2 + LIGHT_PENALTY
     seen, goal, lit, h = (np.zeros(size, target.dtype) for _ in range(4))
     window = (slice(k - 1, k - 1 + target.shape[0]), slice(l - 1, l - 1 + target.shape[1]))
     seen[window], goal[window] = 1, target
-    lit[: shape[0], : shape[1]], h[: shape[0], : shape[1]] = kernel.reach(target.shape) > 0, start
+    lit[: shape[0], : shape[1]] = blur.column_sums(target.shape) > 0
+    h[: shape[0], : shape[1]] = start
     u = fft.irfft2(transfer * fft.rfft2(h), size)
     du, dh = np.zeros_like(u), np.zeros_like(h)
     for _ in range(steps):
@@ -55,12 +54,12 @@ def split(kernel: Kernel, start: Real, target: Real, steps: int) -> Real:
     return h[: shape[0], : shape[1]]
 
 
-def descend(kernel: Blur, light: Real, target: Real, tolerance: float, most: int) -> tuple[Real, int]:
-    """Return light f >= 0 after steps of the optimised projected gradient method with restarts, and their
-    number.
+def descend(blur: Blur, light: Real, target: Real, tolerance: float, most: int) -> tuple[Real, int]:
+    """Return light f >= 0 after steps of the optimised projected gradient method, and their number.
 
-    With D = 1 / A^T 1 and x -> max(0, x - D A^T (A x - g)) as the plain step.  No step size is to be chosen:
-    D A^T A has no eigenvalue above 1, because A D A^T 1 = A 1 <= 1 and all entries are non-negative.
+    The plain step is x -> max(0, x - D A^T (A x - g)) with D = 1 / A^T 1.  No step size is to be chosen:
+    D A^T A has no eigenvalue above 1, because A D A^T 1 = A 1 <= 1 and all entries are non-negative.  The
+    method starts again from the plain step where its momentum points uphill.
 
     light, target : in the same precision, in which the steps are made
     tolerance : of the KKT residual ||min(f, D A^T (A f - g))|| / ||D A^T g||, norms weighted by A^T 1
@@ -68,18 +67,20 @@ def descend(kernel: Blur, light: Real, target: Real, tolerance: float, most: int
     Source: A. Taylor, J. Hendrickx and F. Glineur, SIAM J. Optim. 27 (2017), 4.3; D. Kim and J. Fessler,
     J. Optim. Theory Appl. 178 (2018), for the restart.
     """
-    reach = kernel.reach(target.shape).astype(target.dtype)
-    blurred = gradient(kernel, np.zeros_like(light), target, reach)
-    enough = tolerance**2 * (reach * blurred**2).sum()
-    x, slope = light, gradient(kernel, light, target, reach)
+    sums = blur.column_sums(target.shape).astype(target.dtype)
+    blurred = gradient(blur, np.zeros_like(light), target, sums)
+    enough = tolerance**2 * (sums * blurred**2).sum()
+    x, slope = light, gradient(blur, light, target, sums)
     plain, ahead, theta, gamma = x, x, 1.0, 1.0
     for step in range(most):
         error = np.minimum(x, slope)
-        if (reach * error**2).sum() <= enough:
+        if (sums * error**2).sum() <= enough:
             return x, step
         new = x - slope
         change = new - plain
         then = (1 + sqrt(1 + 4 * theta**2)) / 2
+        # the point ahead of the projection: momentum along the steps, and a correction for the last
+        # projection
         ahead = (
             new
             + ((theta - 1) / then) * change
@@ -88,8 +89,8 @@ def descend(kernel: Blur, light: Real, target: Real, tolerance: float, most: int
         )
         theta, gamma = then, (2 * theta + then - 1) / then
         projected = np.maximum(ahead, 0)
-        if (reach * (slope + (ahead - projected) / gamma) * change).sum() > 0:
+        if (sums * (slope + (ahead - projected) / gamma) * change).sum() > 0:
             theta, gamma = 1.0, 1.0
         x, plain = projected, new
-        slope = gradient(kernel, x, target, reach)
+        slope = gradient(blur, x, target, sums)
     return x, most

@@ -1,15 +1,18 @@
-"""How near a target light can come that is made of images of the source: a lower bound of rel_l2.
+"""How near light that is made of images of the source can come to a target: a lower bound of rel_l2.
 
-A lens throws through every point of its rear aperture an image of the source on the target, and its light is
-their sum. Where these images are uniform rectangles along x and y with the source's proportions, all of one
-size of at least w_x by w_y pixels (a shift-invariant system, thesis 7.1), the light is a sum of whole-pixel
-boxes with weights that are not negative: an image with sides c w is one of 1 <= c < 2 or several of those
-side by side, and a rectangle between pixels is a mean of four boxes (`KernelStack.boxes`).  From one step of
-floor(c w_x), floor(c w_y) to the next four boxes serve; the least of the bounds so found holds for all sizes
-from w on.
+A lens throws an image of the source on the target through every point of its rear aperture.  The irradiance
+is the sum of these images.  Let them be uniform rectangles along x and y with the source's proportions, all
+of one size of at least w_x by w_y pixels (a shift-invariant system, thesis 7.1).  Then the irradiance is a
+sum of whole-pixel boxes with weights that are not negative:
 
-Merging pixels is a projection P: ||E - G|| >= ||P E - P G||, so that a bound on merged pixels times ||P G|| /
-||G|| holds too. A source of another form blurs by its own picture at the size w, centred on pixels: that
+- an image with sides c w is one of 1 <= c < 2, or several of those side by side;
+- a rectangle between pixels is a mean of four boxes (`KernelStack.boxes`);
+- the same four boxes serve from one step of floor(c w_x), floor(c w_y) to the next.
+
+The least of the bounds of all steps holds for all sizes from w on.
+
+Merging pixels is a projection P: ||E - G|| >= ||P E - P G||.  So a bound on merged pixels times ||P G|| /
+||G|| holds too.  A source of another form blurs by its own picture at the size w, centred on pixels; that
 bound holds for this size alone.
 """
 
@@ -20,34 +23,30 @@ from dataclasses import dataclass, replace
 from math import ceil, floor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.etendue.approximation import Approximation, approximate
-from optics.etendue.kernel import Kernel
+from optics.etendue.kernel import Array, Kernel, PixelBlur, Real
 from optics.etendue.kernel_stack import KernelStack, stack_approximation
 from optics.sources import Profile
 from thbcad.checks import EPS
 
-SUBPIXELS = 16  # each way, where the picture of a source is drawn
+SUBPIXELS = 16  # in each direction, where the picture of a source is drawn
 MOST_STEPS = 5000
-QUICK = (
-    (2, 1e-3),
-    (1, 1e-3),
-    (1, 1e-4),
-)  # pixels merged and KKT residual: tried first where a weak bound will do
-
-Array = NDArray[np.float64]
+# pixels merged and KKT residual: tried first where a weak bound will do
+QUICK = ((2, 1e-3), (1, 1e-3), (1, 1e-4))
 
 
 @dataclass(frozen=True, eq=False)
 class ImageBound:
-    """A lower bound of rel_l2 and the light that comes next to it.
+    """A lower bound of rel_l2, and the irradiance that comes next to it.
 
-    lower_bound, attained : ||E - G|| / ||G|| that no such light goes below, and of the light found, both of
-        all pixels.
-    kkt : the solver's relative KKT residual.  merged : pixels merged each way.  sizes : of images that were
-        tried.
-    target, image, kernel : merged pixels: what is asked for, the light found, the (mean) image of the source.
+    lower_bound : ||E - G|| / ||G|| that no such irradiance goes below, of all pixels
+    attained : ||E - G|| / ||G|| of the solver's irradiance, of all pixels
+    kkt : the solver's relative KKT residual
+    merged : pixels merged in each direction
+    sizes : number of image sizes that were tried
+    target, image, kernel : the target irradiance, the solver's and the (mean) image of the source, on merged
+        pixels
     """
 
     lower_bound: float
@@ -56,7 +55,7 @@ class ImageBound:
     merged: int
     sizes: int
     target: Array
-    image: Array
+    image: Real
     kernel: Array
 
 
@@ -65,29 +64,41 @@ def image_bound(
 ) -> ImageBound:
     """Return the ImageBound for images of a source at least `width` pixels wide and high.
 
-    target : (rows, columns), the light asked for, not negative.  profile : of the source over its area.
-    merge : pixels merged each way, which costs sharpness of the bound but no truth.
-    finest : KKT residual at which the solver stops.
+    target : (rows, columns), the target irradiance, not negative
+    profile : of the source over its area
+    merge : pixels merged in each direction; the bound becomes weaker and stays true
+    finest : KKT residual at which the solver stops
     """
     size = width[1], width[0]
     goal = _merged(target, merge)
     if max(size) < 2 * merge or not goal.any():  # single pixels are not excluded, and make every target
-        return ImageBound(0.0, 0.0, 0.0, merge, 0, goal, goal, np.ones((1, 1)))
+        return ImageBound(
+            lower_bound=0.0,
+            attained=0.0,
+            kkt=0.0,
+            merged=merge,
+            sizes=0,
+            target=goal,
+            image=goal,
+            kernel=np.ones((1, 1)),
+        )
     sizes = _sizes(size, merge, goal.shape) if profile.kind == "uniform" else [size]
     least = _solved(target, sizes[0], profile, merge, finest)
     for other in sizes[1:]:
         for coarser, tolerance in (*QUICK, (1, finest)):
-            found = _solved(target, other, profile, coarser * merge, max(tolerance, finest))
-            if found.lower_bound >= least.lower_bound:
+            new = _solved(target, other, profile, coarser * merge, max(tolerance, finest))
+            if new.lower_bound >= least.lower_bound:
                 break
         else:
-            least = found
+            least = new
     return replace(least, sizes=len(sizes))
 
 
 def _sizes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> list[tuple[float, float]]:
-    """Return the sizes c size, 1 <= c < 2, at which the boxes change, with the first; `shape` is that of the
-    merged target."""
+    """Return the sizes c size, 1 <= c < 2, at which the boxes change, with the first.
+
+    shape : of the merged target
+    """
     steps = {1.0} | {
         merge * j / side for side in size for j in range(floor(side / merge) + 1, ceil(2 * side / merge))
     }
@@ -98,8 +109,8 @@ def _sizes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> lis
 def _boxes(size: tuple[float, float], merge: int, shape: tuple[int, ...]) -> tuple[int, int]:
     """Return the rows and columns of the least box for images of a size.
 
-    A box larger than the target looks from within like several side by side; rounding must not shorten c
-    side.
+    A box larger than the target looks from within like several side by side.  Rounding must not shorten
+    c side.
     """
     rows, columns = (max(1, min(n - 2, floor(side / merge * (1 + 4 * EPS)))) for side, n in zip(size, shape))
     return rows, columns
@@ -110,24 +121,30 @@ def _solved(
 ) -> ImageBound:
     """Return the ImageBound of images from one size to the next, of rows and columns of unmerged pixels."""
     goal = _merged(target, merge)
-    share = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
-    kernel: Kernel | KernelStack
-    found: Approximation
+    scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
+    kernel: PixelBlur
+    best: Approximation
     if profile.kind == "uniform":
         kernel = KernelStack.boxes(*_boxes(size, merge, goal.shape))
-        found, bound = stack_approximation(kernel, goal, tolerance, MOST_STEPS)
+        best, bound = stack_approximation(kernel, goal, tolerance, MOST_STEPS)
     else:
         kernel = _picture(profile, size[0] / merge, size[1] / merge, goal.shape)
-        found = approximate(kernel, goal, tolerance, MOST_STEPS)
-        bound = found.lower_bound
+        best = approximate(kernel, goal, tolerance, MOST_STEPS)
+        bound = best.lower_bound
     return ImageBound(
-        share * bound, share * found.residual, found.kkt, merge, 1, goal, found.image, kernel.weights
+        lower_bound=scale * bound,
+        attained=scale * best.residual,
+        kkt=best.kkt,
+        merged=merge,
+        sizes=1,
+        target=goal,
+        image=best.image,
+        kernel=kernel.weights,
     )
 
 
 def _picture(profile: Profile, high: float, wide: float, shape: tuple[int, ...]) -> Kernel:
-    """Return the picture of a source, high x wide pixels, as a kernel no larger than an image of the given
-    shape.
+    """Return the picture of a source, high x wide pixels, as a kernel no larger than an image of this shape.
 
     It is turned by 180 degrees, as by a pinhole.
     """
@@ -142,7 +159,9 @@ def _picture(profile: Profile, high: float, wide: float, shape: tuple[int, ...])
 
 
 def _merged(image: Array, merge: int) -> Array:
-    """Return the means of merge x merge pixels; rows and columns left over at the end are dropped, which is a
-    projection too."""
+    """Return the means of merge x merge pixels.
+
+    Rows and columns left over at the end are dropped, which is a projection too.
+    """
     rows, columns = (n // merge for n in image.shape)
     return image[: rows * merge, : columns * merge].reshape(rows, merge, columns, merge).mean(axis=(1, 3))

@@ -1,24 +1,23 @@
-"""What etendue says about a problem before it is solved: how much light can arrive, and how small images of
-the source are.
+"""What etendue says about a problem before it is solved: the greatest flux, the least images of the source.
 
-Etendue is dU = dx dy dp dq with the direction cosines p, q (thesis 2.30), and lossless optics conserves it.
-A source of radiance at most L is seen with that radiance at most, whatever the lens.  At a place x of the
-target,
+Etendue is dU = dx dy dp dq with the direction cosines p, q (thesis 2.30), and lossless optics conserves it. A
+source of radiance at most L is seen with that radiance at most, whatever the lens.  At a point x of the
+target
 
-    E = L  integral of (N d) cos(theta) / r^2 dS = L  integral of (N d) cos^3(theta) / D^2 dS <= L S(x)
-    cos^3(theta) / D^2
+    E = L integral of (N d) cos(theta) / r^2 dS = L integral of (N d) cos^3(theta) / D^2 dS
+      <= L S(x) cos^3(theta) / D^2
 
-over the part of the rear surface, of area S(x), through which x sees the source; N is the normal, d the ray,
+over the part of the rear surface, of area S(x), through which x sees the source.  N is the normal, d the ray,
 D the distance along z.  With the whole rear for S(x) this limits the irradiance.
 
 Through every point of the rear the source lights a part of the target, its image.  The integral of S(x) over
 the target is that of the images' areas over the rear.  So the mean area over a rear of area S is
 
-    a >= 1 / (L S)  integral of E D^2 / cos^3(theta) dx dy        (near the axis D^2 U / S with the etendue U
-    = integral of E / L);
+    a >= 1 / (L S) integral of E D^2 / cos^3(theta) dx dy,
 
-losses and light beside the target make it larger.  In the far field du dv / dOmega stands for D^2 /
-cos^3(theta). A shift-invariant system (thesis 7.1) throws the same image through every point.
+near the axis D^2 U / S with the etendue U = integral of E / L.  Losses and light beside the target make it
+larger.  In the far field du dv / dOmega stands for D^2 / cos^3(theta).  A shift-invariant system (thesis 7.1)
+throws the same image through every point.
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from optics.sources import Rays
 from optics.tracing import efficiency_bound
@@ -41,14 +39,9 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
-RAYS = (512, 256)  # that tell which share of the light meets the front
-NODES = 8  # of Gauss's rule over the rear aperture, each way
-AREA_CELLS = 512  # of the rear, each way
-STRENGTHS = (
-    1e-7,
-    1e7,
-)  # times the standard deviation: between which the multiplier of `least_mean` is searched for
-MOST_STEPS, EVEN = 100, 1e-14  # of Newton's method for even light
+RAYS = (512, 256)  # for the fraction of the light that meets the front
+NODES = 8  # of Gauss's rule over the rear aperture, in each direction
+AREA_CELLS = 512  # of the rear, in each direction
 
 Array = NDArray[np.float64]
 
@@ -57,11 +50,13 @@ Array = NDArray[np.float64]
 class Throughput:
     """What can pass from the source to the target.
 
-    source, front, target : etendue in mm^2 sr of the source, of its light that meets the front, and of the
-        rays between a flat aperture in place of the rear and the target (the same number for both ends).
-    radiance : W / (mm^2 sr), the greatest of the source; inf without extent.
-    meets_front : W.  arriving : W, at most, of any light on the target.
-    asked : greatest share of the possible irradiance that the picture takes where all of `arriving` makes it.
+    source : etendue of the source, mm^2 sr
+    front : etendue of its light that meets the front, mm^2 sr
+    target : etendue of the rays between a flat aperture in the position of the rear and the target, mm^2 sr
+    radiance : the greatest of the source, W / (mm^2 sr); inf without extent
+    meets_front : flux on the front, W
+    arriving : greatest flux of any light on the target, W
+    asked : greatest ratio of the target irradiance, made of all of `arriving`, to the possible irradiance
     """
 
     source: float
@@ -79,31 +74,39 @@ class Throughput:
 
 
 def throughput(system: OpticalSystem) -> Throughput:
-    """Return the Throughput of a problem; only the front of the lens matters, and how wide its rear is.
+    """Return the Throughput of a problem.  Of the lens only the front and the width of the rear matter.
 
     arriving = T min(Phi, L U) with the flux Phi that meets the front, the transmittance T of two uncoated
     faces and U = integral of S cos^3 / D^2 over the target.
     """
     problem, lens = system.problem, system.lens
     flux, etendue = problem.source.flux, source_etendue(problem)
-    share = front_share(system)
+    fraction = front_fraction(system)
     passing = efficiency_bound(lens.index)
     target = aperture_etendue(problem)
     if not etendue:
-        return Throughput(0.0, 0.0, target, float("inf"), share * flux, passing * share * flux, 0.0)
+        return Throughput(
+            source=0.0,
+            front=0.0,
+            target=target,
+            radiance=float("inf"),
+            meets_front=fraction * flux,
+            arriving=passing * fraction * flux,
+            asked=0.0,
+        )
     radiance = flux * brightest(system.source.profile) / etendue
     screen = system.target.screen()
     most = radiance * rear_area(lens) / spread(system)
-    arriving = passing * min(share * flux, float(most.sum()) * screen.pixel_area)
+    arriving = passing * min(fraction * flux, float(most.sum()) * screen.pixel_area)
     wanted = system.target.irradiance(screen, arriving)
     return Throughput(
-        etendue,
-        share * etendue,
-        target,
-        radiance,
-        share * flux,
-        arriving,
-        float((wanted / (passing * most)).max()),
+        source=etendue,
+        front=fraction * etendue,
+        target=target,
+        radiance=radiance,
+        meets_front=fraction * flux,
+        arriving=arriving,
+        asked=float((wanted / (passing * most)).max()),
     )
 
 
@@ -112,12 +115,14 @@ def source_etendue(problem: Problem) -> float:
     source = problem.source
     if source.kind != "lambertian":
         return 0.0
-    return pi * _source_area(problem) * sin(radians(source.half_angle)) ** 2
+    return pi * source_area(problem) * sin(radians(source.half_angle)) ** 2
 
 
 def brightest(profile: Profile) -> float:
-    """Return the greatest radiance of a Lambertian source over its mean; of a picture, that of its brightest
-    pixel."""
+    """Return the greatest radiance of a Lambertian source over its mean.
+
+    Of a picture it is that of the brightest pixel.
+    """
     if profile.kind in ("uniform", "round"):
         return 1.0
     if profile.light is not None:
@@ -125,11 +130,11 @@ def brightest(profile: Profile) -> float:
     return float(profile(np.zeros(1), np.zeros(1))[0])
 
 
-def front_share(system: OpticalSystem) -> float:
-    """Return the share of the source's flux that meets the front, by a fixed set of rays.
+def front_fraction(system: OpticalSystem) -> float:
+    """Return the fraction of the source's flux that meets the front, by a fixed set of rays.
 
-    A ray meets the graph z(x, y) over the rectangle where it is below when it enters the prism |x| <= hx, |y|
-    <= hy, and above when it leaves it.
+    A ray meets the graph z(x, y) over the rectangle if it is below the graph where it enters the prism
+    |x| <= hx, |y| <= hy, and above it where it leaves the prism.
     """
     front, rays = system.lens.front, system.source.rays(RAYS)
     if not isinstance(rays, Rays):
@@ -152,11 +157,10 @@ def front_share(system: OpticalSystem) -> float:
 
 
 def aperture_etendue(problem: Problem) -> float:
-    """Return the etendue of all rays from the rear aperture, taken as a flat rectangle, to the target, mm^2
-    sr.
+    """Return the etendue of all rays from the rear aperture to the target, mm^2 sr.
 
-    The projected solid angle of a rectangle seen from a point has a closed form; Gauss's rule sums it over
-    the aperture.
+    The aperture is taken as a flat rectangle.  The projected solid angle of a rectangle seen from a point has
+    a closed form; Gauss's rule integrates it over the aperture.
     """
     target = problem.target
     far = isinf(target.distance)
@@ -169,84 +173,21 @@ def aperture_etendue(problem: Problem) -> float:
 
 
 def rear_area(lens: Lens) -> float:
-    """Return the area of the rear surface, mm^2, the integral of sqrt(1 + z_x^2 + z_y^2) by the midpoint
-    rule."""
+    """Return the area of the rear surface, mm^2: the integral of sqrt(1 + z_x^2 + z_y^2), by the midpoint
+    rule.
+    """
     hx, hy = lens.rear.half_width
     at = (2 * np.arange(AREA_CELLS) + 1) / AREA_CELLS - 1
     zx, zy = (lens.rear.grid(hx * at, hy * at, d) for d in ((1, 0), (0, 1)))
     return float(4 * hx * hy * np.sqrt(1 + zx * zx + zy * zy).mean())
 
 
-def image_half_width(system: OpticalSystem, lens: Lens, share: float, rel_l2: float) -> tuple[float, float]:
-    """Return half the width and height of the images of a shift-invariant lens that comes near the target, mm
-    or degrees.
-
-    They are at least so large: with the proportions of the source, their sides along x and y, and the area a
-    of the module docstring, for a rear of the lens's area and the least mean of D^2 / cos^3 over all light of
-    that rel_l2 (in the far field over any light on the target).
-
-    share : of the source's flux that the lens brings to the target.  rel_l2 : of the lens, at most.
-    """
-    problem, target = system.problem, system.target
-    used = share * source_etendue(problem) / brightest(system.source.profile)
-    values = spread(system)
-    if not target.far_field:
-        picture = target.irradiance(target.screen(), 1.0)
-        mean = least_mean(values, picture / picture.mean(), rel_l2)
-    else:
-        mean = float(values.min())
-    scale = np.sqrt(mean * used / rear_area(lens) / _source_area(problem))
-    return float(scale * problem.source.half_width[0]), float(scale * problem.source.half_width[1])
-
-
-def least_mean(values: Array, picture: Array, rel_l2: float) -> float:
-    """Return a number that the mean of `values`, weighted by light E, is not below, for all E >= 0 near a
-    picture G.
-
-    mean E = mean G = 1 and mean (E - G)^2 <= delta^2 = rel_l2^2 mean G^2.  By weak duality every c and t > 0
-    give the bound
-
-        c + mean (E_t (h - c)) + (mean (E_t - G)^2 - delta^2) / (2 t),     E_t = max(0, G - t (h - c));
-
-    for every t the c with mean E_t = 1 is the best, the best t is searched for; the least of the values h
-    counts too. Source: S. Boyd and L. Vandenberghe, Convex Optimization, 5.1.
-    """
-    least, scale = float(values.min()), float(values.std())
-    if not scale or isinf(rel_l2):
-        return least
-    allowed = rel_l2**2 * float((picture**2).mean())
-
-    def negative(logarithm: float) -> float:
-        t = np.exp(logarithm) / scale
-        c, light = _even_light(values, picture, t)
-        return -float(
-            c + (light * (values - c)).mean() + (((light - picture) ** 2).mean() - allowed) / (2 * t)
-        )
-
-    found = minimize_scalar(negative, bounds=np.log(STRENGTHS), method="bounded", options={"xatol": 1e-6})
-    return max(least, -float(found.fun))
-
-
-def _even_light(values: Array, picture: Array, t: float) -> tuple[float, Array]:
-    """Return c and E = max(0, G - t (h - c)) with mean E = 1, by Newton's method on a convex function, from
-    above."""
-    c = float(values.mean())
-    for _ in range(MOST_STEPS):
-        light = np.maximum(picture - t * (values - c), 0)
-        over = float(light.mean()) - 1
-        if over <= EVEN:
-            break
-        c -= over / (t * float((light > 0).mean()))
-    return c, light
-
-
 def spread(system: OpticalSystem) -> Array:
-    """Return the least D^2 / cos^3(theta) = (D^2 + r^2)^(3/2) / D of every pixel, seen from the rear, (rows,
-    columns) mm^2.
+    """Return the least D^2 / cos^3(theta) of every pixel as seen from the rear, (rows, columns) mm^2.
 
-    r is the distance aside of the pixel's nearest point from the aperture; the rear lies between D_1 and D_2
-    before the target, and (D^2 + r^2)^(3/2) / D is least for D = r / sqrt(2).  In the far field du dv /
-    dOmega, square degrees.
+    It is (D^2 + r^2)^(3/2) / D, with the lateral distance r of the pixel's nearest point from the aperture.
+    The rear lies between D_1 and D_2 before the target, and the least is at D = r / sqrt(2).  In the far
+    field it is du dv / dOmega, square degrees.
     """
     target, rear = system.problem.target, system.problem.lens.rear
     if system.target.far_field:
@@ -259,12 +200,12 @@ def spread(system: OpticalSystem) -> Array:
         np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n) - r, 0.0)
         for h, n, r in zip(target.half_width, target.pixels, rear.half_width)
     )
-    aside = up[:, None] ** 2 + across[None, :] ** 2
-    distance = np.clip(np.sqrt(aside / 2), nearest, farthest)
-    return (distance**2 + aside) ** 1.5 / distance
+    lateral = up[:, None] ** 2 + across[None, :] ** 2
+    distance = np.clip(np.sqrt(lateral / 2), nearest, farthest)
+    return (distance**2 + lateral) ** 1.5 / distance
 
 
-def _source_area(problem: Problem) -> float:
+def source_area(problem: Problem) -> float:
     """Return the area that glows, mm^2: of the ellipse for the profile "round", else of the rectangle."""
     hx, hy = problem.source.half_width
     return (pi if problem.source.profile == "round" else 4) * hx * hy
@@ -279,7 +220,9 @@ def _aperture_nodes(problem: Problem) -> tuple[Array, Array, Array]:
 
 
 def _corner(x: Array, y: Array) -> Array:
-    """Return the projected solid angle of the rectangle [0, x] x [0, y] at distance 1, odd in x and in y
-    (Howell, factor B-3)."""
+    """Return the projected solid angle of the rectangle [0, x] x [0, y] at distance 1.
+
+    It is odd in x and in y.  Source: Howell, factor B-3.
+    """
     wide, tall = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
     return (x / wide * np.arctan(y / wide) + y / tall * np.arctan(x / tall)) / 2

@@ -39,8 +39,9 @@ class Chains:
 def approximate_two_deltas(
     shift: tuple[int, int], weights: tuple[float, float], target: ArrayLike
 ) -> Approximation:
-    """Return light F >= 0 that minimises ||E * F - G||^2 up to rounding, E = w0 delta(x) + w1 delta(x -
-    shift).
+    """Return light F >= 0 that minimises ||E * F - G||^2 up to rounding.
+
+    E = w0 delta(x) + w1 delta(x - shift)
 
     shift : (rows, columns) between the sources
     weights : (w0, w1), non-negative; divided by their sum
@@ -56,15 +57,14 @@ def approximate_two_deltas(
     """
     kernel = Kernel.points([(0, 0), shift], weights)
     goal = require_target(kernel, target)
-    reach = np.abs(np.asarray(shift))
-    (n, m), (i, j) = goal.shape, reach
+    (n, m), (i, j) = goal.shape, np.abs(np.asarray(shift))
     if np.count_nonzero(goal[i : n - i, j : m - j]) < np.count_nonzero(goal):
         raise ValueError(
-            f"the target must be dark within {i} rows and {j} columns of its border (the shift); pad it by "
-            "zeros"
+            f"the target must be dark within {i} rows and {j} columns of its border (the shift); "
+            "pad it by zeros"
         )
     light = np.zeros(kernel.light_shape(goal.shape))
-    if not reach.any() or min(weights) == 0:
+    if not any(shift) or min(weights) == 0:
         at = (0, 0) if weights[0] > 0 else shift
         light[i - at[0] : i - at[0] + n, j - at[1] : j - at[1] + m] = goal
         return certified(kernel, light, goal, 0)
@@ -89,26 +89,27 @@ def chains_of(shift: tuple[int, int], target: Array) -> Chains:
     length = np.minimum.reduce(left).ravel()[first] + 1
     stride = shift[0] * target.shape[1] + shift[1]
     chain = np.repeat(np.arange(len(first)), length)
-    place = np.arange(len(chain)) - np.repeat(np.cumsum(length) - length, length)
-    pixels = first[chain] + stride * place
+    position = np.arange(len(chain)) - np.repeat(np.cumsum(length) - length, length)
+    pixels = first[chain] + stride * position
     used = (np.bincount(chain, target.ravel()[pixels]) > 0)[chain]
-    chain, last = np.unique(chain[used], return_inverse=True)[1], (place == length[chain] - 1)[used]
+    last = (position == length[chain] - 1)[used]
+    chain = np.unique(chain[used], return_inverse=True)[1]
     return Chains(pixels[used], chain, ~last)
 
 
 def _pivot(chains: Chains, target: Array, weights: Array) -> tuple[Array, int]:
-    """Return min ||w0 f[k] + w1 f[k - 1] - g[k]|| over f >= 0, 0 where the chains are not lit, and the number
-    of steps.
+    """Return the f >= 0 of min ||w0 f[k] + w1 f[k - 1] - g[k]|| and the number of steps.
 
-    Infeasible pixels (f < 0 where free, gradient < 0 where f = 0) all change sides; a chain on which that
-    does not help changes its last one only, which ends after finitely many steps.
+    f is 0 where the chains are not lit.
+
+    Infeasible pixels (f < 0 where free, gradient < 0 where f = 0) all change sides.  A chain on which that
+    does not help changes its last infeasible pixel only, which ends after finitely many steps.
     """
     w0, w1 = weights
     right = w0 * target + w1 * np.append(target[1:], 0)
     couple = w0 * w1 * (chains.lit[:-1] & chains.lit[1:])
-    slack = (
-        EPS * np.bincount(chains.chain).max() ** 2 * target.max()
-    )  # the condition number of a chain is below its length squared
+    # the condition number of a chain is below its length squared
+    slack = EPS * np.bincount(chains.chain).max() ** 2 * target.max()
     free = chains.lit & (right > 0)
     least = np.full(chains.chain[-1] + 1, len(target))
     patience = np.full(len(least), PATIENCE)
@@ -124,6 +125,7 @@ def _pivot(chains: Chains, target: Array, weights: Array) -> tuple[Array, int]:
         if not wrong.any():
             return np.maximum(f, 0), step
         count = np.bincount(chains.chain[wrong], minlength=len(least))
+        # a chain that has had no fewer infeasible pixels for PATIENCE steps changes its last one only
         fewer = count < least
         least = np.minimum(least, count)
         patience = np.where(fewer, PATIENCE, patience - 1)

@@ -1,5 +1,4 @@
-"""What is made of a lens for a solid format: the plain solid, cut to an aperture, with a flange, or of
-patches."""
+"""The solid of a lens for a solid format: plain, cut to an aperture, with a flange, or of patches."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ class Body:
     aperture : (a, b), mm, semi-axes of an elliptic aperture; None is the rectangle of the lens
     flange : Flange or None
     patches : one face per patch of same-level cells instead of one face for front and rear each
-    separate : no solid, but front and rear as loose faces in files of their own
+    separate : no solid, but front and rear as loose faces in two files
 
     Raises
     ------

@@ -22,8 +22,8 @@ def edge_distance(lens: Lens, side: Side, points: Array) -> float:
     """Return the greatest distance of points from the edge E(u, w) = F(u) + w (B(u) - F(u)) between the rims
     F and B, mm.
 
-    The distance to any E(u, w) is an upper bound; Gauss-Newton steps from a (u, w) of about equal
-    height find the nearest, but for points whose nearest lies on the rim of a slanted edge.
+    The distance to any E(u, w) is an upper bound.  Gauss-Newton steps from a (u, w) of about equal height
+    find the nearest point of the edge, unless it lies on the rim of a slanted edge.
 
     points : (n, 3), mm.
     """

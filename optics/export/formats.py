@@ -1,5 +1,4 @@
-"""Files of a whole lens for other programs: written, read back by what did not write them, compared with the
-exact surfaces."""
+"""Files of a whole lens for other programs: written, read back by independent code, compared with it."""
 
 from __future__ import annotations
 
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from optics.export.body import Body
 from optics.export.read_back import (
@@ -25,14 +25,13 @@ from optics.export.read_back import (
     sag_checks,
     solid_checks,
 )
-from optics.optimisation import ResultFolder, require_writable
+from optics.optimisation import ResultFolder, lens_of, require_writable
 from optics.runtime import UserError
 from optics.system import lens_product
 from thbcad.io import (
     cloud_text,
     obj_bytes,
     ply_bytes,
-    read_lens,
     sag_text,
     stl_bytes,
     table_size,
@@ -88,14 +87,7 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
         folder = ResultFolder(path)
         problem = folder.read_problem()
         return folder.read_lens(), Labels(lens_product(problem), problem.export.schema)
-    try:
-        return read_lens(path), Labels()
-    except OSError as error:
-        raise UserError(
-            f"cannot read {path}: {error.strerror}; give a result folder or a lens.json"
-        ) from None
-    except ValueError as error:
-        raise UserError(f"{path}: {error}") from None
+    return lens_of(path, "give a result folder or a lens.json"), Labels()
 
 
 def format_of(out: str, wanted: str | None) -> str:
@@ -117,10 +109,11 @@ def export(
 ) -> tuple[list[Path], list[Check]]:
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 
-    chord : mm, the error that meshes may have, and grid sags between their points.
-    body : of the solid formats step, iges and brep.  labels : for STEP and IGES; None is those of a nameless
-        lens.
     A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
+
+    chord : mm, the error that meshes may have, and grid sags between their points
+    body : of the solid formats step, iges and brep
+    labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
     ------
@@ -157,8 +150,7 @@ def export(
 
 
 def _require_report(path: Path) -> None:
-    """Raise UserError where something else than the report of an earlier export has the name of this
-    one's."""
+    """Raise UserError where a file has the report's name that is no report of an earlier export."""
     try:
         earlier = not path.exists() or "chord_mm" in json.loads(path.read_text("utf-8"))
     except (OSError, ValueError, TypeError):
@@ -188,21 +180,23 @@ def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path]
     files: dict[Path, bytes] = {}
     checks = []
     for word, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
-        own = path.with_name(f"{path.stem}_{word}{path.suffix}")
+        file = path.with_name(f"{path.stem}_{word}{path.suffix}")
         size = table_size(surface)
         if name == "dat":
-            files[own] = sag_text(surface, size)
-            checks.append(partial(sag_checks, word, surface, own, chord))
+            files[file] = sag_text(surface, size)
+            checks.append(partial(sag_checks, word, surface, file, chord))
         else:
-            files[own] = cloud_text(surface, vertex, word == "rear", size)
-            checks.append(partial(cloud_checks, word, surface, vertex, own))
-    return _written(files), [found for check in checks for found in check()]
+            files[file] = cloud_text(surface, vertex, word == "rear", size)
+            checks.append(partial(cloud_checks, word, surface, vertex, file))
+    return _written(files), [result for check in checks for result in check()]
 
 
 def _arrays(lens: Lens) -> bytes:
-    """Return an NPZ file: front and rear as splines z(x, y), conic included, in mm; nothing in it is
-    executed."""
-    arrays = {"thickness": np.float64(lens.thickness), "index": np.float64(lens.index)}
+    """Return an NPZ file: front and rear as splines z(x, y), conic included, in mm.
+
+    Nothing in it is executed.
+    """
+    arrays: dict[str, ArrayLike] = {"thickness": np.float64(lens.thickness), "index": np.float64(lens.index)}
     for word, surface, graph in zip(("front", "rear"), (lens.front, lens.rear), lens.graphs()):
         arrays |= {
             f"{word}_knots_x": graph.kv_u.knots,
@@ -214,7 +208,8 @@ def _arrays(lens: Lens) -> bytes:
             f"{word}_conic": np.float64(surface.conic.constant),
         }
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
+    # numpy's stubs let any keyword be `allow_pickle`
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
 
 
@@ -234,17 +229,17 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
 
 
 def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:
-    """Write front and rear as loose faces, each into a file of its own."""
+    """Write front and rear as loose faces, one to a file."""
     from thbcad.cad.exchange import read_faces, write_faces
 
     surfaces, files = dict(zip(("front", "rear"), placed_surfaces(lens))), {}
     with tempfile.TemporaryDirectory() as folder:
         for word, surface in surfaces.items():
-            own = path.with_name(f"{path.stem}_{word}.{name}")
-            write_faces([surface], Path(folder) / own.name)
-            files[own] = (Path(folder) / own.name).read_bytes()
+            file = path.with_name(f"{path.stem}_{word}.{name}")
+            write_faces([surface], Path(folder) / file.name)
+            files[file] = (Path(folder) / file.name).read_bytes()
     checks = [
-        face_checks(word, surfaces[word], read_faces(own), name)
-        for word, own in zip(surfaces, _written(files))
+        face_checks(word, surfaces[word], read_faces(file), name)
+        for word, file in zip(surfaces, _written(files))
     ]
-    return list(files), [check for found in checks for check in found]
+    return list(files), [check for face in checks for check in face]

@@ -1,4 +1,4 @@
-"""What exported files hold, read by what did not write them, against the exact surfaces of the lens."""
+"""The content of exported files, read by independent programs, against the exact surfaces of the lens."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
     by = f"{name.upper()} read back by OCCT"
     checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
-    for word, face, own, (surface, vertex) in zip(
+    for word, face, exact, (surface, vertex) in zip(
         ("front", "rear"), (read.front, read.rear), placed_surfaces(lens), surfaces
     ):
         checks.append(
             Check(
                 f"{word} poles and knots that differ from the lens in memory, {by}",
-                differing_numbers(face, own),
+                differing_numbers(face, exact),
                 0,
                 "",
             )
@@ -77,7 +77,7 @@ def patch_checks(lens: Lens, path: Path, faces: int) -> list[Check]:
 
 
 def face_checks(
-    word: str, own: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str
+    word: str, exact: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str
 ) -> list[Check]:
     """Return the Checks of a file with one loose face."""
     by = f"{name.upper()} read back by OCCT"
@@ -85,7 +85,7 @@ def face_checks(
         Check(f"faces besides the one expected, {by}", len(read) - 1, 0, ""),
         Check(
             f"{word} poles and knots that differ from the lens in memory, {by}",
-            differing_numbers(read[0], own),
+            differing_numbers(read[0], exact),
             0,
             "",
         ),
@@ -106,14 +106,10 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
     """Return the Checks of a mesh file: closed, oriented, nowhere farther from the lens than `chord`, mm.
 
     Front and rear are compared in z, the edges by the distance, at the corners, the middles of the sides and
-    the centroids of triangles, of all or of evenly spaced ones so that there are about a million points per
+    the centroids of triangles.  Of large meshes every n-th triangle counts, for about a million points a
     face.
     """
-    read = (
-        _read_3mf(path)
-        if name == "3mf"
-        else import_module("trimesh").load_mesh(path, file_type=name, process=name == "stl")
-    )
+    read = _read_3mf(path) if name == "3mf" else _read_mesh(path, name)
     by = f"{name.upper()} read back by {READERS[name][0]}"
     checks = [
         Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
@@ -150,22 +146,21 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
 
 
 def sag_checks(word: str, surface: FreeformSurface, path: Path, chord: float) -> list[Check]:
-    """Return the Checks of a grid sag: numpy reads it, scipy interpolates it as OpticStudio does,
-    bicubically."""
+    """Return the Checks of a grid sag: numpy reads it, scipy interpolates it as OpticStudio, bicubically."""
     first, *_ = path.read_text("ascii").split("\n", 1)
     (nx, ny), (dx, dy) = (int(n) for n in first.split()[:2]), (float(d) for d in first.split()[2:4])
     rows = np.loadtxt(path, skiprows=1).reshape(ny, nx, 5)[::-1]
     x, y = dx * (np.arange(nx) - (nx - 1) / 2), dy * (np.arange(ny) - (ny - 1) / 2)
     z, zx, zy, zxy = rows[..., :4].transpose(2, 1, 0)
-    middles = [(a[:-1] + a[1:]) / 2 for a in (x, y)]
-    lines, slopes = (CubicHermiteSpline(x, f, fx, axis=0)(middles[0]) for f, fx in ((z, zx), (zy, zxy)))
-    between = CubicHermiteSpline(y, lines, slopes, axis=1)(middles[1])
+    mid_x, mid_y = ((a[:-1] + a[1:]) / 2 for a in (x, y))
+    lines, slopes = (CubicHermiteSpline(x, f, fx, axis=0)(mid_x) for f, fx in ((z, zx), (zy, zxy)))
+    between = CubicHermiteSpline(y, lines, slopes, axis=1)(mid_y)
     by = "DAT read back by numpy"
     return [
         Check(f"{word} sags at the points, {by}", _greatest(z - surface.grid(x, y)), SURFACE, "mm"),
         Check(
             f"{word} sags between the points, bicubic, {by}",
-            _greatest(between - surface.grid(*middles)),
+            _greatest(between - surface.grid(mid_x, mid_y)),
             chord,
             "mm",
         ),
@@ -222,15 +217,19 @@ def _samples(corners: Array, triangles: NDArray[np.int64]) -> Array:
 
 
 def _height_error(points: Array, surface: FreeformSurface, vertex: float) -> float:
-    """Return the greatest error in z, and of x and y what lies beside the rectangle."""
-    inside = [np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width)]
-    error = points - np.column_stack([*inside, vertex + surface(*inside)])
+    """Return the greatest distance of points from the surface: in z, and in x and y beside the rectangle."""
+    x, y = (np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width))
+    error = points - np.column_stack([x, y, vertex + surface(x, y)])
     return float(np.linalg.norm(error, axis=1).max())
 
 
+def _read_mesh(path: Path, name: str) -> Any:
+    """Return the mesh of a file of another format, as a trimesh.Trimesh; corners of STL are merged."""
+    return import_module("trimesh").load_mesh(path, file_type=name, process=name == "stl")
+
+
 def _read_3mf(path: Path) -> Any:
-    """Return the one mesh of a 3MF file as lib3mf, the consortium's own library, reads it, as a
-    trimesh.Trimesh."""
+    """Return the one mesh of a 3MF file, as a trimesh.Trimesh; the consortium's library lib3mf reads it."""
     model = import_module("lib3mf").get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
@@ -239,10 +238,10 @@ def _read_3mf(path: Path) -> Any:
     objects.MoveNext()
     mesh = objects.GetCurrentMeshObject()
     rows = (
-        (b"".join(map(bytes, items)), kind)
-        for items, kind in ((mesh.GetVertices(), "<f4"), (mesh.GetTriangleIndices(), "<u4"))
+        (b"".join(map(bytes, items)), dtype)
+        for items, dtype in ((mesh.GetVertices(), "<f4"), (mesh.GetTriangleIndices(), "<u4"))
     )
-    vertices, triangles = (np.frombuffer(data, kind).reshape(-1, 3) for data, kind in rows)
+    vertices, triangles = (np.frombuffer(data, dtype).reshape(-1, 3) for data, dtype in rows)
     return import_module("trimesh").Trimesh(
         vertices.astype(np.float64), triangles.astype(np.int64), process=False
     )

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         SOFT_RIM as SOFT_RIM,
         stage_objective as stage_objective,
         stage_window as stage_window,
+        surfaces_can_cross as surfaces_can_cross,
     )
     from optics.optimisation.loop import (
         design as design,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     )
     from optics.optimisation.result_folder import (
         ResultFolder as ResultFolder,
+        lens_of as lens_of,
         require_writable as require_writable,
         writable_folder as writable_folder,
     )
@@ -51,6 +53,7 @@ _FILES = {
         "SOFT_RIM",
         "stage_objective",
         "stage_window",
+        "surfaces_can_cross",
     ),
     "loop": (
         "design",
@@ -60,6 +63,7 @@ _FILES = {
     "recorder": ("Interrupted",),
     "result_folder": (
         "ResultFolder",
+        "lens_of",
         "require_writable",
         "writable_folder",
     ),

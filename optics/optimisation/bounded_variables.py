@@ -50,8 +50,8 @@ class BoundedVariables:
     def coefficients(self, weights: Floats) -> tuple[list[Floats], list[Floats]]:
         """Return c of every sag, and the slopes of the squashing there, which `gradient` needs."""
         rows = np.split(self._scale * weights, self._ends[:-1])
-        found = [part.coefficients(w) for part, w in zip(self._parts, rows)]
-        return [c for c, _ in found], [slope for _, slope in found]
+        pairs = [part.coefficients(w) for part, w in zip(self._parts, rows)]
+        return [c for c, _ in pairs], [slope for _, slope in pairs]
 
     def gradient(self, gradients: Sequence[Floats], slopes: Sequence[Floats]) -> Floats:
         """Return dL/dw from dL/dc at coefficients with these slopes."""
@@ -77,7 +77,9 @@ class _Part:
     """The map w -> c of one sag."""
 
     def __init__(self, sag: THBSurface, bound: float, mirrors: Mirrors) -> None:
-        self.basis, self._bound, self._mirrors = MultilevelBasis(sag.space), bound, mirrors
+        self.basis = MultilevelBasis(sag.space)
+        self._bound = bound
+        self._mirrors = mirrors
         ratio = np.clip(sag.coefficients / bound, -INSIDE, INSIDE)
         self._start = ratio / (1 - np.abs(ratio) ** SHARPNESS) ** (1 / SHARPNESS)
 

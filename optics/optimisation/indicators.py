@@ -31,10 +31,14 @@ def vertex_knots(half_width: Sequence[float], counts: Sequence[int]) -> tuple[Kn
 def summed_over_cells(
     space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the sum of values on a grid x x y, (nx, ny), over every leaf cell, (n_cells,); of |dL/dz| that
-    is Z of (6.2)."""
+    """Return the sum of values on a grid x x y over every leaf cell, (n_cells,).
+
+    Of |dL/dz| it is Z of (6.2).
+
+    values : (nx, ny)
+    """
     cell = space.locate(np.repeat(x, len(y)), np.tile(y, len(x)))
-    return np.bincount(cell, values.ravel(), len(space.cells))
+    return np.asarray(np.bincount(cell, values.ravel(), len(space.cells)), dtype=np.float64)
 
 
 def refined_once(space: THBSpace, max_level: int) -> THBSpace:
@@ -46,10 +50,12 @@ def refined_once(space: THBSpace, max_level: int) -> THBSpace:
 def promised_decrease(
     space: THBSpace, finer: THBSpace, gradient: NDArray[np.float64], probes: Sequence[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Return the sum of g^2 / (2 h) over the new functions of a finer space whose middle lies in a leaf cell,
-    (n_cells,).
+    """Return for every leaf cell the sum of g^2 / (2 h) over the new functions of a finer space, (n_cells,).
 
-    gradient : (finer.dim,).  probes : vectors whose mean square is h / 2.
+    A function counts for the cell in which its middle lies.
+
+    gradient : g, (finer.dim,)
+    probes : vectors whose mean square is h / 2
     """
     half = np.mean(np.square(probes), axis=0)
     least = LEAST * half.mean() or 1.0  # without light there is no curvature, and no gradient
@@ -61,8 +67,8 @@ def promised_decrease(
     for aside in ASIDE:  # middles lie on knot lines or between them: beside them the cell is certain
         middle = []
         for i, kv, a in zip(index, (finer.kv_u, finer.kv_v), aside):
-            share = np.clip((i + (1 - kv.degree) / 2 + a) / ((kv.dim - kv.degree) << level), 0, 1)
-            middle.append(kv.start + share * (kv.stop - kv.start))
+            relative = np.clip((i + (1 - kv.degree) / 2 + a) / ((kv.dim - kv.degree) << level), 0, 1)
+            middle.append(kv.start + relative * (kv.stop - kv.start))
         out += np.bincount(space.locate(*middle), decrease[new] / len(ASIDE), len(out))
     return out
 

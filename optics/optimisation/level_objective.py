@@ -51,29 +51,32 @@ def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow |
     return PixelWindow(o.blur) if o.window == "pixel" and final else BSplineWindow(o.window_degree)
 
 
+def surfaces_can_cross(system: OpticalSystem) -> bool:
+    """Return whether sags within z_freedom can make the surfaces of the lens cross."""
+    return system.lens.least_thickness().lower <= sum(f.z_freedom for f in system.freeforms)
+
+
 def stage_objective(
     system: OpticalSystem, lens: Lens, stage: Stage, target: NDArray[np.float64], backend: Backend
 ) -> Objective:
-    """Return the Objective of a stage: its rays, screen, window and target, and the charges of the
-    problem."""
+    """Return the Objective of a stage: its rays, screen, window and target, and the problem's charges."""
     rays = system.source.rays(stage.rays)
     tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False)
     problem, options, limits = system.problem, system.problem.optimizer, system.problem.limits
     thickness = limits.thickness
-    if not thickness and system.lens.least_thickness().lower <= sum(f.z_freedom for f in system.freeforms):
-        thickness = THINNEST * lens.thickness  # the surfaces could cross
+    if not thickness and surfaces_can_cross(system):
+        thickness = THINNEST * lens.thickness
     weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, thickness)
     shape = ShapePenalty(lens, weights) if weights.any else None
-    window = stage_window(problem, stage.final)
     return Objective(
         backend,
         tracer,
         stage.screen,
-        window,
+        stage_window(problem, stage.final),
         target,
-        options.lost_flux_weight,
-        options.dark_flux_weight,
-        shape,
+        lost_flux_weight=options.lost_flux_weight,
+        dark_flux_weight=options.dark_flux_weight,
+        shape=shape,
     )
 
 
@@ -93,11 +96,10 @@ def marked_cells(
 
 @dataclass(frozen=True, eq=False)
 class Indicators:
-    """The refinement indicators of a design, called with (Lens, Stage): numbers per leaf cell of every free
-    surface.
+    """The refinement indicators of a design.
 
-    Only the rear has slopes to compare with, after a transport start: "slope" takes vertex gradients for the
-    rest.
+    Called with (Lens, Stage) they return numbers per leaf cell of every free surface.  Only the rear has
+    slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
     """
 
     system: OpticalSystem
@@ -108,10 +110,10 @@ class Indicators:
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         if self.system.problem.refinement.indicator == "decrease":
             return self._decrease(lens, stage)
-        found = self._vertex(lens, stage)
+        indicators = self._vertex(lens, stage)
         if self.system.problem.refinement.indicator == "slope" and self.start:
-            found[-1] = self.start.misfit(lens.rear.sag)
-        return found
+            indicators[-1] = self.start.misfit(lens.sags[-1])
+        return indicators
 
     def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
@@ -123,8 +125,8 @@ class Indicators:
         objective = stage_objective(self.system, lens, stage, self.target, self.backend)
         gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
         return [
-            summed_over_cells(sag.space, *(k.greville() for k in kv), gradient)
-            for sag, kv, gradient in zip(lens.sags, knots, gradients)
+            summed_over_cells(sag.space, kv_x.greville(), kv_y.greville(), gradient)
+            for sag, (kv_x, kv_y), gradient in zip(lens.sags, knots, gradients)
         ]
 
     def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:

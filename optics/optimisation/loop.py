@@ -1,17 +1,17 @@
 """The design loop: optimise a level, mark, refine, go on.
 
 Level by level the surface gets more degrees of freedom, and the measurement finer pixels and
-more rays.  There are two ways to start a level:
+more rays.  A level can start from two surfaces:
 
 - flat: the first level starts from the base conic, every other from the exact surface of the
   one before (prolongation);
-- transport: every level starts from the optimal-transport surface fitted in its own space.  The
+- transport: every level starts from the optimal-transport surface fitted in the space of the level.  The
   levels before the last then need no optimisation, only the marking of cells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -29,12 +29,15 @@ from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from optics.optimisation.stage_plan import Stage
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
-LEAST_SHARE = 1e-3  # of a level's changes; below it they are not worth keeping
+LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
 
 
 def transmitted_flux(system: OpticalSystem, backend: Backend) -> float:
@@ -50,9 +53,8 @@ def transmitted_flux(system: OpticalSystem, backend: Backend) -> float:
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * flux:
         raise UserError(
-            f"only {fates.transmitted:.3g} W of {flux:.3g} W pass the unoptimised lens "
-            f"(totally reflected {fates.total_internal:.3g} W, past the rear surface "
-            f"{fates.missed_rear:.3g} W); "
+            f"only {fates.transmitted:.3g} W of {flux:.3g} W pass the unoptimised lens (totally reflected "
+            f"{fates.total_internal:.3g} W, past the rear surface {fates.missed_rear:.3g} W); "
             "change the lens prescription"
         )
     return fates.transmitted
@@ -79,7 +81,8 @@ def design(
         from cross.
     """
     clock = perf_counter() - (state.seconds if state else 0.0)
-    flux, note = transmitted_flux(system, backend), note or _no_note
+    flux = transmitted_flux(system, backend)
+    note = note or _no_note
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
     start = _transport_start(system, backend, state, note)
     fit: TransportFit | None = None
@@ -88,7 +91,8 @@ def design(
         state, fit = _fitted(state, start)
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
-        lens, target = _with_sags(system.lens, state.sags), system.target.irradiance(stage.screen, flux)
+        lens = _with_sags(system.lens, state.sags)
+        target = system.target.irradiance(stage.screen, flux)
         objective = stage_objective(system, lens, stage, target, backend)
         report = progress and partial(progress, plan)
         recorder = Recorder(system, objective, stage, state, axes, clock, report)
@@ -96,13 +100,10 @@ def design(
         state = replace(state, sags=lens.sags, history=recorder.history)
         try:
             marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, start))
-            sags = tuple(sag.refine(cells) for sag, cells in zip(lens.sags, marked))
-            following = replace(state, stage=state.stage + 1, sags=sags)
-            if following.stage < len(plan) and plan[following.stage].level > stage.level:
-                following, fit = _fitted(following, start)
+            following, new_fit = _refined(state, plan, marked, start)
         except KeyboardInterrupt:
             raise Interrupted(state) from None
-        state = following
+        state, fit = following, new_fit or fit
         if checkpoint:
             checkpoint(state)
     if start and fit and not start.within(fit):
@@ -111,7 +112,7 @@ def design(
 
 
 def _no_note(sentence: str) -> None:
-    """Drop a sentence that nobody asked for."""
+    """Drop the sentence."""
 
 
 def _transport_start(
@@ -136,12 +137,25 @@ def _transport_start(
 
 
 def _fitted(state: State, start: TransportStart | None) -> tuple[State, TransportFit | None]:
-    """Return the state with the sag of the transport map on the rear's mesh, and the fit, if there is a
-    map."""
+    """Return the state with the sag of the transport map, if any, on the rear's mesh, and the fit."""
     if start is None:
         return state, None
     fit = start.fit(state.sags[-1].space)
     return replace(state, sags=(*state.sags[:-1], fit.sag)), fit
+
+
+def _refined(
+    state: State,
+    plan: Sequence[Stage],
+    marked: Sequence[Mapping[int, NDArray[np.int64]]],
+    start: TransportStart | None,
+) -> tuple[State, TransportFit | None]:
+    """Return the state of the next stage, with the marked cells refined, and the fit of a new level."""
+    sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
+    following = replace(state, stage=state.stage + 1, sags=sags)
+    if following.stage < len(plan) and plan[following.stage].level > plan[state.stage].level:
+        return _fitted(following, start)
+    return following, None
 
 
 def _optimised(lens: Lens, recorder: Recorder, stage: Stage, note: Callable[[str], None]) -> Lens:
@@ -157,26 +171,26 @@ def _optimised(lens: Lens, recorder: Recorder, stage: Stage, note: Callable[[str
 
 
 def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
-    """Return the lens with other sags and "", or, where it cannot exist, one on the way there and a sentence
-    that says why.
+    """Return the lens with other sags and "".
 
-    The way from the lens's own sags, c + t (c' - c), is halved until a lens can exist.
+    Where it cannot exist: the lens with the sags c + t (c' - c) from its present c towards the others c', and
+    a sentence that says why.  The step t is halved until a lens can exist.
     """
     try:
         return require_sound(lens.with_sags(sags)), ""
     except ValueError as error:
         wrong = str(error)
-    share = 1.0
-    while share > LEAST_SHARE:
-        share /= 2
+    fraction = 1.0
+    while fraction > LEAST_FRACTION:
+        fraction /= 2
         between = [
-            THBSurface(a.space, a.coefficients + share * (b.coefficients - a.coefficients))
+            THBSurface(a.space, a.coefficients + fraction * (b.coefficients - a.coefficients))
             for a, b in zip(lens.sags, sags)
         ]
         try:
             return (
                 require_sound(lens.with_sags(between)),
-                f"the optimised lens cannot exist ({wrong}): of the level's changes {share:.2g} are kept",
+                f"the optimised lens cannot exist ({wrong}): of the level's changes {fraction:.2g} are kept",
             )
         except ValueError:
             continue

@@ -2,11 +2,11 @@
 
     L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
 
-E is the irradiance measured with a smooth window, T the target measured with the same one, on
-the target's pixels and a dark margin around them (thesis 5.4, squared and normalised); Phi is the
-flux asked for.  The second term charges light beside the target: d_k is the distance of landing
-point k from the target rectangle, r the target's larger half-width.  The third charges light that
-does not reach the pixels where T > 0, wherever it is lost.  The last is `ShapePenalty`.
+E is the irradiance measured with a smooth window, T the target irradiance measured with the same one, on the
+target's pixels and a dark margin around them (thesis 5.4, squared and normalised).  Phi is the flux asked
+for. The second term charges light beside the target: d_k is the distance of landing point k from the target
+rectangle, r the target's larger half-width.  The third charges light that misses the pixels where T > 0,
+wherever it is lost.  The last is `ShapePenalty`.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ class Evaluation:
 
 
 class Objective:
-    """Loss and gradient for one mesh, screen and set of rays; call it with the THB coefficients of every sag,
-    front first.
+    """Loss and gradient for one mesh, screen and set of rays.
+
+    Call it with the THB coefficients of every sag, front first.
 
     target : irradiance on the screen's pixels without margin, W/mm^2.
     """
@@ -97,10 +98,11 @@ class Objective:
     def curvature(
         self, coefficients: Sequence[NDArray[np.float64]], count: int, seed: int
     ) -> list[list[NDArray[np.float64]]]:
-        """Return vectors J^T s / ||T|| with random signs s, J the derivative of the measured light by the
-        coefficients.
+        """Return vectors J^T s / ||T|| with random signs s.
 
-        Their mean square is half the diagonal of the Gauss-Newton Hessian of the fit.
+        J is the derivative of the measured irradiance by the coefficients.  The mean square of the vectors is
+        half the diagonal of the Gauss-Newton Hessian of the fit.
+
         Source: C. Bekas, E. Kokiopoulou, Y. Saad, An estimator for the diagonal of a matrix, Appl. Numer.
         Math. 57 (2007).
         """
@@ -116,7 +118,7 @@ class Objective:
     def _backward(
         self, coefficients: Sequence[NDArray[np.float64]]
     ) -> tuple[float, float, list[Hits], DrArray]:
-        """Return (loss without the shape, fit, Hits with gradients, measured light)."""
+        """Return (loss without the shape, fit, Hits with gradients, measured irradiance)."""
         dr = self._backend.dr
         hits, landing = self._tracer.trace(coefficients)
         image = self._splat(landing.x, landing.y, landing.flux)

@@ -1,4 +1,4 @@
-"""Optimal transport between two rectangles: the map that turns the light of a source into a picture.
+"""Optimal transport between two rectangles: the map that turns a source's light into a target irradiance.
 
 A map x -> t(x) = grad phi(x) carries a density f(x) to g(t) when the Monge-Ampere equation
 
@@ -45,7 +45,7 @@ class TransportMap:
 
     x : (nx,), y : (ny,) cell centres in [-1, 1].  tx, ty : (nx, ny) in [-1, 1].
     residual : root mean square of g det D^2 phi / f - 1 for the smoothed density.
-    floor : least density that was reached, relative to the mean.
+    floor : least density for which the iteration converged, relative to the mean.
     """
 
     x: NDArray[np.float64]
@@ -74,16 +74,14 @@ def transport(
     size = np.array([1.0, 1.0 / aspect])
     v, floor, residual = np.zeros(grids[0]), FLOORS[0], np.inf
     for lower in FLOORS:
-        w, reached = _iterate(
-            v, _smoothed(source(grids[0]), FAINT), _smoothed(density(grids[0]), lower), size
-        )
-        if lower < floor and reached > FOLLOWS:
+        f, g = _smoothed(source(grids[0]), FAINT), _smoothed(density(grids[0]), lower)
+        w, error = _iterate(v, f, g, size)
+        if lower < floor and error > FOLLOWS:
             break
-        v, floor, residual = w, lower, reached
+        v, floor, residual = w, lower, error
     for grid in grids[1:]:
-        v, residual = _iterate(
-            _resampled(v, grid), _smoothed(source(grid), FAINT), _smoothed(density(grid), floor), size
-        )
+        f, g = _smoothed(source(grid), FAINT), _smoothed(density(grid), floor)
+        v, residual = _iterate(_resampled(v, grid), f, g, size)
     gx, gy = _gradient(v, size)
     x, y = ((2 * np.arange(n) + 1) / n - 1 for n in shape)
     tx = np.clip(x[:, None] + 2 * gx / size[0], -1, 1)
@@ -97,8 +95,9 @@ def _iterate(
     """Return (v, residual) after fixed-point steps on one grid; v is the best one met."""
     n = v.shape
     h = size / n
-    spectrum = sum(
-        np.expand_dims((2 * np.cos(np.pi * np.arange(n[d]) / n[d]) - 2) / h[d] ** 2, 1 - d) for d in (0, 1)
+    # the eigenvalues of the Laplacian in the basis of the cosine transform
+    spectrum = np.add.outer(
+        *((2 * np.cos(np.pi * np.arange(k) / k) - 2) / step**2 for k, step in zip(n, h)),
     )
     spectrum[0, 0] = 1.0
     x, y = ((np.arange(k) + 0.5) * step for k, step in zip(n, h))
@@ -109,11 +108,11 @@ def _iterate(
         vyy = (p[1:-1, 2:] - 2 * v + p[1:-1, :-2]) / h[1] ** 2
         vxy = (p[2:, 2:] - p[2:, :-2] - p[:-2, 2:] + p[:-2, :-2]) / (4 * h[0] * h[1])
         gx, gy = _gradient(v, size)
-        there = _bilinear(g, (x[:, None] + gx) / size[0], (y[None, :] + gy) / size[1])
-        residual = float(np.sqrt(np.mean((there * ((1 + vxx) * (1 + vyy) - vxy**2) / f - 1) ** 2)))
+        arriving = _bilinear(g, (x[:, None] + gx) / size[0], (y[None, :] + gy) / size[1])
+        residual = float(np.sqrt(np.mean((arriving * ((1 + vxx) * (1 + vyy) - vxy**2) / f - 1) ** 2)))
         if residual < least:
             best, least = v, residual
-        wanted = np.sqrt((vxx - vyy) ** 2 + 4 * vxy**2 + 4 * f / there) - 2
+        wanted = np.sqrt((vxx - vyy) ** 2 + 4 * vxy**2 + 4 * f / arriving) - 2
         transformed = dctn(wanted) / spectrum
         transformed[0, 0] = 0.0  # the border condition fixes the mean of the Laplacian
         v = v + DAMPING * (idctn(transformed) - v)

@@ -61,8 +61,9 @@ class Recorder:
         return tuple(self._rows)
 
     def minimized(self) -> tuple[THBSurface, ...]:
-        """Return the best sags that L-BFGS finds; weights are scaled by the curvature at the start, but for a
-        coarse pass, which is better off without.
+        """Return the best sags that L-BFGS finds.
+
+        Weights are scaled by the curvature at the start, but not in a coarse pass, which does better without.
 
         Raises
         ------
@@ -85,27 +86,27 @@ class Recorder:
     def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """Return (loss, its gradient by the weights)."""
         coefficients, slopes = self._variables.coefficients(weights)
-        found = self._objective(coefficients)
-        if not (np.isfinite(found.loss) and all(np.isfinite(g).all() for g in found.gradients)):
+        evaluation = self._objective(coefficients)
+        if not (np.isfinite(evaluation.loss) and all(np.isfinite(g).all() for g in evaluation.gradients)):
             raise NumericalError(
-                f"the loss is not finite at level {self._stage.level}; lower z_freedom or check the "
-                "prescription"
+                f"the loss is not finite at level {self._stage.level}; "
+                "lower z_freedom or check the prescription"
             )
-        if found.loss < self._best[0]:
-            self._best = found.loss, coefficients
+        if evaluation.loss < self._best[0]:
+            self._best = evaluation.loss, coefficients
         self._evaluations += 1
         row = Row(
             level=self._stage.level,
             dof=sum(map(len, coefficients)),
             evaluation=self._evaluations,
-            loss=found.loss,
-            fit=found.fit,
+            loss=evaluation.loss,
+            fit=evaluation.fit,
             seconds=perf_counter() - self._clock,
         )
         self._rows.append(row)
         if self._progress:
             self._progress(self._stage, row)
-        return found.loss, self._variables.gradient(found.gradients, slopes)
+        return evaluation.loss, self._variables.gradient(evaluation.gradients, slopes)
 
     def _precondition(self) -> None:
         vectors = self._objective.curvature(self._best[1], PROBES, self._problem.run.seed)

@@ -47,13 +47,9 @@ def writable_folder(path: Path) -> None:
 
 def require_writable(path: Path) -> None:
     """Raise UserError unless a file can be written there, before any work is done."""
-    reason = (
-        f"there is no folder {path.parent}"
-        if not path.parent.is_dir()
-        else "it is a folder"
-        if path.is_dir()
-        else ""
-    )
+    reason = "it is a folder" if path.is_dir() else ""
+    if not path.parent.is_dir():
+        reason = f"there is no folder {path.parent}"
     try:
         if not reason:
             with tempfile.TemporaryFile(dir=path.parent) as probe:
@@ -62,6 +58,21 @@ def require_writable(path: Path) -> None:
         reason = str(error.strerror)
     if reason:
         raise UserError(f"cannot write {path}: {reason}; choose another --out")
+
+
+def lens_of(path: Path, advice: str) -> Lens:
+    """Return the lens of a native file.
+
+    Raises
+    ------
+    UserError : it cannot be read, which ends with the advice, or it is damaged.
+    """
+    try:
+        return read_lens(path)
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}; {advice}") from None
+    except ValueError as error:
+        raise UserError(f"{path}: {error}") from None
 
 
 class ResultFolder:
@@ -90,7 +101,7 @@ class ResultFolder:
                 )
 
     def write_problem(self, problem: Problem) -> None:
-        """Store the resolved problem and its pictures, so that the folder can be run again."""
+        """Store the resolved problem and its pictures, so that the problem can be run again."""
         names = {}
         for table in ("target", "source"):
             part = getattr(problem, table)
@@ -112,14 +123,7 @@ class ResultFolder:
         write_lens(lens, self.lens)
 
     def read_lens(self) -> Lens:
-        try:
-            return read_lens(self.lens)
-        except OSError as error:
-            raise UserError(
-                f"cannot read {self.lens}: {error.strerror}; was the design interrupted?"
-            ) from None
-        except ValueError as error:
-            raise UserError(f"{self.lens}: {error}") from None
+        return lens_of(self.lens, "was the design interrupted?")
 
     def write_json(self, name: str, data: dict[str, Any]) -> None:
         write_text(self.path / name, json_text(data))
@@ -199,8 +203,10 @@ def _state(data: dict[str, Any]) -> State:
 
 
 def _fingerprint(problem: Problem) -> str:
-    """Return the text that tells problems apart: their values and what is in the pictures, not where they
-    lie."""
+    """Return a text that differs between problems: their values and the content of their pictures.
+
+    It does not depend on the paths of the pictures.
+    """
     parts = {table: getattr(problem, table) for table in ("target", "source")}
     hashed = {
         table: replace(part, image=hashlib.sha256(Path(part.image).read_bytes()).hexdigest())

@@ -1,15 +1,14 @@
-"""What the shape of a lens adds to the loss: roughness, and limits of thickness and curvature that it
-violates.
+"""What the shape of a lens adds to the loss: roughness, and violated limits of thickness and curvature.
 
 With the Hessian D^2 of a sag s and of a whole surface z, h the larger half-width, means over the rectangle:
 
-    roughness          h^2 mean |D^2 s|^2                      (the bending energy of a thin plate)
-    curvature          mean max(0, R |D^2 z| - 1)^2            (R the least radius; |D^2 z| bounds both
-    principal ones) thickness          mean max(0, 1 - gap / t)^2              (t the least thickness; gap
-    between equal relative positions)
+    roughness    h^2 mean |D^2 s|^2              the bending energy of a thin plate
+    curvature    mean max(0, R |D^2 z| - 1)^2    R the least radius; |D^2 z| bounds both principal curvatures
+    thickness    mean max(0, 1 - gap / t)^2      t the least thickness; gap between equal relative positions
 
-Means are taken by Simpson's rule on every knot span: curvatures of cubics are greatest at the knots, which it
-sees. R and t are taken 2 % larger (STRICTER).  The parameters of the sags are x and y in mm.
+Means are taken by Simpson's rule on every knot span: curvatures of cubics are greatest at the knots, which
+are points of the rule.  R and t are taken 2 % larger (STRICTER).  The parameters of the sags are x and y in
+mm.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from thbcad.splines import tensor_apply
 if TYPE_CHECKING:
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector
+    from thbcad.surfaces import THBSurface
 
 STRICTER = 1.02  # limits are kept with this room, so that what the mean leaves over stays within them
 HESSIAN = ((2, 0), (1, 1), (1, 1), (0, 2))
@@ -36,8 +36,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ShapeWeights:
-    """Weights of roughness and violated limits, and the limits: least radius of curvature and thickness, mm
-    (0: none)."""
+    """Weights of roughness and of violated limits, and the limits.
+
+    radius, thickness : the least radius of curvature and thickness, mm; 0 for none
+    """
 
     roughness: float = 0.0
     limits: float = 0.0
@@ -50,23 +52,24 @@ class ShapeWeights:
 
 
 class ShapePenalty:
-    """The shape's share of the loss, and its gradient by the coefficients of every sag, front first."""
+    """The shape's part of the loss, and its gradient by the coefficients of every sag, front first."""
 
     def __init__(self, lens: Lens, weights: ShapeWeights) -> None:
         self._weights, self._lens = weights, lens
-        self._surfaces = [_Samples(s) for s in (lens.front, lens.rear) if s.sag is not None]
+        self._surfaces = [_Samples(s, s.sag) for s in (lens.front, lens.rear) if s.sag is not None]
         self._gap = _Gap(lens) if weights.limits and weights.thickness else None
 
     def __call__(self, coefficients: Sequence[Floats]) -> tuple[float, list[Floats]]:
         """Return (loss, gradients)."""
-        w, nets = self._weights, [s.embedding.coefficients(c) for s, c in zip(self._surfaces, coefficients)]
+        w = self._weights
+        nets = [s.embedding.coefficients(c) for s, c in zip(self._surfaces, coefficients)]
         loss, slopes = 0.0, [np.zeros_like(net) for net in nets]
         for samples, net, slope in zip(self._surfaces, nets, slopes):
             for derivative in set(HESSIAN):
-                share = HESSIAN.count(derivative) * w.roughness * samples.size**2
+                weight = HESSIAN.count(derivative) * w.roughness * samples.size**2
                 values = samples.values(net, derivative)
-                loss += share * float((samples.mean * values**2).sum())
-                slope += samples.pulled(2 * share * samples.mean * values, derivative)
+                loss += weight * float((samples.mean * values**2).sum())
+                slope += samples.pulled(2 * weight * samples.mean * values, derivative)
             if w.limits and w.radius:
                 loss += self._curvature(samples, net, slope)
         if self._gap:
@@ -95,11 +98,10 @@ class ShapePenalty:
 
 
 class _Samples:
-    """Values of a sag at the points of Simpson's rule, as products of sparse matrices with its tensor-product
-    net."""
+    """Values of a sag at the points of Simpson's rule: sparse matrices times its tensor-product net."""
 
-    def __init__(self, surface: FreeformSurface) -> None:
-        self.embedding = surface.sag.space.embedding
+    def __init__(self, surface: FreeformSurface, sag: THBSurface) -> None:
+        self.embedding = sag.space.embedding
         knots = self.embedding.kv_u, self.embedding.kv_v
         (x, wx), (y, wy) = (_simpson(kv) for kv in knots)
         self._matrices = [[kv.collocation(s, d) for d in range(3)] for kv, s in zip(knots, (x, y))]
@@ -108,11 +110,13 @@ class _Samples:
         self.conic = {d: surface.conic(x[:, None], y[None, :], d) for d in HESSIAN}
 
     def values(self, net: Floats, derivative: tuple[int, int]) -> Floats:
-        return tensor_apply(*(m[d] for m, d in zip(self._matrices, derivative)), net)
+        a, b = (m[d] for m, d in zip(self._matrices, derivative))
+        return tensor_apply(a, b, net)
 
     def pulled(self, values: Floats, derivative: tuple[int, int]) -> Floats:
         """Return the adjoint of `values` applied to numbers at the points."""
-        return tensor_apply(*(m[d].T for m, d in zip(self._matrices, derivative)), values)
+        a, b = (m[d].T for m, d in zip(self._matrices, derivative))
+        return tensor_apply(a, b, values)
 
 
 class _Gap:
@@ -152,10 +156,10 @@ class _Gap:
 
 def _simpson(kv: KnotVector) -> tuple[Floats, Floats]:
     """Return the breaks and the middles between them, and Simpson's weights, which sum to 1."""
-    share = np.diff(kv.breaks) / (kv.stop - kv.start)
+    span = np.diff(kv.breaks) / (kv.stop - kv.start)
     points = np.sort(np.concatenate([kv.breaks, (kv.breaks[:-1] + kv.breaks[1:]) / 2]))
     weights = np.zeros_like(points)
-    weights[1::2] = share * 2 / 3
-    weights[:-1:2] += share / 6
-    weights[2::2] += share / 6
+    weights[1::2] = span * 2 / 3
+    weights[:-1:2] += span / 6
+    weights[2::2] += span / 6
     return points, weights

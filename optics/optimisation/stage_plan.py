@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from optics.target import Screen
 
 MOST_RAYS = 40_000_000  # at once
-COARSER, COARSE_PIXELS, COARSE_ITERATIONS = (
-    4,
-    16,
-    20,
-)  # of a first pass on the last level, which carries light to islands in the dark
+# a first pass on the last level carries light to islands in the dark: on pixels so many times as coarse,
+# where at least so many are left, with so many iterations
+COARSER = 4
+COARSE_PIXELS = 16
+COARSE_ITERATIONS = 20
 MARGIN = 8  # dark pixels around the target
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
 
@@ -29,8 +29,8 @@ PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per kn
 class Stage:
     """Pixels and rays of one level.
 
-    final : the last one, with the window of the problem; the others take wide windows, which move light from
-        afar.
+    final : the last one, with the window of the problem; all others take wide windows, which move light over
+        long distances
     """
 
     level: int
@@ -69,10 +69,13 @@ def last_level(problem: Problem) -> int:
 
 
 def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
-    """Return the Stage of every level that is optimised; moved : the design starts from an optimal-transport
-    map."""
-    out, problem = [], system.problem
+    """Return the Stage of every level that is optimised.
+
+    moved : the design starts from an optimal-transport map
+    """
+    problem = system.problem
     last = last_level(problem)
+    out = []
     for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
         if (
@@ -92,16 +95,22 @@ def _stage(
 ) -> Stage:
     problem, screen = system.problem, system.target.screen(coarsening, MARGIN)
     spans = _spans(problem, level)
-    rays = tuple(
+    rays_x, rays_y = (
         max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans)
     )
-    if rays[0] * rays[1] > MOST_RAYS:
+    if rays_x * rays_y > MOST_RAYS:
         raise UserError(
-            f"level {level} would trace {rays[0]} x {rays[1]} rays at once, too many for the memory of most "
-            "machines; "
-            "use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
+            f"level {level} would trace {rays_x} x {rays_y} rays at once, too many for the memory of most "
+            "machines; use fewer target.pixels, freeform.spans or levels, or fewer optimizer.rays_per_pixel"
         )
-    return Stage(level, iterations, screen, rays, final, coarse)
+    return Stage(
+        level=level,
+        iterations=iterations,
+        screen=screen,
+        rays=(rays_x, rays_y),
+        final=final,
+        coarse=coarse,
+    )
 
 
 def _spans(problem: Problem, level: int) -> list[int]:

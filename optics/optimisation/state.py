@@ -62,7 +62,7 @@ def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
 
 
 def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
-    """Return the State that optimises the sags of an earlier design on the last level, on their own meshes.
+    """Return the State that optimises the sags of an earlier design on the last level, without a new mesh.
 
     A surface that was not free in the earlier design starts from zero.  In a mirror-symmetric problem the
     optimiser averages the sags with their mirror images.
@@ -75,21 +75,20 @@ def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
         raise UserError("the earlier design has no freeform rear surface to start from")
     sags = []
     for name in ("front", "rear"):
-        own, other = getattr(system.lens, name), getattr(earlier, name)
-        if own.sag is not None:
-            sags.append(own.sag if other.sag is None else other.sag)
-        same = own.half_width == other.half_width and own.conic == other.conic
-        if own.sag is not None and other.sag is not None:
+        base, other = getattr(system.lens, name), getattr(earlier, name)
+        if base.sag is not None:
+            sags.append(base.sag if other.sag is None else other.sag)
+        same = base.half_width == other.half_width and base.conic == other.conic
+        if base.sag is not None and other.sag is not None:
             same = same and all(
                 a.degree == b.degree and np.array_equal(a.knots, b.knots)
                 for a, b in zip(
-                    (own.sag.space.kv_u, own.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v)
+                    (base.sag.space.kv_u, base.sag.space.kv_v), (other.sag.space.kv_u, other.sag.space.kv_v)
                 )
             )
-        if not same or (own.sag is None and other.sag is not None):
+        if not same or (base.sag is None and other.sag is not None):
             raise UserError(
                 f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or "
-                "spans; "
-                f"make lens.{name} equal to its problem.toml"
+                f"spans; make lens.{name} equal to its problem.toml"
             )
     return State(False, len(stages(system, False)) - 1, tuple(sags))

@@ -65,13 +65,12 @@ def _averaged(values: NDArray[np.float64], permutations: Sequence[NDArray[np.int
 
 
 def _mirrored(rows: NDArray[np.int64], axis: int, spans: int, extra: int) -> NDArray[np.int64] | None:
-    """Return where the mirror image of every [level, i, j] stands among the rows, None where one is
-    missing."""
+    """Return the row of the mirror image of every [level, i, j]; None where one is missing."""
     images = rows.copy()
     images[:, 1 + axis] = (spans << rows[:, 0]) + extra - 1 - rows[:, 1 + axis]
-    order, place = (np.lexsort(r.T[::-1]) for r in (rows, images))
-    if not np.array_equal(rows[order], images[place]):
+    order, mirrored = (np.lexsort(r.T[::-1]) for r in (rows, images))
+    if not np.array_equal(rows[order], images[mirrored]):
         return None
-    found = np.empty(len(rows), dtype=np.int64)
-    found[place] = order
-    return found
+    permutation = np.empty(len(rows), dtype=np.int64)
+    permutation[mirrored] = order
+    return permutation

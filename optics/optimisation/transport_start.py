@@ -1,9 +1,9 @@
 """The surface to start from: optimal transport, Snell's law, and a fit of slopes in THB space.
 
 The light of a source without extent has one direction at every point of the rear surface.  Optimal
-transport from its density there to the target tells where each point should send it, Snell's law
-which slope does so.  Where the rays spread inside the lens, density and directions depend on the
-shape that is looked for; they are traced again on the shape found, a few times.
+transport from its density there to the target gives the target point of each point, Snell's law the
+slope that sends the light there.  Where the rays spread inside the lens, density and directions depend on the
+shape that is looked for.  They are traced again on each new shape, a few times.
 """
 
 from __future__ import annotations
@@ -32,15 +32,14 @@ if TYPE_CHECKING:
     from thbcad.lens import FreeformSurface, Lens
 
 SNELL_STEPS = 4
-TRACED_STEPS = 3  # of tracing to the shape found and finding another
+TRACED_STEPS = 3  # of tracing to a shape and computing the next
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
 RAYS_PER_CELL = 4
 INSIDE = 0.97  # of z_freedom
-HALVINGS = (
-    20  # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
-)
+# at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
+HALVINGS = 20
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there
 LEAST_WEIGHT = 1e-3  # of cells without light
 STEEPEST = 0.15  # least z of the normal's vector: steeper slopes are not asked for
@@ -80,16 +79,16 @@ class TransportFit:
 class TransportStart:
     """Rear slopes that send the light of a source without extent to the target.
 
-    A Lambertian source is taken as a point in its middle.  `fit` gives the sag with these slopes in any THB
+    A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.
-    traced : the fit on which rays that spread inside the lens were traced last, None where they are parallel.
+
+    traced : the fit on which rays that spread inside the lens were traced last, None where they are parallel
     """
 
     def __init__(self, system: OpticalSystem, backend: Backend) -> None:
         self._system, self._lens = system, system.lens
         screen = system.target.screen()
-        lit = _lit_part(system.target.irradiance(screen, 1.0), screen)
-        self._lit, self._centre, self._half = lit
+        self._lit, self._centre, self._half = _lit_part(system.target.irradiance(screen, 1.0), screen)
         self._cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
         self._bound = INSIDE * system.problem.lens.rear.freeform.z_freedom
         self.traced: TransportFit | None = None
@@ -102,18 +101,20 @@ class TransportStart:
     def fit(self, space: THBSpace) -> TransportFit:
         """Return the sag in a THB space over x, y in mm.
 
-        A sag that exceeds z_freedom or crosses the front is scaled down, which moves the light part of the
-        way.
+        A sag that exceeds z_freedom or crosses the front is scaled down.  It moves the light a part of the
+        distance.
         """
         return self._fit(space, self._light, self._slopes)
 
     def misfit(self, sag: THBSurface) -> Floats:
-        """Return the sum over every leaf cell of the squared deviation of a sag's slopes from those asked
-        for, (n_cells,)."""
+        """Return the squared deviation of a sag's slopes from those of the map, summed over every leaf cell.
+
+        Shape (n_cells,).
+        """
         light, (zx, zy) = self._light, self._slopes
-        deviation = (sag.grid(light.x, light.y, (1, 0)) - zx) ** 2 + (
-            sag.grid(light.x, light.y, (0, 1)) - zy
-        ) ** 2
+        off_x = sag.grid(light.x, light.y, (1, 0)) - zx
+        off_y = sag.grid(light.x, light.y, (0, 1)) - zy
+        deviation = off_x**2 + off_y**2
         return summed_over_cells(sag.space, light.x, light.y, light.weight * deviation)
 
     def within(self, fit: TransportFit) -> bool:
@@ -135,7 +136,8 @@ class TransportStart:
         )
 
     def _fit(self, space: THBSpace, light: RearLight, slopes: Sequence[Floats]) -> TransportFit:
-        sag = fit_slopes(space, light.x, light.y, *slopes, light.weight)
+        zx, zy = slopes
+        sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
         asked, crosses = float(np.abs(sag.coefficients).max()), False
         kept = sag.coefficients * min(1.0, self._bound / asked) if asked else sag.coefficients
         for _ in range(HALVINGS):
@@ -147,15 +149,14 @@ class TransportStart:
         return TransportFit(THBSurface(space, kept), asked, crosses)
 
     def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
-        """Return light and slopes for parallel rays: density and directions do not depend on the rear's
-        shape."""
+        """Return light and slopes for parallel rays: the rear changes neither density nor directions."""
         source, lens = self._system.source, self._lens
         size = source.settings.half_width
         half = [min(s, f) for s, f in zip(size, lens.front.half_width)]
-        share = [b / s for b, s in zip(half, size)]
+        relative = [b / s for b, s in zip(half, size)]
 
         def emitted(grid: tuple[int, ...]) -> Floats:
-            s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, share))
+            s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
             return source.profile(s[:, None], t[None, :])
 
         x, y = _centres(half, self._cells)
@@ -169,10 +170,12 @@ class TransportStart:
         return light, _above_conic(light, lens.rear, slopes)
 
     def _shape_traced(self, backend: Backend) -> tuple[RearLight, list[Floats], TransportFit]:
-        """Return light, slopes and fit for rays that spread inside the lens, on the sag's own mesh refined
-        once or twice."""
+        """Return light, slopes and fit for rays that spread inside the lens.
+
+        The fit is on the mesh of the sag, refined once or twice.
+        """
         lens = self._lens
-        space = lens.rear.sag.space
+        space = lens.sags[-1].space
         for level in range(min(2, self._system.problem.lens.rear.freeform.max_level)):
             space = space.refine({level: space.cells[:, 1:]})
         sag = THBSurface(space, np.zeros(space.dim))
@@ -180,48 +183,44 @@ class TransportStart:
             lens = lens.with_rear(lens.rear.with_sag(sag))
             light = _traced_light(backend, self._system, lens, self._cells)
             arrival = self._arrival(light, lens.rear.half_width)
-            slopes, sound = self._snell(light, arrival, lens.thickness + lens.rear.grid(light.x, light.y))
-            sound &= light.weight > LEAST_WEIGHT
-            wanted = [np.where(sound, s, 0.0) for s in _above_conic(light, lens.rear, slopes)]
-            light = replace(light, weight=np.where(sound, light.weight, LEAST_WEIGHT))
+            slopes, gentle = self._snell(light, arrival, lens.thickness + lens.rear.grid(light.x, light.y))
+            gentle &= light.weight > LEAST_WEIGHT
+            wanted = [np.where(gentle, s, 0.0) for s in _above_conic(light, lens.rear, slopes)]
+            light = replace(light, weight=np.where(gentle, light.weight, LEAST_WEIGHT))
             fit = self._fit(space, light, wanted)
             sag = fit.sag
         return light, wanted, fit
 
     def _arrival(self, light: RearLight, half: Sequence[float]) -> tuple[Floats, Floats]:
-        """Return the target coordinates (mm, or degrees in the far field) to which transport sends the
-        light's cells."""
+        """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
 
         def density(grid: tuple[int, ...]) -> Floats:
             pixels = min(grid[0], self._lit.shape[1]), min(grid[1], self._lit.shape[0])
             return target_irradiance(self._lit, Screen(self._half, pixels), "stretch", 1.0)[::-1].T
 
         aspect = np.sqrt(half[0] * self._half[0] / (half[1] * self._half[1]))
-        found = transport(density, self._cells, aspect, light.emitted)
-        return self._centre[0] + self._half[0] * found.tx, self._centre[1] + self._half[1] * found.ty
+        plan = transport(density, self._cells, aspect, light.emitted)
+        return self._centre[0] + self._half[0] * plan.tx, self._centre[1] + self._half[1] * plan.ty
 
     def _snell(
         self, light: RearLight, arrival: Sequence[Floats], height: Floats
     ) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
-        """Return the slopes (zx, zy) that refract the light towards the arrival points, and where they are
-        not too steep.
+        """Return the slopes (zx, zy) that refract the light to the arrival points, and where they are gentle.
 
-        The normal lies along n d_in - d_out.
+        The normal lies along n d_in - d_out.  STEEPEST says what is gentle.
         """
         if self._system.target.far_field:
             dx, dy = (np.tan(np.radians(a)) for a in arrival)
             dz = np.ones_like(dx)
         else:
-            dx, dy, dz = (
-                arrival[0] - light.x[:, None],
-                arrival[1] - light.y[None, :],
-                self._system.target.z - height,
-            )
+            dx = arrival[0] - light.x[:, None]
+            dy = arrival[1] - light.y[None, :]
+            dz = self._system.target.z - height
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         normal = [self._lens.index * a - d / length for a, d in zip(light.direction, (dx, dy, dz))]
-        sound = normal[2] > STEEPEST
-        across = np.where(sound, normal[2], 1.0)
-        return (-normal[0] / across, -normal[1] / across), sound
+        gentle = normal[2] > STEEPEST
+        across = np.where(gentle, normal[2], 1.0)
+        return (-normal[0] / across, -normal[1] / across), gentle
 
 
 def _above_conic(light: RearLight, rear: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
@@ -262,8 +261,10 @@ def _centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Float
 
 
 def _lit_part(image: Floats, screen: Screen) -> tuple[Floats, tuple[float, float], tuple[float, float]]:
-    """Return the least rectangle of an irradiance that holds all light but for DARK of the greatest, its
-    centre and half-widths, mm."""
+    """Return the least rectangle of an irradiance outside of which all is dark, its centre and half-widths.
+
+    Dark is at most DARK of the greatest irradiance; lengths are in mm.
+    """
     bright = image > DARK * image.max()
     rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
     (hx, hy), (r0, r1, c0, c1) = screen.half_width, (rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)

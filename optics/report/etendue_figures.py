@@ -14,11 +14,13 @@ if TYPE_CHECKING:
 
 
 def bound_figure(bound: ImageBound, screen: Screen) -> bytes:
-    """Return the light asked for, the best light that images of the source make, and one of these images, on
-    the same scale."""
+    """Draw the target irradiance, the best irradiance made of images of the source, and such an image.
+
+    All have the same scale.
+    """
     unit = "degrees" if screen.angular else "mm"
     top, (hx, hy) = float(bound.target.max()), screen.half_width
-    # the image of the source in the middle of a target
+    # the image of the source in the middle of the target
     rows, columns = bound.target.shape
     k, l = bound.kernel.shape
     source = np.zeros(bound.target.shape)
@@ -30,12 +32,12 @@ def bound_figure(bound: ImageBound, screen: Screen) -> bytes:
         ("the source's image", source),
     ]
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained", sharey=True)
-    for own, (title, image) in zip(axes, pictures):
-        shown = own.imshow(
+    for panel, (title, image) in zip(axes, pictures):
+        shown = panel.imshow(
             image, cmap="gray", vmin=0, vmax=1, extent=(-hx, hx, -hy, hy), interpolation="nearest"
         )
-        own.set_title(title, fontsize=10)
-        own.set_xlabel(f"x / {unit}")
+        panel.set_title(title, fontsize=10)
+        panel.set_xlabel(f"x / {unit}")
     axes[0].set_ylabel(f"y / {unit}")
     figure.colorbar(shown, ax=list(axes), label="light / brightest asked for")
     return png_bytes(figure)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from optics.optimisation import Row
     from optics.system import OpticalSystem
     from optics.tracing import RayPath
+    from thbcad.hierarchy import THBSpace
     from thbcad.lens import FreeformSurface, Lens
 
 DPI, SIZE = 110, (5.2, 4.4)
@@ -39,13 +40,13 @@ def draw_all(
 
     paths : fans of rays in the plane x = 0 by name, or none.
     """
-    target, light = (a / measurement.target.mean() for a in (measurement.target, measurement.irradiance))
+    mean = measurement.target.mean()
+    target, irradiance = measurement.target / mean, measurement.irradiance / mean
     top = float(target.max())
-    error = light - target
-    reach = float(np.quantile(np.abs(error), 0.999)) or 1.0
-    kind, unit = ("intensity", "degrees") if system.path.far_field else ("irradiance", "mm")
-    label = f"{kind} / mean"
-    made = f"({label})^0.2"
+    error = irradiance - target
+    span = float(np.quantile(np.abs(error), 0.999)) or 1.0
+    quantity, unit = ("intensity", "degrees") if system.path.far_field else ("irradiance", "mm")
+    label = f"{quantity} / mean"
 
     def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
         return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
@@ -54,12 +55,12 @@ def draw_all(
         "target": ("The light asked for.", picture(target, label, "gray", 0, top)),
         "irradiance": (
             "The light that the lens makes (fresh rays, box pixels).",
-            picture(light, label, "gray", 0, top),
+            picture(irradiance, label, "gray", 0, top),
         ),
-        "error": ("Made minus asked for.", picture(error, label, "RdBu_r", -reach, reach)),
+        "error": ("Made minus asked for.", picture(error, label, "RdBu_r", -span, span)),
         "irradiance_02": (
-            f"{kind.capitalize()} to the power 0.2: stray light and faint detail.",
-            picture(np.maximum(light, 0) ** 0.2, made, "magma", 0, top**0.2),
+            f"{quantity.capitalize()} to the power 0.2: stray light and faint detail.",
+            picture(np.maximum(irradiance, 0) ** 0.2, f"({label})^0.2", "magma", 0, top**0.2),
         ),
         **_surfaces(lens),
         **{
@@ -67,7 +68,7 @@ def draw_all(
             for k, (name, fan) in enumerate(paths.items(), 1)
         },
         "loss": (
-            "Misfit ||E - T|| / ||T|| in the optimiser's own measure; a line marks each refinement.",
+            "Misfit ||E - T|| / ||T|| as the optimiser measures it; a line marks each refinement.",
             _loss(history),
         ),
     }
@@ -130,7 +131,7 @@ def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
             out[f"{prefix}sag"] = (f"Sag of the {name} surface, added to its conic.", _sag(surface))
             out[f"{prefix}mesh"] = (
                 f"Hierarchical mesh of the {name} surface: leaf cells by level.",
-                _mesh(surface),
+                _mesh(surface.sag.space, surface.half_width),
             )
     return out
 
@@ -144,9 +145,8 @@ def _sag(surface: FreeformSurface) -> bytes:
     return png_bytes(figure)
 
 
-def _mesh(surface: FreeformSurface) -> bytes:
-    space, (hx, hy) = surface.sag.space, surface.half_width
-    cells = space.cells
+def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
+    (hx, hy), cells = half_width, space.cells
     (x0, x1), (y0, y1) = (
         h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
         for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
@@ -157,7 +157,7 @@ def _mesh(surface: FreeformSurface) -> bytes:
     figure, axes = _axes()
     colours = plt.get_cmap("viridis")(cells[:, 0] / max(1, space.levels - 1))
     axes.add_collection(
-        LineCollection(np.concatenate([loops, loops[:, :1]], 1), colors=colours, linewidths=0.3)
+        LineCollection(list(np.concatenate([loops, loops[:, :1]], 1)), colors=colours, linewidths=0.3)
     )
     axes.set_xlim(-hx, hx)
     axes.set_ylim(-hy, hy)
@@ -172,8 +172,8 @@ def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
     """Return a section of the lens with the strongest branch of every ray."""
     figure, axes = new_figure()
     outline = []
-    for surface, vertex, way in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
-        y = np.linspace(-1, 1, 201)[::way] * surface.half_width[1]
+    for surface, vertex, direction in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
+        y = np.linspace(-1, 1, 201)[::direction] * surface.half_width[1]
         outline.append(np.stack([vertex + surface(np.zeros_like(y), y), y], axis=1))
     section = np.concatenate(outline)
     axes.fill(*section.T, facecolor="0.92", edgecolor="0.3", lw=1)

@@ -30,9 +30,11 @@ figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overfl
 class Report:
     """What a report shows.
 
-    metrics : figures by name.  verification : as `optics.runtime.verification`.  manufacture : rows (name,
-        value, unit, place).
-    pictures : (caption, PNG bytes) by name.  limit : a sentence on what etendue allows.
+    metrics : numbers by name
+    verification : as `optics.runtime.verification`
+    manufacture : rows (name, value, unit, position)
+    pictures : (caption, PNG bytes) by name
+    limit : a sentence on what etendue allows
     """
 
     problem: Problem
@@ -58,9 +60,9 @@ def report_html(report: Report, problem_text: str) -> str:
     )
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
-        f"<h1>{title}</h1><p>{_summary(metrics)}{_told(report.limit)}</p>"
+        f"<h1>{title}</h1><p>{_summary(metrics)}{_limit_sentence(report.limit)}</p>"
         f'<div class="grid">{figures}</div>'
-        f"<h2>Figures</h2>{_metric_table(metrics)}"
+        f"<h2>Metrics</h2>{_metric_table(metrics)}"
         f"<h2>Manufacture</h2>{_manufacture_table(report.manufacture)}"
         f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
         f"<h2>Problem</h2><pre>{escape(problem_text)}</pre></html>\n"
@@ -69,30 +71,32 @@ def report_html(report: Report, problem_text: str) -> str:
 
 def _summary(metrics: dict[str, Any]) -> str:
     return (
-        f"Relative error {metrics['rel_l2']:.1%}, {metrics['efficiency']:.1%} of the source flux inside the "
-        "target "
-        f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), {metrics['stray']:.2%} "
-        "stray; "
+        f"Relative error {metrics['rel_l2']:.1%}, "
+        f"{metrics['efficiency']:.1%} of the source flux inside the target "
+        f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), "
+        f"{metrics['stray']:.2%} stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
         f"{metrics['wall_s']['total']:.1f} s."
-        f"{_other_ways(metrics.get('nonsequential'))}"
+        f"{_other_paths(metrics.get('nonsequential'))}"
     )
 
 
-def _told(limit: str | None) -> str:
+def _limit_sentence(limit: str | None) -> str:
     return f" {escape(limit)}." if limit else ""
 
 
-def _other_ways(found: dict[str, Any] | None) -> str:
-    """Return whether the sequential tracer suffices, a sentence; nothing where that was not traced or no
-    light arrives."""
-    if not found or not found["lit_w"]:
+def _other_paths(fluxes: dict[str, Any] | None) -> str:
+    """Return a sentence on whether the sequential tracer suffices.
+
+    It is empty where all paths were not traced, or no light arrives.
+    """
+    if not fluxes or not fluxes["lit_w"]:
         return ""
-    other = 1 - found["lit_direct_w"] / found["lit_w"]
+    other = 1 - fluxes["lit_direct_w"] / fluxes["lit_w"]
     verdict = "suffices" if other <= NEGLIGIBLE else "does not suffice"
     return (
-        f" {other:.2%} of the light on the lit pixels comes by other ways than front and rear: the "
-        f"sequential tracer {verdict}."
+        f" {other:.2%} of the light on the lit pixels comes by other paths than front and rear: "
+        f"the sequential tracer {verdict}."
     )
 
 
@@ -116,15 +120,15 @@ def _labelled(metrics: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[st
 
 def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
     cells = (
-        f"<tr><td>{escape(name)}</td><td "
-        f'class="n">{value:.6g}</td><td>{escape(unit)}</td><td>{escape(place)}</td></tr>'
-        for name, value, unit, place in rows
+        f'<tr><td>{escape(name)}</td><td class="n">{value:.6g}</td>'
+        f"<td>{escape(unit)}</td><td>{escape(position)}</td></tr>"
+        for name, value, unit, position in rows
     )
     return f"<table>{''.join(cells)}</table>"
 
 
 def _check_table(verification: dict[str, Any]) -> str:
-    rows = ["<tr><th>check</th><th>figure</th><th>limit</th><th>unit</th><th></th></tr>"]
+    rows = ["<tr><th>check</th><th>value</th><th>limit</th><th>unit</th><th></th></tr>"]
     for check in verification["checks"]:
         mark = '<td class="good">passed</td>' if check["ok"] else '<td class="bad">failed</td>'
         rows.append(

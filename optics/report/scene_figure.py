@@ -31,10 +31,9 @@ BUNDLE = (8, 8)  # rays
 RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where the scene is seen
 # half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
 CLEAR = 1.7
-SHORT, LONG = (
-    CLEAR / np.tan(np.radians(MOST_TURN)),
-    3.0,
-)  # the same half-widths: other throws are drawn longer or shorter
+# in the same half-widths: shorter and longer throws are drawn longer and shorter
+SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
+LONG = 3.0
 FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
 FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
 BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
@@ -45,12 +44,13 @@ AIM, LOST, GLOW, INK = "#d08400", "#c0392b", "#f5b301", "0.25"
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Where things are, mm, and how they are projected.
+    """The positions of source, lens and target, mm, and their projection.
 
-    turn : (3, 3), rows right, up and towards the viewer.  lens : (3, 2), least and greatest corner of the box
-        around it.
-    source : (3, n), outline.  target : (3, 4), corners, or (3, 0) for the far field.
-    squeeze : how many times the way behind the lens is drawn shorter than it is (below 1: longer).
+    turn : (3, 3), rows right, up and towards the viewer
+    lens : (3, 2), least and greatest corner of the box around it
+    source : (3, n), outline
+    target : (3, 4), corners, or (3, 0) for the far field
+    squeeze : how many times the distance behind the lens is drawn shorter than it is (below 1: longer)
     """
 
     turn: Array
@@ -72,10 +72,11 @@ class Scene:
 
 
 def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
-    """Return the paths of some 64 rays of the source, of the stronger part at every face, to the target or
-    its direction.
+    """Return the paths of some 64 rays of the source to the target or its direction.
 
-    backend : of double precision.
+    At every face a path follows the stronger part.
+
+    backend : of double precision
     """
     rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
     plane = TargetPlane(target.z, target.settings.half_width)
@@ -87,28 +88,31 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
 def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:
     """Return a PNG of source, lens, rays and the light on the target, in parallel projection.
 
-    Of a target in the far field the rays alone are shown.  A long throw is drawn shorter, a short one
-    longer, and the text under the picture says so; a lens that is small beside its target is shown
-    again, larger.  Of a beam much wider than the lens the middle is shown.
+    Of a target in the far field the rays alone are shown.  A long throw is drawn shorter, a short one longer,
+    and the text under the picture says so.  A lens that is small beside its target is shown again, larger.
+    Of a beam much wider than the lens the middle is shown.
 
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
-    problem, (faces, _) = system.problem, solid_faces(lens)
+    problem = system.problem
+    faces, _ = solid_faces(lens)
     scene = placed(problem, faces)
-    body, target = _corners(scene.lens), scene.target if scene.target.size else _corners(_behind(scene.lens))
+    body = _corners(scene.lens)
+    target = scene.target if scene.target.size else _corners(_behind(scene.lens))
     boxes = [_wider(scene.box(body, scene.source, target), 0.06)]
     if np.ptp(scene.box(body), axis=0).max() < SMALL * np.ptp(boxes[0], axis=0).max():
         boxes.append(_wider(scene.box(body, scene.source), 0.25))
     shapes = np.array([np.divide(*np.ptp(box, axis=0)) for box in boxes])  # width / height
     height = min(TALLEST, WIDTH / shapes.sum())
-    left = (WIDTH - height * shapes.sum()) / 2 + height * np.cumsum([0.0, *shapes[:-1]])
+    starts = (WIDTH - height * shapes.sum()) / 2 + height * np.cumsum([0.0, *shapes[:-1]])
     figure = plt.figure(figsize=(WIDTH, height + TEXT))
-    for box, shape, start in zip(boxes, shapes, left):
-        place = (start / WIDTH, TEXT / (height + TEXT), shape * height / WIDTH, height / (height + TEXT))
-        axes = figure.add_axes(place, frameon=False, xticks=[], yticks=[])
+    for box, shape, start in zip(boxes, shapes, starts):
+        position = (start / WIDTH, TEXT / (height + TEXT), shape * height / WIDTH, height / (height + TEXT))
+        axes = figure.add_axes(position, frameon=False, xticks=[], yticks=[])
         _draw(axes, scene, faces, irradiance, paths)
-        axes.set_xlim(box[:, 0])
-        axes.set_ylim(box[:, 1])
+        (left, low), (right, high) = box
+        axes.set_xlim(left, right)
+        axes.set_ylim(low, high)
     figure.text(0.5, 0.1 / (height + TEXT), _text(problem, scene), fontsize=9, ha="center")
     return png_bytes(figure)
 
@@ -153,9 +157,9 @@ def _draw(
         _target(axes, scene, irradiance)
 
 
-def _wider(box: Array, share: float) -> Array:
-    """Return a (2, 2) box with room around it, in shares of its longer side."""
-    room = share * np.ptp(box, axis=0).max()
+def _wider(box: Array, margin: float) -> Array:
+    """Return a (2, 2) box with a margin around it, relative to its longer side."""
+    room = margin * np.ptp(box, axis=0).max()
     return box + np.array([[-room], [room]])
 
 
@@ -192,7 +196,7 @@ def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:
     """Draw the light on the target's plane."""
     (x, y), z = scene.target[:2, 2], scene.target[2, 0]
     origin, right, up = scene(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [z, z, z]])).T
-    place = Affine2D(
+    plane = Affine2D(
         np.array([[*column, 0.0] for column in (right - origin, up - origin)] + [[*origin, 1.0]]).T
     )
     top = float(np.quantile(irradiance, 0.999)) or 1.0
@@ -202,7 +206,7 @@ def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:
         vmin=0,
         vmax=top,
         extent=(-x, x, -y, y),
-        transform=place + axes.transData,
+        transform=plane + axes.transData,
         interpolation="antialiased",
         zorder=4,
     )
@@ -218,4 +222,4 @@ def _text(problem: Problem, scene: Scene) -> str:
     if scene.squeeze == 1:
         return text
     drawn = f"{scene.squeeze:g} times shorter" if scene.squeeze > 1 else f"{1 / scene.squeeze:g} times longer"
-    return f"{text}; this way is drawn {drawn} than it is"
+    return f"{text}; this distance is drawn {drawn} than it is"

@@ -27,34 +27,33 @@ TURNS = {  # rows: right, up and towards the viewer, as directions in the lens f
     "from the front, x to the left": np.diag([-1.0, 1.0, -1.0]),
     OBLIQUE: oblique(32, 24),
 }
-PLACES = [
-    (left, bottom, 0.5, 0.45) for bottom in (0.525, 0.05) for left in (0.0, 0.5)
-]  # of the axes, relative to the picture
+# of the axes, relative to the picture: left, bottom, width, height
+POSITIONS = [(left, bottom, 0.5, 0.45) for bottom in (0.525, 0.05) for left in (0.0, 0.5)]
 
 
 def solid_views(lens: Lens) -> bytes:
     """Return a PNG of the lens from the rear, from the side, from the front and obliquely.
 
-    Faces are shaded by slope, in light from the upper left.  Of a surface with a sag the slopes
-    beyond those of a quadric, its relief, are taken steeper for that: by the greatest of
-    1, 2, 5, 10, ... 5000 that leaves their median below 0.5.  Outlines are true, and the text
-    under the picture says what was taken steeper.
+    Faces are shaded by slope, in light from the upper left.  The relief of a surface with a sag, its slopes
+    beyond those of a quadric, is shaded steeper: by the greatest of 1, 2, 5, 10, ... 5000 that leaves the
+    median of these slopes below 0.5.  Outlines are true.  The text under the picture says what was shaded
+    steeper.
     """
     faces, steeper = solid_faces(lens)
     points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
     boxes = {name: [f(turn[:2] @ points, axis=1) for f in (np.min, np.max)] for name, turn in TURNS.items()}
-    reach = max(
+    half_size = max(
         (0.53 if name == OBLIQUE else 0.64) * np.ptp(box, axis=0).max() for name, box in boxes.items()
     )
     figure = plt.figure(figsize=(8.4, 8.6))
-    for place, (name, turn) in zip(PLACES, TURNS.items()):
-        axes = figure.add_axes(place, frameon=False, xticks=[], yticks=[])
-        draw_solid(axes, faces, View(turn, np.mean(boxes[name], axis=0), reach))
+    for position, (name, turn) in zip(POSITIONS, TURNS.items()):
+        axes = figure.add_axes(position, frameon=False, xticks=[], yticks=[])
+        draw_solid(axes, faces, View(turn, np.mean(boxes[name], axis=0), half_size))
         axes.set_title(name, fontsize=10)
         if name == OBLIQUE:
             _names(axes, faces, turn)
         else:
-            _dimensions(axes, boxes[name], reach, height=name != SIDE)
+            _dimensions(axes, boxes[name], half_size, height=name != SIDE)
     figure.text(0.5, 0.01, _text(lens, steeper), fontsize=9, ha="center")
     return png_bytes(figure)
 
@@ -77,15 +76,15 @@ def draw_solid(axes: Axes, faces: Sequence[Face], view: View, alpha: float = 1.0
     for face in faces[2:]:
         for line in (face.points[:, :, 0], face.points[:, :, -1], face.points[:, 0], face.points[:, -1]):
             seen = view.turn @ line
-            hidden = seen[2] < depth.ravel()[view.pixels(seen)] - 0.02 * view.reach
+            hidden = seen[2] < depth.ravel()[view.pixels(seen)] - 0.02 * view.half_size
             lines += [np.where(hidden, np.nan, seen[:2]), np.full((2, 1), np.nan)]
     axes.plot(*np.concatenate(lines, axis=1), color=INK, lw=0.9, zorder=2)
 
 
-def _dimensions(axes: Axes, box: Sequence[Array], reach: float, height: bool) -> None:
+def _dimensions(axes: Axes, box: Sequence[Array], half_size: float, height: bool) -> None:
     """Draw the width of the outline below it, and its height at its left."""
     (left, bottom), (right, top) = box
-    gap = 0.07 * reach
+    gap = 0.07 * half_size
     arrow = {"arrowstyle": "<->", "lw": 0.8, "color": INK, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (left, bottom - gap), (right, bottom - gap), arrowprops=arrow)
     axes.text(
@@ -109,9 +108,8 @@ def _names(axes: Axes, faces: Sequence[Face], turn: Array) -> None:
     for face in faces:
         middle = (slice(None), *(n // 2 for n in face.points.shape[1:]))
         if turn[2] @ face.normals[middle] > 0.1:
-            axes.text(
-                *(turn[:2] @ face.points[middle]), face.name, ha="center", va="center", fontsize=8, bbox=LABEL
-            )
+            x, y = turn[:2] @ face.points[middle]
+            axes.text(x, y, face.name, ha="center", va="center", fontsize=8, bbox=LABEL)
 
 
 def _text(lens: Lens, steeper: dict[str, float]) -> str:

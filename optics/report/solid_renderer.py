@@ -46,29 +46,28 @@ class View:
 
     turn : (3, 3), rows right, up and towards the viewer
     centre : (2,), right and up in the middle of the view, mm
-    reach : half the width of the view, mm
+    half_size : half the width and height of the view, mm
     """
 
     turn: Array
     centre: Array
-    reach: float
+    half_size: float
 
     @property
-    def extent(self) -> list[float]:
+    def extent(self) -> tuple[float, float, float, float]:
         """Left, right, bottom and top of the view, mm."""
-        return [self.centre[k] + side * self.reach for k in (0, 1) for side in (-1, 1)]
+        (x, y), r = self.centre, self.half_size
+        return (x - r, x + r, y - r, y + r)
 
     def pixels(self, seen: Array) -> NDArray[np.int64]:
         """Return the number of the pixel of every turned point (3, n), (n,)."""
-        column, row = ((seen[:2] + (self.reach - self.centre)[:, None]) * (PIXELS / (2 * self.reach))).astype(
-            np.int64
-        )
+        scale = PIXELS / (2 * self.half_size)
+        column, row = ((seen[:2] + (self.half_size - self.centre)[:, None]) * scale).astype(np.int64)
         return row * PIXELS + column
 
 
 def oblique(turn: float, rise: float) -> Array:
-    """Return the turn of a view on the rear from `turn` degrees to the right and `rise` degrees above, (3,
-    3)."""
+    """Return the rotation of a view on the rear from `turn` degrees to the right and `rise` above, (3, 3)."""
     a, b = np.deg2rad([turn, rise])
     right = np.array([np.cos(a), 0.0, -np.sin(a)])
     toward = np.array([np.cos(b) * np.sin(a), np.sin(b), np.cos(b) * np.cos(a)])
@@ -76,8 +75,7 @@ def oblique(turn: float, rise: float) -> Array:
 
 
 def solid_faces(lens: Lens) -> tuple[list[Face], dict[str, float]]:
-    """Return the six faces, front and rear first, and by how much the relief of those two is steeper than it
-    is."""
+    """Return the six faces, front and rear first, and by name how many times steeper their relief is."""
     faces, steeper = [], {}
     for name, surface, vertex, side in (
         ("front", lens.front, 0.0, -1),
@@ -98,8 +96,10 @@ def solid_faces(lens: Lens) -> tuple[list[Face], dict[str, float]]:
 
 
 def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
-    """Return the depth of the nearest point of every pixel, -inf for none, (PIXELS, PIXELS), and its colour,
-    (PIXELS, PIXELS, 4)."""
+    """Return the depth and the colour of the nearest point of every pixel.
+
+    Shapes (PIXELS, PIXELS) and (PIXELS, PIXELS, 4).  The depth is -inf where there is no point.
+    """
     depth, image = np.full(PIXELS**2, -np.inf), np.zeros((PIXELS**2, 4))
     for face in faces:
         normals = view.turn @ face.normals.reshape(3, -1)
@@ -111,19 +111,22 @@ def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
         nearest = np.flatnonzero(seen[2] >= depth[pixel])
         light = AMBIENT + (1 - AMBIENT) * (0.5 + 0.5 * (LIGHT @ normals[:, nearest])) ** 1.5
         image[pixel[nearest]] = np.column_stack([light[:, None] * face.colour, np.ones_like(light)])
-    return _closed(depth.reshape(PIXELS, PIXELS), image.reshape(PIXELS, PIXELS, 4), 0.02 * view.reach)
+    return _closed(depth.reshape(PIXELS, PIXELS), image.reshape(PIXELS, PIXELS, 4), 0.02 * view.half_size)
 
 
 def _positions(surface: FreeformSurface) -> list[Array]:
-    """Return x and y of samples: equal steps of a length that grows, at every place, as the steepest of the
-    lines across it."""
-    even = [np.linspace(-h, h, SAMPLES) for h in surface.half_width]
-    z, found = surface.grid(*even), []
-    for axis, a in enumerate(even):
+    """Return x and y of samples, denser where the surface is steep.
+
+    They are equal steps of a length that grows, at every x or y, as the steepest of the lines across it.
+    """
+    uniform = [np.linspace(-h, h, SAMPLES) for h in surface.half_width]
+    z = surface.grid(uniform[0], uniform[1])
+    positions = []
+    for axis, a in enumerate(uniform):
         step = np.hypot(np.diff(a), np.abs(np.diff(z, axis=axis)).max(axis=1 - axis))
         length = np.concatenate([[0.0], np.cumsum(step)])
-        found.append(np.interp(np.linspace(0, length[-1], SAMPLES), length, a))
-    return found
+        positions.append(np.interp(np.linspace(0, length[-1], SAMPLES), length, a))
+    return positions
 
 
 def _linear(slope: Array, x: Array, y: Array) -> Array:
@@ -152,8 +155,7 @@ def _unit(x: Array, y: Array, z: Array) -> Array:
 
 
 def _closed(depth: Array, image: Array, step: float) -> tuple[Array, Array]:
-    """Return depth and image without the pixels that steep samples leave open: those take what is beside
-    them."""
+    """Return depth and image with the pixels closed that steep samples leave open, by their neighbours."""
     with np.errstate(invalid="ignore"):
         holes = grey_closing(depth, 3) - depth > step
     at = tuple(distance_transform_edt(holes, return_distances=False, return_indices=True))

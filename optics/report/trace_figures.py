@@ -24,17 +24,17 @@ def irradiance_figure(image: NDArray[np.float64], screen: Screen) -> bytes:
 
 
 def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> bytes:
-    """Return pictures of rays in phase space, (y, q), plane by plane; the colour is the place on the source.
+    """Return a picture of rays in phase space, (y, q), by planes; the colour is the position on the source.
 
     Equal areas stay equal where rays with x = p = 0 keep x and p, as behind a lens that is symmetric in x.
 
-    sections : by the name of the plane, the source first, its rays and how far y is shown, mm.
+    sections : by the name of the plane, the source first: the rays and the greatest |y| that is shown, mm
     """
     figure, axes = plt.subplots(1, len(sections), figsize=(4.3 * len(sections), 4.0), layout="constrained")
     colour = next(iter(sections.values()))[0].points[1]
-    for own, (name, (section, reach)) in zip(axes, sections.items()):
+    for panel, (name, (section, widest)) in zip(axes, sections.items()):
         lit = section.flux > 0
-        shown = own.scatter(
+        shown = panel.scatter(
             section.points[1][lit],
             section.points[3][lit],
             c=colour[lit],
@@ -42,9 +42,9 @@ def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> byte
             cmap="viridis",
             rasterized=True,
         )
-        own.set_xlim(-reach, reach)
-        own.set_xlabel("y / mm")
-        own.set_ylabel("q = n sin(angle to the axis)")
-        own.set_title(name, fontsize=10)
+        panel.set_xlim(-widest, widest)
+        panel.set_xlabel("y / mm")
+        panel.set_ylabel("q = n sin(angle to the axis)")
+        panel.set_title(name, fontsize=10)
     figure.colorbar(shown, label="y on the source / mm")
     return png_bytes(figure)

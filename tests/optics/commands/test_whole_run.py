@@ -150,7 +150,7 @@ def test_check_says_what_would_be_done(tmp_path, capsys):
     problem = write_problem(tmp_path, {"optimizer.start": "flat"})
     assert main(["check", str(problem)]) == 0
     out = capsys.readouterr().out
-    assert "the problem is sound" in out
+    assert "the problem is valid" in out
     assert "level 2: 48 x 48 pixels" in out
     assert "least thickness 6 mm at x = 0, y = 0 mm" in out
 

@@ -36,7 +36,7 @@ def test_the_adjoint_is_the_transpose(kernel, target, seed):
 
 @given(kernels(), targets())
 def test_the_reach_is_the_flux_that_arrives(kernel, target):
-    reach = kernel.reach(target.shape)
+    reach = kernel.column_sums(target.shape)
     assert_allclose(reach.ravel(), matrix(kernel, target.shape).sum(axis=0), rtol=ROUNDING)
     assert ((reach > 0) == (matrix(kernel, target.shape).sum(axis=0).reshape(reach.shape) > 0)).all()
 
@@ -123,7 +123,7 @@ def test_an_even_picture_gets_a_dark_edge():
         (lambda: Kernel.disk(0), "positive number of pixels, got 0"),
         (lambda: Kernel.rectangle(1, np.inf), "positive number of pixels, got inf"),
         (lambda: Kernel.disk(2).apply(np.ones((3, 9))), "smaller than the kernel"),
-        (lambda: Kernel.disk(2).reach((3, 9)), "smaller than the kernel"),
+        (lambda: Kernel.disk(2).column_sums((3, 9)), "smaller than the kernel"),
     ],
 )
 def test_errors_in_one_sentence(make, words):

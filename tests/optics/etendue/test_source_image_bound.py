@@ -54,7 +54,7 @@ def test_adjoint_and_reach_belong_to_the_stack(rows, columns, seed):
     assert np.vdot(stack.apply(light), image) == pytest.approx(
         np.vdot(light, stack.adjoint(image)), abs=1e-12 * light.size
     )
-    np.testing.assert_allclose(stack.adjoint(np.ones(shape)), stack.reach(shape), atol=1e-14)
+    np.testing.assert_allclose(stack.adjoint(np.ones(shape)), stack.column_sums(shape), atol=1e-14)
     np.testing.assert_allclose(stack.apply(np.ones(stack.light_shape(shape))), 1, atol=1e-13)
 
 

@@ -10,14 +10,13 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import dblquad
 from scipy.optimize import minimize
 
+from optics.etendue.image_size import image_half_width, least_mean
 from optics.etendue.measured_images import PATCHES, patch_images
 from optics.etendue.throughput_bound import (
     RAYS,
     aperture_etendue,
     brightest,
-    front_share,
-    image_half_width,
-    least_mean,
+    front_fraction,
     rear_area,
     source_etendue,
     spread,
@@ -153,7 +152,7 @@ def test_share_that_meets_a_plane_front(problem_file):
     problem = load_problem(problem_file(LAMBERTIAN | {"source.half_width": [1e-3, 1e-3]}))
     ratio = 10 / 20
     wide = sqrt(1 + ratio**2)
-    assert front_share(OpticalSystem(problem)) == pytest.approx(
+    assert front_fraction(OpticalSystem(problem)) == pytest.approx(
         4 * ratio / wide * atan(ratio / wide) / pi, abs=2.4e-3
     )
 
@@ -175,7 +174,7 @@ def test_share_that_meets_a_hollow_front(backend, problem_file, distance):
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     beside = tracer.fates(landing, problem.target.half_width).beside_lens
-    assert front_share(OpticalSystem(problem)) == pytest.approx(1 - beside, abs=1e-12)
+    assert front_fraction(OpticalSystem(problem)) == pytest.approx(1 - beside, abs=1e-12)
 
 
 def test_a_small_target_limits_the_flux(problem_file):

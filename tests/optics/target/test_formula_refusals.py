@@ -222,7 +222,7 @@ def test_light_that_is_made_on_the_pixels_is_not_fitted(tmp_path, fit, kind):
 
 def test_check_takes_a_formula(tmp_path, capsys):
     assert main(["check", str(formula_file(tmp_path))]) == 0
-    assert "the problem is sound" in capsys.readouterr().out
+    assert "the problem is valid" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
