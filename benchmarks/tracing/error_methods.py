@@ -76,7 +76,7 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
     grids or Sobol points."""
     from optics.mitsuba import LensMesh, MeshTracer
 
-    out, mesh = [], LensMesh.even(case.lens, VERTICES)
+    out, mesh = [], LensMesh.uniform(case.lens, VERTICES)
     collimated = case.system.source.collimated
     for count in counts:
         rays = (
@@ -94,7 +94,7 @@ def camera_points(case: Case, truth: Reference) -> list[Point]:
     long."""
     from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
-    mi, mesh, out = current_mitsuba(), LensMesh.even(case.lens, VERTICES), []
+    mi, mesh, out = current_mitsuba(), LensMesh.uniform(case.lens, VERTICES), []
     scene = mitsuba_scene(case.system, mesh)
     camera = gaussian_camera(mi, scene, case)
     for spp in SPP:
@@ -150,7 +150,7 @@ def camera_noise(case: Case) -> list[tuple[str, float, float]]:
     from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi = current_mitsuba()
-    scene = mitsuba_scene(case.system, LensMesh.even(case.lens, VERTICES))
+    scene = mitsuba_scene(case.system, LensMesh.uniform(case.lens, VERTICES))
     cameras = {BOX: scene.sensors()[0], "the same window": gaussian_camera(mi, scene, case)}
     out = []
     for measure, camera in cameras.items():

@@ -228,7 +228,7 @@ def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     from optics.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
 
     load_mitsuba("llvm_ad_mono", 1)
-    scene = mitsuba_scene(system, LensMesh.even(lens, (COUNT, COUNT)))
+    scene = mitsuba_scene(system, LensMesh.uniform(lens, (COUNT, COUNT)))
     tracer = Tracer(backend, lens, system.source.rays((COUNT, COUNT)), system.target.z)
     objective, c = _objective(system, backend, tracer, PixelWindow()), [sag.coefficients for sag in lens.sags]
     image, other = objective.image(c), camera_irradiance(scene, SPP)

@@ -7,13 +7,13 @@ returns the irradiance of the target in W/mm^2 (far field: W per square degree) 
 size gives the pixels, and the problem's `optimizer.window` measures them.
 
 The rays are those of the problem's source, spp of them per pixel on a fixed grid (or Sobol set); seeds change
-nothing. Surfaces are the splines themselves, not meshes, traced in double precision.
+nothing.  Surfaces are the splines themselves, not meshes, traced in double precision.
 
 The parameters "front_coefficients" and "rear_coefficients" (Float64, of the surfaces that are free) are
 differentiable, in backward and in forward mode.  The scene's shapes and emitters play no part.
 
-Mitsuba 3.9.1 can construct no shape written in Python.  When it can, the splines belong in a shape of their
-own, which serves every integrator, and this one is no longer needed.
+Mitsuba 3.9.1 can construct no shape written in Python.  When it can, the splines belong in such a shape,
+which serves every integrator, and this one is no longer needed.
 """
 
 from __future__ import annotations
@@ -46,8 +46,9 @@ NAME = "thbcad"
 
 
 class ExactFilm:
-    """The irradiance of a problem's target on a film, and its derivatives by the coefficients of the sags,
-    front first.
+    """The irradiance of a problem's target on a film, and its derivatives by the coefficients of the sags.
+
+    The sags go front first.
 
     pixels : (columns, rows).  spp : rays per pixel, about.
     """
@@ -59,7 +60,9 @@ class ExactFilm:
         screen = replace(system.target.screen(), pixels=(columns, rows))
         counts = [ceil(sqrt(spp) * n) for n in (columns, rows)]
         self.shape = rows, columns
-        self._backend, self._free = backend, [s for s in (lens.front, lens.rear) if s.sag is not None]
+        surfaces = (lens.front, lens.rear)
+        self._free = [(s.half_width, s.sag.space) for s in surfaces if s.sag is not None]
+        self._backend = backend
         self._tracer = Tracer(backend, lens, system.source.rays(counts), system.target.z)
         self._splat = Splat(backend, screen, stage_window(system.problem, final=True))
 
@@ -82,8 +85,9 @@ class ExactFilm:
         dr = self._backend.dr
         with dr.resume_grad():
             hits, image = self._trace(coefficients)
-            for hit, surface, direction in zip(hits, self._free, directions):
-                for leaf, slope in zip(hit.leaves, _sag_at(hit, surface, direction)):
+            for hit, (half_width, space), direction in zip(hits, self._free, directions):
+                sag = FreeformSurface(half_width, sag=THBSurface(space, direction))
+                for leaf, slope in zip(hit.leaves, _jet_at(hit, sag)):
                     dr.set_grad(leaf, self._backend.array(slope))
             dr.enqueue(dr.ADMode.Forward, *(leaf for hit in hits for leaf in hit.leaves))
             dr.traverse(dr.ADMode.Forward)
@@ -97,16 +101,14 @@ class ExactFilm:
         return image.numpy().reshape(self.shape, order="F")
 
 
-def _sag_at(hits: Hits, surface: FreeformSurface, coefficients: Floats) -> list[Floats]:
-    """Return height and slopes of a sag with other coefficients where rays meet the surface, (n,) each; zeros
-    where they miss."""
+def _jet_at(hits: Hits, surface: FreeformSurface) -> list[Floats]:
+    """Return height and slopes of a surface at the x and y of meeting points, (n,) each; zeros for misses."""
     dr = hits.dr
     hit = np.broadcast_to(hits.hit.numpy(), dr.width(hits.x))
-    sag = FreeformSurface(surface.half_width, sag=THBSurface(surface.sag.space, coefficients))
-    place = [dr.detach(a).numpy()[hit] for a in (hits.x, hits.y)]
+    x, y = (dr.detach(a).numpy()[hit] for a in (hits.x, hits.y))
     rows = [np.zeros(len(hit)) for _ in range(3)]
     for row, derivative in zip(rows, ((0, 0), (1, 0), (0, 1))):
-        row[hit] = sag(*place, derivative)
+        row[hit] = surface(x, y, derivative)
     return rows
 
 
@@ -141,8 +143,9 @@ class _Parameters:
         """Return the film of a sensor; spp = 0 is what its sampler says."""
         sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
         key = *map(int, sensor.film().size()), spp or sensor.sampler().sample_count()
-        if key != self._key:
-            self._key, self._film = key, ExactFilm(self._backend, self._system, self._lens, key[:2], key[2])
+        if self._film is None or key != self._key:
+            self._key = key
+            self._film = ExactFilm(self._backend, self._system, self._lens, key[:2], key[2])
         return self._film
 
 
@@ -164,8 +167,9 @@ def register() -> None:
 
 
 def exact_integrator(system: OpticalSystem, lens: Lens) -> Any:
-    """Return the integrator, mi.Integrator, of a system and a lens, for ``mi.render`` or ``mi.load_dict`` of
-    a scene.
+    """Return the integrator of a system and a lens, mi.Integrator.
+
+    It serves ``mi.render``, or ``mi.load_dict`` of a scene.
 
     Raises
     ------
@@ -180,7 +184,9 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
     """Return the class for the variant that is set: Mitsuba's base class is another one in each."""
     backend = mitsuba_backend(mi)
 
-    class ExactIntegrator(mi.CppADIntegrator):
+    base: Any = mi.CppADIntegrator
+
+    class ExactIntegrator(base):
         def __init__(self, properties: Any, system: OpticalSystem, lens: Lens) -> None:
             super().__init__(properties)
             self._parameters = _Parameters(backend, system, lens)

@@ -24,8 +24,8 @@ VARIANTS = (
 def load_mitsuba(variant: str = "llvm_ad_mono", threads: int = 0) -> ModuleType:
     """Load Mitsuba, set its variant and return the module.
 
-    variant : one that runs on LLVM; in mono variants fluxes are exact, rgb and spectral ones scale them by a
-        spectrum.
+    variant : one that runs on LLVM.  In mono variants fluxes are exact; rgb and spectral ones scale them by
+        a spectrum.
     threads : of all Dr.Jit kernels, 0 for all cores.
 
     Raises
@@ -56,13 +56,15 @@ def current_mitsuba() -> ModuleType:
     UserError : as `load_mitsuba`, of the variant that is set.
     """
     mitsuba = sys.modules.get("mitsuba")
-    variant = mitsuba.variant() if mitsuba else None
+    if mitsuba is None:
+        return load_mitsuba()
+    variant = mitsuba.variant()
     if variant is None:
         return load_mitsuba()
     if variant not in VARIANTS:
         raise UserError(
-            f"Mitsuba's variant must be one of {', '.join(VARIANTS)}, got {variant!r}; call load_mitsuba "
-            "first"
+            f"Mitsuba's variant must be one of {', '.join(VARIANTS)}, got {variant!r}; "
+            "call load_mitsuba first"
         )
     return mitsuba
 

@@ -7,8 +7,8 @@ Front and rear are sampled at the same relative positions.  On a surface with n 
 with the THB coefficients c, and the vertex normals are those of the spline itself, (-zx, -zy, 1) / N on the
 rear and the opposite on the front.  The four ruled edges are strips between the rims, with flat normals.
 
-Mitsuba 3.9.1 offers no Python class for shapes of one's own.  When it does, a shape that meets the
-spline itself can take the place of these meshes.
+Mitsuba 3.9.1 has no Python class from which a shape could derive.  When it has, a shape that meets the
+spline itself can replace these meshes.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ FACES = ("front", "rear", "edges")
 
 @dataclass(frozen=True, eq=False)
 class SurfaceVertices:
-    """Vertices of one surface at the relative positions s x t in [-1, 1], t first: heights and slopes are
-    base + matrix @ c.
+    """Vertices of one surface at the relative positions s x t in [-1, 1], t first.
+
+    Heights and slopes are base + matrix @ c.
 
     vertex : z of the surface's vertex in the lens's frame, mm.
     """
@@ -50,7 +51,7 @@ class SurfaceVertices:
     t: Floats
 
     @cached_property
-    def place(self) -> tuple[Floats, Floats]:
+    def positions(self) -> tuple[Floats, Floats]:
         """x and y of all vertices, (n,) each, mm."""
         hx, hy = self.surface.half_width
         x, y = (a.ravel() for a in np.meshgrid(hx * self.s, hy * self.t, indexing="ij"))
@@ -59,19 +60,27 @@ class SurfaceVertices:
     @cached_property
     def base(self) -> Floats:
         """z, zx, zy without the sag, (3, n)."""
-        x, y = self.place
+        x, y = self.positions
         rows = [self.surface.conic(x, y, d) + np.zeros_like(x) for d in JET]
         rows[0] += self.vertex
         return read_only(np.stack(rows))
 
     @cached_property
     def matrix(self) -> csr_array:
-        """The derivatives of z, zx, zy by the THB coefficients, csr_array (3 n, dim)."""
-        space, place = self.surface.sag.space, self.surface.to_parameters(*self.place)
-        scale = [
+        """The derivatives of z, zx, zy by the THB coefficients, csr_array (3 n, dim).
+
+        Raises
+        ------
+        ValueError : a surface without a sag.
+        """
+        if self.surface.sag is None:
+            raise ValueError("a surface without a sag has no coefficients")
+        space = self.surface.sag.space
+        u, v = self.surface.to_parameters(*self.positions)
+        du, dv = (  # parameters per mm
             (kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.surface.half_width)
-        ]
-        rows = [space.collocation(*place, (a, b)) * (scale[0] ** a * scale[1] ** b) for a, b in JET]
+        )
+        rows = [space.collocation(u, v, (a, b)) * (du**a * dv**b) for a, b in JET]
         return csr_array(vstack(rows, format="csr"))
 
     def jet(self, coefficients: Floats | None = None) -> Floats:
@@ -115,9 +124,10 @@ class LensMesh:
             object.__setattr__(self, name, row)
 
     @classmethod
-    def even(cls, lens: Lens, counts: Sequence[int]) -> LensMesh:
-        """Return the mesh with counts = (nx, ny) evenly spaced vertices."""
-        return cls(lens, *(np.linspace(-1, 1, n) for n in counts))
+    def uniform(cls, lens: Lens, counts: Sequence[int]) -> LensMesh:
+        """Return the mesh with counts = (nx, ny) uniformly spaced vertices."""
+        nx, ny = counts
+        return cls(lens, np.linspace(-1, 1, nx), np.linspace(-1, 1, ny))
 
     @classmethod
     def within(cls, lens: Lens, chord: float) -> LensMesh:
@@ -138,8 +148,10 @@ class LensMesh:
     def surfaces(self) -> dict[str, SurfaceVertices]:
         """The vertices of "front" and "rear"."""
         lens = self.lens
-        places = {"front": (lens.front, 0.0), "rear": (lens.rear, lens.thickness)}
-        return {name: SurfaceVertices(surface, z, self.s, self.t) for name, (surface, z) in places.items()}
+        return {
+            "front": SurfaceVertices(lens.front, 0.0, self.s, self.t),
+            "rear": SurfaceVertices(lens.rear, lens.thickness, self.s, self.t),
+        }
 
     @property
     def free(self) -> dict[str, Floats]:
@@ -158,23 +170,22 @@ class LensMesh:
         The edges have their own vertices: the rim of the front, then that of the rear.
         """
         if name == "edges":
-            low = np.arange(len(self.rim))
-            following = np.roll(low, -1)
-            corners = low, following, following + len(low), low + len(low)
+            a = np.arange(len(self.rim))
+            b = np.roll(a, -1)
+            c, d = b + len(a), a + len(a)
         else:
             grid = np.arange(len(self.s) * len(self.t)).reshape(len(self.s), len(self.t))
-            corners = tuple(
-                part.ravel() for part in (grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
-            )
-        a, b, c, d = corners
+            a, b = grid[:-1, :-1].ravel(), grid[1:, :-1].ravel()
+            c, d = grid[1:, 1:].ravel(), grid[:-1, 1:].ravel()
         both = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         return (both[:, ::-1] if name == "front" else both).astype(np.uint32)
 
     def vertices(
         self, mitsuba: ModuleType, name: str, coefficients: DrArray | None = None
     ) -> tuple[Any, Any]:
-        """Return (positions, outward unit normals) of "front" or "rear", Point3f and Normal3f, differentiable
-        in the coefficients.
+        """Return (positions, outward unit normals) of "front" or "rear", Point3f and Normal3f.
+
+        They are differentiable in the coefficients.
 
         coefficients : Float64 (dim,), or None for the surface as it is.
         """
@@ -184,12 +195,12 @@ class LensMesh:
         else:
             z, zx, zy = backend.dr.custom(_jet_operation(backend, surface), coefficients)
         outward = (1.0 if name == "rear" else -1.0) * backend.dr.rsqrt(1 + zx * zx + zy * zy)
-        x, y = (backend.array(row) for row in surface.place)
+        x, y = (backend.array(row) for row in surface.positions)
         return mitsuba.Point3f(x, y, z), mitsuba.Normal3f(-zx * outward, -zy * outward, outward)
 
     def shapes(self, mitsuba: ModuleType, names: Sequence[str] = FACES, bsdf: Any = None) -> dict[str, Any]:
         """Return the faces as Mitsuba meshes by name.  bsdf : of all of them."""
-        shapes = {}
+        shapes: dict[str, Any] = {}
         for name in names:
             properties = mitsuba.Properties()
             if bsdf is not None:
@@ -238,7 +249,9 @@ class LensMesh:
 def _jet_operation(backend: Backend, surface: SurfaceVertices) -> type:
     """Return the Dr.Jit operation coefficients -> z, zx, zy, Float64 (n,) each."""
 
-    class Jet(backend.dr.CustomOp):
+    base: Any = backend.dr.CustomOp
+
+    class Jet(base):
         def eval(self, coefficients: DrArray) -> tuple[DrArray, ...]:
             return tuple(backend.array(row) for row in surface.jet(coefficients.numpy()))
 
@@ -247,7 +260,7 @@ def _jet_operation(backend: Backend, surface: SurfaceVertices) -> type:
             self.set_grad_out(tuple(backend.array(row) for row in surface.push_forward(direction)))
 
         def backward(self) -> None:
-            gradients = [np.broadcast_to(g.numpy(), len(surface.place[0])) for g in self.grad_out()]
+            gradients = [np.broadcast_to(g.numpy(), len(surface.positions[0])) for g in self.grad_out()]
             self.set_grad_in("coefficients", backend.array(surface.pull_back(np.stack(gradients))))
 
         def name(self) -> str:

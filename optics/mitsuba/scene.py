@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 REFLECTANCE = 2.0**-7  # of the screen
 FIELD = 40.0  # degrees, of the camera, where the lens leaves room
-NEAREST = 0.9  # of the way from the screen to the lens: the camera is not farther away
+NEAREST = 0.9  # of the distance from the screen to the lens: the camera is not farther away
 DEPTH = 16  # most vertices of a light path
-TEXTURE = 512  # pixels each way of a source's density, where it is no picture
+TEXTURE = 512  # columns and rows of a source's density, where it is no picture
 FLAT = 1e-6  # relative difference of a pixel's sides
 
 
@@ -41,7 +41,8 @@ def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:
 
     Raises
     ------
-    UserError : a target in the far field, pixels that are not square, a point source that lights unevenly.
+    UserError : a target in the far field, pixels that are not square, a point source of another intensity
+        than a uniform one.
     """
     problem = system.problem
     if system.target.far_field:
@@ -49,9 +50,7 @@ def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:
     mi = current_mitsuba()
     glass = mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
     heights = [surface.jet()[0] for surface in mesh.surfaces.values()]
-    lowest, highest = (
-        float(end(z)) for end, z in zip((np.min, np.max), (heights[0], np.concatenate(heights)))
-    )
+    lowest, highest = float(heights[0].min()), float(np.concatenate(heights).max())
     return mi.load_dict(
         {
             "type": "scene",
@@ -77,15 +76,18 @@ def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64
     mi = current_mitsuba()
     if mi.variant() != "llvm_ad_mono":
         raise UserError(
-            f"the camera measures W/mm^2 in the variant llvm_ad_mono only, got {mi.variant()}; call "
-            "load_mitsuba first"
+            f"the camera measures W/mm^2 in the variant llvm_ad_mono only, got {mi.variant()}; "
+            "call load_mitsuba first"
         )
     picture = np.array(mi.render(scene, spp=spp, seed=seed), dtype=np.float64)[..., 0]
     return pi / REFLECTANCE * picture[:, ::-1]
 
 
 def _emitter(mi: ModuleType, system: OpticalSystem, lowest: float) -> dict[str, Any]:
-    """Return the source.  lowest : z of the lowest point of the front, before which parallel light starts."""
+    """Return the source.
+
+    lowest : z of the lowest point of the front, before which parallel light starts, mm.
+    """
     source = system.problem.source
     if source.kind == "point":
         return _point(source)
@@ -124,48 +126,47 @@ def _radiance(mi: ModuleType, profile: Profile, mean: float) -> dict[str, Any]:
 def _point(source: Source) -> dict[str, Any]:
     if source.exponent:
         raise UserError(
-            f"Mitsuba's points light their cone evenly: source.exponent must be 0, got {source.exponent:g}"
+            f"Mitsuba's points light their cone uniformly: source.exponent must be 0, got {source.exponent:g}"
         )
     intensity = {"type": "uniform", "value": source.flux / (2 * pi * (1 - cos(radians(source.half_angle))))}
-    place = [0.0, 0.0, -source.distance]
-    if source.half_angle == 90:  # what goes back meets nothing
-        return {"type": "point", "position": place, "intensity": intensity}
+    position = [0.0, 0.0, -source.distance]
+    if source.half_angle == 90:  # light that goes back meets nothing
+        return {"type": "point", "position": position, "intensity": intensity}
     cone = {"cutoff_angle": source.half_angle, "beam_width": source.half_angle}
-    towards = current_mitsuba().ScalarTransform4f().look_at(origin=place, target=[0, 0, 0], up=[0, 1, 0])
+    towards = current_mitsuba().ScalarTransform4f().look_at(origin=position, target=[0, 0, 0], up=[0, 1, 0])
     return {"type": "spot", "to_world": towards, "intensity": intensity, **cone}
 
 
 def _screen(mi: ModuleType, problem: Problem) -> dict[str, Any]:
     hx, hy = problem.target.half_width
-    place = (
-        mi.ScalarTransform4f().translate([0, 0, problem.target_z]).rotate([0, 1, 0], 180).scale([hx, hy, 1])
-    )
+    plane = mi.ScalarTransform4f().translate([0, 0, problem.target_z])
     return {
         "type": "rectangle",
-        "to_world": place,
+        "to_world": plane.rotate([0, 1, 0], 180).scale([hx, hy, 1]),
         "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": REFLECTANCE}},
     }
 
 
 def _camera(mi: ModuleType, problem: Problem, highest: float) -> dict[str, Any]:
-    """Return a pinhole camera between the lens and the screen that sees just the screen.  highest : z of the
-    lens's highest point."""
+    """Return a pinhole camera between the lens and the screen that sees just the screen.
+
+    highest : z of the lens's highest point, mm.
+    """
     (hx, hy), (columns, rows) = problem.target.half_width, problem.target.pixels
     if abs(hx * rows / (hy * columns) - 1) > FLAT:
         raise UserError(
-            "the camera's pixels are square: target.pixels must be in proportion to target.half_width, got "
-            f"{columns} x {rows} pixels "
-            f"on {hx:g} x {hy:g} mm"
+            "the camera's pixels are square: target.pixels must be in proportion to target.half_width, "
+            f"got {columns} x {rows} pixels on {hx:g} x {hy:g} mm"
         )
     away = min(max(hx, hy) / tan(radians(FIELD / 2)), NEAREST * (problem.target_z - highest))
-    place = {"origin": [0, 0, problem.target_z - away], "target": [0, 0, problem.target_z], "up": [0, 1, 0]}
+    view = {"origin": [0, 0, problem.target_z - away], "target": [0, 0, problem.target_z], "up": [0, 1, 0]}
     return {
         "type": "perspective",
         "fov": 2 * degrees(atan2(hx, away)),
         "fov_axis": "x",
         "near_clip": 1e-3 * away,
         "far_clip": 10 * (away + hx + hy),
-        "to_world": mi.ScalarTransform4f().look_at(**place),
+        "to_world": mi.ScalarTransform4f().look_at(**view),
         "film": {
             "type": "hdrfilm",
             "width": columns,

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,8 @@ from optics.target import Splat, filter_image
 if TYPE_CHECKING:
     from optics.optimisation.shape_penalty import ShapePenalty
     from optics.runtime import Backend, DrArray
-    from optics.target import BSplineWindow, GaussianWindow, PixelWindow, Screen
-    from optics.tracing import Hits, Tracer
+    from optics.target import Screen, Window
+    from optics.tracing import RayTracer
     from thbcad.splines import KnotVector
 
 
@@ -48,9 +48,9 @@ class Objective:
     def __init__(
         self,
         backend: Backend,
-        tracer: Tracer,
+        tracer: RayTracer,
         screen: Screen,
-        window: PixelWindow | BSplineWindow | GaussianWindow,
+        window: Window,
         target: NDArray[np.float64],
         lost_flux_weight: float,
         dark_flux_weight: float = 0.0,
@@ -117,8 +117,8 @@ class Objective:
 
     def _backward(
         self, coefficients: Sequence[NDArray[np.float64]]
-    ) -> tuple[float, float, list[Hits], DrArray]:
-        """Return (loss without the shape, fit, Hits with gradients, measured irradiance)."""
+    ) -> tuple[float, float, list[Any], DrArray]:
+        """Return (loss without the shape, fit, what the tracer pulls back, measured irradiance)."""
         dr = self._backend.dr
         hits, landing = self._tracer.trace(coefficients)
         image = self._splat(landing.x, landing.y, landing.flux)

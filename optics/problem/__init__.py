@@ -14,6 +14,9 @@ if TYPE_CHECKING:
         limit_checks as limit_checks,
         require_limits as require_limits,
     )
+    from optics.problem.problem_file import (
+        load_problem as load_problem,
+    )
     from optics.problem.schema import (
         Freeform as Freeform,
         Front as Front,
@@ -23,7 +26,6 @@ if TYPE_CHECKING:
         Refinement as Refinement,
         Source as Source,
         Target as Target,
-        load_problem as load_problem,
         per_level as per_level,
     )
     from optics.problem.toml_text import (
@@ -41,6 +43,7 @@ _FILES = {
         "limit_checks",
         "require_limits",
     ),
+    "problem_file": ("load_problem",),
     "schema": (
         "Freeform",
         "Front",
@@ -50,7 +53,6 @@ _FILES = {
         "Refinement",
         "Source",
         "Target",
-        "load_problem",
         "per_level",
     ),
     "toml_text": (

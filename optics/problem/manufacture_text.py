@@ -1,4 +1,4 @@
-"""The figures for the workshop as rows of text and as plain data."""
+"""The metrics for manufacturing as rows of text and as plain data."""
 
 from __future__ import annotations
 
@@ -14,62 +14,62 @@ if TYPE_CHECKING:
 Row = tuple[str, float, str, str]
 
 
-def manufacture_rows(found: Manufacturability, wavelength: float) -> list[Row]:
-    """Return rows (name, value, unit, place); a radius that no place has is infinite.
+def manufacture_rows(metrics: Manufacturability, wavelength: float) -> list[Row]:
+    """Return rows (name, value, unit, position); a radius that occurs nowhere is infinite.
 
-    wavelength : nm, to which the features are compared
+    wavelength : nm, with which the features are compared.
     """
     rows = [
-        ("centre thickness", found.centre_thickness.value, "mm", place(found.centre_thickness)),
-        ("edge thickness", found.edge_thickness.value, "mm", place(found.edge_thickness)),
-        ("least thickness", found.thickness.value, "mm", place(found.thickness)),
+        ("centre thickness", metrics.centre_thickness.value, "mm", position(metrics.centre_thickness)),
+        ("edge thickness", metrics.edge_thickness.value, "mm", position(metrics.edge_thickness)),
+        ("least thickness", metrics.thickness.value, "mm", position(metrics.thickness)),
     ]
-    for name, surface in found.surfaces.items():
+    for name, surface in metrics.surfaces.items():
         rows += _surface_rows(name, surface, wavelength)
-    rows.append(("volume", found.volume, "mm^3", ""))
-    if found.mass is not None:
-        rows.append(("mass", found.mass, "g", ""))
+    rows.append(("volume", metrics.volume, "mm^3", ""))
+    if metrics.mass is not None:
+        rows.append(("mass", metrics.mass, "g", ""))
     return rows
 
 
-def as_data(found: Manufacturability) -> dict[str, Any]:
-    """Return the figures as plain data for JSON; an infinite number is None."""
+def as_data(metrics: Manufacturability) -> dict[str, Any]:
+    """Return the metrics as plain data for JSON; an infinite number is None."""
     thicknesses = {
-        name: _bound_data(getattr(found, name))
+        name: _bound_data(getattr(metrics, name))
         for name in ("thickness", "centre_thickness", "edge_thickness")
     }
     return {
         **{f"{name}_mm": data for name, data in thicknesses.items()},
-        **{name: _surface_data(surface) for name, surface in found.surfaces.items()},
-        "volume_mm3": found.volume,
-        "density_g_cm3": found.density,
-        "mass_g": found.mass,
+        **{name: _surface_data(surface) for name, surface in metrics.surfaces.items()},
+        "volume_mm3": metrics.volume,
+        "density_g_cm3": metrics.density,
+        "mass_g": metrics.mass,
     }
 
 
-def place(found: Enclosure) -> str:
+def position(extreme: Enclosure) -> str:
     """Return where an extreme lies."""
-    return f"at x = {found.u:.4g}, y = {found.v:.4g} mm"
+    return f"at x = {extreme.u:.4g}, y = {extreme.v:.4g} mm"
 
 
-def places(heights: HeightRange) -> str:
+def positions(heights: HeightRange) -> str:
     """Return where the least and the greatest height lie."""
     low, high = heights.least, heights.greatest
     return f"between x = {low.u:.4g}, y = {low.v:.4g} and x = {high.u:.4g}, y = {high.v:.4g} mm"
 
 
 def _surface_rows(name: str, surface: SurfaceMetrics, wavelength: float) -> Iterator[Row]:
-    yield f"greatest slope of the {name}", surface.slope.value, "degrees", place(surface.slope)
+    yield f"greatest slope of the {name}", surface.slope.value, "degrees", position(surface.slope)
     for side, radius in (("concave", surface.concave), ("convex", surface.convex)):
         yield (
             f"least {side} radius of the {name}",
             radius.value,
             "mm",
-            place(radius) if isfinite(radius.value) else f"nowhere {side}",
+            position(radius) if isfinite(radius.value) else f"nowhere {side}",
         )
-    yield f"range of heights of the {name}", surface.heights.value, "mm", places(surface.heights)
+    yield f"range of heights of the {name}", surface.heights.value, "mm", positions(surface.heights)
     if surface.departure is not None:
-        yield f"range of the sag of the {name}", surface.departure.value, "mm", places(surface.departure)
+        yield f"range of the sag of the {name}", surface.departure.value, "mm", positions(surface.departure)
     if surface.feature is not None:
         level = f"on level {surface.feature.level}"
         for axis, size in zip("xy", surface.feature.size):
@@ -94,12 +94,12 @@ def _surface_data(surface: SurfaceMetrics) -> dict[str, Any]:
     }
 
 
-def _bound_data(found: Enclosure) -> dict[str, float | None]:
-    numbers = {name: getattr(found, name) for name in ("value", "lower", "upper")}
-    somewhere = isfinite(found.value)
+def _bound_data(extreme: Enclosure) -> dict[str, float | None]:
+    numbers = {name: getattr(extreme, name) for name in ("value", "lower", "upper")}
+    somewhere = isfinite(extreme.value)
     return {name: number if isfinite(number) else None for name, number in numbers.items()} | {
-        "x": found.u if somewhere else None,
-        "y": found.v if somewhere else None,
+        "x": extreme.u if somewhere else None,
+        "y": extreme.v if somewhere else None,
     }
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from math import floor, isfinite, log2
 from typing import TYPE_CHECKING
 
-from optics.problem.manufacture_text import place, places
+from optics.problem.manufacture_text import position, positions
 from optics.runtime import Check, UserError
 from thbcad.lens import NM_PER_MM, Lens, manufacturability, mass
 
@@ -25,13 +25,14 @@ THICKNESSES = {
 
 @dataclass(frozen=True)
 class Miss:
-    """How far a figure lies on the wrong side of limits.`key`: at most `most`, surely `least`; both are 0
-    within the limit.
+    """How far a quantity lies on the wrong side of limits.`key`: at most `most`, at least `least`.
 
-    side : "short of" or "beyond"
+    Both are 0 within the limit.
+
+    side : "short of" or "beyond".
     """
 
-    figure: str
+    quantity: str
     side: str
     key: str
     most: float
@@ -44,46 +45,50 @@ def require_limits(problem: Problem) -> None:
     """Raise UserError where a limit needs a key that is missing."""
     if isfinite(problem.limits.mass) and not problem.lens.density:
         raise UserError(
-            f"limits.mass of {problem.limits.mass:g} g needs lens.density, the density in g/cm^3, which is "
-            "0 (unknown)"
+            f"limits.mass of {problem.limits.mass:g} g needs lens.density, the density in g/cm^3, "
+            "which is 0 (unknown)"
         )
 
 
-def limit_checks(problem: Problem, found: Manufacturability) -> list[Check]:
-    """Return by how much the lens may miss each of the problem's limits, from certified bounds (the mass by
-    quadrature), with the place."""
+def limit_checks(problem: Problem, metrics: Manufacturability) -> list[Check]:
+    """Return by how much the lens may miss each of the problem's limits, with the position.
+
+    The numbers come from certified bounds, that of the mass from quadrature.
+    """
     return [
-        Check(f"{m.figure} {m.side} limits.{m.key}{m.where}", m.most, 0, m.unit)
-        for m in _misses(problem, found)
+        Check(f"{m.quantity} {m.side} limits.{m.key}{m.where}", m.most, 0, m.unit)
+        for m in _misses(problem, metrics)
     ]
 
 
 def limit_advice(problem: Problem, lens: Lens) -> list[str]:
-    """Return a sentence for every limit that the lens misses without its sags, and for levels too fine for
-    limits.feature."""
+    """Return a sentence for every limit that the lens misses without its sags.
+
+    Levels too fine for limits.feature get one too.
+    """
     if problem.limits == type(problem.limits)():
         return []
     bare = Lens(replace(lens.front, sag=None), replace(lens.rear, sag=None), lens.thickness, lens.index)
     missed = [m for m in _misses(problem, manufacturability(bare)) if m.least > 0]
     sentences = [
-        f"before optimisation the {m.figure} is {m.least:.4g} {m.unit} {m.side} limits.{m.key}{m.where}"
+        f"before optimisation the {m.quantity} is {m.least:.4g} {m.unit} {m.side} limits.{m.key}{m.where}"
         for m in missed
     ]
     return sentences + list(_feature_advice(problem))
 
 
-def _misses(problem: Problem, found: Manufacturability) -> Iterator[Miss]:
+def _misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
     limits, free = problem.limits, {"front": problem.lens.front.freeform is not None, "rear": True}
-    for key, figure in THICKNESSES.items():
+    for key, quantity in THICKNESSES.items():
         if getattr(limits, key):
-            yield _short(figure, key, getattr(limits, key), getattr(found, key))
-    for name, surface in found.surfaces.items():
+            yield _short(quantity, key, getattr(limits, key), getattr(metrics, key))
+    for name, surface in metrics.surfaces.items():
         if free[name]:
             yield from _free_misses(name, surface, limits, problem.source.wavelength)
         yield from _height_misses(name, surface, limits)
     if isfinite(limits.mass):
-        amount = max(0.0, mass(found.volume, problem.lens.density) - limits.mass)
-        yield Miss("mass", "beyond", "mass", amount, amount, "g")
+        amount = max(0.0, mass(metrics.volume, problem.lens.density) - limits.mass)
+        yield Miss("mass", side="beyond", key="mass", most=amount, least=amount, unit="g")
 
 
 def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength: float) -> Iterator[Miss]:
@@ -97,9 +102,14 @@ def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength:
         )
     if limits.feature and surface.feature is not None:
         amount = max(0.0, limits.feature - surface.feature.wavelengths(wavelength))
-        where = f", on level {surface.feature.level}"
         yield Miss(
-            f"smallest feature of the {name}", "short of", "feature", amount, amount, "wavelengths", where
+            quantity=f"smallest feature of the {name}",
+            side="short of",
+            key="feature",
+            most=amount,
+            least=amount,
+            unit="wavelengths",
+            where=f", on level {surface.feature.level}",
         )
 
 
@@ -107,27 +117,26 @@ def _height_misses(name: str, surface: SurfaceMetrics, limits: Limits) -> Iterat
     """Yield the limits that hold for every surface."""
     if limits.slope < 90:
         yield _beyond(
-            f"slope of the {name}", "slope", limits.slope, surface.slope, "degrees", place(surface.slope)
+            f"slope of the {name}", "slope", limits.slope, surface.slope, "degrees", position(surface.slope)
         )
     if isfinite(limits.sag_range):
-        where = places(surface.heights)
+        where = positions(surface.heights)
         yield _beyond(
             f"range of heights of the {name}", "sag_range", limits.sag_range, surface.heights, "mm", where
         )
 
 
-def _short(figure: str, key: str, limit: float, found: Enclosure) -> Miss:
-    most, least = (max(0.0, limit - number) for number in (found.lower, found.upper))
-    return Miss(
-        figure, "short of", key, most, least, "mm", f", {place(found)}" if isfinite(found.value) else ""
-    )
+def _short(quantity: str, key: str, limit: float, bound: Enclosure) -> Miss:
+    most, least = (max(0.0, limit - number) for number in (bound.lower, bound.upper))
+    where = f", {position(bound)}" if isfinite(bound.value) else ""
+    return Miss(quantity, side="short of", key=key, most=most, least=least, unit="mm", where=where)
 
 
 def _beyond(
-    figure: str, key: str, limit: float, found: Enclosure | HeightRange, unit: str, where: str
+    quantity: str, key: str, limit: float, bound: Enclosure | HeightRange, unit: str, where: str
 ) -> Miss:
-    most, least = (max(0.0, number - limit) for number in (found.upper, found.lower))
-    return Miss(figure, "beyond", key, most, least, unit, f", {where}")
+    most, least = (max(0.0, number - limit) for number in (bound.upper, bound.lower))
+    return Miss(quantity, side="beyond", key=key, most=most, least=least, unit=unit, where=f", {where}")
 
 
 def _feature_advice(problem: Problem) -> Iterator[str]:
@@ -137,11 +146,8 @@ def _feature_advice(problem: Problem) -> Iterator[str]:
         free = spec.freeform
         if not limit or free is None:
             continue
-        coarsest = (
-            min(free.degree * 2 * h / n for h, n in zip(spec.half_width, free.spans))
-            * NM_PER_MM
-            / problem.source.wavelength
-        )
+        smallest = min(free.degree * 2 * h / n for h, n in zip(spec.half_width, free.spans))
+        coarsest = smallest * NM_PER_MM / problem.source.wavelength
         if coarsest < limit:
             yield (
                 f"limits.feature is {limit:g} wavelengths, but level 0 of lens.{name}.freeform has "

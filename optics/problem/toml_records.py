@@ -32,8 +32,10 @@ def option(
     infinite: bool = False,
     picture: bool = False,
 ) -> Any:
-    """Return a field with a default (or none: the key is required), its limits and a note; `picture` marks
-    paths of pictures."""
+    """Return a field with its limits and a note; a key without a default is required.
+
+    picture : the value is the path of a picture.
+    """
     limits = {
         "choices": choices,
         "low": low,
@@ -47,7 +49,7 @@ def option(
 
 
 def record(kind: type[Record], data: object, prefix: str, folder: Path) -> Record:
-    """Return a table as a record of a kind; every key and value is checked against the options of its fields.
+    """Return a table as a record; every key and value is checked against the options of the record's fields.
 
     prefix : of its keys in messages, "" or "table.".  folder : what relative paths of pictures start from.
 
@@ -63,21 +65,29 @@ def record(kind: type[Record], data: object, prefix: str, folder: Path) -> Recor
             where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
             raise UserError(f"unknown key {prefix}{key}; {where} takes {', '.join(known)}")
     hints = get_type_hints(kind)
-    values = {}
+    values: dict[str, Any] = {}
     for name, f in known.items():
         key = prefix + name
         if name not in data:
             if f.default is MISSING:
                 raise UserError(f"the key {key} is missing")
             continue
-        table = next((h for h in (hints[name], *get_args(hints[name])) if is_dataclass(h)), None)
-        if table:
+        table = _table(hints[name])
+        if table is not None:
             values[name] = record(table, data[name], key + ".", folder)
         else:
             values[name] = _value(key, hints[name], data[name], f.metadata)
         if f.metadata["picture"] and values[name]:
             values[name] = str((folder / values[name]).resolve())
     return kind(**values)
+
+
+def _table(hint: Any) -> type[DataclassInstance] | None:
+    """Return the record that a field holds, or None for a plain value."""
+    for part in (hint, *get_args(hint)):
+        if isinstance(part, type) and is_dataclass(part):
+            return part
+    return None
 
 
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:

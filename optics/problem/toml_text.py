@@ -34,13 +34,14 @@ def commented_problem() -> str:
 
 
 def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
-    lines, tables = [], []
+    lines: list[str] = []
+    tables: list[str] = []
     for f in fields(record):
         value = getattr(record, f.name)
         if value is None:
             tables.append(f"\n# [{prefix}{f.name}]{_remark(f.metadata)}\n" if notes else "")
             continue
-        if is_dataclass(value):
+        if is_dataclass(value) and not isinstance(value, type):
             tables.append(f"\n[{prefix}{f.name}]\n" + _toml(value, f"{prefix}{f.name}.", notes))
         else:
             remark = _remark(f.metadata) if notes else ""
@@ -50,9 +51,8 @@ def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
 
 def _remark(limits: Mapping[str, Any]) -> str:
     """Return the comment of a key: its note and its choices."""
-    choices = (
-        " or ".join(map(repr, limits["choices"])) if limits["choices"] and len(limits["choices"]) > 1 else ""
-    )
+    several = limits["choices"] and len(limits["choices"]) > 1
+    choices = " or ".join(map(repr, limits["choices"])) if several else ""
     words = "; ".join(w for w in (limits["note"], choices) if w)
     return f"  # {words}" if words else ""
 

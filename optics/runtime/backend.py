@@ -14,14 +14,15 @@ from numpy.typing import ArrayLike
 from optics.runtime.llvm import llvm_library
 from thbcad.doors import loaded
 
-DrArray: TypeAlias = Any  # a Dr.Jit array (or a Python number in its place)
+DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
 
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
-PRECISIONS = {
+# by name: Dr.Jit's and numpy's type, resolution
+PRECISIONS: dict[str, tuple[str, type[np.floating], float]] = {
     "double": ("Float64", np.float64, 1e-10),
     "single": ("Float32", np.float32, 2e-6),
-}  # and resolution
+}
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,7 @@ class Backend:
 
     @property
     def Packet(self) -> type[DrArray]:
-        """Array type of four numbers that lie side by side in memory and are read, written or added to
-        together."""
+        """Array type of four numbers side by side in memory, which are read, written or added to together."""
         types = self.dr.llvm.ad
         return types.Array4f64 if self.dtype is np.float64 else types.Array4f
 

@@ -1,4 +1,4 @@
-"""Figures with limits, as every verification lists them."""
+"""Results with limits, as every verification lists them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Check:
-    """One figure with its limit; `ok` is value <= limit."""
+    """One result with its limit; `ok` is value <= limit."""
 
     name: str
     value: float

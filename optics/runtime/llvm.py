@@ -1,8 +1,8 @@
 """Find an LLVM library that Dr.Jit can use, before Dr.Jit is loaded.
 
-Dr.Jit compiles its kernels with the system's libLLVM.  Versions 15 and 16 load and then abort
-the whole process, older ones are refused; so the library is chosen here, by its version, and
-handed over in DRJIT_LIBLLVM_PATH.
+Dr.Jit compiles its kernels with the system's libLLVM.  Versions 15 and 16 load and then abort the whole
+process, older ones are refused.  So the library is chosen here, by its version, and handed over in
+DRJIT_LIBLLVM_PATH.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ REMEDY = f"install LLVM {OLDEST} or newer (Debian/Ubuntu: apt-get install libllv
 
 
 def candidates(folders: Sequence[str] = FOLDERS) -> dict[str, int]:
-    """Return {path: major version} of the LLVM libraries found in the given folders."""
-    found = {}
+    """Return {path: major version} of the LLVM libraries in the given folders."""
+    versions = {}
     for folder in folders:
         root, pattern = folder, ""
         if "*" in folder:
@@ -43,14 +43,14 @@ def candidates(folders: Sequence[str] = FOLDERS) -> dict[str, int]:
             for path in sorted(Path(root).glob(pattern + name)):
                 version = version_of(path)
                 if version is not None:
-                    found[str(path)] = version
-    return found
+                    versions[str(path)] = version
+    return versions
 
 
 def version_of(path: str | Path) -> int | None:
-    """Return the major version of an LLVM library, or None where it cannot be told.
+    """Return the major version of an LLVM library, or None where it is unknown.
 
-    The version is read from the name; only where the name has none is the library asked.
+    The version is read from the name.  Only where the name has none is the library asked.
     """
     real = Path(path).resolve().name
     if not Path(path).exists():
@@ -70,7 +70,7 @@ def version_of(path: str | Path) -> int | None:
 def llvm_library(environment: Mapping[str, str] = os.environ, folders: Sequence[str] = FOLDERS) -> str:
     """Return the path of the LLVM library to use.
 
-    DRJIT_LIBLLVM_PATH, where set, decides; otherwise the newest library found.
+    It is DRJIT_LIBLLVM_PATH where that is set, otherwise the newest library in the folders.
 
     Raises
     ------
@@ -82,18 +82,16 @@ def llvm_library(environment: Mapping[str, str] = os.environ, folders: Sequence[
         if version is None:
             raise UserError(f"DRJIT_LIBLLVM_PATH = {named} is not an LLVM library; unset it or {REMEDY}")
         if version < OLDEST:
-            raise UserError(
-                f"DRJIT_LIBLLVM_PATH = {named} is LLVM {version}, which Dr.Jit cannot use; unset it or "
-                f"{REMEDY}"
-            )
+            fault = f"DRJIT_LIBLLVM_PATH = {named} is LLVM {version}, which Dr.Jit cannot use"
+            raise UserError(f"{fault}; unset it or {REMEDY}")
         return named
-    found = candidates(folders)
-    if not found:
+    versions = candidates(folders)
+    if not versions:
         raise UserError(f"no LLVM library was found; {REMEDY}")
-    path, version = max(found.items(), key=lambda item: item[1])
-    if version < OLDEST:
+    path, newest = max(versions.items(), key=lambda item: item[1])
+    if newest < OLDEST:
         raise UserError(
-            f"the newest LLVM library found is version {version} ({path}), too old for Dr.Jit; {REMEDY}"
+            f"the newest LLVM library found is version {newest} ({path}), too old for Dr.Jit; {REMEDY}"
         )
     return path
 

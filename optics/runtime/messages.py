@@ -1,4 +1,4 @@
-"""Lines of text for people."""
+"""Lines of text that a program prints."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 
 def note(sentence: str) -> None:
-    """Tell people something on stderr."""
+    """Print a note on stderr."""
     print(f"thbcad: note: {sentence}", file=sys.stderr)
 
 
 def check_lines(checked: dict[str, Any]) -> list[str]:
-    """Return a line for every check of `verification`: passed or not, name, figure, limit."""
+    """Return a line for every check of `verification`: passed or not, name, value, limit."""
     lines = []
     for c in checked["checks"]:
         word = "ok    " if c["ok"] else "FAILED"

@@ -74,17 +74,18 @@ def _quoted(match: re.Match[str], stored: Mapping[str, StoredRows]) -> Quoted:
         raise UserError(f"the mark {row!r} stands behind no number")
     if name not in stored:
         raise UserError(f"the mark {row!r} names a benchmark without stored rows")
-    found = [r for full, r in stored[name].named() if full == key]
-    if len(found) != 1:
-        raise UserError(f"the mark {row!r} names {len(found)} rows of the stored rows, wanted one")
-    value, unit, seen = found[0]["value"], found[0]["unit"], (match["unit"] or "").strip()
+    named = [r for full, r in stored[name].named() if full == key]
+    if len(named) != 1:
+        raise UserError(f"the mark {row!r} names {len(named)} rows of the stored rows, wanted one")
+    value, unit = named[0]["value"], named[0]["unit"]
+    seen = (match["unit"] or "").strip()
     factor = 1.0 if seen in ("", unit) else FACTORS.get((unit, seen))
     if factor is None:
         raise UserError(f"the mark {row!r} shows the unit {seen!r}, the row has {unit!r}")
     if value is None:
         raise UserError(f"the mark {row!r} names a row without a finite value")
     wanted = rounded(factor * value, match["number"])
-    return Quoted(match["number"], wanted, seen or unit, factor, found[0])
+    return Quoted(match["number"], wanted, seen or unit, factor, named[0])
 
 
 def rounded(value: float, like: str) -> str:

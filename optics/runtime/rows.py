@@ -1,4 +1,4 @@
-"""Rows of a benchmark: a figure beside its reference and limit."""
+"""Rows of a benchmark: a result beside its reference and limit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from time import perf_counter
 
 @dataclass(frozen=True)
 class Row:
-    """One figure.  limit : the value must not be above it ("<=") or below it (">="); None is no limit."""
+    """One result.
+
+    sense : the value must not be above the limit ("<=") or below it (">=").  limit : None is no limit.
+    """
 
     name: str
     value: float
@@ -51,7 +54,7 @@ def median_seconds(function: Callable[[], object], repeats: int) -> float:
 
 def table(rows: Sequence[Row]) -> list[str]:
     """Return the rows as lines of text."""
-    lines = [f"{'figure':<66} {'value':>12} {'unit':<6} {'limit':<10} {'ok':<4} reference"]
+    lines = [f"{'quantity':<66} {'value':>12} {'unit':<6} {'limit':<10} {'ok':<4} reference"]
     for row in rows:
         limit = "" if row.limit is None else f"{row.sense} {row.limit:g}"
         lines.append(

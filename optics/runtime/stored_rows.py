@@ -106,8 +106,10 @@ def _section(stored: StoredRows, sentence: str) -> str:
 
 
 def shown(value: float | None) -> str:
-    """Return a value with four digits, whole numbers with all of theirs; None stands for one that is not
-    finite."""
+    """Return a value with four digits, a whole number with all of its digits.
+
+    None stands for a value that is not finite.
+    """
     if value is None:
         return "-"
     return f"{value:,}".replace(",", " ") if isinstance(value, int) else f"{value:.4g}"

@@ -1,4 +1,4 @@
-"""What the machine is that a figure was measured on; nothing that names its owner."""
+"""What the machine is on which a result was measured; nothing that names its owner."""
 
 from __future__ import annotations
 

@@ -24,13 +24,13 @@ def collimated_beam(
     half_width : of the source.  aperture : half-widths of the lens.  rays : (nx, ny).
     shift : moves the grid by a fraction of its step, |shift| <= 1/2.
     """
-    reach = [min(s, a) for s, a in zip(half_width, aperture)]
-    share = reach[0] * reach[1] / (half_width[0] * half_width[1])
-    x, y = (-r + (np.arange(n) + 0.5 + s) * (2 * r / n) for r, n, s in zip(reach, rays, shift))
-    each = flux * share / (rays[0] * rays[1])
+    lit = [min(s, a) for s, a in zip(half_width, aperture)]  # half-widths of the part
+    fraction = lit[0] * lit[1] / (half_width[0] * half_width[1])
+    x, y = (-h + (np.arange(n) + 0.5 + s) * (2 * h / n) for h, n, s in zip(lit, rays, shift))
+    each = flux * fraction / (rays[0] * rays[1])
     if profile.kind == "uniform":
-        return RayGrid(x, y, np.full((len(x), len(y)), each), flux * (1 - share))
+        return RayGrid(x, y, np.full((len(x), len(y)), each), flux * (1 - fraction))
     carried = each * profile(x[:, None] / half_width[0], y[None, :] / half_width[1])
     # the midpoint rule's error is no light that misses
-    carried *= flux / carried.sum() if share == 1 else min(1.0, flux / carried.sum())
+    carried *= flux / carried.sum() if fraction == 1 else min(1.0, flux / carried.sum())
     return RayGrid(x, y, carried, max(0.0, flux - carried.sum()))

@@ -14,14 +14,22 @@ class Profile:
     """How light spreads over the rectangle of a source: density relative to its mean.
 
     kind : "uniform"; "round", uniform over the inscribed ellipse; "gaussian", cut off at the rectangle;
-        "image"
-    sigma : of the Gaussian, relative to half_width
-    light : of the image, (rows, columns) linear, row 0 at +y; constant on every pixel
+        "image".
+    sigma : of the Gaussian, relative to half_width.
+    light : of the image, (rows, columns) linear, row 0 at +y; constant on every pixel.
+
+    Raises
+    ------
+    ValueError : the kind "image" without light.
     """
 
     kind: str = "uniform"
     sigma: tuple[float, float] = (0.5, 0.5)
     light: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind == "image" and self.light is None:
+            raise ValueError('the profile "image" needs light, got None')
 
     def __call__(self, s: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the density at positions relative to half_width, in [-1, 1]; s and t are broadcast."""
@@ -30,7 +38,7 @@ class Profile:
         if self.kind == "gaussian":
             by_s, by_t = (np.exp(-0.5 * (r / w) ** 2) / _mean_gaussian(w) for r, w in zip((s, t), self.sigma))
             return by_s * by_t
-        if self.kind == "image":
+        if self.kind == "image" and self.light is not None:
             rows, columns = self.light.shape
             column = np.minimum(((s + 1) / 2 * columns).astype(np.int64), columns - 1)
             row = np.minimum(((1 - t) / 2 * rows).astype(np.int64), rows - 1)

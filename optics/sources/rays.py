@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from thbcad.lens import Lens
 
-BEFORE = 10  # sizes of the lens: no front bends back so far
-UNIT_LENGTH = 1e-9  # how far the length of a direction may be from 1
+BEFORE = 10  # sizes of the lens, from its front to where a beam starts: no front bends back so far
+UNIT_LENGTH = 1e-9  # the greatest difference of a direction's length from 1
 
 Floats = NDArray[np.float64]
 

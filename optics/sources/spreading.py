@@ -1,9 +1,9 @@
 """Rays of points and of Lambertian areas.
 
-A Lambertian source spreads its flux evenly over its area and over the direction cosines,
+A Lambertian source spreads its flux uniformly over its area and over the direction cosines,
 d Phi ~ dA cos(theta) dOmega = dA dp dq with p = sin(theta) cos(phi), q = sin(theta) sin(phi).
-Four-dimensional Sobol points sample (x, y, p, q); each is taken with its mirror images in x
-and in y, so that a symmetric problem stays symmetric.  A point source needs directions only, a grid of them.
+Four-dimensional Sobol points sample (x, y, p, q).  Each is taken with its mirror images in x and in y, so
+that a symmetric problem stays symmetric.  A point source needs directions only, a grid of them.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ def lambertian_parts(
 ) -> Iterator[Rays]:
     """Yield the rays of a Lambertian source in parts of at most `most`.
 
-    half_width : mm, of the rectangle (or of the ellipse in it, for the profile "round") in the plane z =
-        -distance.
-    half_angle : degrees, of the cone that is lit.  count : of rays, a multiple of four.  seed : of the
-        scrambling.
+    half_width : mm, of the rectangle in the plane z = -distance (or of the ellipse in it, for the profile
+        "round").
+    half_angle : degrees, of the cone that is lit.  count : of rays, a multiple of four.
+    seed : of the scrambling.
     """
     from scipy.special import erf, erfinv
     from scipy.stats import qmc
@@ -52,14 +52,11 @@ def lambertian_parts(
             s, t = concentric(s, t)
         p, q = (r * sin(radians(half_angle)) for r in concentric(a, b))
         if profile.kind == "gaussian":
-            s, t = (
-                np.sqrt(2) * w * erfinv(r * erf(1 / (np.sqrt(2) * w))) for r, w in zip((s, t), profile.sigma)
-            )
+            wide = [np.sqrt(2) * sigma for sigma in profile.sigma]
+            s, t = (w * erfinv(r * erf(1 / w)) for r, w in zip((s, t), wide))
         origin = np.stack([s * half_width[0], t * half_width[1], np.full(size, -distance)])
         direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-        origin, direction = (
-            np.concatenate([v * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1) for v in (origin, direction)
-        )
+        origin, direction = (_mirrored(v) for v in (origin, direction))
         each = np.full(4 * size, flux / count)
         if profile.kind == "image":
             each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
@@ -76,24 +73,31 @@ def point_rays(
 ) -> Rays:
     """Return the rays of a point at z = -distance with intensity ~ cos(theta)^exponent within a cone.
 
-    half_angle : degrees.  counts : (n, m) directions, a grid on which every cell has the same solid angle.
+    half_angle : degrees, of the cone.
+    counts : (n, m) directions, a grid on which every cell has the same solid angle.
     shift : moves the grid by a fraction of its step, |shift| <= 1/2.
     """
     a, b = ((2 * np.arange(n) + 1 - n + 2 * s) / n for n, s in zip(counts, shift))  # exact mirror images
     p, q = concentric(*(r.ravel() for r in np.meshgrid(a, b, indexing="ij")))
-    rise = (1 - cos(radians(half_angle))) * (
-        p * p + q * q
-    )  # 1 - cos(theta), in proportion to the solid angle
-    share = np.sqrt((2 - rise) * (1 - cos(radians(half_angle))))  # sin(theta) / r
-    direction = np.stack([p * share, q * share, 1 - rise])
-    intensity = (1 - rise) ** exponent
+    deepest = 1 - cos(radians(half_angle))
+    depth = deepest * (p * p + q * q)  # 1 - cos(theta), in proportion to the solid angle
+    stretch = np.sqrt((2 - depth) * deepest)  # sin(theta) / r
+    direction = np.stack([p * stretch, q * stretch, 1 - depth])
+    intensity = (1 - depth) ** exponent
     origin = np.zeros_like(direction)
     origin[2] = -distance
     return Rays(origin, direction, flux * intensity / intensity.sum())
 
 
+def _mirrored(vectors: Floats) -> Floats:
+    """Return vectors (3, n) and their mirror images in x and in y, (3, 4 n)."""
+    return np.concatenate([vectors * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1)
+
+
 def concentric(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Map the square [-1, 1]^2 to the unit disk; equal areas stay equal, mirror images stay mirror images.
+    """Map the square [-1, 1]^2 to the unit disk.
+
+    Equal areas stay equal, mirror images stay mirror images.
 
     Source: P. Shirley, K. Chiu, A low distortion map between disk and square, J. Graphics Tools 2 (1997).
     """

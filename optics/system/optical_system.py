@@ -27,7 +27,7 @@ class Wavelength:
 
 @dataclass(frozen=True)
 class LightPath:
-    """Which way light may take.
+    """Which paths light may take.
 
     parallel : rays stay parallel to z up to the rear: a collimated source before a plane front.
     spreading : the source is not collimated.  far_field : the light is asked for by direction.
@@ -39,10 +39,10 @@ class LightPath:
 
     @property
     def by_edges(self) -> bool:
-        """Whether light may reach the target by other ways than through front and rear.
+        """Whether light may reach the target by other paths than through front and rear.
 
-        The non-sequential trace needs a target plane.  Parallel beams are left out: where a curved front
-        sends them into the edges, the fate `missed_rear` tells.
+        The non-sequential trace needs a target plane.  Parallel beams are left out: the fate `missed_rear`
+        shows where a curved front sends them into the edges.
         """
         return self.spreading and not self.far_field
 
@@ -58,8 +58,12 @@ class OpticalSystem:
 
     @cached_property
     def lens(self) -> Lens:
-        """The lens before optimisation: sags of zeros on the level-0 meshes.  UserError where there is
-        none."""
+        """The lens before optimisation: sags of zeros on the level-0 meshes.
+
+        Raises
+        ------
+        UserError : the prescription makes no lens.
+        """
         return base_lens(self.problem)
 
     @cached_property

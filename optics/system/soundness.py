@@ -1,4 +1,4 @@
-"""Whether a problem can be solved, and what does not suit it, before any tracing."""
+"""Whether a problem can be solved, and which settings do not suit it, before any tracing."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def solvable_system(problem: Problem) -> OpticalSystem:
     Raises
     ------
     UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
-        read, a source or a target that reaches into the lens, a target that no lens can light.
+        read, a source or a target that lies in the lens, a target that no lens can light.
     """
     require_limits(problem)
     system = OpticalSystem(problem)
     _ = system.target.light, system.lens, system.source.profile  # built now, so that errors come now
-    require_place(system)
+    require_room(system)
     require_reachable(system)
     return system
 
@@ -58,17 +58,17 @@ def require_reachable(system: OpticalSystem) -> None:
     if needed >= most:
         raise UserError(
             f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
-            f"{lens.index:g} bends rays by less "
-            f"than {most:.1f} degrees; make target.half_width smaller or target.distance larger"
+            f"{lens.index:g} bends rays by less than {most:.1f} degrees; "
+            "make target.half_width smaller or target.distance larger"
         )
 
 
-def require_place(system: OpticalSystem) -> None:
-    """Refuse a source that reaches into the lens, and a target plane that cuts it.
+def require_room(system: OpticalSystem) -> None:
+    """Refuse a source that lies in the lens, and a target plane that cuts it.
 
     Raises
     ------
-    UserError : names the planes and how far the surfaces reach.
+    UserError : names the planes and the extent of the surfaces.
     """
     problem, lens = system.problem, system.lens
     source, distance = problem.source, problem.target.distance
@@ -76,44 +76,44 @@ def require_place(system: OpticalSystem) -> None:
     front = min(0.0, float(lens.front.conic(x, y)))
     if source.kind == "lambertian" and front <= -source.distance:
         raise UserError(
-            f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm and "
-            "the front reaches "
-            f"to z = {front:.4g} mm there; make source.distance larger or source.half_width smaller"
+            f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm "
+            f"and the front reaches to z = {front:.4g} mm there; "
+            "make source.distance larger or source.half_width smaller"
         )
     freeform = problem.lens.rear.freeform
     top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.z_freedom
     if distance <= top:
         raise UserError(
-            f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, got "
-            f"{distance:g}"
+            f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
+            f"got {distance:g}"
         )
 
 
 def advice(system: OpticalSystem) -> list[str]:
-    """Return sentences about settings that do not suit the problem, and limits that the lens misses before
-    optimisation."""
+    """Return sentences about settings that do not suit the problem, and about missed limits.
+
+    The limits are those that the lens misses before optimisation.
+    """
     problem, lens = system.problem, system.lens
     options, sentences = problem.optimizer, []
     if problem.source.kind == "lambertian" and (options.window == "pixel" or options.lost_flux_weight > 1):
         sentences.append(
-            'an extended source blurs its light anyway: optimizer.window = "bspline" and lost_flux_weight = '
-            "0 suit it better, "
-            "and merged pixels save time (examples/extended.toml)"
+            'an extended source blurs its light anyway: optimizer.window = "bspline" and '
+            "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
         )
     bent = any(not isinf(s.radius) and s.conic != -1 for s in (problem.lens.front, problem.lens.rear))
     thrown = CONIC_SLOPE * problem.target.distance
     if bent and not isinf(thrown) and thrown > problem.verify.landing:
         sentences.append(
             "STEP holds conics other than paraboloids as splines, which may move landing points by "
-            f"{thrown:.1g} mm at this distance; "
-            f"verify.landing = {problem.verify.landing:g} mm may be refused then: use conic = -1, or raise "
-            "it if that will do"
+            f"{thrown:.1g} mm at this distance; verify.landing = {problem.verify.landing:g} mm may be "
+            "refused then: use conic = -1, or raise it if that will do"
         )
     poles = max(graph.coefficients.size for graph in lens.graphs())
     if bent and poles > MANY_POLES:
         sentences.append(
             f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
-            f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: "
-            "conic = -1 needs none of its own, a higher lens.rear.freeform.degree fewer"
+            f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
+            "lens.rear.freeform.degree fewer"
         )
     return sentences + limit_advice(problem, lens)

@@ -31,6 +31,7 @@ class LightSource:
 
     @property
     def collimated(self) -> bool:
+        """Whether all rays are parallel to z."""
         return self.settings.kind == "collimated"
 
     @cached_property
@@ -54,7 +55,7 @@ class LightSource:
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
         """Return rays of the source, those of a collimated one only where they meet the aperture.
 
-        counts : (nx, ny); of the rays of a Lambertian source the product counts, rounded to a power of two.
+        counts : (nx, ny).  A Lambertian source has their product of rays, rounded to a power of two.
         fresh : draws a shift of the grid or another scrambling; without it the set is always the same.
         """
         return next(self.parts(counts, fresh))
@@ -64,18 +65,30 @@ class LightSource:
     ) -> Iterator[RayGrid | Rays]:
         """Yield the rays of `rays` in parts of about `most`."""
         source, profile = self.settings, self.profile
-        shift = (0.0, 0.0) if fresh is None else fresh.uniform(-0.5, 0.5, 2)
+        shift = [0.0, 0.0] if fresh is None else fresh.uniform(-0.5, 0.5, 2).tolist()
         if source.kind == "collimated":
             beam = collimated_beam(source.half_width, source.flux, self.aperture, counts, shift, profile)
             yield from beam.slices(most)
         elif source.kind == "point":
-            directions = point_rays(
-                source.distance, source.flux, source.half_angle, source.exponent, counts, shift
+            cone = point_rays(
+                distance=source.distance,
+                flux=source.flux,
+                half_angle=source.half_angle,
+                exponent=source.exponent,
+                counts=counts,
+                shift=shift,
             )
-            yield from directions.slices(most)
+            yield from cone.slices(most)
         else:
             count = 1 << max(2, round(log2(counts[0] * counts[1])))
             seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
             yield from lambertian_parts(
-                source.half_width, source.distance, source.flux, source.half_angle, profile, count, seed, most
+                half_width=source.half_width,
+                distance=source.distance,
+                flux=source.flux,
+                half_angle=source.half_angle,
+                profile=profile,
+                count=count,
+                seed=seed,
+                most=most,
             )

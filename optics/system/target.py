@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LightTarget:
-    """The light asked for, and the plane where.
+    """The light asked for, and its plane.
 
     settings : of the problem file.  z : of the target plane, mm; inf is the far field.
     """
@@ -52,20 +52,27 @@ class LightTarget:
 
         margin : of dark pixels around it.
         """
-        pixels = tuple(-(-n // coarsening) for n in self.settings.pixels)
-        return Screen(self.settings.half_width, pixels, margin, self.far_field)
+        columns, rows = (-(-n // coarsening) for n in self.settings.pixels)
+        return Screen(self.settings.half_width, (columns, rows), margin, self.far_field)
 
     def irradiance(self, screen: Screen, flux: float) -> NDArray[np.float64]:
-        """Return the light asked for on a screen's pixels with the given total flux, as
-        `target_irradiance`."""
+        """Return the target irradiance on a screen's pixels, see `target_irradiance`."""
         return target_irradiance(self.light, screen, self.settings.placing, flux)
 
 
 def target_irradiance(
     light: NDArray[np.float64], screen: Screen, fit: str, flux: float
 ) -> NDArray[np.float64]:
-    """Return the light asked for on a screen's pixels, W/mm^2 (in the far field W per square degree), with
-    the given total flux."""
+    """Return the target irradiance on a screen's pixels for a total flux, (rows, columns), W/mm^2.
+
+    In the far field it is in W per square degree.
+
+    light : linear, of any size.  fit : as `fit_picture`.  flux : W.
+
+    Raises
+    ------
+    UserError : the light is 0 on all pixels.
+    """
     aspect = screen.half_width[0] / screen.half_width[1]
     image = fit_picture(light, screen.pixels, aspect, fit) * screen.projection()
     total = image.sum() * screen.pixel_area

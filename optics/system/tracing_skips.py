@@ -20,7 +20,7 @@ class Skip:
     """One part of the work that a problem may not need.
 
     what : the part.  applies : it is left out.  why : what in the problem allows it, or forbids it.
-    tolerance : relative change of loss and gradient by leaving it out; None where it is not known before
+    tolerance : relative change of loss and gradient when it is left out; None where it is unknown before
         tracing.
     """
 
@@ -32,36 +32,36 @@ class Skip:
 
     @property
     def line(self) -> str:
-        """One line for people."""
+        """One line of text."""
         if not self.applies:
             return f"does not skip {self.what}: {self.why}"
-        return f"skips {self.what}: {self.why}" + (
-            "" if self.tolerance is None else f" (changes less than {self.tolerance:.1g})"
-        )
+        change = "" if self.tolerance is None else f" (changes less than {self.tolerance:.1g})"
+        return f"skips {self.what}: {self.why}{change}"
 
 
 def skips(problem: Problem, parallel: bool) -> list[Skip]:
-    """Return every Skip of a problem, those that do not apply too; parallel : rays stay parallel in the
-    lens."""
+    """Return every Skip of a problem, those that do not apply too.
+
+    parallel : rays stay parallel in the lens.
+    """
     return [*_of_rays(problem, parallel), *_of_surfaces(problem), *_of_measurement(problem)]
 
 
-def skip_lines(found: Sequence[Skip]) -> list[str]:
+def skip_lines(parts: Sequence[Skip]) -> list[str]:
     """Return the lines that `thbcad check` prints."""
-    return [skip.line for skip in found]
+    return [skip.line for skip in parts]
 
 
 def _of_rays(problem: Problem, parallel: bool) -> list[Skip]:
     source, front = problem.source, problem.lens.front
     collimated = source.kind == "collimated"
     wider = collimated and any(s > f for s, f in zip(source.half_width, front.half_width))
-    aperture = (
-        "the beam is wider than the lens"
-        if wider
-        else "all of the beam meets the lens"
-        if collimated
-        else "the source lights all around"
-    )
+    if not collimated:
+        aperture = "the source lights all around"
+    elif wider:
+        aperture = "the beam is wider than the lens"
+    else:
+        aperture = "all of the beam meets the lens"
     return [
         Skip(
             "meeting points",
@@ -101,10 +101,10 @@ def _edges(problem: Problem, parallel: bool) -> Skip:
     why = (
         "no parallel ray meets an edge before the rear"
         if within
-        else "rays may meet an edge: `thbcad trace` tells what these carry"
+        else "rays may meet an edge: `thbcad trace` measures their flux"
     )
     return Skip(
-        "edges", "the edges and reflected light", True, f"{why}; light by way of front and rear is unchanged"
+        "edges", "the edges and reflected light", True, f"{why}; light through front and rear is unchanged"
     )
 
 
@@ -171,8 +171,8 @@ def _of_measurement(problem: Problem) -> list[Skip]:
 def gaussian_tail(cut: float = GaussianWindow.cut) -> float:
     """Return a bound of the relative L2 change of an image where the Gaussian window is not cut off.
 
-    The window g lowered to zero at c sigma and rescaled differs from g by 2 m in the L1 norm, m = 1 - erf(c /
-    sqrt 2) + 2 c exp(-c^2 / 2) / sqrt(2 pi) the mass taken away; two directions make 4 m (Young's
-    inequality).
+    The window g lowered to zero at c sigma and rescaled differs from g by 2 m in the L1 norm, where
+    m = 1 - erf(c / sqrt 2) + 2 c exp(-c^2 / 2) / sqrt(2 pi) is the mass taken away.  Two directions make
+    4 m (Young's inequality).
     """
     return 4 * (1 - erf(cut / sqrt(2)) + 2 * cut * exp(-(cut**2) / 2) / sqrt(2 * pi))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         BSplineWindow as BSplineWindow,
         GaussianWindow as GaussianWindow,
         PixelWindow as PixelWindow,
+        Window as Window,
         filter_image as filter_image,
     )
 
@@ -43,6 +44,7 @@ _FILES = {
         "BoxWindow",
         "GaussianWindow",
         "PixelWindow",
+        "Window",
         "filter_image",
     ),
 }

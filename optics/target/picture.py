@@ -19,8 +19,9 @@ DEEP_MODES = ("I;16", "I;16B", "I;16L", "I")
 def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64]:
     """Return the picture as linear light, (rows, columns) float, row 0 at the top.
 
-    Colours count by their luminance, transparent parts are dark.  8 and 16 bit greys keep
-    their depth.  encoding : "srgb" (decoded) or "linear".
+    Colours count by their luminance, transparent parts are dark.  8 and 16 bit greys keep their depth.
+
+    encoding : "srgb" (decoded) or "linear".
 
     Raises
     ------
@@ -31,9 +32,9 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path) as image:
                 if image.width * image.height > MAX_SOURCE_PIXELS:
+                    size = f"{image.width} x {image.height}"
                     raise UserError(
-                        f"{path} has {image.width} x {image.height} pixels; make it smaller than "
-                        f"{MAX_SOURCE_PIXELS} pixels"
+                        f"{path} has {size} pixels; make it smaller than {MAX_SOURCE_PIXELS} pixels"
                     )
                 light = _linear(ImageOps.exif_transpose(image), encoding)
     except (UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as error:
@@ -72,7 +73,7 @@ def fit_picture(
 
 
 def _overlap(count: int, extent: float, pixels: int) -> NDArray[np.float64]:
-    """Return (pixels, count): share of each target pixel that each source pixel covers.
+    """Return the fraction of each target pixel that each source pixel covers, (pixels, count).
 
     `pixels` equal intervals over `extent` source pixels, centred on the row of `count`.
     """

@@ -31,11 +31,12 @@ REGIONS = {"rectangle": _rectangle, "ellipse": _ellipse, "crescent": _crescent}
 
 
 def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]) -> NDArray[np.float64]:
-    """Return the share of every pixel that a region covers, (rows, columns), row 0 at the top.
+    """Return the fraction of every pixel that a region covers, (rows, columns), row 0 at the top.
 
-    shape : a name of `REGIONS`.  pixels : (columns, rows).  lit : the region's width and height relative to
-        the screen's.
-    Exact along t, by 32 slices of every pixel along s.
+    It is exact along t, and summed over 32 slices of every pixel along s.
+
+    shape : a name of `REGIONS`.  pixels : (columns, rows).
+    lit : the region's width and height relative to the screen's.
     """
     columns, rows = pixels
     s = ((np.arange(SLICES * columns) + 0.5) / (SLICES * columns) * 2 - 1) / lit[0]

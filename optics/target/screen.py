@@ -42,8 +42,10 @@ class Screen:
         return self.pitch[0] * self.pitch[1]
 
     def projection(self) -> NDArray[np.float64]:
-        """Return flux per pixel area of a unit picture, (rows, columns): 1 in a plane, in the far field the
-        solid angle d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v,
+        """Return flux per pixel area of a unit picture, (rows, columns).
+
+        In a plane it is 1.  In the far field it is the solid angle
+        d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v,
         so that pictures are intensities.
         """
         if not self.angular:
@@ -56,11 +58,8 @@ class Screen:
 
     def pixel_map(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""
-        px, py = self.pitch
-        return (1 / px, self.half_width[0] / px + self.margin), (
-            -1 / py,
-            self.half_width[1] / py + self.margin,
-        )
+        (px, py), (hx, hy) = self.pitch, self.half_width
+        return (1 / px, hx / px + self.margin), (-1 / py, hy / py + self.margin)
 
     def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image with the dark margin."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from optics.runtime import PACKED
 from optics.target.screen import Screen
-from optics.target.windows import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
+from optics.target.windows import Window
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 class Splat:
     """Irradiance of a screen, W/mm^2, from landing points and fluxes.
 
-    screen : Screen; window : a measurement window
+    window : in which the light is measured.
     """
 
     backend: Backend
     screen: Screen
-    window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow
+    window: Window
 
     def __call__(self, x: DrArray, y: DrArray, flux: DrArray) -> DrArray:
         """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.
@@ -35,10 +35,8 @@ class Splat:
         dr, Float, Index = self.backend.dr, self.backend.Float, self.backend.Index
         screen, taps = self.screen, self.window.taps
         rows, columns = screen.padded
-        guard = taps - 1  # pixels around the image for windows that reach over its border
-        packets = -(
-            -(guard + PACKED) // PACKED
-        )  # of a column's pixels, which hold all taps wherever they begin
+        guard = taps - 1  # pixels around the image for windows that lie across its border
+        packets = -(-(guard + PACKED) // PACKED)  # of a column: they hold all taps, wherever these begin
         # sizes are opaque, so that every screen runs the same compiled kernel
         stride = -(-(rows + 2 * guard + PACKED) // PACKED)  # packets of a column
         height, width, along = dr.opaque(Float, rows), dr.opaque(Float, columns), dr.opaque(Index, stride)
@@ -72,7 +70,6 @@ class Splat:
         row = [*weights, *[0.0] * (count - len(weights))]
         for bit in (1, 2):
             moved = (by & bit) != 0
-            row = [
-                self.backend.dr.select(moved, row[j - bit] if j >= bit else 0.0, row[j]) for j in range(count)
-            ]
+            before = [*[0.0] * bit, *row]
+            row = [self.backend.dr.select(moved, before[j], row[j]) for j in range(count)]
         return row

@@ -1,4 +1,4 @@
-"""Measurement windows (thesis 2.35-2.38) in units of pixels.
+"""Windows in which irradiance is measured (thesis 2.35-2.38), in units of pixels.
 
 The irradiance of pixel k is E_k = sum over rays of flux * W(q - c_k) / pixel area, with q the
 landing point and c_k = k + 1/2 the pixel's centre in pixel units.  Windows are products of a
@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, erf, exp, pi, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,23 @@ if TYPE_CHECKING:
     from optics.runtime import DrArray
 
 
+class Window(Protocol):
+    """A measurement window W(x) W(y): what `Splat` and `filter_image` need of it."""
+
+    @property
+    def taps(self) -> int:
+        """Number of pixels, in one direction, on which a point can have weight."""
+        ...
+
+    def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray], /) -> list[DrArray]:
+        """Return the weights of the taps for a point at distance t, in [0, 1), past the first tap's cell."""
+        ...
+
+    def response(self) -> NDArray[np.float64]:
+        """Return the integrals of W over the pixels around its centre, (an odd number,)."""
+        ...
+
+
 @dataclass(frozen=True)
 class BoxWindow:
     """W = 1 on the pixel, the radiometric definition (2.35).  Not differentiable."""
@@ -31,11 +48,9 @@ class BoxWindow:
     taps = 1
 
     def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray]) -> list[DrArray]:
-        """Return the weights of the taps for a point at distance t past the first tap's cell."""
         return [1.0]
 
     def response(self) -> NDArray[np.float64]:
-        """Return the integrals of W over the pixels around its centre."""
         return np.array([1.0])
 
 
@@ -73,8 +88,10 @@ class PixelWindow:
     taps = 2
 
     def weights(self, t: DrArray, exponential: Callable[[DrArray], DrArray] | None = None) -> list[DrArray]:
-        """Return the weights of both pixels for a point at distance t past the first centre; their border
-        lies at 1/2."""
+        """Return the weights of both pixels for a point at distance t past the first centre.
+
+        Their border lies at 1/2.
+        """
         s = (t - 0.5) * (1 / self.blur)
         s = 0.5 * (abs(s + 1) - abs(s - 1))  # clipped to [-1, 1]
         square = s * s
@@ -120,16 +137,16 @@ class GaussianWindow:
         for _ in range(half):
             downward.append(downward[-1] / ratio)
         powers = upward[:0:-1] + downward
-        reached = self.cut * self.sigma == half  # then no tap lies beyond the cut
+        all_within = self.cut * self.sigma == half  # no tap lies beyond the cut
         rows = []
         for m, value in zip(range(half - 1, -half - 1, -1), powers):
             lowered = value * exp(-0.5 * m * m / s2) - self._offset / self._norm
-            rows.append(lowered if reached else (lowered + abs(lowered)) * 0.5)
+            rows.append(lowered if all_within else (lowered + abs(lowered)) * 0.5)
         return rows
 
     def response(self) -> NDArray[np.float64]:
-        reach = ceil(self.cut * self.sigma + 0.5)
-        edges = np.clip(np.arange(-reach, reach + 2) - 0.5, -self.cut * self.sigma, self.cut * self.sigma)
+        most = ceil(self.cut * self.sigma + 0.5)
+        edges = np.clip(np.arange(-most, most + 2) - 0.5, -self.cut * self.sigma, self.cut * self.sigma)
         gauss = np.array([self.sigma * sqrt(pi / 2) * erf(e / (self.sigma * sqrt(2))) for e in edges])
         return (np.diff(gauss) - self._offset * np.diff(edges)) / self._norm
 
@@ -147,9 +164,7 @@ def cardinal_weights(t: DrArray, degree: int) -> list[DrArray]:
     return values
 
 
-def filter_image(
-    image: NDArray[np.float64], window: BoxWindow | PixelWindow | BSplineWindow | GaussianWindow
-) -> NDArray[np.float64]:
+def filter_image(image: NDArray[np.float64], window: Window) -> NDArray[np.float64]:
     """Return what the window measures of an irradiance that is constant on every pixel, dark outside."""
     response = window.response()
     for axis in (0, 1):

@@ -10,20 +10,14 @@ if TYPE_CHECKING:
         SENTENCES as SENTENCES,
         SequentialFates as SequentialFates,
     )
-    from optics.tracing.fresnel import (
-        critical_angle as critical_angle,
-        efficiency_bound as efficiency_bound,
-        traced_transmittance as traced_transmittance,
-        transmittances as transmittances,
-    )
     from optics.tracing.intersections import (
         Hits as Hits,
         KnownHits as KnownHits,
-        SearchedHits as SearchedHits,
     )
     from optics.tracing.landings import (
         Landing as Landing,
         LandingPoints as LandingPoints,
+        RayTracer as RayTracer,
     )
     from optics.tracing.nonsequential import (
         RayPath as RayPath,
@@ -38,7 +32,14 @@ if TYPE_CHECKING:
         source_points as source_points,
     )
     from optics.tracing.refraction import (
+        critical_angle as critical_angle,
+        efficiency_bound as efficiency_bound,
         refract as refract,
+        traced_transmittance as traced_transmittance,
+        transmittances as transmittances,
+    )
+    from optics.tracing.searched_intersections import (
+        SearchedHits as SearchedHits,
     )
     from optics.tracing.sequential import (
         Tracer as Tracer,
@@ -51,20 +52,14 @@ _FILES = {
         "SENTENCES",
         "SequentialFates",
     ),
-    "fresnel": (
-        "critical_angle",
-        "efficiency_bound",
-        "traced_transmittance",
-        "transmittances",
-    ),
     "intersections": (
         "Hits",
         "KnownHits",
-        "SearchedHits",
     ),
     "landings": (
         "Landing",
         "LandingPoints",
+        "RayTracer",
     ),
     "nonsequential": (
         "RayPath",
@@ -78,7 +73,14 @@ _FILES = {
         "jacobian_determinants",
         "source_points",
     ),
-    "refraction": ("refract",),
+    "refraction": (
+        "critical_angle",
+        "efficiency_bound",
+        "refract",
+        "traced_transmittance",
+        "transmittances",
+    ),
+    "searched_intersections": ("SearchedHits",),
     "sequential": (
         "Tracer",
         "device_flux",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,9 @@ from optics.tracing.lens_faces import lens_faces
 from optics.tracing.refraction import refract
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend
+    from optics.runtime import Backend, DrArray
     from optics.sources import Rays
+    from optics.tracing.device_rays import Vector
     from thbcad.lens import Lens
 
 # what a branch in air met last: nothing, a face that it did not pass, the face it left by
@@ -42,7 +44,13 @@ class Branches:
         n = len(rays.flux)
         none = np.zeros(n, dtype=np.int8)
         return cls(
-            rays.origin, rays.direction, rays.flux, np.arange(n), none > 0, none + NEVER, none + SOURCE
+            origin=rays.origin,
+            direction=rays.direction,
+            flux=rays.flux,
+            ray=np.arange(n),
+            inside=none > 0,
+            left=none + NEVER,
+            stage=none + SOURCE,
         )
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> Branches:
@@ -78,27 +86,33 @@ class ClosedLens:
     def meet(self, branches: Branches) -> Meetings:
         """Return the first meetings of branches."""
         backend, dr = self._backend, self._backend.dr
-        origin, direction = (
-            tuple(backend.array(a) for a in v) for v in (branches.origin, branches.direction)
-        )
-        rays = DeviceRays(origin, direction, inside=backend.array(branches.inside) > 0)
-        path, normal, face = backend.Float(dr.inf), (backend.Float(0),) * 3, backend.Float(NEVER)
+        ox, oy, oz = (backend.array(a) for a in branches.origin)
+        dx, dy, dz = (backend.array(a) for a in branches.direction)
+        rays = DeviceRays((ox, oy, oz), (dx, dy, dz), inside=backend.array(branches.inside) > 0)
+        path, nx, ny, nz = (backend.Float(a) for a in (dr.inf, 0, 0, 0))
+        face = backend.Float(NEVER)
         for kind, one in zip((FRONT, REAR, EDGE, EDGE, EDGE, EDGE), self._faces):
-            t, n = one.meet(rays)
+            t, normal = one.meet(rays)
             first = t < path
-            path, face = dr.select(first, t, path), dr.select(first, float(kind), face)
-            normal = tuple(dr.select(first, a, b) for a, b in zip(n, normal))
-            dr.eval(path, normal, face)
-        results = (face, rays.at(path), *self._split(rays, normal))
-        dr.eval(results)
-        face, *vectors, transmittance = results
-        vectors = [np.array([a.numpy() for a in v]) for v in vectors]
-        return Meetings(face.numpy().astype(np.int8), *vectors, transmittance.numpy())
+            path = dr.select(first, t, path)
+            face = dr.select(first, float(kind), face)
+            nx, ny, nz = (dr.select(first, a, b) for a, b in zip(normal, (nx, ny, nz)))
+            dr.eval(path, (nx, ny, nz), face)
+        refracted, reflected, transmittance = self._split(rays, (nx, ny, nz))
+        point = rays.at(path)
+        dr.eval(face, point, refracted, reflected, transmittance)
+        return Meetings(
+            face=face.numpy().astype(np.int8),
+            point=_rows(point),
+            refracted=_rows(refracted),
+            reflected=_rows(reflected),
+            transmittance=transmittance.numpy(),
+        )
 
-    def _split(self, rays: DeviceRays, normal: tuple) -> tuple:
+    def _split(self, rays: DeviceRays, outward: Vector) -> tuple[Vector, Vector, DrArray]:
         """Return refracted and reflected unit directions and the transmittance, for outward normals."""
         dr, d = self._backend.dr, rays.direction
-        normal = [dr.select(rays.inside, n, -n) for n in normal]
+        normal = [dr.select(rays.inside, n, -n) for n in outward]
         cosine = dr.minimum(sum(a * b for a, b in zip(d, normal)), 1)
         eta = dr.select(rays.inside, self._index, 1 / self._index)
         sine = dr.sqrt(1 - cosine * cosine)
@@ -106,9 +120,15 @@ class ClosedLens:
         refracted = self._unit([eta * a + (behind - eta * cosine) * n for a, n in zip(d, normal)])
         return refracted, self._unit([a - 2 * cosine * n for a, n in zip(d, normal)]), transmittance
 
-    def _unit(self, vector: list) -> list:
+    def _unit(self, vector: Sequence[DrArray]) -> Vector:
         length = self._backend.dr.sqrt(sum(a * a for a in vector))
-        return [a / length for a in vector]
+        x, y, z = (a / length for a in vector)
+        return x, y, z
+
+
+def _rows(vector: Vector) -> NDArray[np.float64]:
+    """Return a vector on the device as an array, (3, m)."""
+    return np.array([a.numpy() for a in vector])
 
 
 def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
@@ -122,10 +142,21 @@ def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
         np.where((stage == ENTERED) & (face == REAR), LEFT, INDIRECT),
     )
     refracted = Branches(
-        meetings.point, meetings.refracted, passed, branches.ray, ~inside, left, after.astype(np.int8)
+        origin=meetings.point,
+        direction=meetings.refracted,
+        flux=passed,
+        ray=branches.ray,
+        inside=~inside,
+        left=left,
+        stage=after.astype(np.int8),
     )
-    left = np.where(branches.left == NEVER, OUTSIDE, branches.left)
-    indirect = np.full_like(stage, INDIRECT)
-    return refracted, Branches(
-        meetings.point, meetings.reflected, branches.flux - passed, branches.ray, inside, left, indirect
+    reflected = Branches(
+        origin=meetings.point,
+        direction=meetings.reflected,
+        flux=branches.flux - passed,
+        ray=branches.ray,
+        inside=inside,
+        left=np.where(branches.left == NEVER, OUTSIDE, branches.left),
+        stage=np.full_like(stage, INDIRECT),
     )
+    return refracted, reflected

@@ -15,11 +15,10 @@ Vector: TypeAlias = "tuple[DrArray, DrArray, DrArray]"
 class DeviceRays:
     """Rays on the device of the backend.
 
-    origin : mm, or None where only directions are needed.  direction : unit vectors.  flux : W.
-    inside : the mask of rays in glass.
+    origin : mm.  direction : unit vectors.  flux : W.  inside : the mask of rays in glass.
     """
 
-    origin: Vector | None
+    origin: Vector
     direction: Vector
     flux: DrArray = None
     inside: DrArray | bool = False

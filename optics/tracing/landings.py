@@ -1,16 +1,21 @@
-"""Where rays end: on the device with all that gradients and flux budgets need, and in numpy as bare
-points."""
+"""Where rays end, and what every tracer offers that follows them there.
+
+`Landing` lies on the device, with all that gradients and flux budgets need; `LandingPoints` are bare points
+in numpy.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from optics.runtime import DrArray
+    from thbcad.splines import KnotVector
 
 
 @dataclass(eq=False)
@@ -54,3 +59,21 @@ class LandingPoints:
     @property
     def y(self) -> NDArray[np.float64]:
         return self.points[:, 1]
+
+
+class RayTracer(Protocol):
+    """Rays of one source through a lens whose sags may change, differentiably: what an objective needs."""
+
+    def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Any], Landing]:
+        """Return (what `pull_back` needs of every sag, Landing).
+
+        coefficients : of the sags, (dim,) each, front first.
+        """
+        ...
+
+    def pull_back(
+        self, traced: Sequence[Any], /, knots: Sequence[Sequence[KnotVector]] | None = None
+    ) -> list[NDArray[np.float64]]:
+        """Return the derivative by each sag's coefficients, or by a net over other knots, after
+        `dr.backward`."""
+        ...

@@ -3,7 +3,7 @@
 Front, rear and slanted edges are graphs z = Z(x, y) over convex pieces of the plan; edges between
 rims of equal half-width are walls, pieces of a plane x = const or y = const.  A ray meets a face
 where it passes from its own side to the other (glass to air or air to glass); a crossing the
-other way round does not count, so a ray may start on a face without meeting it again there.
+opposite direction does not count, so a ray may start on a face without meeting it again there.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.tracing.device_rays import DeviceRays
-from optics.tracing.intersections import conic_jet
 from optics.tracing.ray_roots import first_crossing, last_root
+from optics.tracing.searched_intersections import conic_jet
 from optics.tracing.spline_table import PolynomialTable
 
 if TYPE_CHECKING:
@@ -69,10 +69,10 @@ class GraphFace:
             return side * (z - height), side * (dz - zx * dx - zy * dy), dr.sqrt(1 + zx * zx + zy * zy)
 
         value, _, scale = f(start)
-        own = (value < 0) | ((start <= 0) & (dr.abs(value) <= self._near * scale))
+        before = (value < 0) | ((start <= 0) & (dr.abs(value) <= self._near * scale))
         crossed = [dr.abs(d) * (stop - start) * c for d, c in zip(rays.direction, self._per_cell)]
         count = dr.ceil(2 * dr.maximum(*crossed)) + 2
-        low, high, found = first_crossing(self.backend, f, (start, stop), count, own)
+        low, high, found = first_crossing(self.backend, f, (start, stop), count, before)
         t = last_root(self.backend, f, (low, high), found, self._resolution)
         x, y, _ = rays.at(t)
         _, zx, zy = self.height(x, y)
@@ -112,8 +112,10 @@ class GraphFace:
 
 @dataclass(eq=False)
 class WallFace:
-    """The plane s x = half_width (axis 0) or s y = half_width (axis 1), s = +-1, where the graph faces
-    enclose it."""
+    """The part of a plane that the graph faces enclose.
+
+    The plane is s x = half_width (axis 0) or s y = half_width (axis 1), s = +-1.
+    """
 
     backend: Backend
     axis: int
@@ -134,16 +136,19 @@ class WallFace:
         start = -START * self.half_width
         found = ((speed > 0) == rays.inside) & (speed != 0) & (t >= start)
         t = dr.maximum(t, 0)
-        point = list(rays.at(t))
-        point[self.axis] = self._sign * self._half
+        x, y, z = rays.at(t)
+        if self.axis == 0:
+            x = self._sign * self._half
+        else:
+            y = self._sign * self._half
         covered = False
         for face in self.graphs:
-            above = face.covers(*point[:2])
+            above = face.covers(x, y)
             covered = above | covered
-            found = found & (~above | face.encloses(point))
-        normal = [Float(0), Float(0), Float(0)]
-        normal[self.axis] = self._sign
-        return dr.select(found & covered, t, dr.inf), tuple(normal)
+            found = found & (~above | face.encloses((x, y, z)))
+        zero = Float(0)
+        normal = (self._sign, zero, zero) if self.axis == 0 else (zero, self._sign, zero)
+        return dr.select(found & covered, t, dr.inf), normal
 
 
 def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace]:
@@ -172,7 +177,8 @@ class _Surface:
         self._vertex = backend.dr.opaque(backend.Float, vertex)
         corner = float(surface.conic(*surface.half_width))
         self.low, self.high = vertex + min(corner, 0.0), vertex + max(corner, 0.0)
-        self.cell = tuple(h / 4 for h in self.half_width)
+        hx, hy = self.half_width
+        self.cell = hx / 4, hy / 4
         if surface.sag is None:
             return
         sag = surface.sag.to_bspline()
@@ -180,8 +186,8 @@ class _Surface:
         self._table = PolynomialTable(backend, knots)
         self._power = self._table.power(sag.coefficients)
         self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()
-        least = (max(np.diff(kv.breaks).min(), 2 * h * NARROWEST) for kv, h in zip(knots, self.half_width))
-        self.cell = tuple(map(min, least, self.cell))
+        x, y = (max(np.diff(kv.breaks).min(), 2 * h * NARROWEST) for kv, h in zip(knots, self.half_width))
+        self.cell = min(x, self.cell[0]), min(y, self.cell[1])
 
     def jet(self, x: DrArray, y: DrArray) -> Jet:
         """Return z, zx, zy."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from optics.tracing.branches import FRONT, LEFT, NEVER, OUTSIDE, Branches, ClosedLens, split
 from optics.tracing.fates import FATES, Fates
@@ -69,8 +69,8 @@ def trace_nonsequential(
     n = len(rays.flux)
     by_ray, landings = np.zeros((len(FATES), n)), []
 
-    def account(branches: Branches, fate: ArrayLike) -> None:
-        np.add.at(by_ray, (fate, branches.ray), branches.flux)
+    def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
+        np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
 
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
@@ -137,8 +137,10 @@ def trace_paths(
 def _fates(
     gone: Branches, target: TargetPlane
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return fates of branches that meet no face, their x and y in the target plane, and the mask of those
-    that cross it."""
+    """Return (fates, x, y, crossing) of branches that meet no face.
+
+    x, y : mm, in the target plane.  crossing : the mask of those that cross it.
+    """
     dz = gone.direction[2]
     reaches = (dz > 0) & (gone.origin[2] <= target.z) & ~gone.inside
     t = (target.z - gone.origin[2]) / np.where(reaches, dz, 1.0)

@@ -8,40 +8,41 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
 
+    AlongRay = Callable[[DrArray], tuple[DrArray, DrArray, DrArray]]  # t -> f, f', anything
+    State = tuple[DrArray, ...]
+
 SPLITS = 4  # of one interval, to see whether a hump within it reaches zero
 STEPS = 80  # of Newton's method or bisection: 53 bisections exhaust a float64
 
 
 def first_crossing(
     backend: Backend,
-    f: Callable[[DrArray], tuple[DrArray, ...]],
+    f: AlongRay,
     interval: tuple[DrArray, DrArray],
     count: DrArray,
-    own: DrArray,
+    below: DrArray,
 ) -> tuple[DrArray, DrArray, DrArray]:
-    """Return (low, high, found): a bracket of the first place where f goes from negative to not negative.
+    """Return (low, high, found): a bracket of the first change of f from negative to not negative.
 
-    f is sampled at count + 1 places of the interval.  Where it is negative at both ends of a
+    f is sampled at count + 1 positions of the interval.  Where it is negative at both ends of a
     step, rising at the first and falling at the second, the top of the cubic with these values
-    and slopes is sampled too, and again within the part that holds the hump: a ray that grazes
+    and slopes is sampled too, and again within the part that holds the hump.  So a ray that grazes
     a face is seen as long as f has one hump per step.
 
-    f : t -> f, f', anything.  own : the mask of rays for which f counts as negative at the start.
+    below : the mask of rays for which f counts as negative at the start.
     An interval with stop < start is empty.
     """
     dr = backend.dr
     start, stop = interval
     step = (stop - start) / count
 
-    def body(active, own, low, base, rise, high, k, split, splits, found):
+    def body(*state: DrArray) -> State:
+        _, below, low, base, rise, high, k, split, splits, _ = state
         value, rate, _ = f(high)
         negative = value < 0
-        crossing = own & ~negative
-        hump = own & negative & (rise > 0) & (rate < 0) & (splits < SPLITS)
-        width = high - low
-        bend = 3 * (value - base) / width - rise - rate
-        root = dr.sqrt(dr.maximum(bend * bend - rise * rate, 0))
-        top = high - width * (root - rate - bend) / (rise - rate + 2 * root)
+        crossing = below & ~negative
+        hump = below & negative & (rise > 0) & (rate < 0) & (splits < SPLITS)
+        top = _hump_top(backend, (low, base, rise), (high, value, rate))
         advance = ~crossing & ~hump
         on_grid = advance & ~split
         k = dr.select(on_grid, k + 1, k)
@@ -50,21 +51,32 @@ def first_crossing(
         low, base, rise = (
             dr.select(advance, new, old) for new, old in ((high, low), (value, base), (rate, rise))
         )
-        own = dr.select(advance, negative, own)
+        below = dr.select(advance, negative, below)
         high = dr.select(hump, top, dr.select(crossing, high, following))
-        return ~crossing & (k <= count), own, low, base, rise, high, k, hump, splits, crossing
+        return ~crossing & (k <= count), below, low, base, rise, high, k, hump, splits, crossing
 
     base, rise, _ = f(start)
     one = dr.ones(backend.Float, dr.width(start))
     never = one < 0
-    state = (start <= stop, own, start, base, rise, start + step, one, never, 0 * one, never)
+    state = (start <= stop, below, start, base, rise, start + step, one, never, 0 * one, never)
     _, _, low, _, _, high, _, _, _, found = dr.while_loop(state, lambda active, *_: active, body)
     return low, high, found
 
 
+def _hump_top(backend: Backend, first: State, second: State) -> DrArray:
+    """Return where the cubic through two points (t, f, f') has its maximum between them."""
+    dr = backend.dr
+    low, base, rise = first
+    high, value, rate = second
+    width = high - low
+    bend = 3 * (value - base) / width - rise - rate
+    root = dr.sqrt(dr.maximum(bend * bend - rise * rate, 0))
+    return high - width * (root - rate - bend) / (rise - rate + 2 * root)
+
+
 def last_root(
     backend: Backend,
-    f: Callable[[DrArray], tuple[DrArray, ...]],
+    f: AlongRay,
     bracket: tuple[DrArray, DrArray],
     found: DrArray,
     resolution: DrArray,
@@ -76,7 +88,7 @@ def last_root(
     """
     dr = backend.dr
 
-    def body(active, low, high, t, k):
+    def body(active: DrArray, low: DrArray, high: DrArray, t: DrArray, k: DrArray) -> State:
         value, rate, _ = f(t)
         low, high = dr.select(value < 0, t, low), dr.select(value < 0, high, t)
         after = t - value / rate

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from optics.sources import RayGrid, Rays, single_rays
 from optics.tracing.device_rays import DeviceRays
 from optics.tracing.fates import SequentialFates
-from optics.tracing.intersections import Hits, KnownHits, SearchedHits
+from optics.tracing.intersections import Hits, KnownHits
 from optics.tracing.landings import Landing
 from optics.tracing.refraction import refract
+from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -32,10 +33,10 @@ class Tracer:
     """Rays of one source through a lens whose sags may change.
 
     lens : Lens.  rays : RayGrid or Rays.  target_z : mm, inf is the far field.
-    soft_rim : share of the half-width within which the flux of rays in any direction fades towards the rim
+    soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
-    sure : grazing rays are led to the first of several meetings with a rough surface; costs up to twice the
-        time.
+    sure : grazing rays are led to the first of several meetings with a rough surface.  This costs up to
+        twice the time.
     """
 
     def __init__(
@@ -57,29 +58,20 @@ class Tracer:
         self._distance = None if isinf(target_z) else dr.opaque(Float, target_z - lens.thickness)
         self._flux = device_flux(backend, rays.flux)
         self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
-        self._front: SearchedHits | None = None
         self._rear: KnownHits | SearchedHits
-        self._behind: tuple[Hits | None, DeviceRays]  # of a front that never changes
-        if isinstance(rays, RayGrid) and lens.front.is_plane:
-            self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, _knots(lens.rear))
-            direction = (0.0, 0.0, 1.0)
-            _, share, _ = refract(dr, direction, (Float(0), Float(0)), self._inverse)
-            entering = self._flux * share
-            dr.make_opaque(entering)
-            self._behind = None, DeviceRays(None, direction, entering)
-        else:
-            rays = single_rays(rays, lens)
-            self._source = DeviceRays(
-                *(tuple(backend.array(a) for a in rows) for rows in (rays.origin, rays.direction)), self._flux
-            )
-            self._front = SearchedHits(
-                backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure
-            )
-            self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, _knots(lens.rear), sure)
-            if lens.front.sag is None:
-                self._behind = self._through_front(None)
-                behind = self._behind[1]
-                dr.eval(behind.origin, behind.direction, behind.flux)
+        self._behind: tuple[Hits | None, DeviceRays] | None = None  # of a front that never changes
+        knots = _knots(lens.rear)
+        if isinstance(rays, RayGrid) and lens.front.is_plane and knots is not None:
+            self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, knots)
+            self._behind = None, self._parallel(self._rear)
+            return
+        self._source = _device_rays(backend, single_rays(rays, lens), self._flux)
+        self._front = SearchedHits(backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure)
+        self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, knots, sure)
+        if lens.front.sag is None:
+            self._behind = self._through_front(None)
+            behind = self._behind[1]
+            dr.eval(behind.origin, behind.direction, behind.flux)
 
     def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Hits], Landing]:
         """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves.
@@ -88,36 +80,43 @@ class Tracer:
         """
         front, behind, rear = self._meet(coefficients)
         surfaces = (front, self._lens.front), (rear, self._lens.rear)
-        changing = [hits for hits, surface in surfaces if surface.sag is not None]
+        changing = [hits for hits, surface in surfaces if hits is not None and surface.sag is not None]
         return changing, self._landing(front, behind, rear)
 
     def at_rear(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
-        """Return (Hits of the rear, directions inside the lens, flux inside the lens, zero for rays that
-        miss)."""
+        """Return (Hits of the rear, directions inside the lens, flux inside the lens).
+
+        The flux is zero for rays that miss.
+        """
         _, behind, hits = self._meet(coefficients)
         return hits, behind.direction, self._backend.dr.select(hits.hit, behind.flux, 0)
 
     def _meet(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits | None, DeviceRays, Hits]:
         """Return (Hits of the front, None where they are known, the rays behind it, Hits of the rear)."""
         nets = [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
-        front, behind = self._behind if self._lens.front.sag is None else self._through_front(nets[0])
-        net = None if self._lens.rear.sag is None else nets[-1]
+        front, behind = self._behind or self._through_front(nets[0])
         if isinstance(self._rear, KnownHits):
-            return front, behind, self._rear.meet(net)
+            return front, behind, self._rear.meet(nets[-1])
+        net = None if self._lens.rear.sag is None else nets[-1]
         return front, behind, self._rear.meet(behind.origin, behind.direction, net)
 
     def pull_back(
-        self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector] | None] | None = None
+        self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[NDArray[np.float64]]:
-        """Return the derivative by each sag's coefficients, or by a net over other knots, after
-        `dr.backward`."""
+        """Return the derivative by each sag's coefficients after `dr.backward`.
+
+        knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
+        """
         # of all surfaces together: they have most of the path in common
         self._backend.dr.eval([leaf.grad for h in hits for leaf in h.leaves])
-        both = (self._front, self._lens.front), (self._rear, self._lens.rear)
-        searched = [s for s, surface in both if surface.sag is not None]
+        changing: list[KnownHits | SearchedHits] = []
+        if self._lens.front.sag is not None:
+            changing.append(self._front)
+        if self._lens.rear.sag is not None:
+            changing.append(self._rear)
         if knots is not None:
-            return [s.pull_back(h, k) for s, h, k in zip(searched, hits, knots)]
-        return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, searched, hits)]
+            return [s.pull_back(h, k) for s, h, k in zip(changing, hits, knots)]
+        return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, changing, hits)]
 
     def fates(self, landing: Landing, half_width: tuple[float, float]) -> SequentialFates:
         """Return the flux of a traced landing by fate, for a target rectangle."""
@@ -149,8 +148,10 @@ class Tracer:
         )
 
     def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:
-        """Return how many rays have each fate; reflected light has none of its own, it splits off rays that
-        go on."""
+        """Return how many rays have each fate.
+
+        Reflected light is not counted: it splits off rays that go on.
+        """
         dr = self._backend.dr
         every = dr.ones(dr.mask_t(self._backend.Float), self._width)
         decided, met, found = (every & mask for mask in (landing.decided, landing.met, landing.found))
@@ -167,21 +168,33 @@ class Tracer:
         }
         return {name: int(dr.count(mask).numpy()[0]) for name, mask in masks.items()}
 
+    def _parallel(self, rear: KnownHits) -> DeviceRays:
+        """Return the rays of a collimated beam behind a plane front, in the frame of the rear's vertex."""
+        dr, Float = self._backend.dr, self._backend.Float
+        direction = (0.0, 0.0, 1.0)
+        _, transmittance, _ = refract(dr, direction, (Float(0), Float(0)), self._inverse)
+        entering = self._flux * transmittance
+        dr.make_opaque(entering)
+        return DeviceRays((rear.x, rear.y, -self._lens.thickness), direction, entering)
+
     def _through_front(self, net: NDArray[np.float64] | None) -> tuple[Hits, DeviceRays]:
         """Return the front's Hits and the rays behind it, in the frame of the rear's vertex."""
         rays = self._source
         hits = self._front.meet(rays.origin, rays.direction, net)
-        direction, share, _ = refract(self._backend.dr, rays.direction, (hits.zx, hits.zy), self._inverse)
-        passing = rays.flux * share * self._rim(hits, self._lens.front)
-        flux = self._backend.dr.select(hits.hit, passing, 0)
+        dr = self._backend.dr
+        direction, transmittance, _ = refract(dr, rays.direction, (hits.zx, hits.zy), self._inverse)
+        passing = rays.flux * transmittance * self._rim(hits, self._lens.front)
+        flux = dr.select(hits.hit, passing, 0)
         return hits, DeviceRays((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux)
 
     def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
         dr = self._backend.dr
-        (dx, dy, dz), share, refracted = refract(dr, behind.direction, (hits.zx, hits.zy), self._index)
+        (dx, dy, dz), transmittance, refracted = refract(
+            dr, behind.direction, (hits.zx, hits.zy), self._index
+        )
         forward = refracted & (dz > 0)
         arrives = hits.hit & forward
-        flux = dr.select(arrives, behind.flux * share * self._rim(hits, self._lens.rear), 0)
+        flux = dr.select(arrives, behind.flux * transmittance * self._rim(hits, self._lens.rear), 0)
         dz = dr.select(forward, dz, 1)
         if self._distance is None:
             degrees = 180 / np.pi
@@ -190,8 +203,8 @@ class Tracer:
             travel = (self._distance - hits.z) / dz
             x, y = hits.x + travel * dx, hits.y + travel * dy
         return Landing(
-            x,
-            y,
+            x=x,
+            y=y,
             p=dx,
             q=dy,
             flux=flux,
@@ -207,11 +220,11 @@ class Tracer:
         """Return 1 inside a surface, falling to 0 at its rim by 3 s^2 - 2 s^3."""
         if not self._soft_rim or surface.sag is None or isinstance(self._rear, KnownHits):
             return 1.0
-        share = 1.0
+        dr, factor = self._backend.dr, 1.0
         for a, h in zip((hits.x, hits.y), surface.half_width):
-            s = self._backend.dr.clip((h - self._backend.dr.abs(a)) * (1 / (self._soft_rim * h)), 0, 1)
-            share = share * (s * s * (3 - 2 * s))
-        return share
+            s = dr.clip((h - dr.abs(a)) * (1 / (self._soft_rim * h)), 0, 1)
+            factor = factor * (s * s * (3 - 2 * s))
+        return factor
 
 
 def device_flux(backend: Backend, flux: NDArray[np.float64]) -> DrArray:
@@ -219,6 +232,12 @@ def device_flux(backend: Backend, flux: NDArray[np.float64]) -> DrArray:
     if (flux == flux.flat[0]).all():
         return backend.dr.opaque(backend.Float, float(flux.flat[0]))
     return backend.array(flux)
+
+
+def _device_rays(backend: Backend, rays: Rays, flux: DrArray) -> DeviceRays:
+    ox, oy, oz = (backend.array(row) for row in rays.origin)
+    dx, dy, dz = (backend.array(row) for row in rays.direction)
+    return DeviceRays((ox, oy, oz), (dx, dy, dz), flux)
 
 
 def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:

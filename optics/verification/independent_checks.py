@@ -1,5 +1,4 @@
-"""Checks of a STEP file by programs that are not ours, or share no code with the rest: its text, and OCCT's
-own rays."""
+"""Checks of a STEP file by independent programs: by its text, and by OCCT's intersections with rays."""
 
 from __future__ import annotations
 
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     Rows = NDArray[np.float64]
     Pair = tuple[BSplineSurface, BSplineSurface]
 
-VOLUME = 1e-10  # relative, by our own quadrature
+VOLUME = 1e-10  # relative, by quadrature over the text of the file
 MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
 TOLERANCE = 1e-6  # mm
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
@@ -54,37 +53,35 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
         points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, system.target.z, optical)
         return LandingPoints(points, np.where(np.isfinite(points).all(axis=1), rays.flux, 0.0))
 
-    found = compared(system, lens, backend, RAYS, by_occt)
+    difference = compared(system, lens, backend, RAYS, by_occt)
     return [
         *_whole(solid),
         Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
         *_same(solid, lens),
-        *_own_volume(solid, lens),
+        *_text_volume(solid, lens),
         *_measures(solid, file.solid),
-        Check("rays with another fate by OCCT's intersections with the file", found.mismatched, 0, ""),
+        Check("rays with another fate by OCCT's intersections with the file", difference.mismatched, 0, ""),
         Check(
             "landing points by OCCT's intersections with the file",
-            found.landing,
+            difference.landing,
             system.problem.verify.landing,
-            found.unit,
+            difference.unit,
         ),
     ]
 
 
 def bare_checks(file: StepFile) -> list[Check]:
-    """Return the Checks of a STEP file of which no lens is at hand: by its text, and by what OCCT reads in
-    it.
+    """Return the Checks of a STEP file without a lens in memory, by its text and by what OCCT reads in it.
 
     Raises
     ------
     OSError, ValueError : as `text_and_occt_checks`.
     """
     solid, state = file.text, file.state
-    surfaces = spline_faces(state.shape)
-    own = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
-    unequal = sum(differing_numbers(read, surface) for read, surface in zip(surfaces, own)) + abs(
-        len(surfaces) - len(own)
-    )
+    by_occt = spline_faces(state.shape)
+    by_text = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
+    unequal = sum(differing_numbers(read, surface) for read, surface in zip(by_occt, by_text))
+    unequal += abs(len(by_occt) - len(by_text))
     return [
         *_whole(solid),
         Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
@@ -100,8 +97,10 @@ def bare_checks(file: StepFile) -> list[Check]:
 
 
 def _measures(solid: Brep, state: SolidState) -> list[Check]:
-    """Return the checks of volume and area by OCCT against quadrature over the faces of the text, where they
-    are planes and splines."""
+    """Return the checks of volume and area by OCCT against quadrature over the faces of the text.
+
+    There are none where a face is neither a plane nor a spline.
+    """
     try:
         area = sum(areas(solid))
     except ValueError:  # round faces, or a solid that does not close
@@ -135,9 +134,8 @@ def _whole(solid: Brep) -> list[Check]:
     ]
 
 
-def _own_volume(solid: Brep, lens: Lens) -> list[Check]:
-    """Return the check of the volume by quadrature over the faces of the text against the closed form of the
-    lens in memory."""
+def _text_volume(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the check of the volume by quadrature over the text against the lens in memory."""
     try:
         off = abs(brep_volume(solid) / lens.volume() - 1)
     except ValueError:  # faces that do not close
@@ -154,50 +152,51 @@ def _own_volume(solid: Brep, lens: Lens) -> list[Check]:
 
 def _same(solid: Brep, lens: Lens) -> list[Check]:
     """Return the checks of faces and edges, number by number, against the lens in memory."""
-    own, optical = placed_surfaces(lens), _optical(solid)
+    pair, optical = placed_surfaces(lens), _optical(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
-    figures = {
-        "front numbers": differing_numbers(solid.faces[optical[0]].surface, own[0]),
-        "rear numbers": differing_numbers(solid.faces[optical[1]].surface, own[1]),
-        "edge face numbers": _other_planes(rest, own)
-        if lens.front.half_width == lens.rear.half_width
-        else _other_ruled(rest, own),
-        "rims and corners": _loose(solid, own),
+    others = _other_planes if lens.front.half_width == lens.rear.half_width else _other_ruled
+    counts = {
+        "front numbers": differing_numbers(solid.faces[optical[0]].surface, pair[0]),
+        "rear numbers": differing_numbers(solid.faces[optical[1]].surface, pair[1]),
+        "edge face numbers": others(rest, pair),
+        "rims and corners": _loose(solid, pair),
     }
     return [
         Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
-        for name, value in figures.items()
+        for name, value in counts.items()
     ]
 
 
 def _optical(solid: Brep) -> tuple[int, int]:
-    """Return the places of front and rear among the faces: the two splines that are curved both ways, the
-    lower first."""
-    heights = {}
+    """Return the indices of front and rear among the faces.
+
+    They are the two splines that are curved in both directions, the lower one first.
+    """
+    heights: dict[int, float] = {}
     for k, face in enumerate(solid.faces):
         surface = face.surface
         if isinstance(surface, BSplineSurface) and min(surface.kv_u.degree, surface.kv_v.degree) > 1:
-            heights[k] = surface(*([(kv.start + kv.stop) / 2] for kv in (surface.kv_u, surface.kv_v)))[0, 2]
+            u, v = ((kv.start + kv.stop) / 2 for kv in (surface.kv_u, surface.kv_v))
+            heights[k] = float(surface([u], [v])[0, 2])
     if len(heights) != 2:
         raise ValueError(
             f"the file holds {len(heights)} curved spline faces where a lens has 2, front and rear"
         )
-    front, rear = sorted(heights, key=heights.get)
+    front, rear = sorted(heights, key=lambda k: heights[k])
     return front, rear
 
 
-def _other_ruled(faces: Sequence[BrepFace], own: Pair) -> int:
-    """Return how many numbers of the edge faces differ from the four ruled faces between the rims of front
-    and rear."""
+def _other_ruled(faces: Sequence[BrepFace], pair: Pair) -> int:
+    """Return how many numbers of the edge faces differ from the four ruled faces between the rims."""
     off = abs(len(faces) - 4)
     for face, side in zip(faces, SIDES):
-        off += differing_numbers(face.surface, ruled_edge(own, side))
+        off += differing_numbers(face.surface, ruled_edge(pair, side))
     return off
 
 
-def _other_planes(faces: Sequence[BrepFace], own: Pair) -> int:
+def _other_planes(faces: Sequence[BrepFace], pair: Pair) -> int:
     """Return how many of the edge faces are not one of the four planes through the sides of the lens."""
-    wanted = {(1 - side.axis, rim(own[0], side)[1][0, 1 - side.axis]) for side in SIDES}
+    wanted = {(1 - side.axis, rim(pair[0], side)[1][0, 1 - side.axis]) for side in SIDES}
     for face in faces:
         if face.plane is not None and np.count_nonzero(face.plane[1]) == 1:
             axis = int(np.argmax(face.plane[1] != 0))
@@ -205,15 +204,18 @@ def _other_planes(faces: Sequence[BrepFace], own: Pair) -> int:
     return len(wanted) + abs(len(faces) - 4)
 
 
-def _loose(solid: Brep, own: Pair) -> int:
-    """Return how many spline edges are no rim and no line between corners, and how many ends of edges are no
-    corner."""
-    corners = {_bits(s.coefficients[corner]) for s in own for corner in CORNERS}
-    rims = {_bits(kv.knots) + _bits(poles) for s in own for kv, poles in (rim(s, side) for side in SIDES)}
+def _loose(solid: Brep, pair: Pair) -> int:
+    """Return how many parts of the edges are not those of the lens.
+
+    Counted are ends of edges that are no corner, and spline edges that are neither a rim nor a line between
+    corners.
+    """
+    corners = {_bits(s.coefficients[corner]) for s in pair for corner in CORNERS}
+    rims = {_bits(kv.knots) + _bits(poles) for s in pair for kv, poles in (rim(s, side) for side in SIDES)}
     loose = 0
     for edge in solid.edges:
         loose += sum(_bits(end) not in corners for end in edge.ends)
-        if edge.kv is None:
+        if edge.kv is None or edge.poles is None:
             loose += not _leads(edge)
         else:
             straight = edge.kv.degree == 1 and len(edge.poles) == 2 and (edge.kv.knots == UNIT.knots).all()
@@ -223,16 +225,16 @@ def _loose(solid: Brep, own: Pair) -> int:
 
 
 def _leads(edge: BrepEdge) -> bool:
-    """Return whether an edge is a line that starts at the edge's first end and leads to its second."""
+    """Return whether an edge is a line from its first end to its second."""
     if edge.poles is None or (edge.poles[0] != edge.ends[0]).any():
         return False
-    way, line = edge.ends[1] - edge.ends[0], edge.poles[1] - edge.poles[0]
-    beside = np.linalg.norm(np.cross(way, line))
-    return bool(way @ line > 0 and beside <= ROUNDING * np.linalg.norm(way) * np.linalg.norm(line))
+    wanted, line = edge.ends[1] - edge.ends[0], edge.poles[1] - edge.poles[0]
+    beside = np.linalg.norm(np.cross(wanted, line))
+    return bool(wanted @ line > 0 and beside <= ROUNDING * np.linalg.norm(wanted) * np.linalg.norm(line))
 
 
 def _bits(array: Rows) -> bytes:
-    """Return a row's bytes; 0.0 and -0.0 are the same place."""
+    """Return a row's bytes; 0.0 and -0.0 are the same number."""
     return np.ascontiguousarray(array + 0.0).tobytes()
 
 
@@ -243,12 +245,13 @@ def trace_faces(
     target_z: float,
     optical: tuple[int, int] = (0, 1),
 ) -> Rows:
-    """Return where rays through the front and the rear of a solid land, (n, 2), by OCCT's intersections; NaN
-    where they do not.
+    """Return where rays through the front and the rear of a solid land, by OCCT's intersections.
+
+    The points are (n, 2), mm (degrees in the far field), NaN for rays that do not arrive.
 
     rays : origins and directions, (n, 3) float each, mm and unit vectors.  target_z : mm, inf is the far
         field (degrees).
-    optical : places of front and rear among the faces.
+    optical : indices of front and rear among the faces.
     """
     points, directions = (np.array(a, dtype=np.float64) for a in rays)
     lit = np.arange(len(points))
@@ -275,6 +278,5 @@ def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, NDArr
     normals, cosine = normals * np.sign(cosine)[:, None], np.abs(cosine)
     square = 1 - eta**2 * (1 - cosine**2)
     passes = square > 0
-    return eta * directions + (np.sqrt(np.where(passes, square, 1.0)) - eta * cosine)[
-        :, None
-    ] * normals, passes
+    along = np.sqrt(np.where(passes, square, 1.0)) - eta * cosine
+    return eta * directions + along[:, None] * normals, passes

@@ -1,10 +1,11 @@
-"""Rays through the faces of a STEP file by optiland, a design program that shares no code with this one or
-with OCCT.
+"""Rays through the faces of a STEP file by optiland, an independent program for optical design.
 
-Its NURBS geometry takes the poles and knots of the file.  It starts Newton's method where a ray crosses the
-plane z = 0 of the face's own frame.  A ray that is far to the side when it meets the face starts elsewhere,
-and the iteration may be held at the rim.  So every ray gets a frame near the height at which it first falls
-through the face, found by sampling the face at a few heights along the ray, by optiland too.
+It shares no code with this one or with OCCT.  Its NURBS geometry takes the poles and knots of the file.
+
+It starts Newton's method where a ray crosses the plane z = 0 of the face's frame.  A ray that is far to the
+side when it meets the face starts elsewhere, and the iteration may be held at the rim.  So every ray gets a
+frame near the height at which it first falls through the face.  That height comes from samples of the face
+at a few heights along the ray, by optiland too.
 
 Source: optiland 0.6.3, whose intersection follows W. Martin, E. Cohen, R. Fish, P. Shirley, Practical ray
 tracing of trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
@@ -64,23 +65,23 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
     step = file.solid
 
     def by_optiland(rays: Rays) -> LandingPoints:
-        found = optiland_trace(
+        arriving = optiland_trace(
             step.front, step.rear, rays.origin.T, rays.direction.T, lens.index, system.target.z
         )
-        return LandingPoints(found.points, found.flux * rays.flux)
+        return LandingPoints(arriving.points, arriving.flux * rays.flux)
 
-    found = compared(system, lens, backend, RAYS, by_optiland)
+    difference = compared(system, lens, backend, RAYS, by_optiland)
     return [
-        Check("rays with another fate by optiland's trace of the file", found.mismatched, 0, ""),
+        Check("rays with another fate by optiland's trace of the file", difference.mismatched, 0, ""),
         Check(
             "landing points by optiland's trace of the file",
-            found.landing,
+            difference.landing,
             system.problem.verify.landing,
-            found.unit,
+            difference.unit,
         ),
         Check(
             "irradiance by optiland's trace of the file, relative",
-            found.irradiance,
+            difference.irradiance,
             system.problem.verify.irradiance,
             "",
         ),
@@ -95,13 +96,13 @@ def optiland_trace(
     index: float,
     target_z: float,
 ) -> LandingPoints:
-    """Trace rays through two faces to the plane z = target_z by optiland, or to the far field where that is
-    inf.
+    """Trace rays of 1 W through two faces to the plane z = target_z, or to the far field, by optiland.
+
+    The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.  Far-field
+    points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
 
     front, rear : poles (x, y, z), mm, x along u and y along v, as `placed_surfaces`.
-    origins, directions : (n, 3) float, mm and unit vectors.
-    Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.  The flux is that of rays of
-    1 W, the mean of both polarisations at each face by optiland's Fresnel amplitudes.
+    origins, directions : (n, 3) float, mm and unit vectors.  target_z : mm, inf is the far field.
 
     Raises
     ------
@@ -110,20 +111,19 @@ def optiland_trace(
     landing, flux = np.full((len(origins), 2), np.nan), np.zeros(len(origins))
     with _numpy_backend():
         for first in range(0, len(origins), AT_ONCE):
-            lit, weight = np.arange(first, min(first + AT_ONCE, len(origins))), 1.0
-            points, ways = origins[lit], directions[lit]
+            lit = np.arange(first, min(first + AT_ONCE, len(origins)))
+            points, onward, weight = origins[lit], directions[lit], np.ones(len(lit))
             for surface, indices in ((front, (1.0, index)), (rear, (index, 1.0))):
-                points, ways, share = _through(surface, points, ways, indices)
-                passes, weight = share > 0, weight * share
-                points, ways, lit, weight = points[passes], ways[passes], lit[passes], weight[passes]
-            forward = ways[:, 2] > 0
-            points, ways, lit = points[forward], ways[forward], lit[forward]
-            across = ways[:, :2] / ways[:, 2:]
-            landing[lit] = (
-                np.degrees(np.arctan(across))
-                if isinf(target_z)
-                else points[:, :2] + (target_z - points[:, 2:]) * across
-            )
+                points, onward, transmittance = _through(surface, points, onward, indices)
+                passes, weight = transmittance > 0, weight * transmittance
+                points, onward, lit, weight = points[passes], onward[passes], lit[passes], weight[passes]
+            forward = onward[:, 2] > 0
+            points, onward, lit = points[forward], onward[forward], lit[forward]
+            across = onward[:, :2] / onward[:, 2:]
+            if isinf(target_z):
+                landing[lit] = np.degrees(np.arctan(across))
+            else:
+                landing[lit] = points[:, :2] + (target_z - points[:, 2:]) * across
             flux[lit] = weight[forward]
     return LandingPoints(landing, flux)
 
@@ -138,12 +138,12 @@ def _numpy_backend() -> Iterator[None]:
 
     before = backend.get_backend()
     backend.set_backend("numpy")
-    bits = backend.get_precision()
+    bits: object = backend.get_precision()  # 32 or 64; optiland's stubs name a text
     backend.set_precision("float64")
     try:
         yield
     finally:
-        backend.set_precision(f"float{bits}")
+        backend.set_precision("float32" if bits == 32 else "float64")
         backend.set_backend(before)
 
 
@@ -169,24 +169,26 @@ def _geometry(surface: BSplineSurface, height: float) -> NurbsGeometry:
 def _through(
     surface: BSplineSurface, points: Rows, directions: Rows, indices: tuple[float, float]
 ) -> tuple[Rows, Rows, Rows]:
-    """Return (points, directions, transmittance) of rays behind a face; 0 and NaN for those that do not
-    pass."""
+    """Return (points, directions, transmittance) of rays behind a face.
+
+    Rays that do not pass have the transmittance 0 and the direction NaN.
+    """
     z = surface.coefficients[..., 2]
     heights = np.unique(np.linspace(z.min(), z.max(), HEIGHTS))
-    met, onward, share = np.full_like(points, np.nan), np.full_like(points, np.nan), np.zeros(len(points))
+    met, onward = np.full_like(points, np.nan), np.full_like(points, np.nan)
+    transmittance = np.zeros(len(points))
     nearest = _nearest(surface, heights, points, directions)
     for k in np.unique(nearest[nearest >= 0]):
         rays, geometry = np.flatnonzero(nearest == k), _geometry(surface, heights[k])
         met[rays], meets = _meeting(geometry, points[rays], directions[rays])
         rays = rays[meets]
         if len(rays):
-            onward[rays], share[rays] = _refracted(geometry, met[rays], directions[rays], indices)
-    return met, onward, share
+            onward[rays], transmittance[rays] = _refracted(geometry, met[rays], directions[rays], indices)
+    return met, onward, transmittance
 
 
 def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: Rows) -> NDArray[np.int64]:
-    """Return the number of the first height at which a ray has fallen through a face, (n,) int, -1 for
-    none."""
+    """Return the index of the first height at which a ray has fallen through a face, (n,), -1 for none."""
     geometry = _geometry(surface, 0.0)
     low, high = _corners(geometry)
     fallen = np.zeros((len(heights), len(points)), dtype=bool)
@@ -202,7 +204,8 @@ def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: R
 
 def _corners(geometry: NurbsGeometry) -> tuple[Rows, Rows]:
     """Return the least and the greatest (x, y) of a face."""
-    return geometry.P[:2, 0, 0], geometry.P[:2, -1, -1]
+    poles = np.asarray(geometry.P)
+    return poles[:2, 0, 0], poles[:2, -1, -1]
 
 
 def _meeting(geometry: NurbsGeometry, points: Rows, directions: Rows) -> tuple[Rows, NDArray[np.bool_]]:
@@ -231,8 +234,8 @@ def _refracted(
 
     rays = _rays(points, directions)
     geometry.localize(rays)
-    normals = geometry.surface_normal(rays)
-    rays.refract(*normals, *indices)
+    normals = nx, ny, nz = geometry.surface_normal(rays)
+    rays.refract(nx, ny, nz, *indices)
     onward = np.column_stack([rays.L, rays.M, rays.N])
     before, after = (np.abs(np.einsum("ij,ji->i", a, np.stack(normals))) for a in (directions, onward))
     jones = JonesFresnel(*map(IdealMaterial, indices)).calculate_matrix(
@@ -246,4 +249,5 @@ def _rays(points: Rows, directions: Rows) -> RealRays:
     """Return optiland's container of rays."""
     from optiland.rays import RealRays
 
-    return RealRays(*points.T, *directions.T, np.ones(len(points)), np.full(len(points), WAVELENGTH))
+    (x, y, z), (l, m, n) = points.T, directions.T
+    return RealRays(x, y, z, l, m, n, np.ones(len(points)), np.full(len(points), WAVELENGTH))

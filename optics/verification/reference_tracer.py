@@ -21,13 +21,15 @@ if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile
     from thbcad.splines import BSplineSurface
 
+    Floats = NDArray[np.float64]
+    Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
 HALVINGS = 12  # of the interval in which a ray falls through the face, before Newton's method
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
 ROOM = 1e-3  # of the width, above and below the poles
-STILL = 1e-12  # of a direction: components that count as none
+STILL = 1e-12  # of a direction: components that count as zero
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
-MEETS = 1e-10  # of the face's width: so far beside a ray, or behind its origin, a point still lies on it
+MEETS = 1e-10  # of the face's width: a point so near a ray, or so little behind its origin, lies on it
 AT_ONCE = 20_000  # rays
 
 
@@ -47,11 +49,12 @@ class ParametricFace:
         self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
 
     def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return parameters where rays first fall through the face, to a sample's width; points, directions :
-        (n, 3).
+        """Return parameters where rays first fall through the face, to a sample's width.
 
         x and y are taken as linear in the parameters: a guess that Newton's method corrects.
         Rays parallel to z need no search.
+
+        points, directions : (n, 3).
         """
         uv = self._below(points[:, :2])
         slanted = (np.abs(directions[:, :2]) >= STILL).any(axis=1)
@@ -61,12 +64,12 @@ class ParametricFace:
 
     def _below(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the parameters at (x, y), (..., 2), of the rim where they lie beside the face."""
-        share = np.clip((points - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
-        return self.low + share * (self.high - self.low)
+        fraction = np.clip((points - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
+        return self.low + fraction * (self.high - self.low)
 
     def _search(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the parameters where slanted rays first fall through the face, by samples and halvings."""
-        first, last = self._way(points, directions)
+        first, last = self._within_box(points, directions)
 
         def at(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             here = points[:, None, :] + t[..., None] * directions[:, None, :]
@@ -84,16 +87,17 @@ class ParametricFace:
             low, high = np.where(over, middle, low), np.where(over, high, middle)
         return at((low + high) / 2)[0][:, 0]
 
-    def _way(
+    def _within_box(
         self, points: NDArray[np.float64], directions: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the ray parameters at which rays enter and leave the face's box."""
         still = np.abs(directions) < STILL
         speed = np.where(still, 1.0, directions)
+        low, high = self._box
         ends = np.stack(
             [
-                np.where(still, side, (corner - points) / speed)
-                for side, corner in zip((-np.inf, np.inf), self._box)
+                np.where(still, -np.inf, (low - points) / speed),
+                np.where(still, np.inf, (high - points) / speed),
             ]
         )
         return np.maximum(ends.min(axis=0).max(axis=1), 0.0), ends.max(axis=0).min(axis=1)
@@ -111,9 +115,9 @@ def trace_step(
     index: float,
     target_z: float,
 ) -> LandingPoints:
-    """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field where
-    that is inf.
+    """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field.
 
+    target_z : mm, inf is the far field.
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.
     Far-field points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
     """
@@ -121,15 +125,14 @@ def trace_step(
     weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
     for surface, eta in ((step.front, 1 / index), (step.rear, index)):
         points, normals, met = _intersect(ParametricFace(surface), points, directions)
-        directions, share = _refract(directions, normals, eta)
-        weight *= np.where(met, share, 0.0)
+        directions, transmittance = _refract(directions, normals, eta)
+        weight *= np.where(met, transmittance, 0.0)
     arrives = (weight > 0) & (directions[:, 2] > 0)
     across = directions[:, :2] / np.where(arrives, directions[:, 2], 1.0)[:, None]
-    landing = (
-        np.degrees(np.arctan(across))
-        if np.isinf(target_z)
-        else points[:, :2] + (target_z - points[:, 2:]) * across
-    )
+    if np.isinf(target_z):
+        landing = np.degrees(np.arctan(across))
+    else:
+        landing = points[:, :2] + (target_z - points[:, 2:]) * across
     return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
 
 
@@ -151,11 +154,12 @@ def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Scre
 
 def _intersect(
     face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+) -> Meetings:
     """Return (points, unit normals towards +z, met) of rays on a face, part by part."""
     parts = [slice(k, k + AT_ONCE) for k in range(0, len(points), AT_ONCE)]
-    found = [_newton(face, points[k], directions[k], face.start(points[k], directions[k])) for k in parts]
-    return tuple(np.concatenate(column) for column in zip(*found))
+    meetings = [_newton(face, points[k], directions[k], face.start(points[k], directions[k])) for k in parts]
+    on_face, normals, met = (np.concatenate(column) for column in zip(*meetings))
+    return on_face, normals, met
 
 
 def _newton(
@@ -163,10 +167,10 @@ def _newton(
     points: NDArray[np.float64],
     directions: NDArray[np.float64],
     uv: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+) -> Meetings:
     """Return (points, unit normals towards +z, met) by Newton's method from the parameters uv.
 
-    It solves a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray; meetings behind the origin or
+    It solves a . (S - o) = b . (S - o) = 0 with a, b perpendicular to the ray.  Meetings behind the origin or
     on the far side of the face do not count.
     """
     helper = np.where(np.abs(directions[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -191,11 +195,8 @@ def _newton(
     if not np.isfinite(s).all():
         raise NumericalError("the independent trace met a degenerate face")
     near = MEETS * face.width
-    return (
-        s,
-        normals,
-        (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0),
-    )
+    met = (distance < near) & (_dot(s - points, directions) >= -near) & (_dot(normals, directions) > 0)
+    return s, normals, met
 
 
 def _refract(

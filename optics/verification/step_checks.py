@@ -1,4 +1,4 @@
-"""Does the file on disk make the light?  Checks of a STEP file against the designed lens."""
+"""Checks of a STEP file, as OCCT reads it, against the designed lens and the light that it must give."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from optics.tracing import LandingPoints
     from optics.verification.step_file import StepFile
+    from thbcad.cad.exchange import SolidFile
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector, NURBSSurface
 
@@ -33,59 +34,60 @@ def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) 
 
     backend : of double precision.
     """
+    return [
+        *_topology(system, lens, file),
+        *_geometry(system, lens, file.solid),
+        *_light(system, lens, file.solid, backend),
+    ]
+
+
+def _topology(system: OpticalSystem, lens: Lens, file: StepFile) -> list[Check]:
+    """Return the checks of bytes, faces, edges and tolerances."""
     step, fresh = file.solid, step_bytes(lens, system.product, system.problem.export.schema)
-    limits = system.problem.verify
-    checks = [
+    different = int(file.path.read_bytes() != fresh)
+    return [
         Check("solids besides the one expected", abs(step.solids - 1), 0, ""),
         Check("faces besides the six expected", abs(step.faces - 6), 0, ""),
         Check("free edges", step.free_edges, 0, ""),
         Check("tolerance that faces, edges and vertices need to meet", step.tolerance, TOLERANCE, "mm"),
-        Check(
-            "file differs from a fresh export of the lens by this version",
-            int(file.path.read_bytes() != fresh),
-            0,
-            "",
-        ),
+        Check("file differs from a fresh export of the lens by this version", different, 0, ""),
         Check("shell not closed", int(not step.closed), 0, ""),
         Check("solid not valid (OCCT)", int(not step.valid), 0, ""),
     ]
-    volume = lens.volume()
+
+
+def _geometry(system: OpticalSystem, lens: Lens, step: SolidFile) -> list[Check]:
+    """Return the checks of volume and optical faces."""
+    limits, volume = system.problem.verify, lens.volume()
     off = abs(step.volume / volume - 1)
     if off > limits.volume:  # OCCT's estimate of its own error is too low on rough surfaces: ask for more
         off = abs(solid_volume(step.shape, FINE_VOLUME) / volume - 1)
-    checks.append(Check("volume by OCCT against the closed form, relative", off, limits.volume, ""))
-    for name, read, own in zip(("front", "rear"), (step.front, step.rear), placed_surfaces(lens)):
-        checks.append(
-            Check(
-                f"{name} poles and knots that differ from the lens in memory",
-                differing_numbers(read, own),
-                0,
-                "",
-            )
-        )
+    checks = [Check("volume by OCCT against the closed form, relative", off, limits.volume, "")]
+    for name, read, wanted in zip(("front", "rear"), (step.front, step.rear), placed_surfaces(lens)):
+        count = differing_numbers(read, wanted)
+        checks.append(Check(f"{name} poles and knots that differ from the lens in memory", count, 0, ""))
     for name, read, surface, vertex in (
         ("front", step.front, lens.front, 0.0),
         ("rear", step.rear, lens.rear, lens.thickness),
     ):
-        checks.append(
-            Check(
-                f"{name} face against the lens in memory",
-                surface_deviation(read, surface, vertex),
-                limits.surface,
-                "mm",
-            )
-        )
+        deviation = surface_deviation(read, surface, vertex)
+        checks.append(Check(f"{name} face against the lens in memory", deviation, limits.surface, "mm"))
+    return checks
+
+
+def _light(system: OpticalSystem, lens: Lens, step: SolidFile, backend: Backend) -> list[Check]:
+    """Return the checks of the light by the reference tracer."""
+    limits = system.problem.verify
 
     def by_scipy(rays: Rays) -> LandingPoints:
         return trace_step(step, rays.origin.T, rays.direction.T, rays.flux, lens.index, system.target.z)
 
-    found = compared(system, lens, backend, [limits.rays] * 2, by_scipy)
-    checks += [
-        Check("rays with another fate in the independent trace", found.mismatched, 0, ""),
-        Check("landing points, independent trace of the file", found.landing, limits.landing, found.unit),
-        Check("irradiance, independent trace of the file, relative", found.irradiance, limits.irradiance, ""),
+    seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy)
+    return [
+        Check("rays with another fate in the independent trace", seen.mismatched, 0, ""),
+        Check("landing points, independent trace of the file", seen.landing, limits.landing, seen.unit),
+        Check("irradiance, independent trace of the file, relative", seen.irradiance, limits.irradiance, ""),
     ]
-    return checks
 
 
 def surface_deviation(face: BSplineSurface, surface: FreeformSurface, vertex: float) -> float:
@@ -109,13 +111,16 @@ def _samples(kv: KnotVector) -> NDArray[np.float64]:
     return np.append(inner, b[-1])
 
 
-def differing_numbers(read: BSplineSurface | NURBSSurface | None, own: BSplineSurface) -> int:
-    """Return how many coordinates and knots of a face differ from those in memory; all of them where their
-    number does."""
-    everything = own.coefficients.size + len(own.kv_u.knots) + len(own.kv_v.knots)
-    if not isinstance(read, BSplineSurface) or read.coefficients.shape != own.coefficients.shape:
+def differing_numbers(read: BSplineSurface | NURBSSurface | None, wanted: BSplineSurface) -> int:
+    """Return how many coordinates and knots of a face differ from the wanted ones.
+
+    Where their numbers differ, all of them count.
+    """
+    everything = wanted.coefficients.size + len(wanted.kv_u.knots) + len(wanted.kv_v.knots)
+    if not isinstance(read, BSplineSurface) or read.coefficients.shape != wanted.coefficients.shape:
         return everything
-    if any(len(a.knots) != len(b.knots) for a, b in ((read.kv_u, own.kv_u), (read.kv_v, own.kv_v))):
+    pairs = (read.kv_u.knots, wanted.kv_u.knots), (read.kv_v.knots, wanted.kv_v.knots)
+    if any(len(a) != len(b) for a, b in pairs):
         return everything
-    knots = sum(int((a.knots != b.knots).sum()) for a, b in ((read.kv_u, own.kv_u), (read.kv_v, own.kv_v)))
-    return int((read.coefficients != own.coefficients).sum()) + knots
+    knots = sum(int((a != b).sum()) for a, b in pairs)
+    return int((read.coefficients != wanted.coefficients).sum()) + knots

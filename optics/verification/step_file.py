@@ -1,4 +1,4 @@
-"""A STEP file under test, read by programs that share no code, each time only once."""
+"""A STEP file under test, read once by each of several programs that share no code."""
 
 from __future__ import annotations
 

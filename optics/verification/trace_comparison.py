@@ -1,5 +1,4 @@
-"""The same rays by the optimiser's tracer and by another: how far their landing points, fates and irradiance
-are apart."""
+"""The same rays by the optimiser's tracer and by another: differences of landings, fates and irradiance."""
 
 from __future__ import annotations
 
@@ -27,10 +26,10 @@ class Comparison:
     """How far two traces are apart.
 
     landing : mm, degrees in the far field; the greatest error of a coordinate on the target, inf where no ray
-        lands there
-    irradiance : relative L2 difference on the target's pixels.  mismatched : rays that arrive in one of them
-        only
-    unit : of landing
+        lands there.
+    irradiance : relative L2 difference on the target's pixels.
+    mismatched : number of rays that arrive in one of them only.
+    unit : of landing.
     """
 
     landing: float
@@ -46,26 +45,27 @@ def compared(
     counts: Sequence[int],
     other: Callable[[Rays], LandingPoints],
 ) -> Comparison:
-    """Trace rays of the system's source through the lens in memory and by `other`, and return their
-    Comparison.
+    """Return the Comparison of rays traced through the lens in memory and by `other`.
 
-    backend : of double precision.  counts : of rays, as in `LightSource.rays`.
+    backend : of double precision.  counts : of rays of the system's source, as in `LightSource.rays`.
     other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
     """
     rays = system.source.rays(counts)
     _, landing = Tracer(backend, lens, rays, system.target.z).trace([sag.coefficients for sag in lens.sags])
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    found, screen = other(single_rays(rays, lens)), system.target.screen()
+    others, screen = other(single_rays(rays, lens)), system.target.screen()
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
-    both = (flux > 0) & (found.flux > 0) & (np.abs(points) <= screen.half_width).all(axis=1)
-    error = float(np.abs(points[both] - found.points[both]).max()) if both.any() else np.inf
-    unit = "degrees" if screen.angular else "mm"
-    difference = _difference(
-        *(deposit(p, f, screen) for p, f in ((points, flux), (found.points, found.flux)))
+    both = (flux > 0) & (others.flux > 0) & (np.abs(points) <= screen.half_width).all(axis=1)
+    error = float(np.abs(points[both] - others.points[both]).max()) if both.any() else np.inf
+    image, other_image = deposit(points, flux, screen), deposit(others.points, others.flux, screen)
+    return Comparison(
+        landing=error,
+        irradiance=_difference(image, other_image),
+        mismatched=int(((flux > 0) != (others.flux > 0)).sum()),
+        unit="degrees" if screen.angular else "mm",
     )
-    return Comparison(error, difference, int(((flux > 0) != (found.flux > 0)).sum()), unit)
 
 
-def _difference(own: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    norm = np.linalg.norm(own)
-    return float(np.linalg.norm(own - other) / norm) if norm else np.inf
+def _difference(image: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    norm = np.linalg.norm(image)
+    return float(np.linalg.norm(image - other) / norm) if norm else np.inf

@@ -69,7 +69,7 @@ def test_the_faces_close_outward_and_enclose_the_volume(mi, lens):
     4."""
     errors = []
     for n in (33, 65, 129):
-        shapes = LensMesh.even(lens, (n, n + 2)).shapes(mi)
+        shapes = LensMesh.uniform(lens, (n, n + 2)).shapes(mi)
         parts = [stored(mi, shapes[name]) for name in FACES]
         if n == 33:
             require_closed(corners(parts))
@@ -81,14 +81,14 @@ def test_the_faces_close_outward_and_enclose_the_volume(mi, lens):
 
 def test_vertices_and_normals_are_those_of_the_surfaces(mi):
     lens = two_free_lens()
-    mesh = LensMesh.even(lens, (33, 29))
+    mesh = LensMesh.uniform(lens, (33, 29))
     shapes = mesh.shapes(mi)
     for name, surface, vertex, side in (
         ("front", lens.front, 0.0, -1),
         ("rear", lens.rear, lens.thickness, 1),
     ):
         positions, normals, triangles = stored(mi, shapes[name])
-        x, y = mesh.surfaces[name].place
+        x, y = mesh.surfaces[name].positions
         assert (
             np.abs(positions - np.stack([x, y, vertex + surface(x, y)], axis=1)).max() <= 8 * EPS
         )  # half a unit of numbers below 16
@@ -113,7 +113,7 @@ def test_the_chord_error_is_kept(mi):
 @pytest.mark.parametrize("name", ["front", "rear"])
 def test_the_matrices_give_the_surface(name):
     lens = two_free_lens()
-    vertices, sag = LensMesh.even(lens, (21, 18)).surfaces[name], getattr(lens, name).sag
+    vertices, sag = LensMesh.uniform(lens, (21, 18)).surfaces[name], getattr(lens, name).sag
     # sums of a few hundred products of numbers up to 10, and slopes of them
     np.testing.assert_allclose(vertices.jet(sag.coefficients), vertices.jet(), rtol=0, atol=1e-12)
     rng = np.random.default_rng(1)
@@ -127,7 +127,7 @@ def test_derivatives_of_positions_and_normals(mi, name):
     import drjit as dr
 
     lens = two_free_lens()
-    mesh, rng = LensMesh.even(lens, (21, 18)), np.random.default_rng(2)
+    mesh, rng = LensMesh.uniform(lens, (21, 18)), np.random.default_rng(2)
     sag, weights = getattr(lens, name).sag, rng.standard_normal((6, 21 * 18))
     direction = rng.standard_normal(sag.space.dim)
     rows = mesh.surfaces[name]
@@ -137,7 +137,7 @@ def test_derivatives_of_positions_and_normals(mi, name):
         normal = (
             np.stack([-zx, -zy, np.ones_like(z)]) / np.sqrt(1 + zx**2 + zy**2) * (1 if name == "rear" else -1)
         )
-        return np.concatenate([np.stack([*rows.place, z]), normal])
+        return np.concatenate([np.stack([*rows.positions, z]), normal])
 
     def dual(c):
         positions, normals = mesh.vertices(mi, name, c)
@@ -163,12 +163,12 @@ def test_derivatives_of_positions_and_normals(mi, name):
 
 def test_a_scene_follows_the_coefficients_and_stays_closed(mi):
     lens = two_free_lens()
-    mesh = LensMesh.even(lens, (9, 8))
+    mesh = LensMesh.uniform(lens, (9, 8))
     scene = mi.load_dict({"type": "scene", **mesh.shapes(mi)})
     moved = [c + 0.01 * np.arange(len(c)) / len(c) for c in coefficients(lens)]
     mesh.update(mi, mi.traverse(scene), [mi.Float64(c) for c in moved])
     wanted = lens.with_sags([type(sag)(sag.space, c) for sag, c in zip(lens.sags, moved)])
-    fresh = LensMesh.even(wanted, (9, 8)).shapes(mi)
+    fresh = LensMesh.uniform(wanted, (9, 8)).shapes(mi)
     parts = [stored(mi, scene, name) for name in FACES]
     require_closed(corners(parts))
     for part, name in zip(parts, FACES):

@@ -37,7 +37,7 @@ def mi(backend):
 def landings(backend, lens, rays, target_z, vertices):
     """Return the landings of the exact tracer and of the meshes."""
     _, exact = Tracer(backend, lens, rays, target_z).trace(coefficients(lens))
-    _, mesh = MeshTracer(LensMesh.even(lens, vertices), rays, target_z).trace(coefficients(lens))
+    _, mesh = MeshTracer(LensMesh.uniform(lens, vertices), rays, target_z).trace(coefficients(lens))
     return exact, mesh
 
 

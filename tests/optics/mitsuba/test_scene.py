@@ -63,7 +63,8 @@ def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, pr
     """In each of 8 x 8 cells a share q of n samples errs by sqrt(q / n), four times which is allowed; the
     picture has no symmetry."""
     problem, lens = make({"source.kind": kind, "source.profile": profile, **STRETCHED})
-    origin, direction, flux = emitted(mi, mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5))))
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5)))
+    origin, direction, flux = emitted(mi, scene)
     spread = flux.std() / np.sqrt(SAMPLES)
     assert flux.mean() == pytest.approx(0.7, abs=4 * spread + 1e-6)
     assert (origin[2] < 0).all()
@@ -84,11 +85,12 @@ def test_sources_have_the_flux_and_the_density_of_the_problem(mi, make, kind, pr
 
 
 @pytest.mark.parametrize(("half_angle", "share"), [(90.0, 0.5), (25.0, 1.0)])
-def test_point_sources_light_their_cone_evenly(mi, make, half_angle, share):
+def test_point_sources_light_their_cone_uniformly(mi, make, half_angle, share):
     """A wide one sends as much backwards, where nothing is; heights on the sphere are uniform
     (Archimedes)."""
     problem, lens = make({"source.half_angle": half_angle, **POINT})
-    origin, direction, flux = emitted(mi, mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5))))
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5)))
+    origin, direction, flux = emitted(mi, scene)
     forward = direction[2] > 0
     assert flux[0] * share == pytest.approx(0.7, rel=1e-6)
     assert np.ptp(flux) == 0
@@ -103,7 +105,9 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
     """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %; light that is reflected twice in
     the lens adds as much."""
     problem, lens = make({})
-    image = camera_irradiance(mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (65, 65))), spp=256)
+    image = camera_irradiance(
+        mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (65, 65))), spp=256
+    )
     screen = OpticalSystem(problem).target.screen()
     _, landing = Tracer(
         backend, lens, OpticalSystem(problem).source.rays((301, 301)), problem.target_z
@@ -123,7 +127,7 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
 def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
     """Eight pictures give the mean and its standard error; the other tracer follows every reflection too."""
     problem, lens = make({"source.half_width": [8.0, 9.0]})
-    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (65, 65)))
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (65, 65)))
     fluxes = [
         camera_irradiance(scene, spp=128, seed=k).sum() * OpticalSystem(problem).target.screen().pixel_area
         for k in range(8)
@@ -141,7 +145,7 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
 
 def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
     problem, lens = make({"target.half_width": [90.0, 60.0], "target.pixels": [48, 32]})
-    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (9, 9)))
+    scene = mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (9, 9)))
     place = np.array(scene.sensors()[0].world_transform().matrix).reshape(4, 4)[:3, 3]
     assert lens.thickness + lens.rear(10, 10)[0] < place[2] < problem.target_z
     assert camera_irradiance(scene, spp=4).shape == (32, 48)
@@ -159,11 +163,11 @@ def test_a_wide_target_is_seen_by_a_camera_near_to_it(make):
 def test_what_mitsuba_cannot_express_is_refused_by_its_key(make, changes, key):
     problem, lens = make(changes)
     with pytest.raises(UserError, match=key):
-        mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5)))
+        mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5)))
 
 
 def test_the_camera_refuses_spectra(make):
     load_mitsuba("llvm_ad_rgb", threads=1)
     problem, lens = make({})
     with pytest.raises(UserError, match="llvm_ad_mono only, got llvm_ad_rgb"):
-        camera_irradiance(mitsuba_scene(OpticalSystem(problem), LensMesh.even(lens, (5, 5))), spp=1)
+        camera_irradiance(mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (5, 5))), spp=1)

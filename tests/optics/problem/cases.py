@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from optics.problem.schema import load_problem
+from optics.problem import load_problem
 from tests.optics.cases import SMALL, toml_text
 
 REQUIRED = (

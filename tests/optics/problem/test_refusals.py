@@ -9,7 +9,8 @@ import re
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from optics.problem.schema import MAX_FILE_BYTES, Problem, load_problem
+from optics.problem.problem_file import MAX_FILE_BYTES, load_problem
+from optics.problem.schema import Problem
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
 from tests.optics.cases import SMALL, toml_text, toml_value

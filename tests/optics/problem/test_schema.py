@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from optics.problem.schema import load_problem, per_level
+from optics.problem import load_problem, per_level
 from tests.cases import EXAMPLES
 from tests.optics.cases import SMALL, toml_text
 from tests.optics.problem.cases import EXTENDED, MINIMAL, load_values

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 from matplotlib import pyplot as plt
 
 from optics.report import fresnel_figure
-from optics.tracing.fresnel import critical_angle, efficiency_bound, traced_transmittance, transmittances
+from optics.tracing.refraction import critical_angle, efficiency_bound, traced_transmittance, transmittances
 
 EPS = np.finfo(float).eps
 FEW = settings(deadline=None, derandomize=True, max_examples=60)
@@ -78,9 +78,9 @@ def test_normal_incidence_loses_the_same_in_both_polarisations(index):
 @given(index=INDICES)
 def test_at_brewsters_angle_all_p_polarised_light_passes(index):
     """tan = n_t / n_i; R_p is the square of a rounding error there."""
-    senkrecht, parallel = transmittances(1.0, index, np.arctan(index))
+    t_s, parallel = transmittances(1.0, index, np.arctan(index))
     assert parallel == pytest.approx(1.0, abs=2 * EPS)
-    assert senkrecht < 1
+    assert t_s < 1
 
 
 @FEW

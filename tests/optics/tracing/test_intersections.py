@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
 
-from optics.tracing.intersections import SearchedHits, conic_distance
+from optics.tracing.searched_intersections import SearchedHits, conic_distance
 from tests.optics.cases import grazing_rays, hollow_lens, rough, small_lens, small_space
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic

@@ -7,7 +7,8 @@ import pytest
 
 from optics.runtime import load_backend
 from optics.sources import Profile, collimated_beam, single_rays
-from optics.tracing.intersections import KnownHits, SearchedHits
+from optics.tracing.intersections import KnownHits
+from optics.tracing.searched_intersections import SearchedHits
 from optics.tracing.sequential import Tracer
 from oracles.light_formulas import fresnel, meridional
 from tests.optics.cases import (

@@ -1,0 +1,293 @@
+"""Where rays in any direction meet a surface: Newton's method on the ray parameter, within brackets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.tracing.intersections import Hits
+from optics.tracing.spline_table import PolynomialTable
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend, DrArray
+    from optics.tracing.device_rays import Vector
+    from thbcad.sags import Conic
+    from thbcad.splines import KnotVector
+
+    Surface = Callable[[DrArray, DrArray], list[DrArray]]  # x, y -> z, zx, zy, zxx, zxy, zyy
+
+ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
+
+
+class SearchedHits:
+    """Meeting points of rays in any direction, by Newton's method on the ray parameter.
+
+    A ray can meet the surface only where it is above the rectangle, from t_0 to t_1.  There
+    f(t) = surface height - ray height falls through zero.  A ray with f(t_0) < 0 or f(t_1) > 0 misses.
+    Newton's method starts at the conic's meeting point.  A step that leaves the bracket of f's signs is
+    replaced by halving the bracket.
+
+    Of several meetings the search returns one, as a rule the first.  With `sure` the path of a ray that is
+    flatter than the surface is steep is sampled for the first.  Without knots the surface is the conic alone.
+    """
+
+    steps, samples = 100, 32
+    settled = 0.5  # of the resolution: a residual after which one more of Newton's steps is the last
+
+    def __init__(
+        self,
+        backend: Backend,
+        conic: Conic,
+        half_width: tuple[float, float],
+        knots: Sequence[KnotVector] | None = None,
+        sure: bool = True,
+    ) -> None:
+        self._sure = sure and knots is not None
+        self._knots = knots or ()
+        self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
+        self._backend, self._conic, self._half_width = backend, conic, half_width
+        self._table = None if knots is None else PolynomialTable(backend, knots)
+        self._unit = backend.dr.opaque(backend.Float, backend.resolution * max(half_width))
+        self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
+
+    def meet(self, origin: Vector, direction: Vector, net: NDArray[np.float64] | None = None) -> Hits:
+        """Return the Hits of rays.
+
+        origin : mm, z from the surface's vertex.  net : of the sag, needed just where the surface has one.
+        """
+        dr = self._backend.dr
+        top, steepest, power = self._top, self._slope, None
+        if self._table is not None and net is not None:
+            power = self._table.power(net)
+            top += max(0.0, float(net.max()))
+            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
+            steepest += float(np.hypot(along_x, along_y))
+        with dr.suspend_grad():
+            o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
+            surface = partial(self._surface, power)
+            t, first, last, decided = self._search(surface, o, d, top, steepest)
+            x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
+            jet = surface(x, y)
+            speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
+            hit = (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o)) & (first <= t) & (t <= last)
+            dr.eval(t, x, y, jet, hit, speed, decided)
+        found = hit | decided
+        if self._table is None and not dr.grad_enabled(origin, direction):
+            z, zx, zy, *_ = jet
+            return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=found, hit=hit, leaves=(), at=(x, y), dr=dr)
+        leaves = () if self._table is None else tuple(self._backend.Float(a) for a in jet[:3])
+        dr.enable_grad(*leaves)
+        return self._attached(origin, direction, t, (x, y), jet, speed, found, hit, leaves)
+
+    def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
+        """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
+        table = self._table if knots is None else PolynomialTable(self._backend, knots)
+        if table is None:
+            raise ValueError("a surface without a sag has no coefficients")
+        return table.pull_back(*hits.at, hits.gradients())
+
+    def _search(
+        self, surface: Surface, o: list[DrArray], d: list[DrArray], top: float, steepest: float
+    ) -> tuple[DrArray, DrArray, DrArray, DrArray]:
+        """Return (ray parameter, t_0, t_1, decided); a decided ray that is not on the surface misses it.
+
+        decided : the search came to an end.
+        top : mm, the surface lies below.  steepest : no slope of the surface is greater.
+        """
+        dr = self._backend.dr
+        tolerance = self.settled * self._resolution(o)
+        first, last = self._span(o, d, dr.opaque(self._backend.Float, top))
+
+        def step(
+            t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
+        ) -> tuple[DrArray, ...]:
+            jet = surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
+            residual = jet[0] - (o[2] + t * d[2])
+            newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])  # not a number on a tangent ray
+            before = residual > 0
+            low, high = dr.select(before, t, low), dr.select(before, high, t)
+            other = dr.select(before, high, low)  # the end of the bracket on the surface's side
+            known = known | dr.select(before, 1, 2)  # bit 0: f > 0 was seen at low, bit 1: f <= 0 at high
+            settled = dr.abs(residual) < tolerance
+            halved = dr.select(known == 3, 0.5 * (t + other), other)
+            t = dr.select((newton > low) & (newton < high), newton, dr.select(settled, t, halved))
+            return t, low, high, known, active & ~settled & (low < high), count + 1
+
+        def goes_on(
+            t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
+        ) -> DrArray:
+            return active & (count < self.steps)
+
+        t = conic_distance(self._backend, self._conic, o, d)
+        t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
+        known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
+        low, high = first, last
+        if self._sure:
+            low, high, known = self._first_change(surface, o, d, first, last, steepest)
+            t = dr.select((t > low) & (t < high), t, 0.5 * (low + high))
+        t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
+        t, _, _, _, active, _ = dr.while_loop(
+            (t, low, high, known, first < last, count), goes_on, step, mode="symbolic"
+        )
+        return t, first, last, ~active & dr.isfinite(sum(o) + sum(d))
+
+    def _first_change(
+        self,
+        surface: Surface,
+        o: list[DrArray],
+        d: list[DrArray],
+        first: DrArray,
+        last: DrArray,
+        steepest: float,
+    ) -> tuple[DrArray, DrArray, DrArray]:
+        """Return (low, high, known signs): a bracket of the first fall of f through zero.
+
+        The bits of the known signs are those of `_search`.  Only rays that may meet the surface twice are
+        sampled; others keep their whole span.
+        """
+        dr = self._backend.dr
+        steepest = dr.opaque(self._backend.Float, steepest)
+        doubtful = (first < last) & (steepest * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2])
+        step = (last - first) * (1 / self.samples)
+        none = dr.zeros(self._backend.Index, dr.width(first))
+
+        def march(high: DrArray, index: DrArray, passed: DrArray) -> tuple[DrArray, DrArray, DrArray]:
+            high = high + step
+            z, *_ = surface(*self._clip(o[0] + high * d[0], o[1] + high * d[1]))
+            return high, index + 1, z < o[2] + high * d[2]
+
+        def goes_on(high: DrArray, index: DrArray, passed: DrArray) -> DrArray:
+            return doubtful & ~passed & (index < self.samples)
+
+        high, _, passed = dr.while_loop((first, none, first > last), goes_on, march, mode="symbolic")
+        passed &= doubtful
+        return (
+            dr.select(passed, high - step, first),
+            dr.select(passed, high, last),
+            dr.select(passed, 3, none),
+        )
+
+    def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
+        """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
+        dr, Float = self._backend.dr, self._backend.Float
+        first = dr.zeros(Float, max(dr.width(a) for a in (*o, *d)))
+        last = dr.select(d[2] > 0, (top - o[2]) / dr.select(d[2] > 0, d[2], 1), dr.inf) + first
+        for a, h in zip((0, 1), self._half_width):
+            moves = d[a] != 0
+            speed = dr.select(moves, d[a], 1)
+            ends = (-h - o[a]) / speed, (h - o[a]) / speed
+            inside = dr.abs(o[a]) <= h
+            first = dr.select(moves, dr.maximum(first, dr.minimum(*ends)), dr.select(inside, first, dr.inf))
+            last = dr.select(moves, dr.minimum(last, dr.maximum(*ends)), last)
+        return first, dr.select(dr.isinf(last), -1, last)  # rays straight down
+
+    def _resolution(self, origin: Sequence[DrArray]) -> DrArray:
+        """Return the distance, mm, within which a height counts as the surface's.
+
+        It is in proportion to the lens and to the ray's coordinates.
+        """
+        return self._unit + self._backend.resolution * sum(abs(a) for a in origin)
+
+    def _attached(
+        self,
+        origin: Vector,
+        direction: Vector,
+        t: DrArray,
+        point: tuple[DrArray, DrArray],
+        jet: Sequence[DrArray],
+        speed: DrArray,
+        found: DrArray,
+        hit: DrArray,
+        leaves: tuple[DrArray, ...],
+    ) -> Hits:
+        """Return Hits that carry the derivatives by the leaves and by the rays.
+
+        They come from one more Newton step, whose length is zero but whose derivatives are not: implicit
+        differentiation.
+        """
+        dr = self._backend.dr
+        z, zx, zy, zxx, zxy, zyy = jet
+        leaf_z, leaf_zx, leaf_zy = leaves or (z, zx, zy)
+        x, y = (o + t * d for o, d in zip(origin[:2], direction[:2]))
+        ray_z = origin[2] + t * direction[2]
+        point_z = dr.detach(ray_z)
+        dz = ray_z - point_z
+        dx, dy = x - point[0], y - point[1]
+        rate = dr.select(speed > 0, speed, 1)  # no ray enters along the surface
+        dt = (leaf_z - z + zx * dx + zy * dy - dz) / rate
+        x, y = x + direction[0] * dt, y + direction[1] * dt
+        dx, dy = x - point[0], y - point[1]
+        return Hits(
+            x=x,
+            y=y,
+            z=point_z + dz + direction[2] * dt,
+            zx=leaf_zx + zxx * dx + zxy * dy,
+            zy=leaf_zy + zxy * dx + zyy * dy,
+            found=found,
+            hit=hit,
+            leaves=leaves,
+            at=point,
+            dr=dr,
+        )
+
+    def _clip(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray]:
+        dr, (hx, hy) = self._backend.dr, self._half_width
+        return dr.clip(x, -hx, hx), dr.clip(y, -hy, hy)
+
+    def _surface(self, power: DrArray, x: DrArray, y: DrArray) -> list[DrArray]:
+        base = conic_jet(self._backend, self._conic, x, y)
+        return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(power, x, y))]
+
+
+def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:
+    """Return a bound of a spline's derivative along the first direction.
+
+    It is the greatest |p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1))|.
+    """
+    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
+    return float(np.abs(kv.degree * np.diff(net, axis=0) / widths[:, None]).max())
+
+
+def conic_distance(
+    backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]
+) -> DrArray:
+    """Return the ray parameter at which rays meet a conic from the side of -z.
+
+    Where they miss it, it is that of the closest approach.
+
+    With F = c (x^2 + y^2 + (1 + K) z^2) - 2 z the ray has F = A t^2 + 2 B t + C; the wanted root is the
+    falling one.
+    """
+    dr = backend.dr
+    c, k = (dr.opaque(backend.Float, v) for v in (1.0 / conic.radius, 1.0 + conic.constant))
+    (ox, oy, oz), (dx, dy, dz) = origin, direction
+    a = c * (dx * dx + dy * dy + k * dz * dz)
+    b = c * (ox * dx + oy * dy + k * oz * dz) - dz
+    f = c * (ox * ox + oy * oy + k * oz * oz) - 2 * oz
+    root = dr.sqrt(dr.maximum(b * b - a * f, 0))
+    falling = root - b
+    return dr.select(b < 0, f / dr.select(b < 0, falling, 1), -(b + root) / dr.select(a == 0, 1, a))
+
+
+def conic_jet(
+    backend: Backend, conic: Conic, x: DrArray, y: DrArray
+) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
+    """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
+    dr, Float = backend.dr, backend.Float
+    # opaque, so that every conic runs the same compiled kernel
+    c, k = dr.opaque(Float, 1.0 / conic.radius), dr.opaque(Float, (1.0 + conic.constant) / conic.radius**2)
+    r2 = x * x + y * y
+    inverse = dr.rsqrt(1 - k * r2)
+    slope, bend = c * inverse, c * k * inverse * inverse * inverse
+    return (
+        c * r2 / (1 + 1 / inverse),
+        slope * x,
+        slope * y,
+        slope + bend * x * x,
+        bend * x * y,
+        slope + bend * y * y,
+    )
