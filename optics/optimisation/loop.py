@@ -77,18 +77,14 @@ def design(
 
     Raises
     ------
-    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or the surfaces that a level starts
-        from cross.
+    Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or a level starts from a crossing.
     """
     clock = perf_counter() - (state.seconds if state else 0.0)
     flux = transmitted_flux(system, backend)
     note = note or _no_note
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
     start = _transport_start(system, backend, state, note)
-    fit: TransportFit | None = None
-    if state is None:
-        state = State(start is not None, 0, first_sags(system, start is not None))
-        state, fit = _fitted(state, start)
+    state, fit = (state, None) if state else _first_state(system, start)
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
         lens = _with_sags(system.lens, state.sags)
@@ -109,6 +105,12 @@ def design(
     if start and fit and not start.within(fit):
         note(start.note(fit))
     return _with_sags(system.lens, state.sags), state
+
+
+def _first_state(system: OpticalSystem, start: TransportStart | None) -> tuple[State, TransportFit | None]:
+    """Return the state of a new run, and the fit of the transport map that it starts from, if any."""
+    moved = start is not None
+    return _fitted(State(moved, 0, first_sags(system, moved)), start)
 
 
 def _no_note(sentence: str) -> None:

@@ -16,11 +16,7 @@ STEPS = 80  # of Newton's method or bisection: 53 bisections exhaust a float64
 
 
 def first_crossing(
-    backend: Backend,
-    f: AlongRay,
-    interval: tuple[DrArray, DrArray],
-    count: DrArray,
-    below: DrArray,
+    backend: Backend, f: AlongRay, interval: tuple[DrArray, DrArray], count: DrArray, below: DrArray
 ) -> tuple[DrArray, DrArray, DrArray]:
     """Return (low, high, found): a bracket of the first change of f from negative to not negative.
 
