@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from optics.sources.rays import (
         RayGrid as RayGrid,
         Rays as Rays,
+        require_rays as require_rays,
         single_rays as single_rays,
     )
     from optics.sources.spreading import (
@@ -28,6 +29,7 @@ _FILES = {
     "rays": (
         "RayGrid",
         "Rays",
+        "require_rays",
         "single_rays",
     ),
     "spreading": (

@@ -23,11 +23,11 @@ class Rays:
     """Rays in air.
 
     origin : (3, n) float, mm.  direction : (3, n) float, unit vectors.  flux : (n,) float, W.
+    `require_rays` checks the numbers.
 
     Raises
     ------
-    ValueError : no rays, wrong shapes, numbers that are not finite, directions that are not of length 1,
-        negative flux.
+    ValueError : no rays, or wrong shapes.
     """
 
     origin: Floats
@@ -42,15 +42,7 @@ class Rays:
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.shape != shape:
                 raise ValueError(f"{name} must have the shape {shape}, got {values.shape}")
-            if not np.isfinite(values).all():
-                raise ValueError(f"{name} must be finite")
             object.__setattr__(self, name, values)
-        length = np.sqrt(np.einsum("ij,ij->j", self.direction, self.direction))
-        off = np.abs(length - 1)
-        if off.max() > UNIT_LENGTH:
-            raise ValueError(f"direction must have length 1, got {length[off.argmax()]}")
-        if self.flux.min() < 0:
-            raise ValueError(f"flux must not be negative, got {self.flux.min()}")
 
     @property
     def total(self) -> float:
@@ -62,6 +54,24 @@ class Rays:
         for start in range(0, len(self.flux), most):
             chosen = slice(start, start + most)
             yield Rays(self.origin[:, chosen], self.direction[:, chosen], self.flux[chosen])
+
+
+def require_rays(rays: Rays) -> None:
+    """Check the numbers of rays that come from outside.
+
+    Raises
+    ------
+    ValueError : numbers that are not finite, directions that are not of length 1, negative flux.
+    """
+    for name in ("origin", "direction", "flux"):
+        if not np.isfinite(getattr(rays, name)).all():
+            raise ValueError(f"{name} must be finite")
+    length = np.linalg.norm(rays.direction, axis=0)
+    off = np.abs(length - 1)
+    if off.max() > UNIT_LENGTH:
+        raise ValueError(f"direction must have length 1, got {length[off.argmax()]}")
+    if rays.flux.min() < 0:
+        raise ValueError(f"flux must not be negative, got {rays.flux.min()}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.sources import require_rays
 from optics.tracing.branches import FRONT, LEFT, NEVER, OUTSIDE, Branches, ClosedLens, split
 from optics.tracing.fates import FATES, Fates
 from optics.tracing.landings import LandingPoints
@@ -65,6 +66,7 @@ def trace_nonsequential(
     bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
     Both drop branches into the fate `trapped`.
     """
+    require_rays(rays)
     solid = ClosedLens(backend, lens)
     n = len(rays.flux)
     by_ray, landings = np.zeros((len(FATES), n)), []
@@ -111,6 +113,7 @@ def trace_paths(
     A path ends in the target plane; one that never reaches it ends a lens's thickness after its
     last face, or on that face after `bounces` of them.
     """
+    require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
     points = [[point] for point in rays.origin.T]
     fates = ["trapped"] * len(points)

@@ -291,14 +291,14 @@ def test_grazed_humps_are_seen(backend, seed):
 # refusals
 
 
-def test_bad_rays_are_refused():
+def test_bad_rays_are_refused(backend):
     good = lambertian(3)
     with pytest.raises(ValueError, match="direction must have length 1"):
-        Rays(good.origin, 2 * good.direction, good.flux)
+        trace_nonsequential(backend, dome_lens(), Rays(good.origin, 2 * good.direction, good.flux), FAR)
     with pytest.raises(ValueError, match=r"origin must have the shape \(3, 3\), got \(3,\)"):
         Rays(good.origin[0], good.direction, good.flux)
     with pytest.raises(ValueError, match="flux must not be negative"):
-        Rays(good.origin, good.direction, -good.flux)
+        trace_paths(backend, dome_lens(), Rays(good.origin, good.direction, -good.flux), FAR)
     with pytest.raises(ValueError, match="at least one ray"):
         Rays(np.zeros((3, 0)), np.zeros((3, 0)), np.zeros(0))
 

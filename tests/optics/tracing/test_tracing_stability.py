@@ -189,9 +189,8 @@ def test_rays_along_a_plane_and_straight_down_leave_numbers(backend):
 def test_rays_that_are_no_numbers_are_counted_as_unresolved(backend):
     lens = hollow_lens(lambda space: rough(space, 0.1))
     origin = np.array([[0.0, 0.0, -2.0]] * 4).T
-    rays = Rays(origin, np.array([[0.0, 0.0, 1.0]] * 4).T.copy(), np.ones(4))
-    rays.direction[[0, 2, 1], [1, 2, 3]] = np.nan  # behind the back of the checks
-    tracer = Tracer(backend, lens, rays, 1000.0)
+    direction = np.array([[0.0, 0.0, 1.0], [np.nan, 0.0, 1.0], [0.0, 0.0, np.nan], [0.0, np.nan, 1.0]]).T
+    tracer = Tracer(backend, lens, Rays(origin, direction, np.ones(4)), 1000.0)
     _, end = tracer.trace(coefficients(lens))
     assert tracer.counts(end, (2000.0, 2000.0))["unresolved"] == 3
 
