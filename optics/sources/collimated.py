@@ -29,7 +29,7 @@ def collimated_beam(
     x, y = (-h + (np.arange(n) + 0.5 + s) * (2 * h / n) for h, n, s in zip(lit, rays, shift))
     each = flux * fraction / (rays[0] * rays[1])
     if profile.kind == "uniform":
-        return RayGrid(x, y, np.full((len(x), len(y)), each), flux * (1 - fraction))
+        return RayGrid(x, y, np.broadcast_to(each, (len(x), len(y))), flux * (1 - fraction))
     carried = each * profile(x[:, None] / half_width[0], y[None, :] / half_width[1])
     # the midpoint rule's error is no light that misses
     carried *= flux / carried.sum() if fraction == 1 else min(1.0, flux / carried.sum())

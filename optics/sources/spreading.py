@@ -57,7 +57,7 @@ def lambertian_parts(
         origin = np.stack([s * half_width[0], t * half_width[1], np.full(size, -distance)])
         direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
         origin, direction = (_mirrored(v) for v in (origin, direction))
-        each = np.full(4 * size, flux / count)
+        each = np.broadcast_to(flux / count, 4 * size)
         if profile.kind == "image":
             each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
         yield Rays(origin, direction, each)
