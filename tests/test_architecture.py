@@ -274,6 +274,21 @@ def test_modules_import_each_other_in_no_cycle():
     assert len(done) == len(graph)
 
 
+def test_no_function_takes_a_problem_and_its_light_apart():
+    """An `OpticalSystem` holds both."""
+    functions = [
+        (name(path), node)
+        for path in FILES
+        if name(path).startswith(("optics/", "benchmarks/", "oracles/"))
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.FunctionDef)
+    ]
+    taken = [
+        (file, node.name, {a.arg for a in node.args.args + node.args.kwonlyargs}) for file, node in functions
+    ]
+    assert [(file, function) for file, function, names in taken if {"problem", "light"} <= names] == []
+
+
 def test_no_test_file_imports_another():
     tests = [p for p in FILES if name(p).startswith("tests/")]
     taken = {

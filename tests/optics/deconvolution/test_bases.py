@@ -51,7 +51,7 @@ def test_deltas_are_the_general_problem(kernel, target):
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=60)
 @given(kernels(), targets())
 def test_deltas_are_the_general_problem_many_times(kernel, target):
     require_general(kernel, target)
