@@ -63,7 +63,7 @@ class Recorder:
     def minimized(self) -> tuple[THBSurface, ...]:
         """Return the best sags that L-BFGS finds.
 
-        Weights are scaled by the curvature at the start, but not in a coarse pass, which does better without.
+        Weights are scaled by the curvature at the start.
 
         Raises
         ------
@@ -75,8 +75,7 @@ class Recorder:
             if iterations == 0:
                 self(self._variables.zeros())
                 return self._best_sags()
-            if not self._stage.coarse:
-                self._precondition()
+            self._precondition()
             minimize(self, self._variables.zeros(), jac=True, method="L-BFGS-B", options=options)
         except KeyboardInterrupt:
             stopped = replace(self._state, sags=self._best_sags(), history=self.history)

@@ -124,9 +124,9 @@ class Optimizer:
         note="transport gives way to flat where rays spread in the lens and the map asks for too much sag",
     )
     window: str = option(
-        "pixel",
-        choices=("pixel", "bspline", "gaussian"),
-        note="measurement window; pixel is for the last level, bspline before",
+        "cells",
+        choices=("cells", "pixel", "bspline", "gaussian"),
+        note="how light is measured on the last level (bspline before); cells is pixel for extended sources",
     )
     blur: float = option(
         0.3,

@@ -47,6 +47,16 @@ class Backend:
         types = self.dr.llvm.ad
         return types.Array4f64 if self.dtype is np.float64 else types.Array4f
 
+    @property
+    def Pair(self) -> type[DrArray]:
+        """Array type of two numbers side by side in memory."""
+        types = self.dr.llvm.ad
+        return types.Array2f64 if self.dtype is np.float64 else types.Array2f
+
+    def in_double(self) -> Backend:
+        """Return the backend of double precision on the same device."""
+        return _backend(self.dr, "double")
+
     def array(self, values: ArrayLike) -> DrArray:
         """Return numbers as a flat Dr.Jit array.
 
@@ -74,8 +84,12 @@ def load_backend(precision: str = "double", threads: int = 0) -> Backend:
     """
     os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
     drjit = loaded("drjit")
-    types = import_module("drjit.llvm.ad")
     drjit.set_thread_count(threads or _cores())
+    return _backend(drjit, precision)
+
+
+def _backend(drjit: ModuleType, precision: str) -> Backend:
+    types = import_module("drjit.llvm.ad")
     name, dtype, resolution = PRECISIONS[precision]
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
 
