@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from thbcad.fitting import fit_slopes
 from thbcad.hierarchy import THBSpace
