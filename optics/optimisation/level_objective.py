@@ -65,8 +65,8 @@ def stage_objective(
 ) -> Objective:
     """Return the Objective of a stage: its rays, screen, window and target, and the problem's charges."""
     rays, window = _measured_rays(system, stage, backend)
-    tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False)
     options, limits = system.problem.optimizer, system.problem.limits
+    tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False, fresnel=options.fresnel)
     thickness = limits.thickness
     if not thickness and surfaces_can_cross(system):
         thickness = THINNEST * lens.thickness
@@ -105,7 +105,7 @@ def marked_cells(
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
     for sag, freeform, indicator in zip(lens.sags, settings, indicators(lens, stage)):
         indicator = Mirrors(sag.space, axes).of_cells(indicator)
-        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.max_level)))
+        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.finest)))
     return out
 
 
@@ -123,12 +123,13 @@ class Indicators:
     start: TransportStart | None
 
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        if self.system.problem.refinement.indicator == "decrease":
+        indicator = self.system.problem.refinement.indicator
+        if indicator == "decrease":
             return self._decrease(lens, stage)
-        indicators = self._vertex(lens, stage)
-        if self.system.problem.refinement.indicator == "slope" and self.start:
-            indicators[-1] = self.start.misfit(lens.sags[-1])
-        return indicators
+        if indicator == "vertex" or not self.start:
+            return self._vertex(lens, stage)
+        misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
+        return [misfit] if len(lens.sags) == 1 else [self._vertex(lens, stage)[0], misfit]
 
     def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
@@ -145,7 +146,7 @@ class Indicators:
         ]
 
     def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        spaces = [refined_once(sag.space, f.max_level) for sag, f in zip(lens.sags, self.system.freeforms)]
+        spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
         finer = [
             THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
             for sag, space in zip(lens.sags, spaces)

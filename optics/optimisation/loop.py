@@ -48,7 +48,8 @@ def transmitted_flux(system: OpticalSystem, backend: Backend) -> float:
     UserError : (almost) nothing passes the lens.
     """
     lens, target, flux = system.lens, system.target, system.problem.source.flux
-    tracer = Tracer(backend, lens, system.source.rays((129, 129)), target.z)
+    fresnel = system.problem.optimizer.fresnel
+    tracer = Tracer(backend, lens, system.source.rays((129, 129)), target.z, fresnel=fresnel)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * flux:
@@ -89,11 +90,12 @@ def design(
     for stage in plan[state.stage :]:
         lens = _with_sags(system.lens, state.sags)
         target = system.target.irradiance(stage.screen, flux)
-        objective = stage_objective(system, lens, stage, target, backend)
-        report = progress and partial(progress, plan)
-        recorder = Recorder(system, objective, stage, state, axes, clock, report)
-        lens = _optimised(lens, recorder, stage, note)
-        state = replace(state, sags=lens.sags, history=recorder.history)
+        if stage.iterations:
+            objective = stage_objective(system, lens, stage, target, backend)
+            report = progress and partial(progress, plan)
+            recorder = Recorder(system, objective, stage, state, axes, clock, report)
+            lens = _optimised(lens, recorder, stage, note)
+            state = replace(state, sags=lens.sags, history=recorder.history)
         try:
             marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, start))
             following, new_fit = _refined(state, plan, marked, start)

@@ -75,8 +75,6 @@ class Recorder:
         try:
             start, _ = self._variables.coefficients(self._variables.zeros())
             self._first = first = self._evaluated(start)
-            if iterations == 0:
-                return self._best_sags()
             if 2 * first.fit**2 > first.loss:
                 self._precondition()
             minimize(self, self._variables.zeros(), jac=True, method="L-BFGS-B", options=options)

@@ -66,7 +66,7 @@ def first_level(problem: Problem, moved: bool) -> int:
 
 def last_level(problem: Problem) -> int:
     """Return the level at which the run ends."""
-    return max(f.max_level for f in freeforms(problem))
+    return max(f.finest for f in freeforms(problem))
 
 
 def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
@@ -121,7 +121,7 @@ def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
 def _spans(problem: Problem, level: int) -> list[int]:
     """Return the knot spans in x and y of the finest free surface on a level."""
     return [
-        max(n << min(level, f.max_level) for n, f in zip(row, freeforms(problem)))
+        max(n << min(level, f.finest) for n, f in zip(row, freeforms(problem)))
         for row in zip(*(f.spans for f in freeforms(problem)))
     ]
 

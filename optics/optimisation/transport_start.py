@@ -176,7 +176,7 @@ class TransportStart:
         """
         lens = self._lens
         space = lens.sags[-1].space
-        for level in range(min(2, self._system.problem.lens.rear.freeform.max_level)):
+        for level in range(min(2, self._system.problem.lens.rear.freeform.finest)):
             space = space.refine({level: space.cells[:, 1:]})
         sag = THBSurface(space, np.zeros(space.dim))
         for _ in range(TRACED_STEPS):

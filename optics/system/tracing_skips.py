@@ -111,7 +111,7 @@ def _edges(problem: Problem, parallel: bool) -> Skip:
 def _of_surfaces(problem: Problem) -> list[Skip]:
     front, rear = problem.lens.front.freeform, problem.lens.rear.freeform
     frozen = front is None
-    deep = max(f.max_level for f in (front, rear) if f is not None) > 0
+    deep = max(f.finest for f in (front, rear) if f is not None) > 0
     state = "the front has no freeform" if frozen else "the front is free"
     return [
         Skip("front", "the front in all evaluations but the first", frozen, state),
@@ -137,8 +137,11 @@ def _of_measurement(problem: Problem) -> list[Skip]:
         Skip(
             "fresnel",
             "Fresnel's losses",
-            False,
-            "they are always traced; there is no option to leave them out",
+            not problem.optimizer.fresnel,
+            "optimizer.fresnel = true, so that the light asked for reckons with them"
+            if problem.optimizer.fresnel
+            else "optimizer.fresnel = false; metrics and verify have them",
+            None,
         ),
         _far_pixels(problem),
         Skip(
