@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -53,9 +53,10 @@ class Backend:
         types = self.dr.llvm.ad
         return types.Array2f64 if self.dtype is np.float64 else types.Array2f
 
-    def in_double(self) -> Backend:
-        """Return the backend of double precision on the same device."""
-        return _backend(self.dr, "double")
+    def doubled(self) -> Backend:
+        """Return the same backend with numbers of double precision."""
+        _, dtype, resolution = PRECISIONS["double"]
+        return replace(self, Float=self.dr.llvm.ad.Float64, dtype=dtype, resolution=resolution)
 
     def array(self, values: ArrayLike) -> DrArray:
         """Return numbers as a flat Dr.Jit array.
@@ -84,12 +85,8 @@ def load_backend(precision: str = "double", threads: int = 0) -> Backend:
     """
     os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
     drjit = loaded("drjit")
-    drjit.set_thread_count(threads or _cores())
-    return _backend(drjit, precision)
-
-
-def _backend(drjit: ModuleType, precision: str) -> Backend:
     types = import_module("drjit.llvm.ad")
+    drjit.set_thread_count(threads or _cores())
     name, dtype, resolution = PRECISIONS[precision]
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
 

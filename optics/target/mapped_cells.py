@@ -74,7 +74,7 @@ class MappedCells:
         corners: NDArray[np.float64],
     ) -> None:
         dr, self._backend, self._screen = backend.dr, backend, screen
-        self._double = backend.in_double()
+        self._double = backend.doubled()
         Index, Int = backend.Index, dr.int32_array_t(backend.Index)
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))
         self._cells = self._double.array(cells / screen.pixel_area)
