@@ -20,7 +20,7 @@ from optics.system import advice, solvable_system
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
-    from optics.optimisation import State
+    from optics.optimisation import State, TransportStart
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.tracing import RayPath
@@ -52,20 +52,22 @@ def design(options: Namespace) -> Outcome:
     system = solvable_system(problem)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     folder.prepare()
+    for sentence in advice(system):
+        note(sentence)
+    from optics.optimisation import resolved
+    from optics.runtime import load_backend
+
+    backend = load_backend(problem.run.precision, problem.run.threads)
+    system, start = resolved(system, backend)
     state = folder.read_checkpoint(system) if options.resume else None
     if options.earlier:
         state = earlier_state(system, ResultFolder(options.earlier).read_lens())
     if not options.resume:
         folder.drop_checkpoint()
-    for sentence in advice(system):
-        note(sentence)
-    from optics.runtime import load_backend
-
-    backend = load_backend(problem.run.precision, problem.run.threads)
     clock.lap("setup")
     Thread(target=_load_ahead, daemon=True).start()
     try:
-        lens, state = _optimise(system, backend, folder, state)
+        lens, state = _optimise(system, backend, folder, state, start)
         clock.lap("optimise")
         return _finish(system, lens, state, folder, clock)
     except (KeyboardInterrupt, ImportError) as error:
@@ -86,13 +88,19 @@ def _load_ahead() -> None:
 
 
 def _optimise(
-    system: OpticalSystem, backend: Backend, folder: ResultFolder, state: State | None
+    system: OpticalSystem,
+    backend: Backend,
+    folder: ResultFolder,
+    state: State | None,
+    start: TransportStart | None,
 ) -> tuple[Lens, State]:
     from optics.optimisation import design as run
 
     progress, problem = DesignProgress(), system.problem
     try:
-        return run(system, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note)
+        return run(
+            system, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note, start
+        )
     except Interrupted as stop:
         folder.write_checkpoint(problem, stop.state)
         raise KeyboardInterrupt from None

@@ -68,6 +68,7 @@ def design(
     progress: Callable[[Sequence[Stage], Stage, Row], None] | None = None,
     checkpoint: Callable[[State], None] | None = None,
     note: Callable[[str], None] | None = None,
+    start: TransportStart | None = None,
 ) -> tuple[Lens, State]:
     """Optimise the free surfaces of a system's lens and return (Lens, State).
 
@@ -75,6 +76,7 @@ def design(
     progress : called with (every Stage, this Stage, Row) after every evaluation.
     checkpoint : called with the State after every stage.
     note : called with a sentence where the problem itself limits the result.
+    start : of the system, where it is known already.
 
     Raises
     ------
@@ -84,7 +86,7 @@ def design(
     flux = transmitted_flux(system, backend)
     note = note or _no_note
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
-    start = _transport_start(system, backend, state, note)
+    start = _transport_start(system, backend, state, note, start)
     state, fit = (state, None) if state else _first_state(system, start)
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
@@ -120,7 +122,11 @@ def _no_note(sentence: str) -> None:
 
 
 def _transport_start(
-    system: OpticalSystem, backend: Backend, state: State | None, note: Callable[[str], None]
+    system: OpticalSystem,
+    backend: Backend,
+    state: State | None,
+    note: Callable[[str], None],
+    start: TransportStart | None,
 ) -> TransportStart | None:
     """Return the start by optimal transport, or None where the run needs none.
 
@@ -133,7 +139,7 @@ def _transport_start(
         plan = stages(system, state.moved)
         if not state.moved or state.stage >= len(plan) or plan[state.stage].level == plan[-1].level:
             return None
-    start = TransportStart(system, backend)
+    start = start or TransportStart(system, backend)
     if start.traced is None or start.within(start.traced):
         return start
     note(start.note(start.traced) + "; the design starts from the base surface instead")

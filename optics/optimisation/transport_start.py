@@ -21,7 +21,7 @@ from optics.system import target_irradiance
 from optics.target import BSplineWindow, Screen, Splat
 from optics.tracing import Tracer
 from optics.transport import height_from_slopes, transport_map
-from thbcad.fitting import fit_slopes
+from thbcad.fitting import fit_slopes, level_misfits
 from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
@@ -37,6 +37,7 @@ CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
 RAYS_PER_CELL = 4
+DETAIL = 0.05  # pixels
 INSIDE = 0.97  # of z_freedom
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
@@ -117,6 +118,19 @@ class TransportStart:
         off_y = sag.grid(light.x, light.y, (0, 1)) - zy
         deviation = off_x**2 + off_y**2
         return summed_over_cells(sag.space, light.x, light.y, light.weight * deviation)
+
+    def level(self, least: int, finest: int) -> int:
+        """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL.
+
+        That is e (n - 1) throw in pixels, with e^2 what another level takes off the mean square of the
+        slopes' misfit.  Slopes that no surface has remain in all of them.
+        """
+        light, (zx, zy), target = self._light, self._slopes, self._system.target
+        misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
+        throw = np.degrees(1.0) if target.far_field else target.settings.distance
+        moved = (self._lens.index - 1) * throw / min(target.screen().pitch)
+        gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
+        return max([least, *(np.flatnonzero(gains > DETAIL) + 1).tolist()])
 
     def within(self, fit: TransportFit) -> bool:
         """Whether the sag of a fit keeps to z_freedom and clear of the front."""

@@ -76,6 +76,25 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
     return THBSurface(space, c - (c.max() + c.min()) / 2)
 
 
+def level_misfits(
+    space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, weight: Floats, levels: int
+) -> Floats:
+    """Return the root mean square misfit of slopes on the whole mesh of each level, (levels,).
+
+    weight : (nx, ny), of the squares in the mean.
+    """
+    out = []
+    kv_u, kv_v = space.kv_u, space.kv_v
+    for _ in range(levels):
+        net = _tensor_fit(kv_u, kv_v, x, y, zx, zy)
+        (a0, a1), (b0, b1) = ((kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((kv_u, x), (kv_v, y)))
+        values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
+        square = np.average((a1 @ values - zx) ** 2 + (a0 @ slopes - zy) ** 2, weights=weight)
+        out.append(float(np.sqrt(square)))
+        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
+    return np.array(out)
+
+
 def _level_fits(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats) -> Floats:
     """Return the coefficients of a space's functions in the fits of their levels, (dim,)."""
     level, i, j = space.functions.T
