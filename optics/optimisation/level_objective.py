@@ -22,6 +22,7 @@ from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
 from optics.optimisation.stage_plan import last_level
 from optics.optimisation.symmetry import Mirrors
 from optics.problem import per_level
+from optics.sources import Rays, mirror_half
 from optics.target import BSplineWindow, GaussianWindow, MappedCells, PixelWindow
 from optics.tracing import Tracer
 from thbcad.surfaces import THBSurface
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from optics.optimisation.transport_start import TransportStart
     from optics.problem import Problem
     from optics.runtime import Backend
-    from optics.sources import RayGrid, Rays
+    from optics.sources import RayGrid
     from optics.system import OpticalSystem
     from optics.target import Window
     from thbcad.lens import Lens
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
 LIMITS_WEIGHT = 100.0  # charge for the mean square of relative violations
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
+FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 
 
@@ -61,10 +63,19 @@ def surfaces_can_cross(system: OpticalSystem) -> bool:
 
 
 def stage_objective(
-    system: OpticalSystem, lens: Lens, stage: Stage, target: NDArray[np.float64], backend: Backend
+    system: OpticalSystem,
+    lens: Lens,
+    stage: Stage,
+    target: NDArray[np.float64],
+    backend: Backend,
+    axes: Sequence[int] = (),
 ) -> Objective:
-    """Return the Objective of a stage: its rays, screen, window and target, and the problem's charges."""
-    rays, window = _measured_rays(system, stage, backend)
+    """Return the Objective of a stage: its rays, screen, window and target, and the problem's charges.
+
+    axes : directions of mirror symmetry, in which half of the rays may do.
+    """
+    axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
+    rays, window, mirrors = _measured_rays(system, stage, axes, backend)
     options, limits = system.problem.optimizer, system.problem.limits
     tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False, fresnel=options.fresnel)
     thickness = limits.thickness
@@ -81,18 +92,23 @@ def stage_objective(
         lost_flux_weight=options.lost_flux_weight,
         dark_flux_weight=options.dark_flux_weight,
         shape=shape,
+        mirrors=mirrors,
     )
 
 
 def _measured_rays(
-    system: OpticalSystem, stage: Stage, backend: Backend
-) -> tuple[RayGrid | Rays, Window | MappedCells]:
-    """Return the rays of a stage, and how they are measured."""
-    if not stage.exact:
-        return system.source.rays(stage.rays), stage_window(system.problem, stage.final)
-    cells = system.source.cells([n - 1 for n in stage.rays])
-    rays = cells.rays()
-    return rays, MappedCells(backend, stage.screen, cells.emitted, rays.flux)
+    system: OpticalSystem, stage: Stage, axes: Sequence[int], backend: Backend
+) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
+    """Return the rays of a stage, how they are measured, and in which directions they are one half."""
+    if stage.exact:
+        cells = system.source.cells([n - 1 for n in stage.rays]).half(axes)
+        rays = cells.rays()
+        return rays, MappedCells(backend, stage.screen, cells.emitted, rays.flux), axes
+    rays = system.source.rays(stage.rays)
+    window = BSplineWindow(FINISH_DEGREE) if stage.finish else stage_window(system.problem, stage.final)
+    if system.source.extended and isinstance(rays, Rays):
+        return mirror_half(rays, axes), window, axes
+    return rays, window, ()
 
 
 def marked_cells(

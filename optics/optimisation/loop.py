@@ -40,14 +40,14 @@ if TYPE_CHECKING:
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
 
 
-def transmitted_flux(system: OpticalSystem, backend: Backend) -> float:
-    """Return the flux that the unoptimised lens sends on, W.
+def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None = None) -> float:
+    """Return the flux that a lens sends on, W: the unoptimised one where none is given.
 
     Raises
     ------
     UserError : (almost) nothing passes the lens.
     """
-    lens, target, flux = system.lens, system.target, system.problem.source.flux
+    lens, target, flux = lens or system.lens, system.target, system.problem.source.flux
     fresnel = system.problem.optimizer.fresnel
     tracer = Tracer(backend, lens, system.source.rays((129, 129)), target.z, fresnel=fresnel)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
@@ -91,9 +91,11 @@ def design(
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
         lens = _with_sags(system.lens, state.sags)
-        target = system.target.irradiance(stage.screen, flux)
+        # the last pass asks for the light that this lens sends on, others for all that could arrive
+        asked = transmitted_flux(system, backend, lens) if stage.final and system.source.extended else flux
+        target = system.target.irradiance(stage.screen, asked)
         if stage.iterations:
-            objective = stage_objective(system, lens, stage, target, backend)
+            objective = stage_objective(system, lens, stage, target, backend, axes)
             report = progress and partial(progress, plan)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
             lens = _optimised(lens, recorder, stage, note)

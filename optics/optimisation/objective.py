@@ -45,6 +45,8 @@ class Objective:
 
     window : in which rays are measured, or the map of the cells whose corners the rays are.
     target : irradiance on the screen's pixels without margin, W/mm^2.
+    mirrors : directions (0 for x, 1 for y) in which the rays are one half of the light; the other half is its
+        mirror image.
     """
 
     def __init__(
@@ -57,9 +59,12 @@ class Objective:
         lost_flux_weight: float,
         dark_flux_weight: float = 0.0,
         shape: ShapePenalty | None = None,
+        mirrors: Sequence[int] = (),
     ) -> None:
         self._backend, self._tracer, self._shape = backend, tracer, shape
         self._screen = screen
+        pixels = np.arange(screen.padded[0] * screen.padded[1]).reshape(screen.padded, order="F")
+        self._mirrored = [backend.Index(np.flip(pixels, 1 - axis).ravel(order="F")) for axis in mirrors]
         measured = screen.pad(target)
         if isinstance(window, MappedCells):
             self._cells: MappedCells | None = window
@@ -123,8 +128,12 @@ class Objective:
 
     def _irradiance(self, landing: Landing) -> DrArray:
         if self._cells is None:
-            return self._splat(landing.x, landing.y, landing.flux)
-        return self._cells(landing.x, landing.y, landing.flux, landing.definite)
+            image = self._splat(landing.x, landing.y, landing.flux)
+        else:
+            image = self._cells(landing.x, landing.y, landing.flux, landing.definite)
+        for pixels in self._mirrored:
+            image = image + self._backend.dr.gather(self._backend.Float, image, pixels)
+        return image
 
     def _backward(
         self, coefficients: Sequence[NDArray[np.float64]]
@@ -138,6 +147,7 @@ class Objective:
         beside_x = dr.maximum(dr.abs(landing.x) - hx, 0)
         beside_y = dr.maximum(dr.abs(landing.y) - hy, 0)
         lost = dr.sum(landing.flux * (beside_x * beside_x + beside_y * beside_y)) * self._charge
+        lost = lost * 2 ** len(self._mirrored)
         total = fit + lost
         if self._reward is not None:
             total = total + self._dark - dr.sum(image * self._reward)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,7 @@ class Stage:
     final : the last one, with the window of the problem; all others take wide windows, which move light over
         long distances.
     exact : the light of cells on the pixels themselves, not that of rays in a window.
+    finish : on unmerged pixels, with a narrower window.
     """
 
     level: int
@@ -40,6 +41,7 @@ class Stage:
     rays: tuple[int, int]
     final: bool
     exact: bool
+    finish: bool = False
 
     @property
     def evaluations(self) -> int:
@@ -80,6 +82,8 @@ def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
     for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
         out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
+    if problem.optimizer.finish:
+        out.append(replace(_stage(system, last, problem.optimizer.finish, 1, True), finish=True))
     return out
 
 
@@ -112,10 +116,10 @@ def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
     lens, spans = system.problem.lens, _spans(system.problem, level)
     size = system.problem.source.half_width if system.path.parallel else lens.rear.half_width
     lit = [min(1.0, s / h) for s, h in zip(size, lens.rear.half_width)]
-    return [
-        max(64, ceil(CELLS_PER_PIXEL * n), ceil(CELLS_PER_SPAN * s * part))
-        for n, s, part in zip(screen.pixels, spans, lit)
+    wanted = [
+        max(64, CELLS_PER_PIXEL * n, CELLS_PER_SPAN * s * p) for n, s, p in zip(screen.pixels, spans, lit)
     ]
+    return [2 * ceil(n / 2) for n in wanted]  # even: one half may do
 
 
 def _spans(problem: Problem, level: int) -> list[int]:

@@ -41,13 +41,18 @@ class Mirrors:
     def __init__(self, space: THBSpace, axes: Sequence[int]) -> None:
         counts = [kv.dim - kv.degree for kv in (space.kv_u, space.kv_v)]  # spans of level 0
         degrees = space.kv_u.degree, space.kv_v.degree
-        self._functions, self._cells = [], []
+        self._functions, self._cells, self._axes = [], [], []
         for axis in axes:
             functions = _mirrored(space.functions, axis, counts[axis], degrees[axis])
             cells = _mirrored(space.cells, axis, counts[axis], 0)
             if functions is not None and cells is not None:
+                self._axes.append(axis)
                 self._functions.append(functions)
                 self._cells.append(cells)
+
+    def keeps(self, axis: int) -> bool:
+        """Whether values are averaged in a direction."""
+        return axis in self._axes
 
     def of_coefficients(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return coefficients (or their gradient) averaged with their mirror images, (dim,)."""

@@ -129,6 +129,12 @@ class Optimizer:
     iterations: tuple[int, ...] = option(
         (60,), low=1, high=100_000, note="L-BFGS iterations per level; the last number goes on"
     )
+    finish: int = option(
+        0,
+        low=0,
+        high=100_000,
+        note="iterations of a last pass on unmerged pixels, in a narrow window",
+    )
     memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
     start: str = option(
         "transport",

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from optics.sources.spreading import (
         concentric as concentric,
         lambertian_parts as lambertian_parts,
+        mirror_half as mirror_half,
         point_rays as point_rays,
     )
 
@@ -47,6 +48,7 @@ _FILES = {
     "spreading": (
         "concentric",
         "lambertian_parts",
+        "mirror_half",
         "point_rays",
     ),
 }

@@ -40,6 +40,12 @@ class SourceCells:
         s, t = (a.ravel() for a in np.meshgrid(self.s, self.t, indexing="ij"))
         return self.at(s, t, flux.ravel())
 
+    def half(self, axes: Sequence[int]) -> SourceCells:
+        """Return the cells with s >= 0 (axis 0) and t >= 0 (axis 1) of an even number of cells there."""
+        starts = [n // 2 if axis in axes else 0 for axis, n in enumerate(self.emitted.shape)]
+        i, j = starts
+        return replace(self, s=self.s[i:], t=self.t[j:], emitted=self.emitted[i:, j:])
+
     def slices(self, most: int) -> Iterator[SourceCells]:
         """Yield strips of about `most` corners that make up these cells."""
         step = max(1, most // len(self.t) - 1)

@@ -89,6 +89,17 @@ def point_rays(
     return Rays(origin, direction, flux * intensity / intensity.sum())
 
 
+def mirror_half(rays: Rays, axes: Sequence[int]) -> Rays:
+    """Return those of the rays of a Lambertian source whose mirror images are the others.
+
+    axes : the mirrored directions, 0 for x and 1 for y.
+    """
+    each = len(rays.flux) // len(MIRRORS)
+    kept = [k for k, signs in enumerate(MIRRORS) if all(signs[axis] > 0 for axis in axes)]
+    chosen = np.concatenate([np.arange(k * each, (k + 1) * each) for k in kept])
+    return Rays(rays.origin[:, chosen], rays.direction[:, chosen], rays.flux[chosen])
+
+
 def _mirrored(vectors: Floats) -> Floats:
     """Return vectors (3, n) and their mirror images in x and in y, (3, 4 n)."""
     return np.concatenate([vectors * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1)
