@@ -99,9 +99,15 @@ class MappedCells:
         return self._backend.dr.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
 
     def in_double(self, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> tuple[DrArray, ...]:
-        """Return a, b and the fraction of the corners' flux that arrives, NaN where a corner is not sound."""
+        """Return a, b and the fraction of the corners' flux that arrives, NaN where a corner is not sound.
+
+        The positions of these corners are not used; they become 0, so that no derivative meets infinities.
+        """
         dr, Float = self._backend.dr, self._double.Float
-        out = Float(a), Float(b), dr.select(sound, Float(flux) * self._inverse, dr.nan)
+        a, b = Float(a), Float(b)
+        sound = sound & dr.isfinite(a) & dr.isfinite(b)
+        passing = dr.select(sound, Float(flux) * self._inverse, dr.nan)
+        out = dr.select(sound, a, 0.0), dr.select(sound, b, 0.0), passing
         dr.eval(out)
         return out
 
