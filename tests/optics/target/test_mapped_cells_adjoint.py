@@ -128,6 +128,14 @@ def test_light_in_one_pixel_has_no_slope_but_by_flux(backend):
     np.testing.assert_allclose(by_flux, g[1, 2], rtol=1e-14)
 
 
+@pytest.mark.parametrize(("dx", "dy"), [(9.0, 0.0), (-9.0, 0.0), (0.0, 8.0), (0.0, -8.0), (7.3, 6.1)])
+def test_light_beside_the_screen_leaves_no_rounding(backend, dx, dy):
+    """Zeros, not what is left of large terms: the optimiser scales its variables by such numbers."""
+    made = smooth(SCREEN, (4, 4), 0.7, seed=2, centre=(dx, dy))
+    assert not made.laid(backend).any()
+    assert not any(slope.any() for slope in made.slopes(backend, weights(SCREEN))[0])
+
+
 @pytest.mark.parametrize("height", [0.0, 0.99, 1.01])
 def test_corners_of_triangles_below_the_least_area_pass_no_slope(backend, height):
     """The clamp: a sliver across four pixels moves its light with its corners, and yet has no slope by them;
