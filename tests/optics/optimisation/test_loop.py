@@ -84,9 +84,10 @@ def test_cells_suffice_for_pixels_and_for_the_spans_that_are_lit(tmp_path, chang
 
 
 def test_too_many_cells_are_refused(tmp_path):
+    fine = {"lens.rear.freeform.max_level": 6, "lens.rear.freeform.spans": [8, 8]}
+    system = loaded(tmp_path, fine | {"target.pixels": [2160, 2160]})
     with pytest.raises(UserError, match=r"level 6 would trace 6481 x 6481 rays at once"):
-        fine = {"lens.rear.freeform.max_level": 6, "lens.rear.freeform.spans": [8, 8]}
-        stages(loaded(tmp_path, fine | {"target.pixels": [2160, 2160]}), False)
+        stages(system, False)
 
 
 def test_degrees_of_freedom_grow_from_level_to_level(small):
