@@ -28,7 +28,7 @@ Source of the running sums: R. Levien, Inside the fastest font renderer in the w
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -99,9 +99,15 @@ class MappedCells:
         return self._backend.dr.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
 
     def in_double(self, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> tuple[DrArray, ...]:
-        """Return a, b and the fraction of the corners' flux that arrives, NaN where a corner is not sound."""
+        """Return a, b and the fraction of the corners' flux that arrives, NaN where a corner is not sound.
+
+        The positions of these corners are not used; they become 0, so that no derivative meets infinities.
+        """
         dr, Float = self._backend.dr, self._double.Float
-        out = Float(a), Float(b), dr.select(sound, Float(flux) * self._inverse, dr.nan)
+        a, b = Float(a), Float(b)
+        sound = sound & dr.isfinite(a) & dr.isfinite(b)
+        passing = dr.select(sound, Float(flux) * self._inverse, dr.nan)
+        out = dr.select(sound, a, 0.0), dr.select(sound, b, 0.0), passing
         dr.eval(out)
         return out
 
@@ -168,7 +174,11 @@ class MappedCells:
         corners = tuple((self._at(a, k, exists), self._at(b, k, exists)) for k in (p, q, r))
         four = (self._at(passing, k, exists) for k in (cell, cell + 1, cell + self._step, opposite))
         flux = 0.125 * self._at(self._cells, cell, exists) * sum(four)
-        flux = dr.select(flux > 0, flux, 0.0)  # not where a corner is not sound
+        lit = flux > 0  # not where a corner is not sound
+        for along, count in zip(zip(*corners), self._counts):  # what meets no pixel would leave its rounding
+            least, most = (reduce(extreme, along) for extreme in (dr.minimum, dr.maximum))
+            lit &= (most >= 0) & (least < self._double.Float(count))
+        flux = dr.select(lit, flux, 0.0)
         (pa, pb), (qa, qb), (ra, rb) = corners
         area = 0.5 * ((qa - pa) * (rb - pb) - (ra - pa) * (qb - pb))
         one = (dr.floor(pa) == dr.floor(qa)) & (dr.floor(pa) == dr.floor(ra))

@@ -1,9 +1,10 @@
-"""What a lens delivers, measured on fresh rays."""
+"""What a lens delivers, measured with cells; with fresh rays where the source is extended."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -14,6 +15,13 @@ from optics.problem import load_problem
 from optics.system import LightSource, OpticalSystem
 from tests.optics.cases import picture, write_problem
 
+GLOWING = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 8.0,
+    "source.half_angle": 40.0,
+    "target.pixels": [48, 48],
+}
 PLATE = {"lens.rear.radius": np.inf, "target.half_width": [9.5, 9.5]}
 
 
@@ -79,58 +87,85 @@ def test_two_ray_sets_give_the_mean_and_its_error(tmp_path, backend, monkeypatch
     """E = (A + B) / 2, and half their difference is what the mean is known to."""
     first, second = np.random.default_rng(3).uniform(1, 2, (2, 48, 48))
     given = iter([first, second])
-    trace, parts, grids = metrics._trace, LightSource.parts, []
+    trace, parts, seeds = metrics._trace, LightSource.parts, []
 
-    def watched(source, counts, *arguments):
-        made = list(parts(source, counts, *arguments))
-        steps = 2 * 9.5 / np.array(counts)
-        shift = np.array([made[0].x[0], made[0].y[0]]) + 9.5 - steps / 2
-        grids.append((tuple(counts), tuple(shift / steps)))
+    def watched(source, *arguments):
+        made = list(parts(source, *arguments))
+        seeds.append(made[0].origin[:, 0])
         return iter(made)
 
     monkeypatch.setattr(metrics, "_trace", lambda *arguments: (next(given), trace(*arguments)[1]))
     monkeypatch.setattr(LightSource, "parts", watched)
-    result = measured(tmp_path, backend)
+    result = measured(tmp_path, backend, GLOWING)
     np.testing.assert_allclose(result.irradiance, (first + second) / 2, rtol=1e-15)
     expected = np.linalg.norm(first - second) / 2 / np.linalg.norm(result.target)
     assert result.metrics["rel_l2_floor"] == pytest.approx(expected, rel=1e-14)
-    assert grids[0][0] != grids[1][0]
-    assert grids[0][1] != grids[1][1]
-    assert all(
-        0.001 < abs(shift) <= 0.5 for _, shifts in grids for shift in shifts
-    )  # nor is it the optimiser's set
+    assert result.metrics["estimator"] == "rays"
+    OpticalSystem(load_problem(write_problem(tmp_path, GLOWING))).source.rays((48, 48))
+    assert len(seeds) == 3
+    for one, other in combinations(seeds, 2):
+        assert not np.allclose(one, other)  # nor are they the optimiser's set
+
+
+def test_two_grids_of_cells_give_the_image_and_its_error(tmp_path, backend, monkeypatch):
+    """The finer one is the image; neither has lines in common with the other, nor with the optimiser's."""
+    first, second = np.random.default_rng(3).uniform(1, 2, (2, 48, 48))
+    given, real, grids = iter([first, second]), metrics.cell_irradiance, []
+
+    def watched(system, lens, screen, counts, backend):
+        grids.append(counts)
+        return next(given), real(system, lens, screen, counts, backend)[1]
+
+    monkeypatch.setattr(metrics, "cell_irradiance", watched)
+    result = measured(tmp_path, backend)
+    np.testing.assert_array_equal(result.irradiance, first)
+    fine, coarse = grids
+    numbers = [*fine, *coarse]
+    assert all(n >= 8 * 48 for n in fine)
+    assert all(n % k for n in numbers for k in range(2, n))
+    ratio = (fine[0] * fine[1] / (coarse[0] * coarse[1])) ** metrics.ORDER
+    between = np.linalg.norm(first - second) / np.linalg.norm(result.target) / result.metrics["rel_l2_floor"]
+    assert ratio - 1 < between < np.sqrt(ratio**2 + 1)
+    assert between == pytest.approx(ratio, rel=0.15)
+    assert result.metrics["estimator"] == "cells"
 
 
 def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
-    whole = measured(tmp_path, backend)
-    monkeypatch.setattr(metrics, "RAYS_AT_ONCE", 50_000)
-    sliced = measured(tmp_path, backend)
+    whole = measured(tmp_path, backend, GLOWING)
+    monkeypatch.setattr(metrics, "RAYS_AT_ONCE", 1 << 16)
+    sliced = measured(tmp_path, backend, GLOWING)
     np.testing.assert_allclose(
         sliced.irradiance, whole.irradiance, rtol=0, atol=1e-12 * whole.irradiance.max()
     )
     assert sliced.metrics["fates_w"] == pytest.approx(whole.metrics["fates_w"], abs=1e-12)
 
 
+def seeded(folder, backend, changes, seed):
+    problem = load_problem(write_problem(folder, changes))
+    problem = replace(problem, run=replace(problem.run, seed=seed))
+    return measure(OpticalSystem(problem), OpticalSystem(problem).lens, backend).irradiance
+
+
 def test_the_seed_moves_the_rays_and_only_it(tmp_path, backend):
-    problem = load_problem(write_problem(tmp_path))
-    lens = OpticalSystem(problem).lens
-    first, again = (measure(OpticalSystem(problem), lens, backend) for _ in range(2))
-    other = measure(OpticalSystem(replace(problem, run=replace(problem.run, seed=1))), lens, backend)
-    np.testing.assert_allclose(
-        again.irradiance, first.irradiance, rtol=0, atol=1e-12 * first.irradiance.max()
-    )
-    assert not np.allclose(other.irradiance, first.irradiance, rtol=1e-6)
+    first, again, other = (seeded(tmp_path, backend, GLOWING, seed) for seed in (0, 0, 1))
+    np.testing.assert_allclose(again, first, rtol=0, atol=1e-12 * first.max())
+    assert not np.allclose(other, first, rtol=1e-6)
+
+
+def test_cells_know_no_seed(tmp_path, backend):
+    first, other = (seeded(tmp_path, backend, {}, seed) for seed in (0, 1))
+    np.testing.assert_allclose(other, first, rtol=0, atol=1e-13 * first.max())
 
 
 def test_the_floor_is_the_size_of_the_estimators_error(tmp_path, backend, monkeypatch):
-    """Against 8 times as many rays per direction, the error lies within a small factor of the floor that was
-    told."""
-    small = {"target.pixels": [24, 24]}
-    usual = measured(tmp_path, backend, small)
-    monkeypatch.setattr(metrics, "RAYS_PER_PIXEL", 8 * metrics.RAYS_PER_PIXEL)
-    exact = measured(tmp_path, backend, small)
+    """Against 4 times as many cells in each direction, within a small factor: this lens maps the beam almost
+    linearly, so that next to nothing is left, and that of higher order."""
+    usual = measured(tmp_path, backend)
+    for name in ("CELLS_PER_PIXEL", "CELLS_PER_SPAN"):
+        monkeypatch.setattr(metrics, name, 4 * getattr(metrics, name))
+    exact = measured(tmp_path, backend)
     error = np.linalg.norm(usual.irradiance - exact.irradiance) / np.linalg.norm(usual.target)
-    assert 0.3 < error / usual.metrics["rel_l2_floor"] < 3
+    assert 0.3 < usual.metrics["rel_l2_floor"] / error < 3
     assert exact.metrics["rel_l2_floor"] < usual.metrics["rel_l2_floor"] / 4
 
 

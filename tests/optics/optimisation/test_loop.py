@@ -12,7 +12,8 @@ from optics.optimisation.level_objective import PROBES, _vertices, stage_window
 from optics.optimisation.loop import design
 from optics.optimisation.recorder import Interrupted
 from optics.optimisation.stage_plan import stages
-from optics.optimisation.state import State, first_sags
+from optics.optimisation.state import State
+from optics.runtime import UserError
 from tests.optics.optimisation.cases import FLAT, check_counts, loaded, rows_of, run
 
 
@@ -42,39 +43,51 @@ def test_windows_of_the_levels(tmp_path, window, wide, last):
     ]
 
 
-COARSE = {"optimizer.start": "transport", "target.pixels": [64, 64]}
+@pytest.mark.parametrize("start", ["flat", "transport"])
+def test_the_light_of_cells_is_that_of_the_last_level(tmp_path, start):
+    """Every level has one stage; those before the last measure rays."""
+    plan = stages(loaded(tmp_path, {"optimizer.start": start, "target.pixels": [64, 64]}), start != "flat")
+    levels = [stage.level for stage in plan]
+    assert levels == list(range(levels[0], 3))
+    assert [stage.exact for stage in plan] == [level == 2 for level in levels]
+    assert [stage.final for stage in plan] == [stage.exact for stage in plan]
 
 
-def test_the_last_level_begins_on_coarse_pixels(tmp_path, backend):
-    """Only after a transport start, and where four by four pixels leave enough of them."""
-    made = run(tmp_path, backend, COARSE)
-    *_, coarse, final = made.plan
-    assert (coarse.level, coarse.final, final.level, final.final) == (2, False, 2, True)
-    assert (coarse.screen.pixels, final.screen.pixels) == ((16, 16), (64, 64))
-    seen = [stage.final for stage, _ in made.calls if stage.level == 2]
-    assert sorted(seen) == seen  # all coarse evaluations first
-    assert {False, True} == set(seen)
-    assert len({row.dof for stage, row in made.calls if stage.level == 2}) == 1
-    assert [state.stage for state in made.checkpoints] == list(range(1, len(made.plan) + 1))
-    few = loaded(tmp_path, COARSE | {"target.pixels": [60, 60]})
-    for plan in (stages(few, True), stages(made.system, False)):
-        assert len(plan) == len({stage.level for stage in plan})
+@pytest.mark.parametrize("window", ["pixel", "bspline", "gaussian"])
+def test_rays_in_a_window_can_be_asked_for(tmp_path, window):
+    assert not any(stage.exact for stage in stages(loaded(tmp_path, {"optimizer.window": window}), True))
 
 
-def test_a_surface_on_its_way_needs_no_coarse_pixels(tmp_path, backend):
-    made = run(tmp_path, backend, COARSE)
-    halfway, calls = made.checkpoints[-2], []
-    assert halfway.stage == len(made.plan) - 1
-    design(made.system, backend, halfway, lambda plan, stage, row: calls.append(stage))
-    assert {stage.final for stage in calls} == {True}
+def test_extended_sources_keep_their_rays_and_the_sharp_window(tmp_path):
+    """Their light has no cells: what `cells` means for them is `pixel`."""
+    glowing = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "optimizer.start": "flat"}
+    systems = [loaded(tmp_path, glowing | {"optimizer.window": name}) for name in ("cells", "pixel")]
+    plans = [[(s.rays, s.exact) for s in stages(system, False)] for system in systems]
+    assert plans[0] == plans[1]
+    assert not any(exact for _, exact in plans[0])
+    assert stage_window(systems[0].problem, True) == stage_window(systems[1].problem, True)
 
 
-def test_a_run_stopped_on_an_early_level_still_gets_its_coarse_pixels(tmp_path, backend):
-    system = loaded(tmp_path, COARSE | {"lens.rear.freeform.max_level": 3})
-    assert stages(system, True)[0].level < 3
-    early, calls = State(True, 0, first_sags(system, True)), []
-    design(system, backend, early, lambda plan, stage, row: calls.append((stage.level, stage.final)))
-    assert [(3, False) in calls, (3, True) in calls] == [True, True]
+@pytest.mark.parametrize(
+    ("changes", "cells"),
+    [
+        ({}, (144, 144)),  # three per pixel
+        ({"target.pixels": [16, 20]}, (64, 64)),  # never fewer
+        ({"lens.rear.freeform.max_level": 4}, (219, 219)),  # 3.6 of 64 spans, 95 % of which are lit
+        ({"lens.rear.freeform.max_level": 4, "source.half_width": [5.0, 20.0]}, (144, 231)),
+        ({"lens.rear.freeform.max_level": 4, "lens.front.radius": 60.0}, (231, 231)),  # rays spread
+    ],
+)
+def test_cells_suffice_for_pixels_and_for_the_spans_that_are_lit(tmp_path, changes, cells):
+    final = stages(loaded(tmp_path, changes), False)[-1]
+    assert final.rays == tuple(n + 1 for n in cells)  # corners
+
+
+def test_too_many_cells_are_refused(tmp_path):
+    fine = {"lens.rear.freeform.max_level": 6, "lens.rear.freeform.spans": [8, 8]}
+    system = loaded(tmp_path, fine | {"target.pixels": [2160, 2160]})
+    with pytest.raises(UserError, match=r"level 6 would trace 6481 x 6481 rays at once"):
+        stages(system, False)
 
 
 def test_degrees_of_freedom_grow_from_level_to_level(small):
@@ -224,9 +237,8 @@ def test_stages_refine_pixels_until_the_targets_own(tmp_path):
     columns = [s.screen.pixels[0] for s in plan]
     assert columns == sorted(columns)
     for stage in plan:
-        assert all(
-            r >= system.problem.optimizer.rays_per_pixel * n for r, n in zip(stage.rays, stage.screen.pixels)
-        )
+        per_pixel = 3 if stage.exact else system.problem.optimizer.rays_per_pixel
+        assert all(r >= per_pixel * n for r, n in zip(stage.rays, stage.screen.pixels))
         assert all(r > 2 * (4 << stage.level) for r in stage.rays)
         assert stage.screen.half_width == system.problem.target.half_width
 

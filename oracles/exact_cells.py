@@ -1,0 +1,144 @@
+"""Light of mapped cells in exact rational numbers: every triangle is clipped to every pixel.
+
+A cell with corners 0, 1 (towards j + 1), 2 (towards i + 1) and 3 becomes the triangles (0, 2, 3) and
+(0, 3, 1), each with half of what arrives of the cell's flux.  A triangle lights a pixel with the part of its
+area that lies there; one of less than LEAST_AREA with the part of its longest edge.  Positions are taken as
+the binary fractions that they are, in pixel units: a along the rows, downwards, b along the columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import product
+from math import ceil, floor
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optics.target import Screen
+
+LEAST_AREA = Fraction(1e-6)  # square pixels
+STEP = Fraction(1, 1 << 100)  # of the derivatives, mm
+
+Point = tuple[Fraction, Fraction]
+Triangle = tuple[tuple[Point, Point, Point], Fraction]  # corners, flux
+Exact = NDArray[np.object_]
+Floats = NDArray[np.float64]
+
+
+def exact_image(
+    screen: Screen, x: ArrayLike, y: ArrayLike, emitted: ArrayLike, passing: ArrayLike | None = None
+) -> Exact:
+    """Return the flux in every pixel, (rows, columns) with margin, Fractions in W.
+
+    x, y : (nx + 1, ny + 1) corners on the target.  emitted : (nx, ny) W.
+    passing : (nx + 1, ny + 1) fraction of the corners' flux that arrives, NaN where a corner is not sound;
+        left out, all of it.
+    """
+    rows, columns = screen.padded
+    image = np.full((rows, columns), Fraction(0), dtype=object)
+    for corners, flux in triangles(screen, x, y, emitted, passing):
+        area = signed_area(corners)
+        whole = abs(area) >= LEAST_AREA
+        edge = max(
+            ((corners[k], corners[(k + 1) % 3]) for k in range(3)), key=_square
+        )  # of equal ones the first
+        for i in _touched([p[0] for p in corners], rows):
+            for j in _touched([p[1] for p in corners], columns):
+                part = area_within(corners, i, j) / area if whole else length_within(edge, i, j)
+                image[i, j] += flux * part
+    return image
+
+
+def exact_slopes(screen: Screen, x: Floats, y: Floats, emitted: Floats, weights: Floats) -> list[Exact]:
+    """Return the derivatives of the sum of weights times `exact_image` by x and by y, (nx + 1, ny + 1) each.
+
+    They are central differences in exact numbers, whose error is the square of STEP.
+    """
+    weights = np.vectorize(Fraction, otypes=[object])(weights)
+    out = [np.full(x.shape, Fraction(0), dtype=object) for _ in range(2)]
+    for axis, (i, j) in product(range(2), np.ndindex(x.shape)):
+        near = slice(max(0, i - 1), i + 2), slice(max(0, j - 1), j + 2)  # corners of the cells around
+        cells = slice(max(0, i - 1), i + 1), slice(max(0, j - 1), j + 1)
+        values = []
+        for step in (STEP, -STEP):
+            moved = [x.astype(object), y.astype(object)]
+            moved[axis][i, j] = Fraction(moved[axis][i, j]) + step
+            image = exact_image(screen, *(m[near] for m in moved), emitted[cells])
+            values.append((weights * image).sum())
+        out[axis][i, j] = (values[0] - values[1]) / (2 * STEP)
+    return out
+
+
+def triangles(
+    screen: Screen, x: ArrayLike, y: ArrayLike, emitted: ArrayLike, passing: ArrayLike | None = None
+) -> Iterator[Triangle]:
+    """Yield the corners in pixel units and the flux of all triangles that are lit."""
+    (px, py), (hx, hy) = screen.pitch, screen.half_width
+    passing = np.ones(np.shape(x)) if passing is None else np.asarray(passing)
+    for (i, j), flux in np.ndenumerate(np.asarray(emitted)):
+        four = [(i, j), (i, j + 1), (i + 1, j), (i + 1, j + 1)]
+        if flux == 0 or any(np.isnan(passing[k]) for k in four):
+            continue
+        arrives = Fraction(flux) * sum(Fraction(passing[k]) for k in four) / 4
+        points = [
+            (
+                (Fraction(hy) - Fraction(y[k])) / Fraction(py) + screen.margin,
+                (Fraction(hx) + Fraction(x[k])) / Fraction(px) + screen.margin,
+            )
+            for k in four
+        ]
+        for three in ((0, 2, 3), (0, 3, 1)):
+            p, q, r = (points[k] for k in three)
+            yield (p, q, r), arrives / 2
+
+
+def signed_area(polygon: tuple[Point, ...] | list[Point]) -> Fraction:
+    """Return the area of a polygon, positive where its corners turn from a to b."""
+    pairs = zip(polygon, [*polygon[1:], *polygon[:1]])
+    return sum((p[0] * q[1] - q[0] * p[1] for p, q in pairs), Fraction(0)) / 2
+
+
+def area_within(polygon: tuple[Point, ...] | list[Point], i: int, j: int) -> Fraction:
+    """Return the signed area of the part of a convex polygon that lies within pixel (i, j)."""
+    part = list(polygon)
+    for axis, first in ((0, i), (1, j)):
+        part = _beyond(part, axis, Fraction(first), 1)
+        part = _beyond(part, axis, Fraction(first + 1), -1)
+    return signed_area(part) if part else Fraction(0)
+
+
+def length_within(edge: tuple[Point, Point], i: int, j: int) -> Fraction:
+    """Return the fraction of an edge that lies within pixel (i, j), its lower borders and not the upper."""
+    start, end = Fraction(0), Fraction(1)
+    for u, v, first in zip(*edge, (i, j)):
+        if u == v:
+            if floor(u) != first:
+                return Fraction(0)
+            continue
+        low, high = sorted([(first - u) / (v - u), (first + 1 - u) / (v - u)])
+        start, end = max(start, low), min(end, high)
+    return max(end - start, Fraction(0))
+
+
+def _square(edge: tuple[Point, Point]) -> Fraction:
+    return sum(((u - v) ** 2 for u, v in zip(*edge)), Fraction(0))
+
+
+def _beyond(polygon: list[Point], axis: int, line: Fraction, sign: int) -> list[Point]:
+    """Return the part of a convex polygon on one side of a line (Sutherland and Hodgman)."""
+    out = []
+    for p, q in zip(polygon, [*polygon[1:], *polygon[:1]]):
+        above, next_above = sign * (p[axis] - line), sign * (q[axis] - line)
+        if above >= 0:
+            out.append(p)
+        if above * next_above < 0:
+            t = above / (above - next_above)
+            out.append((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])))
+    return out
+
+
+def _touched(values: list[Fraction], count: int) -> range:
+    """Return the pixels of a screen that coordinates span."""
+    return range(max(0, floor(min(values))), min(count, ceil(max(values)) + 1))
