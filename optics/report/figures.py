@@ -25,18 +25,19 @@ if TYPE_CHECKING:
     from thbcad.hierarchy import THBSpace
     from thbcad.lens import FreeformSurface, Lens
 
+    Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
+
 DPI, SIZE = 110, (5.2, 4.4)
 ROOM = {"left": 0.17, "right": 0.95, "bottom": 0.12, "top": 0.94}  # of the figure
 
 
-def draw_all(
+def light_figures(
     system: OpticalSystem,
     lens: Lens,
     measurement: Measurement,
-    history: Sequence[Row],
     paths: Mapping[str, Sequence[RayPath]],
-) -> dict[str, tuple[str, bytes]]:
-    """Return {name: (caption, PNG bytes)} of every figure, in the order of the report.
+) -> Figures:
+    """Return the figures of what a lens delivers, and of rays through it.
 
     paths : fans of rays in the plane x = 0 by name, or none.
     """
@@ -62,16 +63,17 @@ def draw_all(
             f"{quantity.capitalize()} to the power 0.2: stray light and faint detail.",
             picture(np.maximum(irradiance, 0) ** 0.2, f"({label})^0.2", "magma", 0, top**0.2),
         ),
-        **_surfaces(lens),
         **{
             f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
             for k, (name, fan) in enumerate(paths.items(), 1)
         },
-        "loss": (
-            "Misfit ||E - T|| / ||T|| as the optimiser measures it; a line marks each refinement.",
-            _loss(history),
-        ),
     }
+
+
+def lens_figures(lens: Lens, history: Sequence[Row]) -> Figures:
+    """Return the figures of the free surfaces, those of the front named for it, and of the optimisation."""
+    caption = "Misfit ||E - T|| / ||T|| as the optimiser measures it; a line marks each refinement."
+    return {**_surfaces(lens), "loss": (caption, _loss(history))}
 
 
 def _extent(half_width: tuple[float, float]) -> tuple[float, float, float, float]:
@@ -124,7 +126,7 @@ def plane_figure(
 
 
 def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
-    """Return sag and mesh of the free surfaces; those of the front are named for it."""
+    """Return sag and mesh of the free surfaces."""
     out = {}
     for prefix, name, surface in (("", "rear", lens.rear), ("front_", "front", lens.front)):
         if surface.sag is not None:
