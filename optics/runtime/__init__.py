@@ -21,6 +21,9 @@ if TYPE_CHECKING:
         NumericalError as NumericalError,
         UserError as UserError,
     )
+    from optics.runtime.garbage import (
+        collect_rarely as collect_rarely,
+    )
     from optics.runtime.helper_process import (
         SecondProcess as SecondProcess,
         load as load,
@@ -73,6 +76,7 @@ _FILES = {
         "NumericalError",
         "UserError",
     ),
+    "garbage": ("collect_rarely",),
     "helper_process": (
         "SecondProcess",
         "load",

@@ -20,6 +20,8 @@ from multiprocessing.connection import Connection
 from resource import RUSAGE_SELF, getrusage
 from typing import Any
 
+from optics.runtime.garbage import collect_rarely
+
 PROGRAM = "from optics.runtime import serve; serve()"
 TRAVELLING = ("builtins", "optics", "thbcad")  # packages whose exceptions another process can read
 
@@ -85,6 +87,7 @@ _kept = cache(SecondProcess)
 
 def serve() -> None:
     """Answer the requests of the process that started this one, until that ends."""
+    collect_rarely()
     with suppress(EOFError, OSError), Connection(int(sys.argv[1])) as pipe:
         while True:
             pipe.send(_called(*pipe.recv()))
