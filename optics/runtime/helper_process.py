@@ -7,6 +7,7 @@ what they should run beside.
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import traceback
@@ -23,6 +24,7 @@ from typing import Any
 from optics.runtime.garbage import collect_rarely
 
 PROGRAM = "from optics.runtime import serve; serve()"
+PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
 TRAVELLING = ("builtins", "optics", "thbcad")  # packages whose exceptions another process can read
 
 
@@ -36,6 +38,8 @@ class SecondProcess:
     def __init__(self) -> None:
         self._pipe, theirs = Pipe()
         paths = os.pathsep.join(map(os.path.abspath, sys.path))
+        # not before `serve` listens: Python's start would print what Ctrl-C stops
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-c", PROGRAM, str(theirs.fileno())],
@@ -45,6 +49,7 @@ class SecondProcess:
                 pass_fds=[theirs.fileno()],
                 process_group=0,
             )
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         self._caller = ThreadPoolExecutor(1)  # a request is only sent once the one before is answered
 
     def ask(self, module: str, function: str, *arguments: Any) -> Future[Any]:
@@ -52,9 +57,13 @@ class SecondProcess:
         return self._caller.submit(self._answer, module, function, arguments)
 
     def stop(self) -> None:
-        """End the process, whatever it does."""
-        self._process.kill()
-        self._process.wait()
+        """End the process as Ctrl-C does, so that no half of a file is left, or else without asking."""
+        self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
         self._caller.shutdown(cancel_futures=True)
         self._pipe.close()
 
@@ -88,7 +97,8 @@ _kept = cache(SecondProcess)
 def serve() -> None:
     """Answer the requests of the process that started this one, until that ends."""
     collect_rarely()
-    with suppress(EOFError, OSError), Connection(int(sys.argv[1])) as pipe:
+    with suppress(EOFError, OSError, KeyboardInterrupt), Connection(int(sys.argv[1])) as pipe:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while True:
             pipe.send(_called(*pipe.recv()))
     os._exit(0)  # to take the loaded packages down takes longer than some requests
@@ -99,6 +109,8 @@ def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, 
     try:
         return getattr(import_module(module), function)(*arguments), None
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # while OCP is loaded
+            raise error.__cause__ from None
         where = "".join(traceback.format_exception(error))
         if type(error).__module__.partition(".")[0] in TRAVELLING:
             error.add_note(where)

@@ -88,6 +88,34 @@ def test_it_is_kept_and_made_anew_after_a_failure(process):
         assert other.ask("os", "getpid").result() != pid
 
 
+def test_work_that_is_stopped_cleans_up_and_says_nothing(tmp_path, capfd):
+    """As when Ctrl-C comes while a file is written; also before the process has begun to listen."""
+
+    def interrupted(wait):
+        with second_process() as process:
+            process.ask("tests.optics.runtime.test_helper_process", "written", tmp_path / "whole")
+            while wait and not (tmp_path / "half").exists():
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    for wait in (False, True):
+        with pytest.raises(KeyboardInterrupt):
+            interrupted(wait)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+def written(path):
+    """Write a file as slowly as nobody waits for."""
+    half = path.with_name("half")
+    half.touch()
+    try:
+        time.sleep(1000)
+        half.rename(path)
+    finally:
+        half.unlink()
+
+
 def test_a_process_that_dies_is_an_error_not_a_wait(process):
     with pytest.raises(RuntimeError, match=r"ended with code -9 in os\.kill"), second_process() as process:
         process.ask("os", "kill", process.ask("os", "getpid").result(), signal.SIGKILL).result()
