@@ -94,9 +94,10 @@ def _run(problem: Problem, start: str, budget: int) -> DesignRun:
 
 
 def draw(points: Sequence[Point], path: Path) -> None:
-    """Write the picture: one panel per problem, error against seconds, log-log."""
+    """Write the picture: one panel per problem, error against seconds."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     names = list(dict.fromkeys(p.problem for p in points))
     figure = Figure(figsize=(4.6 * len(names), 4.4), layout="constrained")
@@ -105,9 +106,13 @@ def draw(points: Sequence[Point], path: Path) -> None:
     for name, axes in zip(names, panels):
         for method in dict.fromkeys(p.method for p in points):
             own = [(p.seconds, p.rel_l2) for p in points if (p.problem, p.method) == (name, method)]
-            axes.loglog(*zip(*own), "o-", markersize=4, label=method)
+            axes.semilogy(*zip(*own), "o-", markersize=4, label=method)
         axes.set_title(name, fontsize=10)
         axes.set_xlabel("seconds of a whole design")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 4)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlim(left=0)
         axes.grid(which="both", color="0.9")
     panels[0].set_ylabel("relative L2 error")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
