@@ -61,6 +61,7 @@ QUICK = \
 	tests/optics/tracing/test_phase_space.py \
 	tests/optics/tracing/test_sequential.py \
 	tests/optics/tracing/test_span_search.py \
+	tests/optics/transport \
 	tests/optics/verification/test_step_checks.py \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \

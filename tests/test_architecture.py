@@ -31,7 +31,7 @@ FLOORS = [
     ["thbcad.cad"],
     ["thbcad"],
     ["optics.runtime"],
-    ["optics.problem", "optics.sources", "optics.target"],
+    ["optics.problem", "optics.sources", "optics.target", "optics.transport"],
     ["optics.tracing", "optics.system"],
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
     ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.report"],

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
         fans as fans,
         nonsequential_metrics as nonsequential_metrics,
     )
+    from optics.analysis.light_of_cells import (
+        cell_irradiance as cell_irradiance,
+    )
     from optics.analysis.metrics import (
         Measurement as Measurement,
         dark_fraction as dark_fraction,
@@ -36,6 +39,7 @@ _FILES = {
         "fans",
         "nonsequential_metrics",
     ),
+    "light_of_cells": ("cell_irradiance",),
     "metrics": (
         "Measurement",
         "dark_fraction",

@@ -1,9 +1,7 @@
-"""What the lens delivers, measured on fresh rays in float64 with box pixels.
+"""What the lens delivers, measured in float64 on box pixels, with light that the optimiser has not seen.
 
-A ray of a grid stands for a cell of the source.  The light of the cell arrives spread over about 1 /
-RAYS_PER_PIXEL of a pixel, and a ray that lands so close to a border counts for both pixels.  On sharp edges
-this removes most of the moire between rays and pixels.  It changes nothing else, which `rel_l2_floor`
-measures.
+Light of one direction at every point of the source is measured as cells (`light_of_cells`), exact but for
+their size.  That of an extended source is measured as rays of two scrambled Sobol sequences.
 """
 
 from __future__ import annotations
@@ -11,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import reduce
+from math import isqrt, sqrt
 from operator import add
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.analysis.light_of_cells import cell_irradiance
 from optics.target import PixelWindow, Splat
 from optics.tracing import Tracer
 
@@ -27,10 +27,16 @@ if TYPE_CHECKING:
     from optics.tracing import SequentialFates
     from thbcad.lens import Lens
 
-RAYS_PER_PIXEL = 11  # in each direction, for each of the two ray sets
+CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
+LEAST_CELLS = 64
+COARSER = sqrt(2)  # the second grid, with which the first is compared
+RAYS_PER_PIXEL = 11  # of extended sources, in each direction, for each of the two ray sets
+BLUR = 0.5 / RAYS_PER_PIXEL  # pixels: a ray that lands so near to a border counts for both pixels
 LEAST_PER_PIXEL, MOST_RAYS = 3, 4096  # on large screens: so many per pixel, or so many per direction
 DARK = 0.01  # of the greatest irradiance: what counts as dark
 RAYS_AT_ONCE = 1 << 21
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +55,55 @@ class Measurement:
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    Two ray sets are traced, neither of which the optimisation has seen.  Their mean is the irradiance, their
-    difference measures the error of the estimator (`rel_l2_floor`).
+    `rel_l2_floor` is the estimator's own error of the irradiance, relative to the target: from two grids of
+    cells, whose errors fall with the square of the cells' size, or from two sets of rays.
     """
     screen, flux = system.target.screen(), system.problem.source.flux
+    estimate = _by_rays if system.source.extended else _by_cells
+    irradiance, error, by_fate = estimate(system, lens, screen, backend)
+    target = system.target.irradiance(screen, by_fate.transmitted)
+    shown = screen.projection()  # in the far field intensities are compared
+    irradiance, target, error = irradiance / shown, target / shown, error / shown
+    metrics = compare(irradiance, target)
+    metrics["rel_l2_floor"] = float(np.linalg.norm(error) / np.linalg.norm(target))
+    metrics["estimator"] = "rays" if system.source.extended else "cells"
+    metrics["efficiency"] = by_fate.on_target / flux
+    metrics["lit_efficiency"] = float((irradiance * shown)[target > 0].sum() * screen.pixel_area / flux)
+    metrics["stray"] = by_fate.off_target / flux
+    metrics["fates_w"] = asdict(by_fate)
+    return Measurement(irradiance, target, metrics)
+
+
+def _by_cells(
+    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
+) -> tuple[Floats, Floats, SequentialFates]:
+    """Return (irradiance, its error, flux by fate)."""
+    spans = [0, 0]
+    for sag in lens.sags:
+        embedding = sag.space.embedding
+        spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
+    wanted = [max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * k) for n, k in zip(screen.pixels, spans)]
+    most = [max(LEAST_PER_PIXEL * n, MOST_RAYS) for n in screen.pixels]
+    counts = [_prime_from(max(LEAST_CELLS, min(w, m))) for w, m in zip(wanted, most)]
+    fewer = [_prime_from(round(n / COARSER)) for n in counts]
+    fine, fates = cell_irradiance(system, lens, screen, counts, backend)
+    coarse, _ = cell_irradiance(system, lens, screen, fewer, backend)
+    ratio = counts[0] * counts[1] / (fewer[0] * fewer[1])
+    return fine, (fine - coarse) / (ratio - 1), fates
+
+
+def _prime_from(least: int) -> int:
+    """Return the least prime from `least` on: grids of different primes share no lines but their borders."""
+    n = least
+    while any(n % k == 0 for k in range(2, isqrt(n) + 1)):
+        n += 1
+    return n
+
+
+def _by_rays(
+    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
+) -> tuple[Floats, Floats, SequentialFates]:
+    """Return (irradiance, its error, flux by fate)."""
     rng = np.random.default_rng(system.problem.run.seed)
     images, fates = [], []
     for extra in (0, 1):
@@ -63,17 +114,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         image, by_fate = _trace(system, lens, screen, counts, rng, backend)
         images.append(image)
         fates.append(by_fate)
-    irradiance, by_fate = (images[0] + images[1]) / 2, fates[0]
-    target = system.target.irradiance(screen, by_fate.transmitted)
-    shown = screen.projection()  # in the far field intensities are compared
-    irradiance, target, images = irradiance / shown, target / shown, [image / shown for image in images]
-    metrics = compare(irradiance, target)
-    metrics["rel_l2_floor"] = float(np.linalg.norm(images[0] - images[1]) / 2 / np.linalg.norm(target))
-    metrics["efficiency"] = by_fate.on_target / flux
-    metrics["lit_efficiency"] = float((irradiance * shown)[target > 0].sum() * screen.pixel_area / flux)
-    metrics["stray"] = by_fate.off_target / flux
-    metrics["fates_w"] = asdict(by_fate)
-    return Measurement(irradiance, target, metrics)
+    return (images[0] + images[1]) / 2, (images[0] - images[1]) / 2, fates[0]
 
 
 def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
@@ -112,7 +153,7 @@ def _trace(
     backend: Backend,
 ) -> tuple[NDArray[np.float64], SequentialFates]:
     """Return (irradiance, flux by fate) of fresh rays, traced in parts."""
-    splat = Splat(backend, screen, PixelWindow(0.5 / RAYS_PER_PIXEL))
+    splat = Splat(backend, screen, PixelWindow(BLUR))
     image: DrArray = 0.0
     fates = []
     for part in system.source.parts(counts, fresh, RAYS_AT_ONCE):

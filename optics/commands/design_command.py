@@ -18,7 +18,7 @@ from optics.system import OpticalSystem, advice, solvable_system
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
-    from optics.optimisation import Row, State
+    from optics.optimisation import Row, State, TransportStart
     from optics.runtime import Backend, SecondProcess
     from optics.tracing import RayPath
     from optics.verification import ExportedStep
@@ -52,7 +52,6 @@ class _Figures:
     def __init__(self, process: SecondProcess, system: OpticalSystem) -> None:
         self.process = process
         self._before = process.ask("optics.report", "solid_views", system.lens)
-        process.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT: a second
 
     def draw_lens(self, lens: Lens, history: Sequence[Row]) -> None:
         """Draw what needs no measurement."""
@@ -100,21 +99,24 @@ def design(options: Namespace) -> Outcome:
     system = solvable_system(problem)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     folder.prepare()
-    state = folder.read_checkpoint(system) if options.resume else None
-    if options.earlier:
-        state = earlier_state(system, ResultFolder(options.earlier).read_lens())
-    if not options.resume:
-        folder.drop_checkpoint()
     for sentence in advice(system):
         note(sentence)
-    with second_process() as beside:
-        figures = _Figures(beside, system)
-        from optics.runtime import load_backend
+    from optics.optimisation import resolved
+    from optics.runtime import load_backend
 
+    with second_process() as beside:
+        beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         backend = load_backend(problem.run.precision, problem.run.threads)
+        system, start = resolved(system, backend)
+        state = folder.read_checkpoint(system) if options.resume else None
+        if options.earlier:
+            state = earlier_state(system, ResultFolder(options.earlier).read_lens())
+        if not options.resume:
+            folder.drop_checkpoint()
+        figures = _Figures(beside, system)
         clock.lap("setup")
         try:
-            lens, state = _optimise(system, backend, folder, state)
+            lens, state = _optimise(system, backend, folder, state, start)
             clock.lap("optimise")
             return _finish(system, lens, state, folder, clock, figures)
         except KeyboardInterrupt:
@@ -124,13 +126,19 @@ def design(options: Namespace) -> Outcome:
 
 
 def _optimise(
-    system: OpticalSystem, backend: Backend, folder: ResultFolder, state: State | None
+    system: OpticalSystem,
+    backend: Backend,
+    folder: ResultFolder,
+    state: State | None,
+    start: TransportStart | None,
 ) -> tuple[Lens, State]:
     from optics.optimisation import design as run
 
     progress, problem = DesignProgress(), system.problem
     try:
-        return run(system, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note)
+        return run(
+            system, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note, start
+        )
     except Interrupted as stop:
         folder.write_checkpoint(problem, stop.state)
         raise KeyboardInterrupt from None

@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.optimisation.auto_level import (
+        resolved as resolved,
+    )
     from optics.optimisation.indicators import (
         mark as mark,
         summed_over_cells as summed_over_cells,
@@ -42,8 +45,12 @@ if TYPE_CHECKING:
         State as State,
         earlier_state as earlier_state,
     )
+    from optics.optimisation.transport_start import (
+        TransportStart as TransportStart,
+    )
 
 _FILES = {
+    "auto_level": ("resolved",),
     "indicators": (
         "mark",
         "summed_over_cells",
@@ -77,5 +84,6 @@ _FILES = {
         "State",
         "earlier_state",
     ),
+    "transport_start": ("TransportStart",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -22,7 +22,7 @@ from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
 from optics.optimisation.stage_plan import last_level
 from optics.optimisation.symmetry import Mirrors
 from optics.problem import per_level
-from optics.target import BSplineWindow, GaussianWindow, PixelWindow
+from optics.target import BSplineWindow, GaussianWindow, MappedCells, PixelWindow
 from optics.tracing import Tracer
 from thbcad.surfaces import THBSurface
 
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from optics.optimisation.transport_start import TransportStart
     from optics.problem import Problem
     from optics.runtime import Backend
+    from optics.sources import RayGrid, Rays
     from optics.system import OpticalSystem
+    from optics.target import Window
     from thbcad.lens import Lens
 
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
@@ -41,14 +43,16 @@ SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 
 
 def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
-    """Return the smooth measurement window of a stage.
+    """Return the smooth window in which the rays of a stage are measured.
 
     A pixel window sees what moves across its border only: before the final stage a B-spline takes its place.
+    It serves extended sources too where exact cells are asked for.
     """
     o = problem.optimizer
     if o.window == "gaussian":
         return GaussianWindow(o.sigma)
-    return PixelWindow(o.blur) if o.window == "pixel" and final else BSplineWindow(o.window_degree)
+    sharp = o.window in ("cells", "pixel")
+    return PixelWindow(o.blur) if sharp and final else BSplineWindow(o.window_degree)
 
 
 def surfaces_can_cross(system: OpticalSystem) -> bool:
@@ -60,9 +64,9 @@ def stage_objective(
     system: OpticalSystem, lens: Lens, stage: Stage, target: NDArray[np.float64], backend: Backend
 ) -> Objective:
     """Return the Objective of a stage: its rays, screen, window and target, and the problem's charges."""
-    rays = system.source.rays(stage.rays)
-    tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False)
-    problem, options, limits = system.problem, system.problem.optimizer, system.problem.limits
+    rays, window = _measured_rays(system, stage, backend)
+    options, limits = system.problem.optimizer, system.problem.limits
+    tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False, fresnel=options.fresnel)
     thickness = limits.thickness
     if not thickness and surfaces_can_cross(system):
         thickness = THINNEST * lens.thickness
@@ -72,12 +76,23 @@ def stage_objective(
         backend,
         tracer,
         stage.screen,
-        stage_window(problem, stage.final),
+        window,
         target,
         lost_flux_weight=options.lost_flux_weight,
         dark_flux_weight=options.dark_flux_weight,
         shape=shape,
     )
+
+
+def _measured_rays(
+    system: OpticalSystem, stage: Stage, backend: Backend
+) -> tuple[RayGrid | Rays, Window | MappedCells]:
+    """Return the rays of a stage, and how they are measured."""
+    if not stage.exact:
+        return system.source.rays(stage.rays), stage_window(system.problem, stage.final)
+    cells = system.source.cells([n - 1 for n in stage.rays])
+    rays = cells.rays()
+    return rays, MappedCells(backend, stage.screen, cells.emitted, rays.flux)
 
 
 def marked_cells(
@@ -90,7 +105,7 @@ def marked_cells(
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
     for sag, freeform, indicator in zip(lens.sags, settings, indicators(lens, stage)):
         indicator = Mirrors(sag.space, axes).of_cells(indicator)
-        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.max_level)))
+        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.finest)))
     return out
 
 
@@ -108,12 +123,13 @@ class Indicators:
     start: TransportStart | None
 
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        if self.system.problem.refinement.indicator == "decrease":
+        indicator = self.system.problem.refinement.indicator
+        if indicator == "decrease":
             return self._decrease(lens, stage)
-        indicators = self._vertex(lens, stage)
-        if self.system.problem.refinement.indicator == "slope" and self.start:
-            indicators[-1] = self.start.misfit(lens.sags[-1])
-        return indicators
+        if indicator == "vertex" or not self.start:
+            return self._vertex(lens, stage)
+        misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
+        return [misfit] if len(lens.sags) == 1 else [self._vertex(lens, stage)[0], misfit]
 
     def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
@@ -130,7 +146,7 @@ class Indicators:
         ]
 
     def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
-        spaces = [refined_once(sag.space, f.max_level) for sag, f in zip(lens.sags, self.system.freeforms)]
+        spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
         finer = [
             THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
             for sag, space in zip(lens.sags, spaces)

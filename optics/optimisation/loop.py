@@ -48,7 +48,8 @@ def transmitted_flux(system: OpticalSystem, backend: Backend) -> float:
     UserError : (almost) nothing passes the lens.
     """
     lens, target, flux = system.lens, system.target, system.problem.source.flux
-    tracer = Tracer(backend, lens, system.source.rays((129, 129)), target.z)
+    fresnel = system.problem.optimizer.fresnel
+    tracer = Tracer(backend, lens, system.source.rays((129, 129)), target.z, fresnel=fresnel)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * flux:
@@ -67,6 +68,7 @@ def design(
     progress: Callable[[Sequence[Stage], Stage, Row], None] | None = None,
     checkpoint: Callable[[State], None] | None = None,
     note: Callable[[str], None] | None = None,
+    start: TransportStart | None = None,
 ) -> tuple[Lens, State]:
     """Optimise the free surfaces of a system's lens and return (Lens, State).
 
@@ -74,6 +76,7 @@ def design(
     progress : called with (every Stage, this Stage, Row) after every evaluation.
     checkpoint : called with the State after every stage.
     note : called with a sentence where the problem itself limits the result.
+    start : of the system, where it is known already.
 
     Raises
     ------
@@ -83,17 +86,18 @@ def design(
     flux = transmitted_flux(system, backend)
     note = note or _no_note
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
-    start = _transport_start(system, backend, state, note)
+    start = _transport_start(system, backend, state, note, start)
     state, fit = (state, None) if state else _first_state(system, start)
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
         lens = _with_sags(system.lens, state.sags)
         target = system.target.irradiance(stage.screen, flux)
-        objective = stage_objective(system, lens, stage, target, backend)
-        report = progress and partial(progress, plan)
-        recorder = Recorder(system, objective, stage, state, axes, clock, report)
-        lens = _optimised(lens, recorder, stage, note)
-        state = replace(state, sags=lens.sags, history=recorder.history)
+        if stage.iterations:
+            objective = stage_objective(system, lens, stage, target, backend)
+            report = progress and partial(progress, plan)
+            recorder = Recorder(system, objective, stage, state, axes, clock, report)
+            lens = _optimised(lens, recorder, stage, note)
+            state = replace(state, sags=lens.sags, history=recorder.history)
         try:
             marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, start))
             following, new_fit = _refined(state, plan, marked, start)
@@ -118,7 +122,11 @@ def _no_note(sentence: str) -> None:
 
 
 def _transport_start(
-    system: OpticalSystem, backend: Backend, state: State | None, note: Callable[[str], None]
+    system: OpticalSystem,
+    backend: Backend,
+    state: State | None,
+    note: Callable[[str], None],
+    start: TransportStart | None,
 ) -> TransportStart | None:
     """Return the start by optimal transport, or None where the run needs none.
 
@@ -131,7 +139,7 @@ def _transport_start(
         plan = stages(system, state.moved)
         if not state.moved or state.stage >= len(plan) or plan[state.stage].level == plan[-1].level:
             return None
-    start = TransportStart(system, backend)
+    start = start or TransportStart(system, backend)
     if start.traced is None or start.within(start.traced):
         return start
     note(start.note(start.traced) + "; the design starts from the base surface instead")

@@ -2,11 +2,12 @@
 
     L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
 
-E is the irradiance measured with a smooth window, T the target irradiance measured with the same one, on the
-target's pixels and a dark margin around them (thesis 5.4, squared and normalised).  Phi is the flux asked
-for. The second term charges light beside the target: d_k is the distance of landing point k from the target
-rectangle, r the target's larger half-width.  The third charges light that misses the pixels where T > 0,
-wherever it is lost.  The last is `ShapePenalty`.
+E is the irradiance on the target's pixels and a dark margin around them, T the target irradiance there
+(thesis 5.4, squared and normalised): that of mapped cells on the pixels themselves, or that of rays in a
+smooth window, in which T is measured too.  Phi is the flux asked for.  The second term charges light beside
+the target: d_k is the distance of landing point k from the target rectangle, r the target's larger
+half-width.  The third charges light that misses the pixels where T > 0, wherever it is lost.  The last is
+`ShapePenalty`.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.target import Splat, filter_image
+from optics.target import MappedCells, Splat, filter_image
 
 if TYPE_CHECKING:
     from optics.optimisation.shape_penalty import ShapePenalty
     from optics.runtime import Backend, DrArray
     from optics.target import Screen, Window
-    from optics.tracing import RayTracer
+    from optics.tracing import Landing, RayTracer
     from thbcad.splines import KnotVector
 
 
@@ -42,6 +43,7 @@ class Objective:
 
     Call it with the THB coefficients of every sag, front first.
 
+    window : in which rays are measured, or the map of the cells whose corners the rays are.
     target : irradiance on the screen's pixels without margin, W/mm^2.
     """
 
@@ -50,7 +52,7 @@ class Objective:
         backend: Backend,
         tracer: RayTracer,
         screen: Screen,
-        window: Window,
+        window: Window | MappedCells,
         target: NDArray[np.float64],
         lost_flux_weight: float,
         dark_flux_weight: float = 0.0,
@@ -58,8 +60,12 @@ class Objective:
     ) -> None:
         self._backend, self._tracer, self._shape = backend, tracer, shape
         self._screen = screen
-        self._splat = Splat(backend, screen, window)
-        measured = filter_image(screen.pad(target), window)
+        measured = screen.pad(target)
+        if isinstance(window, MappedCells):
+            self._cells: MappedCells | None = window
+        else:
+            self._cells, self._splat = None, Splat(backend, screen, window)
+            measured = filter_image(measured, window)
         self._target = backend.array(measured.T)
         scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
         self._norm = backend.dr.opaque(backend.Float, 1.0 / np.square(measured).sum())
@@ -109,11 +115,16 @@ class Objective:
         dr, rng, out = self._backend.dr, np.random.default_rng(seed), []
         for _ in range(count):
             hits, landing = self._tracer.trace(coefficients)
-            image = self._splat(landing.x, landing.y, landing.flux)
+            image = self._irradiance(landing)
             signs = self._backend.array(rng.choice((-1.0, 1.0), dr.width(self._target)))
             dr.backward(dr.sum(image * signs) * dr.sqrt(self._norm))
             out.append(self._tracer.pull_back(hits))
         return out
+
+    def _irradiance(self, landing: Landing) -> DrArray:
+        if self._cells is None:
+            return self._splat(landing.x, landing.y, landing.flux)
+        return self._cells(landing.x, landing.y, landing.flux, landing.definite)
 
     def _backward(
         self, coefficients: Sequence[NDArray[np.float64]]
@@ -121,7 +132,7 @@ class Objective:
         """Return (loss without the shape, fit, what the tracer pulls back, measured irradiance)."""
         dr = self._backend.dr
         hits, landing = self._tracer.trace(coefficients)
-        image = self._splat(landing.x, landing.y, landing.flux)
+        image = self._irradiance(landing)
         fit = dr.sum(dr.square(image - self._target)) * self._norm
         hx, hy = self._screen.half_width
         beside_x = dr.maximum(dr.abs(landing.x) - hx, 0)

@@ -18,7 +18,7 @@ from optics.runtime import NumericalError
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.optimisation.objective import Objective
+    from optics.optimisation.objective import Evaluation, Objective
     from optics.optimisation.stage_plan import Stage
     from optics.system import OpticalSystem
 
@@ -54,6 +54,7 @@ class Recorder:
         self._rows = list(state.history)
         self._evaluations = state.evaluations
         self._best = np.inf, [sag.coefficients for sag in state.sags]
+        self._first: Evaluation | None = None
 
     @property
     def history(self) -> tuple[Row, ...]:
@@ -63,7 +64,7 @@ class Recorder:
     def minimized(self) -> tuple[THBSurface, ...]:
         """Return the best sags that L-BFGS finds.
 
-        Weights are scaled by the curvature at the start, but not in a coarse pass, which does better without.
+        Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.
 
         Raises
         ------
@@ -72,10 +73,9 @@ class Recorder:
         iterations, memory = self._stage.iterations, self._problem.optimizer.memory
         options = {"maxiter": iterations, "maxcor": memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
         try:
-            if iterations == 0:
-                self(self._variables.zeros())
-                return self._best_sags()
-            if not self._stage.coarse:
+            start, _ = self._variables.coefficients(self._variables.zeros())
+            self._first = first = self._evaluated(start)
+            if 2 * first.fit**2 > first.loss:
                 self._precondition()
             minimize(self, self._variables.zeros(), jac=True, method="L-BFGS-B", options=options)
         except KeyboardInterrupt:
@@ -86,6 +86,13 @@ class Recorder:
     def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """Return (loss, its gradient by the weights)."""
         coefficients, slopes = self._variables.coefficients(weights)
+        evaluation = self._first
+        if evaluation is None or weights.any():
+            evaluation = self._evaluated(coefficients)
+        return evaluation.loss, self._variables.gradient(evaluation.gradients, slopes)
+
+    def _evaluated(self, coefficients: list[NDArray[np.float64]]) -> Evaluation:
+        """Return the Evaluation, with a row in the history."""
         evaluation = self._objective(coefficients)
         if not (np.isfinite(evaluation.loss) and all(np.isfinite(g).all() for g in evaluation.gradients)):
             raise NumericalError(
@@ -106,7 +113,7 @@ class Recorder:
         self._rows.append(row)
         if self._progress:
             self._progress(self._stage, row)
-        return evaluation.loss, self._variables.gradient(evaluation.gradients, slopes)
+        return evaluation
 
     def _precondition(self) -> None:
         vectors = self._objective.curvature(self._best[1], PROBES, self._problem.run.seed)

@@ -16,21 +16,22 @@ if TYPE_CHECKING:
     from optics.target import Screen
 
 MOST_RAYS = 40_000_000  # at once
-# a first pass on the last level carries light to islands in the dark: on pixels so many times as coarse,
-# where at least so many are left, with so many iterations
-COARSER = 4
-COARSE_PIXELS = 16
-COARSE_ITERATIONS = 20
 MARGIN = 8  # dark pixels around the target
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
+# cells of the source in each direction, per pixel and per knot span that is lit: with fewer the optimiser
+# fits the corners and not the light between them
+CELLS_PER_PIXEL = 3.0
+CELLS_PER_SPAN = 3.6
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
     """Pixels and rays of one level.
 
+    rays : in x and y; the corners of cells where the stage is exact.
     final : the last one, with the window of the problem; all others take wide windows, which move light over
-        long distances
+        long distances.
+    exact : the light of cells on the pixels themselves, not that of rays in a window.
     """
 
     level: int
@@ -38,7 +39,7 @@ class Stage:
     screen: Screen
     rays: tuple[int, int]
     final: bool
-    coarse: bool = False
+    exact: bool
 
     @property
     def evaluations(self) -> int:
@@ -65,7 +66,7 @@ def first_level(problem: Problem, moved: bool) -> int:
 
 def last_level(problem: Problem) -> int:
     """Return the level at which the run ends."""
-    return max(f.max_level for f in freeforms(problem))
+    return max(f.finest for f in freeforms(problem))
 
 
 def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
@@ -78,26 +79,15 @@ def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
     out = []
     for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
-        if (
-            moved
-            and level == last
-            and iterations > 1
-            and min(problem.target.pixels) >= COARSER * COARSE_PIXELS * problem.optimizer.merge
-        ):
-            coarser = COARSER * problem.optimizer.merge
-            out.append(_stage(system, level, min(COARSE_ITERATIONS, iterations), coarser, False, coarse=True))
         out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
     return out
 
 
-def _stage(
-    system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool, coarse: bool = False
-) -> Stage:
+def _stage(system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
     problem, screen = system.problem, system.target.screen(coarsening, MARGIN)
-    spans = _spans(problem, level)
-    rays_x, rays_y = (
-        max(64, ceil(problem.optimizer.rays_per_pixel * n), 2 * s) + 1 for n, s in zip(screen.pixels, spans)
-    )
+    exact = final and problem.optimizer.window == "cells" and not system.source.extended
+    counts = _cells(system, level, screen) if exact else _rays(system, level, screen)
+    rays_x, rays_y = (n + 1 for n in counts)
     if rays_x * rays_y > MOST_RAYS:
         raise UserError(
             f"level {level} would trace {rays_x} x {rays_y} rays at once, too many for the memory of most "
@@ -109,14 +99,29 @@ def _stage(
         screen=screen,
         rays=(rays_x, rays_y),
         final=final,
-        coarse=coarse,
+        exact=exact,
     )
+
+
+def _rays(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
+    per_pixel, spans = system.problem.optimizer.rays_per_pixel, _spans(system.problem, level)
+    return [max(64, ceil(per_pixel * n), 2 * s) for n, s in zip(screen.pixels, spans)]
+
+
+def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
+    lens, spans = system.problem.lens, _spans(system.problem, level)
+    size = system.problem.source.half_width if system.path.parallel else lens.rear.half_width
+    lit = [min(1.0, s / h) for s, h in zip(size, lens.rear.half_width)]
+    return [
+        max(64, ceil(CELLS_PER_PIXEL * n), ceil(CELLS_PER_SPAN * s * part))
+        for n, s, part in zip(screen.pixels, spans, lit)
+    ]
 
 
 def _spans(problem: Problem, level: int) -> list[int]:
     """Return the knot spans in x and y of the finest free surface on a level."""
     return [
-        max(n << min(level, f.max_level) for n, f in zip(row, freeforms(problem)))
+        max(n << min(level, f.finest) for n, f in zip(row, freeforms(problem)))
         for row in zip(*(f.spans for f in freeforms(problem)))
     ]
 

@@ -55,7 +55,7 @@ def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     sags = []
     for sag, freeform in zip(system.lens.sags, system.freeforms):
-        for level in range(min(first_level(system.problem, moved), freeform.max_level)):
+        for level in range(min(first_level(system.problem, moved), freeform.finest)):
             sag = sag.refine({level: sag.space.cells[:, 1:]})
         sags.append(sag)
     return tuple(sags)

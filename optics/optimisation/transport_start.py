@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from optics.optimisation.indicators import summed_over_cells
-from optics.optimisation.optimal_transport import transport
 from optics.system import target_irradiance
 from optics.target import BSplineWindow, Screen, Splat
 from optics.tracing import Tracer
-from thbcad.fitting import fit_slopes
+from optics.transport import height_from_slopes, transport_map
+from thbcad.fitting import fit_slopes, level_misfits
 from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
@@ -37,6 +37,7 @@ CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
 RAYS_PER_CELL = 4
+DETAIL = 0.05  # pixels
 INSIDE = 0.97  # of z_freedom
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
@@ -86,17 +87,18 @@ class TransportStart:
     """
 
     def __init__(self, system: OpticalSystem, backend: Backend) -> None:
-        self._system, self._lens = system, system.lens
+        self._system, self._lens, self._backend = system, system.lens, backend
         screen = system.target.screen()
         self._lit, self._centre, self._half = _lit_part(system.target.irradiance(screen, 1.0), screen)
-        self._cells = [int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels]
+        nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels)
+        self._cells = nx, ny
         self._bound = INSIDE * system.problem.lens.rear.freeform.z_freedom
         self.traced: TransportFit | None = None
         if system.path.parallel:
             self._light, self._slopes = self._shape_parallel()
         else:
-            self._cells = [min(n, MOST_TRACED) for n in self._cells]
-            self._light, self._slopes, self.traced = self._shape_traced(backend)
+            self._cells = min(nx, MOST_TRACED), min(ny, MOST_TRACED)
+            self._light, self._slopes, self.traced = self._shape_traced()
 
     def fit(self, space: THBSpace) -> TransportFit:
         """Return the sag in a THB space over x, y in mm.
@@ -116,6 +118,19 @@ class TransportStart:
         off_y = sag.grid(light.x, light.y, (0, 1)) - zy
         deviation = off_x**2 + off_y**2
         return summed_over_cells(sag.space, light.x, light.y, light.weight * deviation)
+
+    def level(self, least: int, finest: int) -> int:
+        """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL.
+
+        That is e (n - 1) throw in pixels, with e^2 what another level takes off the mean square of the
+        slopes' misfit.  Slopes that no surface has remain in all of them.
+        """
+        light, (zx, zy), target = self._light, self._slopes, self._system.target
+        misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
+        throw = np.degrees(1.0) if target.far_field else target.settings.distance
+        moved = (self._lens.index - 1) * throw / min(target.screen().pitch)
+        gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
+        return max([least, *(np.flatnonzero(gains > DETAIL) + 1).tolist()])
 
     def within(self, fit: TransportFit) -> bool:
         """Whether the sag of a fit keeps to z_freedom and clear of the front."""
@@ -163,25 +178,26 @@ class TransportStart:
         along = np.zeros(self._cells)
         light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
         arrival = self._arrival(light, half)
-        height = lens.thickness + lens.rear.conic(x[:, None], y[None, :])
+        height = base = lens.thickness + lens.rear.conic(x[:, None], y[None, :])
         for _ in range(SNELL_STEPS):
             slopes, _ = self._snell(light, arrival, height)
-            height = lens.thickness + _integrated(*slopes, x, y)
-        return light, _above_conic(light, lens.rear, slopes)
+            above = _above_conic(light, lens.rear, slopes)
+            height = base + _height(light, above)
+        return light, above
 
-    def _shape_traced(self, backend: Backend) -> tuple[RearLight, list[Floats], TransportFit]:
+    def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
         """Return light, slopes and fit for rays that spread inside the lens.
 
         The fit is on the mesh of the sag, refined once or twice.
         """
         lens = self._lens
         space = lens.sags[-1].space
-        for level in range(min(2, self._system.problem.lens.rear.freeform.max_level)):
+        for level in range(min(2, self._system.problem.lens.rear.freeform.finest)):
             space = space.refine({level: space.cells[:, 1:]})
         sag = THBSurface(space, np.zeros(space.dim))
         for _ in range(TRACED_STEPS):
             lens = lens.with_rear(lens.rear.with_sag(sag))
-            light = _traced_light(backend, self._system, lens, self._cells)
+            light = _traced_light(self._backend, self._system, lens, self._cells)
             arrival = self._arrival(light, lens.rear.half_width)
             slopes, gentle = self._snell(light, arrival, lens.thickness + lens.rear.grid(light.x, light.y))
             gentle &= light.weight > LEAST_WEIGHT
@@ -194,12 +210,11 @@ class TransportStart:
     def _arrival(self, light: RearLight, half: Sequence[float]) -> tuple[Floats, Floats]:
         """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
 
-        def density(grid: tuple[int, ...]) -> Floats:
-            pixels = min(grid[0], self._lit.shape[1]), min(grid[1], self._lit.shape[0])
-            return target_irradiance(self._lit, Screen(self._half, pixels), "stretch", 1.0)[::-1].T
+        def density(grid: tuple[int, int]) -> Floats:
+            return target_irradiance(self._lit, Screen(self._half, grid), "stretch", 1.0)[::-1].T
 
         aspect = np.sqrt(half[0] * self._half[0] / (half[1] * self._half[1]))
-        plan = transport(density, self._cells, aspect, light.emitted)
+        plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
         return self._centre[0] + self._half[0] * plan.tx, self._centre[1] + self._half[1] * plan.ty
 
     def _snell(
@@ -273,15 +288,11 @@ def _lit_part(image: Floats, screen: Screen) -> tuple[Floats, tuple[float, float
     return image[r0:r1, c0:c1], centre, (float((c1 - c0) * wide), float((r1 - r0) * tall))
 
 
-def _integrated(zx: Floats, zy: Floats, x: Floats, y: Floats) -> Floats:
-    """Return a height whose slopes are about (zx, zy), zero in the middle.
+def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
+    """Return the sag with about these slopes, whose greatest and least value are opposite, (nx, ny), mm.
 
-    Trapezoids along the middle row and from there along the columns: good enough for
-    distances, the fit itself uses the slopes.
+    That is the constant which `fit_slopes` chooses, as far as coefficients are values.
     """
-    i, j = len(x) // 2, len(y) // 2
-    along = np.concatenate([[0.0], np.cumsum((zx[1:, j] + zx[:-1, j]) / 2 * np.diff(x))])
-    across = np.concatenate(
-        [np.zeros((len(x), 1)), np.cumsum((zy[:, 1:] + zy[:, :-1]) / 2 * np.diff(y), axis=1)], axis=1
-    )
-    return (along - along[i])[:, None] + across - across[:, j : j + 1]
+    zx, zy = slopes
+    sag = height_from_slopes(zx, zy, [row[1] - row[0] for row in (light.x, light.y)])
+    return sag - (sag.max() + sag.min()) / 2

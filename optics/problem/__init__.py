@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         load_problem as load_problem,
     )
     from optics.problem.schema import (
+        FINEST_AUTO as FINEST_AUTO,
         Freeform as Freeform,
         Front as Front,
         Limits as Limits,
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
         Source as Source,
         Target as Target,
         per_level as per_level,
+    )
+    from optics.problem.toml_records import (
+        AUTO as AUTO,
     )
     from optics.problem.toml_text import (
         commented_problem as commented_problem,
@@ -45,6 +49,7 @@ _FILES = {
     ),
     "problem_file": ("load_problem",),
     "schema": (
+        "FINEST_AUTO",
         "Freeform",
         "Front",
         "Limits",
@@ -55,6 +60,7 @@ _FILES = {
         "Target",
         "per_level",
     ),
+    "toml_records": ("AUTO",),
     "toml_text": (
         "commented_problem",
         "problem_to_toml",

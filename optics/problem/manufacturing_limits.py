@@ -153,9 +153,9 @@ def _feature_advice(problem: Problem) -> Iterator[str]:
                 f"limits.feature is {limit:g} wavelengths, but level 0 of lens.{name}.freeform has "
                 f"{coarsest:.4g}: take fewer spans"
             )
-        elif coarsest / 2**free.max_level < limit:
+        elif coarsest / 2**free.finest < limit:
             most = floor(log2(coarsest / limit))
             yield (
                 f"limits.feature holds up to level {most}, but lens.{name}.freeform.max_level is "
-                f"{free.max_level}"
+                f"{free.finest}"
             )

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from optics.problem.toml_records import option
+from optics.problem.toml_records import AUTO, option
 
 PROFILES = ("uniform", "round", "gaussian", "image")
 Number = TypeVar("Number", int, float)
 
 MAX_PIXELS = 4096
+FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +47,19 @@ class Source:
 class Freeform:
     degree: int = option(3, low=2, high=10, note="of the splines")
     spans: tuple[int, int] = option((7, 7), low=1, high=1000, note="knot spans of level 0 in x and y")
-    max_level: int = option(5, low=0, high=12, note="finest level of refinement")
+    max_level: int | str = option(
+        AUTO,
+        low=0,
+        high=12,
+        note="finest level of refinement; auto takes it from the light's detail",
+        auto=True,
+    )
     z_freedom: float = option(5.0, above=0, note="mm, bound of the sag coefficients")
+
+    @property
+    def finest(self) -> int:
+        """The finest level; the finest that may be chosen where that is not known yet."""
+        return FINEST_AUTO if isinstance(self.max_level, str) else self.max_level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,9 +136,9 @@ class Optimizer:
         note="transport gives way to flat where rays spread in the lens and the map asks for too much sag",
     )
     window: str = option(
-        "pixel",
-        choices=("pixel", "bspline", "gaussian"),
-        note="measurement window; pixel is for the last level, bspline before",
+        "cells",
+        choices=("cells", "pixel", "bspline", "gaussian"),
+        note="how light is measured on the last level (bspline before); cells is pixel for extended sources",
     )
     blur: float = option(
         0.3,
@@ -142,6 +154,9 @@ class Optimizer:
         1, low=1, high=64, note="pixels merged in each direction; more for light that is blurred anyway"
     )
     rays_per_pixel: float = option(4.0, low=0.5, high=16, note="in each direction, of merged pixels")
+    fresnel: bool = option(
+        True, note="losses by reflection while optimising; metrics and verify always have them"
+    )
     lost_flux_weight: float = option(100.0, low=0, note="charge for light beside the target")
     dark_flux_weight: float = option(
         0.0, low=0, note="charge for light that does not reach the lit part of the target"
@@ -175,7 +190,9 @@ class Limits:
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
     indicator: str = option(
-        "vertex", choices=("vertex", "slope", "decrease"), note="of the cells that need refinement"
+        "slope",
+        choices=("slope", "vertex", "decrease"),
+        note="of the cells that need refinement; slope is vertex where there is no transport start",
     )
     alpha: tuple[float, ...] = option(
         (0.1,), low=0, note="cells above alpha times the mean are refined, per level; the last number goes on"

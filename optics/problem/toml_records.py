@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record", bound="DataclassInstance")
 
+AUTO = "auto"  # of a number that the program chooses
 LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
 
 
@@ -31,10 +32,11 @@ def option(
     note: str = "",
     infinite: bool = False,
     picture: bool = False,
+    auto: bool = False,
 ) -> Any:
     """Return a field with its limits and a note; a key without a default is required.
 
-    picture : the value is the path of a picture.
+    picture : the value is the path of a picture.  auto : the number may be left to the program.
     """
     limits = {
         "choices": choices,
@@ -44,6 +46,7 @@ def option(
         "note": note,
         "infinite": infinite,
         "picture": picture,
+        "auto": auto,
     }
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
@@ -103,7 +106,17 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
                 f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}"
             )
         return value
+    if hint is bool:
+        if not isinstance(value, bool):
+            raise UserError(f"{key} must be true or false, got {_brief(value)}")
+        return value
+    if limits["auto"]:
+        if value == AUTO:
+            return AUTO
+        hint = get_args(hint)[0]
     wanted = "a whole number" if hint is int else "a number"
+    if limits["auto"]:
+        wanted += f' or "{AUTO}"'
     if isinstance(value, bool) or not isinstance(value, int if hint is int else (int, float)):
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     if isinstance(value, int) and abs(value) > LARGEST:

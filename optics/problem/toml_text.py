@@ -7,6 +7,7 @@ from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from optics.problem.schema import Freeform, Front, LensSpec, Problem, Rear, Source, Target
+from optics.problem.toml_records import AUTO
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -19,6 +20,7 @@ def problem_to_toml(problem: Problem) -> str:
 
 def commented_problem() -> str:
     """Return a problem file to start from: every key with a value and a comment."""
+    freeform = Freeform(max_level=AUTO, z_freedom=15.0)
     example = Problem(
         title="my lens",
         source=Source(kind="collimated", half_width=(47.5, 47.5)),
@@ -26,7 +28,7 @@ def commented_problem() -> str:
             index=1.5,
             thickness=20.0,
             front=Front(half_width=(50.0, 50.0)),
-            rear=Rear(half_width=(50.0, 50.0), radius=150.0, conic=-1.0, freeform=Freeform(z_freedom=15.0)),
+            rear=Rear(half_width=(50.0, 50.0), radius=150.0, conic=-1.0, freeform=freeform),
         ),
         target=Target(kind="image", image="picture.png", distance=300.0, half_width=(100.0, 100.0)),
     )
@@ -61,6 +63,8 @@ def _toml_value(value: object) -> str:
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, tuple):
         return "[" + ", ".join(map(_toml_value, value)) + "]"
     return repr(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -46,6 +46,17 @@ class Backend:
         """Array type of four numbers side by side in memory, which are read, written or added to together."""
         types = self.dr.llvm.ad
         return types.Array4f64 if self.dtype is np.float64 else types.Array4f
+
+    @property
+    def Pair(self) -> type[DrArray]:
+        """Array type of two numbers side by side in memory."""
+        types = self.dr.llvm.ad
+        return types.Array2f64 if self.dtype is np.float64 else types.Array2f
+
+    def doubled(self) -> Backend:
+        """Return the same backend with numbers of double precision."""
+        _, dtype, resolution = PRECISIONS["double"]
+        return replace(self, Float=self.dr.llvm.ad.Float64, dtype=dtype, resolution=resolution)
 
     def array(self, values: ArrayLike) -> DrArray:
         """Return numbers as a flat Dr.Jit array.

@@ -5,6 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.sources.cells import (
+        SourceCells as SourceCells,
+        beam_cells as beam_cells,
+        cone_cells as cone_cells,
+        corner_flux as corner_flux,
+    )
     from optics.sources.collimated import (
         collimated_beam as collimated_beam,
     )
@@ -24,6 +30,12 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "cells": (
+        "SourceCells",
+        "beam_cells",
+        "cone_cells",
+        "corner_flux",
+    ),
     "collimated": ("collimated_beam",),
     "profile": ("Profile",),
     "rays": (

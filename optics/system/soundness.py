@@ -96,7 +96,9 @@ def advice(system: OpticalSystem) -> list[str]:
     """
     problem, lens = system.problem, system.lens
     options, sentences = problem.optimizer, []
-    if problem.source.kind == "lambertian" and (options.window == "pixel" or options.lost_flux_weight > 1):
+    if problem.source.kind == "lambertian" and (
+        options.window in ("cells", "pixel") or options.lost_flux_weight > 1
+    ):
         sentences.append(
             'an extended source blurs its light anyway: optimizer.window = "bspline" and '
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"

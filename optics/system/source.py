@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.sources import Profile, RayGrid, Rays, collimated_beam, lambertian_parts, point_rays
+from optics.sources import (
+    Profile,
+    RayGrid,
+    Rays,
+    SourceCells,
+    beam_cells,
+    collimated_beam,
+    cone_cells,
+    lambertian_parts,
+    point_rays,
+)
 from optics.target import read_picture
 
 if TYPE_CHECKING:
@@ -48,9 +58,21 @@ class LightSource:
 
     def without_extent(self) -> LightSource:
         """Return the source, or for a Lambertian one the point in its middle, with its intensity."""
-        if self.settings.kind != "lambertian":
+        if not self.extended:
             return self
         return replace(self, settings=replace(self.settings, kind="point", exponent=1.0))
+
+    @property
+    def extended(self) -> bool:
+        """Whether light comes from every point of an area in many directions, so that cells have no image."""
+        return self.settings.kind == "lambertian"
+
+    def cells(self, counts: Sequence[int]) -> SourceCells:
+        """Return (nx, ny) cells of a source that is not extended."""
+        source = self.settings
+        if self.collimated:
+            return beam_cells(source.half_width, source.flux, self.aperture, counts, self.profile)
+        return cone_cells(source.distance, source.flux, source.half_angle, source.exponent, counts)
 
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
         """Return rays of the source, those of a collimated one only where they meet the aperture.

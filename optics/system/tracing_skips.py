@@ -111,7 +111,7 @@ def _edges(problem: Problem, parallel: bool) -> Skip:
 def _of_surfaces(problem: Problem) -> list[Skip]:
     front, rear = problem.lens.front.freeform, problem.lens.rear.freeform
     frozen = front is None
-    deep = max(f.max_level for f in (front, rear) if f is not None) > 0
+    deep = max(f.finest for f in (front, rear) if f is not None) > 0
     state = "the front has no freeform" if frozen else "the front is free"
     return [
         Skip("front", "the front in all evaluations but the first", frozen, state),
@@ -126,18 +126,6 @@ def _of_surfaces(problem: Problem) -> list[Skip]:
 
 
 def _of_measurement(problem: Problem) -> list[Skip]:
-    window, sigma = problem.optimizer.window, problem.optimizer.sigma
-    taps = {
-        "pixel": 2,
-        "bspline": problem.optimizer.window_degree + 1,
-        "gaussian": GaussianWindow(sigma).taps,
-    }[window]
-    support = "beyond its support the window is zero"
-    if window == "gaussian":
-        support = (
-            f"the Gaussian is cut off at {GaussianWindow.cut:g} sigma, and the target is measured "
-            "with the same window"
-        )
     return [
         Skip(
             "camera",
@@ -149,16 +137,13 @@ def _of_measurement(problem: Problem) -> list[Skip]:
         Skip(
             "fresnel",
             "Fresnel's losses",
-            False,
-            "they are always traced; there is no option to leave them out",
+            not problem.optimizer.fresnel,
+            "optimizer.fresnel = true, so that the light asked for reckons with them"
+            if problem.optimizer.fresnel
+            else "optimizer.fresnel = false; metrics and verify have them",
+            None,
         ),
-        Skip(
-            "taps",
-            f"all but {taps} x {taps} pixels around a ray",
-            True,
-            support,
-            gaussian_tail() if window == "gaussian" else ROUNDING,
-        ),
+        _far_pixels(problem),
         Skip(
             "compilation",
             "compiling the kernels anew",
@@ -166,6 +151,33 @@ def _of_measurement(problem: Problem) -> list[Skip]:
             "lens, screen and weights come to them as data, not as constants",
         ),
     ]
+
+
+def _far_pixels(problem: Problem) -> Skip:
+    """Return the Skip of pixels that a ray or a cell cannot light."""
+    window, extended = problem.optimizer.window, problem.source.kind == "lambertian"
+    if window == "cells" and not extended:
+        what = "all pixels that an edge of a cell does not cross"
+        return Skip("taps", what, True, "what lies inside is summed once for all cells", ROUNDING)
+    taps = {
+        "cells": 2,
+        "pixel": 2,
+        "bspline": problem.optimizer.window_degree + 1,
+        "gaussian": GaussianWindow(problem.optimizer.sigma).taps,
+    }[window]
+    support = "beyond its support the window is zero"
+    if window == "gaussian":
+        support = (
+            f"the Gaussian is cut off at {GaussianWindow.cut:g} sigma, and the target is measured "
+            "with the same window"
+        )
+    return Skip(
+        "taps",
+        f"all but {taps} x {taps} pixels around a ray",
+        True,
+        support,
+        gaussian_tail() if window == "gaussian" else ROUNDING,
+    )
 
 
 def gaussian_tail(cut: float = GaussianWindow.cut) -> float:

@@ -8,6 +8,9 @@ if TYPE_CHECKING:
     from optics.target.formula import (
         formula_light as formula_light,
     )
+    from optics.target.mapped_cells import (
+        MappedCells as MappedCells,
+    )
     from optics.target.picture import (
         fit_picture as fit_picture,
         read_picture as read_picture,
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
 
 _FILES = {
     "formula": ("formula_light",),
+    "mapped_cells": ("MappedCells",),
     "picture": (
         "fit_picture",
         "read_picture",

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from scipy.sparse import csc_array, csr_array
+    from scipy.sparse import csr_array
 
     from optics.runtime import Backend, DrArray
     from optics.sources import RayGrid
@@ -88,9 +88,9 @@ class KnownHits:
         """Return the Hits of the beam with a sag net."""
         dr = self._backend.dr
         (a0, a1), (b0, b1) = self._matrices
-        half = a0 @ net
-        sags = (_columns(b0, half), _columns(b0, a1 @ net), _columns(b1, half))
-        leaves = tuple(self._backend.array(s) for s in sags)
+        # y first: the net is much smaller than the grid, and only nets are transposed
+        values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
+        leaves = tuple(self._backend.array(s) for s in (a0 @ values, a1 @ values, a0 @ slopes))
         dr.enable_grad(*leaves)
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
         return Hits(
@@ -113,13 +113,9 @@ class KnownHits:
             matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         (a0, a1), (b0, b1) = matrices
         gz, gx, gy = (g.reshape(self.shape) for g in hits.gradients())
-        return a0.T @ (_columns(b0.T, gz) + _columns(b1.T, gy)) + a1.T @ _columns(b0.T, gx)
+        along = a0.T @ gz + a1.T @ gx
+        return (b0.T @ along.T + b1.T @ (a0.T @ gy).T).T
 
 
 def _value_and_slope(kv: KnotVector, points: NDArray[np.float64]) -> tuple[csr_array, csr_array]:
     return kv.collocation(points), kv.collocation(points, 1)
-
-
-def _columns(matrix: csr_array | csc_array, array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return array @ matrix.T for a sparse matrix."""
-    return (matrix @ array.T).T

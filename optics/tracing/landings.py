@@ -40,6 +40,11 @@ class Landing:
     hit: DrArray
     refracted: DrArray
 
+    @property
+    def definite(self) -> DrArray:
+        """Rays whose x and y are meant, on the surfaces or on what continues them beyond the rims."""
+        return self.refracted & self.found & self.decided
+
 
 @dataclass(frozen=True, eq=False)
 class LandingPoints:

@@ -37,6 +37,7 @@ class Tracer:
         of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
     sure : grazing rays are led to the first of several meetings with a rough surface.  This costs up to
         twice the time.
+    fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
     """
 
     def __init__(
@@ -47,8 +48,9 @@ class Tracer:
         target_z: float,
         soft_rim: float = 0.0,
         sure: bool = True,
+        fresnel: bool = True,
     ) -> None:
-        self._backend, self._lens, self._soft_rim = backend, lens, soft_rim
+        self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
         dr, Float = backend.dr, backend.Float
         self._emitted = rays.total
         self._missed = rays.missed if isinstance(rays, RayGrid) else 0.0
@@ -172,7 +174,7 @@ class Tracer:
         """Return the rays of a collimated beam behind a plane front, in the frame of the rear's vertex."""
         dr, Float = self._backend.dr, self._backend.Float
         direction = (0.0, 0.0, 1.0)
-        _, transmittance, _ = refract(dr, direction, (Float(0), Float(0)), self._inverse)
+        _, transmittance, _ = self._refracted(direction, (Float(0), Float(0)), self._inverse)
         entering = self._flux * transmittance
         dr.make_opaque(entering)
         return DeviceRays((rear.x, rear.y, -self._lens.thickness), direction, entering)
@@ -182,15 +184,15 @@ class Tracer:
         rays = self._source
         hits = self._front.meet(rays.origin, rays.direction, net)
         dr = self._backend.dr
-        direction, transmittance, _ = refract(dr, rays.direction, (hits.zx, hits.zy), self._inverse)
+        direction, transmittance, _ = self._refracted(rays.direction, (hits.zx, hits.zy), self._inverse)
         passing = rays.flux * transmittance * self._rim(hits, self._lens.front)
         flux = dr.select(hits.hit, passing, 0)
         return hits, DeviceRays((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux)
 
     def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
         dr = self._backend.dr
-        (dx, dy, dz), transmittance, refracted = refract(
-            dr, behind.direction, (hits.zx, hits.zy), self._index
+        (dx, dy, dz), transmittance, refracted = self._refracted(
+            behind.direction, (hits.zx, hits.zy), self._index
         )
         forward = refracted & (dz > 0)
         arrives = hits.hit & forward
@@ -215,6 +217,15 @@ class Tracer:
             hit=hits.hit,
             refracted=forward,
         )
+
+    def _refracted(
+        self, direction: Vector, slope: tuple[DrArray, DrArray], eta: DrArray
+    ) -> tuple[Vector, DrArray, DrArray]:
+        """Return what `refract` does, all light passing where Fresnel's losses are left out."""
+        out, transmittance, passes = refract(self._backend.dr, direction, slope, eta)
+        if not self._fresnel:
+            transmittance = self._backend.dr.select(passes, self._backend.Float(1), 0)
+        return out, transmittance, passes
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
         """Return 1 inside a surface, falling to 0 at its rim by 3 s^2 - 2 s^3."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     )
     from thbcad.fitting.slope_fit import (
         fit_slopes as fit_slopes,
+        level_misfits as level_misfits,
     )
 
 _FILES = {
@@ -36,6 +37,9 @@ _FILES = {
         "quasi_interpolate",
         "quasi_interpolation",
     ),
-    "slope_fit": ("fit_slopes",),
+    "slope_fit": (
+        "fit_slopes",
+        "level_misfits",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,10 +1,28 @@
-"""Surfaces from slopes: least squares in a THB space."""
+"""Surfaces from slopes: least squares in a THB space.
+
+On a tensor-product mesh with knots in both directions, and even weights, the normal equations are
+
+    (K_x C M_y + M_x C K_y) = R,    M = B^T B,  K = B'^T B',
+
+with the collocation matrices B, B' of the samples in one direction.  The generalised eigenvectors
+K V = M V diag(l), V^T M V = I of both directions solve them at once:
+
+    C = V_x [ (V_x^T R V_y)_ij / (lx_i + ly_j) ] V_y^T.
+
+Source: R. Lynch, J. Rice, D. Thomas, Direct solution of partial difference equations by tensor product
+methods, Numer. Math. 6 (1964).
+
+A THB space starts from the fits of its levels: a function of level l takes its coefficient from the fit of
+that level (a quasi-interpolant: H. Speleers, C. Manni, Numer. Math. 132 (2016)).  Conjugate gradients do the
+rest, there and for uneven weights.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, cg
 
 from thbcad.checks import Floats
@@ -12,15 +30,21 @@ from thbcad.hierarchy import MultilevelBasis
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from thbcad.hierarchy import THBSpace
+    from scipy.sparse import csr_array
 
-STEPS = 60  # of conjugate gradients
+    from thbcad.hierarchy import THBSpace
+    from thbcad.splines import KnotVector
+
+STEPS = 60  # of conjugate gradients, at most
+TOLERANCE = 1e-4  # of the residual, relative to the right side
+EXTENSION = 1e-3  # of the mean square of samples: weight of the polygon's bends where samples lack
+CONSTANT = 1e-12  # of the greatest eigenvalue: smaller ones belong to the constant, which slopes leave open
 
 
 def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, weight: Floats) -> THBSurface:
     """Return the THB surface over x, y in mm whose slopes fit (zx, zy) on a grid best.
 
-    weight : (nx, ny), of the squares.  Least squares by conjugate gradients in the multilevel system.
+    weight : (nx, ny), of the squares.  Beyond the samples the surface goes on straight.
     The constant that slopes leave open is chosen so that the greatest and the least coefficient are opposite.
     """
     basis, embedding = MultilevelBasis(space), space.embedding
@@ -30,14 +54,86 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
     a0t, a1t, b0t, b1t = (m.T.tocsr() for m in (a0, a1, b0, b1))
 
     def transposed(gx: Floats, gy: Floats) -> Floats:
-        net = a1t @ (b0t @ gx.T).T + a0t @ (b1t @ gy.T).T
-        return basis.adjoint(embedding.adjoint(net))
+        net = b0t @ (a1t @ gx).T + b1t @ (a0t @ gy).T
+        return basis.adjoint(embedding.adjoint(net.T))
 
-    def normal(weights: Floats) -> Floats:
-        net = embedding.coefficients(basis.coefficients(weights))
-        return transposed(weight * (b0 @ (a1 @ net).T).T, weight * (b1 @ (a0 @ net).T).T)
+    def weighted(coefficients: Floats) -> tuple[Floats, Floats]:
+        net = embedding.coefficients(coefficients)
+        values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
+        return weight * (a1 @ values), weight * (a0 @ slopes)
 
-    system = LinearOperator((basis.size, basis.size), matvec=normal, dtype=np.float64)
-    weights, _ = cg(system, transposed(weight * zx, weight * zy), rtol=1e-8, maxiter=STEPS)
-    c = basis.coefficients(weights)
+    start = _level_fits(space, x, y, zx, zy)
+    along, across = weighted(start)
+    missing = transposed(weight * zx - along, weight * zy - across)
+    enough = TOLERANCE * float(np.linalg.norm(transposed(weight * zx, weight * zy)))
+    system = LinearOperator(
+        (basis.size, basis.size),
+        matvec=lambda w: transposed(*weighted(basis.coefficients(w))),
+        dtype=np.float64,
+    )
+    weights, _ = cg(system, missing, rtol=0.0, atol=enough, maxiter=STEPS)
+    c = start + basis.coefficients(weights)
     return THBSurface(space, c - (c.max() + c.min()) / 2)
+
+
+def level_misfits(
+    space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, weight: Floats, levels: int
+) -> Floats:
+    """Return the root mean square misfit of slopes on the whole mesh of each level, (levels,).
+
+    weight : (nx, ny), of the squares in the mean.
+    """
+    out = []
+    kv_u, kv_v = space.kv_u, space.kv_v
+    for _ in range(levels):
+        net = _tensor_fit(kv_u, kv_v, x, y, zx, zy)
+        (a0, a1), (b0, b1) = ((kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((kv_u, x), (kv_v, y)))
+        values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
+        square = np.average((a1 @ values - zx) ** 2 + (a0 @ slopes - zy) ** 2, weights=weight)
+        out.append(float(np.sqrt(square)))
+        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
+    return np.array(out)
+
+
+def _level_fits(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats) -> Floats:
+    """Return the coefficients of a space's functions in the fits of their levels, (dim,)."""
+    level, i, j = space.functions.T
+    out = np.zeros(space.dim)
+    kv_u, kv_v = space.kv_u, space.kv_v
+    for number in range(space.levels):
+        of_level = level == number
+        if of_level.any():
+            net = _tensor_fit(kv_u, kv_v, x, y, zx, zy)
+            out[of_level] = net[i[of_level], j[of_level]]
+        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
+    return out
+
+
+def _tensor_fit(kv_u: KnotVector, kv_v: KnotVector, x: Floats, y: Floats, zx: Floats, zy: Floats) -> Floats:
+    """Return the net of the fit on a tensor-product mesh, its mean over the samples zero."""
+    (a0, a1, by_x, across), (b0, b1, by_y, along) = (_modes(kv, s) for kv, s in ((kv_u, x), (kv_v, y)))
+    right = (b0.T @ (a1.T @ zx).T + b1.T @ (a0.T @ zy).T).T
+    stiffness = by_x[:, None] + by_y[None, :]
+    stiffness[stiffness <= CONSTANT * stiffness.max()] = np.inf
+    net = across @ ((across.T @ right @ along) / stiffness) @ along.T
+    mean = float((a0 @ (b0 @ net.T).T).mean())
+    return np.asarray(net - mean, dtype=np.float64)
+
+
+def _modes(kv: KnotVector, samples: Floats) -> tuple[csr_array, csr_array, Floats, Floats]:
+    """Return B, B', the eigenvalues and the eigenvectors of one direction.
+
+    Functions that reach beyond the samples are tied to their neighbours by the bends of the control polygon,
+    and so are all where there are more functions than samples.
+    """
+    values, slopes = kv.collocation(samples), kv.collocation(samples, 1)
+    mass, stiffness = ((m.T @ m).toarray() for m in (values, slopes))
+    p, n = kv.degree, kv.dim
+    inside = (kv.knots[:n] >= samples.min()) & (kv.knots[p + 1 :] <= samples.max()) & (n <= len(samples))
+    slope = np.diff(np.eye(n), axis=0) / np.diff(kv.greville())[:, None]  # of the control polygon
+    differences = np.diff(slope, axis=0)[~(inside[:-2] & inside[1:-1] & inside[2:])]
+    differences *= (kv.stop - kv.start) / n
+    smooth = EXTENSION * (differences.T @ differences)
+    mass += np.trace(mass) / n * smooth
+    stiffness += np.trace(stiffness) / n * smooth
+    return values, slopes, *eigh(stiffness, mass)

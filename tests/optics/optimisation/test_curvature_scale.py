@@ -199,4 +199,5 @@ def test_a_design_starts_with_all_light_beside_the_target(tmp_path, backend):
         "target.half_width": [3.0, 3.0],
     }
     losses = [row.loss for row in run(tmp_path, backend, changes).state.history]
+    print(losses)
     assert min(losses) < 0.1 * losses[0]

@@ -114,6 +114,23 @@ def test_every_quadrant_gets_its_share(tmp_path, backend):
     assert np.ptp(wanted / wanted.sum()) > 0.1
 
 
+def test_light_for_two_islands_in_the_dark_lands_in_its_place(tmp_path, backend):
+    """The centre of all light is that of the picture to a tenth of a pixel.
+
+    A height of the rear that is wrong
+    by 1 mm (the sag is 8 mm high) shifts light that is sent 1 mm per 1 mm aside by a whole pixel.
+    """
+    image = np.zeros((48, 48), dtype=np.uint8)
+    image[4:14, 6:20], image[30:44, 34:40] = 255, 120
+    changes = {"target.encoding": "linear", "lens.rear.freeform.z_freedom": 9.0}
+    _, (_, landing, _, _) = started(tmp_path, backend, changes, image, spans=32)
+    flux, pixel = landing.flux.numpy(), 40 / 48
+    row, column = (np.average(index, weights=image) for index in np.indices(image.shape))
+    wanted = (column + 0.5) * pixel - 20, 20 - (row + 0.5) * pixel
+    for place, middle in zip((landing.x.numpy(), landing.y.numpy()), wanted):
+        assert np.average(place, weights=flux) == pytest.approx(middle, abs=0.1 * pixel)
+
+
 @pytest.mark.parametrize("bound", [5.0, 0.05])
 def test_the_sag_keeps_to_z_freedom(tmp_path, backend, bound):
     sag, _ = started(tmp_path, backend, {"lens.rear.freeform.z_freedom": bound})

@@ -1,0 +1,93 @@
+"""Surfaces from slopes: exact where a space holds the surface, best elsewhere."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from thbcad.fitting import fit_slopes
+from thbcad.hierarchy import THBSpace
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+
+def space_of(degree: int, levels: int, local: bool) -> THBSpace:
+    space = THBSpace(KnotVector.uniform(degree, 5, -2, 2), KnotVector.uniform(degree, 4, -1, 1))
+    for level in range(levels):
+        cells = space.cells[space.cells[:, 0] == level, 1:]
+        space = space.refine({level: cells[: len(cells) // 2] if local else cells})
+    return space
+
+
+def samples(reach: float = 1.0, n: int = 70) -> tuple[np.ndarray, np.ndarray]:
+    return reach * 2 * (2 * np.arange(n) + 1 - n) / n, reach * (2 * np.arange(n - 9) + 10 - n) / (n - 9)
+
+
+def residual(sag: THBSurface, x: np.ndarray, y: np.ndarray, zx: np.ndarray, zy: np.ndarray) -> float:
+    return float(np.sum((sag.grid(x, y, (1, 0)) - zx) ** 2 + (sag.grid(x, y, (0, 1)) - zy) ** 2))
+
+
+@pytest.mark.parametrize("local", [False, True])
+@pytest.mark.parametrize("degree", [2, 3, 4])
+@pytest.mark.parametrize("levels", [0, 1, 3])
+def test_a_surface_of_the_space_is_found_but_for_its_constant(degree, levels, local):
+    space = space_of(degree, levels, local)
+    wanted = THBSurface(space, np.random.default_rng(1).normal(size=space.dim))
+    x, y = samples()
+    zx, zy = wanted.grid(x, y, (1, 0)), wanted.grid(x, y, (0, 1))
+    found = fit_slopes(space, x, y, zx, zy, np.ones(zx.shape))
+    # local meshes end with 60 steps of conjugate gradients, whole ones are exact but for ties of weight 1e-3
+    assert residual(found, x, y, zx, zy) < (3e-3 if local else 1e-4) * np.sum(zx**2 + zy**2)
+    c = found.coefficients
+    assert c.max() == pytest.approx(-c.min(), rel=1e-12)
+
+
+@given(st.integers(0, 10_000))
+def test_no_change_of_an_even_fit_on_a_whole_mesh_fits_better(seed):
+    """The residual of noisy slopes grows in every direction: the fit is the least-squares one."""
+    rng = np.random.default_rng(seed)
+    space = space_of(3, 1, local=False)
+    x, y = samples()
+    zx, zy = rng.normal(size=(2, len(x), len(y)))
+    found = fit_slopes(space, x, y, zx, zy, np.ones(zx.shape))
+    least = residual(found, x, y, zx, zy)
+    for _ in range(5):
+        step = rng.normal(size=space.dim)
+        changed = [residual(THBSurface(space, found.coefficients + t * step), x, y, zx, zy) for t in (-1, 1)]
+        curvature = (sum(changed) - 2 * least) / 2
+        slope = (changed[1] - changed[0]) / 2
+        assert slope**2 / (4 * curvature) < 1e-4 * least  # what a step along it could gain
+
+
+def test_slopes_beside_the_samples_go_on_straight():
+    """Samples on 80 % of the mesh: the fit of a plane is the plane to the rim."""
+    space = space_of(3, 2, local=False)
+    x, y = samples(0.8)
+    flat = np.ones((len(x), len(y)))
+    found = fit_slopes(space, x, y, 0.3 * flat, -0.2 * flat, flat)
+    u, v = np.linspace(-2, 2, 9), np.linspace(-1, 1, 7)
+    wanted = 0.3 * u[:, None] - 0.2 * v[None, :]
+    assert np.abs(found.grid(u, v) - wanted).max() < 1e-9
+
+
+def test_fewer_samples_than_functions_give_a_smooth_surface():
+    space = space_of(3, 3, local=False)
+    x, y = samples(n=30)
+    zx, zy = np.cos(x)[:, None] + 0 * y, 0 * x[:, None] + y
+    found = fit_slopes(space, x, y, zx, zy, np.ones(zx.shape))
+    u, v = np.linspace(-1.9, 1.9, 41), np.linspace(-0.9, 0.9, 31)
+    off = found.grid(u, v) - (np.sin(u)[:, None] + v[None, :] ** 2 / 2)
+    assert np.ptp(off) < 0.02
+
+
+def test_cells_of_little_weight_do_not_count():
+    """Wrong slopes in a corner with a weight of 1e-3 change the fit of the rest by little."""
+    space = space_of(3, 2, local=False)
+    wanted = THBSurface(space, np.random.default_rng(2).normal(size=space.dim))
+    x, y = samples()
+    zx, zy = wanted.grid(x, y, (1, 0)), wanted.grid(x, y, (0, 1))
+    weight = np.ones(zx.shape)
+    weight[:20, :20] = 1e-3
+    zx[:20, :20] += 1.0
+    found = fit_slopes(space, x, y, zx, zy, weight)
+    off = (found.grid(x, y, (1, 0)) - zx)[30:]
+    assert np.sqrt(np.mean(off**2)) < 0.05 * np.sqrt(np.mean(zx[30:] ** 2))
