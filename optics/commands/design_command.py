@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import resource
 from argparse import Namespace
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +13,18 @@ from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress
 from optics.optimisation import Interrupted, ResultFolder, earlier_state
 from optics.problem import limit_checks, load_problem, problem_to_toml
-from optics.runtime import UserError, check_lines, note
-from optics.system import advice, solvable_system
+from optics.runtime import UserError, check_lines, note, peak_mb, second_process
+from optics.system import OpticalSystem, advice, solvable_system
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
-    from optics.optimisation import State, TransportStart
-    from optics.runtime import Backend
-    from optics.system import OpticalSystem
+    from optics.optimisation import Row, State, TransportStart
+    from optics.runtime import Backend, SecondProcess
     from optics.tracing import RayPath
+    from optics.verification import ExportedStep
     from thbcad.lens import Lens, Manufacturability
+
+LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
 
 
 class _Clock:
@@ -43,6 +43,53 @@ class _Clock:
         return {**self.phases, "total": perf_counter() - self._start}
 
 
+class _Figures:
+    """The figures of the report, which a second process draws while this one goes on.
+
+    process : in which they are drawn.
+    """
+
+    def __init__(self, process: SecondProcess, system: OpticalSystem) -> None:
+        self.process = process
+        self._before = process.ask("optics.report", "solid_views", system.lens)
+
+    def draw_lens(self, lens: Lens, history: Sequence[Row]) -> None:
+        """Draw what needs no measurement."""
+        self._lens = self.process.ask("optics.report", "lens_figures", lens, history)
+        self._solid = self.process.ask("optics.report", "solid_views", lens)
+
+    def draw_light(
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        measurement: Measurement,
+        fans: Mapping[str, Sequence[RayPath]],
+        backend: Backend,
+    ) -> None:
+        """Draw what the lens delivers; `backend` traces the rays of the scene."""
+        from optics.report import scene_paths
+
+        plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
+        self._light = self.process.ask("optics.report", "light_figures", plain, lens, measurement, fans)
+        self._scene = self.process.ask(
+            "optics.report", "scene_view", plain, lens, measurement.irradiance, paths
+        )
+
+    def drawn(self) -> dict[str, tuple[str, bytes]]:
+        """Return (caption, PNG) by name, in the order of the report."""
+        captions = {
+            "scene": "Source, lens and target, seen from behind; rays that miss the target are red.",
+            "solid_before": "The solid before optimisation.",
+            "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
+        }
+        pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
+        return {
+            **self._light.result(),
+            **self._lens.result(),
+            **{name: (caption, pictures[name].result()) for name, caption in captions.items()},
+        }
+
+
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
     clock = _Clock()
@@ -57,34 +104,25 @@ def design(options: Namespace) -> Outcome:
     from optics.optimisation import resolved
     from optics.runtime import load_backend
 
-    backend = load_backend(problem.run.precision, problem.run.threads)
-    system, start = resolved(system, backend)
-    state = folder.read_checkpoint(system) if options.resume else None
-    if options.earlier:
-        state = earlier_state(system, ResultFolder(options.earlier).read_lens())
-    if not options.resume:
-        folder.drop_checkpoint()
-    clock.lap("setup")
-    Thread(target=_load_ahead, daemon=True).start()
-    try:
-        lens, state = _optimise(system, backend, folder, state, start)
-        clock.lap("optimise")
-        return _finish(system, lens, state, folder, clock)
-    except (KeyboardInterrupt, ImportError) as error:
-        # an ImportError is an interruption where Ctrl-C came while OCP was loaded
-        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):
+    with second_process() as beside:
+        beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
+        backend = load_backend(problem.run.precision, problem.run.threads)
+        system, start = resolved(system, backend)
+        state = folder.read_checkpoint(system) if options.resume else None
+        if options.earlier:
+            state = earlier_state(system, ResultFolder(options.earlier).read_lens())
+        if not options.resume:
+            folder.drop_checkpoint()
+        figures = _Figures(beside, system)
+        clock.lap("setup")
+        try:
+            lens, state = _optimise(system, backend, folder, state, start)
+            clock.lap("optimise")
+            return _finish(system, lens, state, folder, clock, figures)
+        except KeyboardInterrupt:
+            if folder.has_checkpoint():
+                note(f"the same command with --resume goes on from {folder.path}")
             raise
-        if folder.has_checkpoint():
-            note(f"the same command with --resume goes on from {folder.path}")
-        raise KeyboardInterrupt from None
-
-
-def _load_ahead() -> None:
-    """Load what the end of a run needs while the optimiser works: OCCT alone takes a second."""
-    with suppress(ImportError):  # the run meets it again, and says so
-        from optics.report import draw_all  # noqa: F401
-        from optics.verification import verify  # noqa: F401
-        from thbcad.cad import write_step  # noqa: F401
 
 
 def _optimise(
@@ -108,39 +146,44 @@ def _optimise(
         progress.close()
 
 
-def _finish(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder, clock: _Clock) -> Outcome:
+def _finish(
+    system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder, clock: _Clock, figures: _Figures
+) -> Outcome:
     """Export, measure, verify and report a designed lens."""
     from optics.etendue import limit_sentence
     from optics.problem import as_data, manufacture_rows
-    from optics.report import Report, draw_all, report_html
+    from optics.report import Report, report_html
     from optics.runtime import load_backend
     from thbcad.io import write_bytes, write_text
     from thbcad.lens import manufacturability
 
     problem = system.problem
     _store(system, lens, state, folder)
+    exported = figures.process.ask(
+        "optics.verification", "exported_step", OpticalSystem(problem), lens, folder.step
+    )
+    figures.draw_lens(lens, state.history)
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
     measurement, paths = _measured(system, lens, exact)
+    figures.draw_light(system, lens, measurement, paths, exact)
     limit = limit_sentence(system, lens, measurement.metrics)
     clock.lap("measure")
     product = manufacturability(lens, problem.lens.density or None)
     folder.write_json("manufacture.json", as_data(product))
-    checked = _verified(system, lens, folder, product, exact)
+    checked = _verified(system, lens, folder, product, exported.result(), exact)
     clock.lap("verify")
-    pictures = draw_all(system, lens, measurement, state.history, paths)
-    pictures |= _solids(system, lens, measurement, exact)
+    pictures = figures.drawn()
     for name, (_, png) in pictures.items():
         write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
-    metrics = measurement.metrics | _run_metrics(lens, state, clock)
+    metrics = measurement.metrics | _run_metrics(lens, state, clock, figures.process)
     folder.write_json("metrics.json", metrics)
-    rows = manufacture_rows(product, problem.source.wavelength)
     page = Report(
         problem=problem,
         metrics=metrics,
         verification=checked,
-        manufacture=rows,
+        manufacture=manufacture_rows(product, problem.source.wavelength),
         pictures=pictures,
         limit=limit,
     )
@@ -151,28 +194,25 @@ def _finish(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolde
     return Outcome(data, lines, checked["ok"])
 
 
-def _run_metrics(lens: Lens, state: State, clock: _Clock) -> dict[str, Any]:
+def _run_metrics(lens: Lens, state: State, clock: _Clock, beside: SecondProcess) -> dict[str, Any]:
     """Return the metrics of the run itself, by name."""
     return {
         "dof": sum(sag.space.dim for sag in lens.sags),
         "levels": max(sag.space.levels for sag in lens.sags),
         "evaluations": state.evaluations,
         "wall_s": clock.total(),
-        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "peak_mb": peak_mb() + beside.ask("optics.runtime", "peak_mb").result(),
     }
 
 
 def _store(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder) -> None:
-    """Write problem, lens, history and STEP file.
+    """Write problem, lens and history.
 
     Only now: until then a folder keeps what belongs to an earlier run.
     """
-    from thbcad.cad import write_step
-
     folder.write_problem(system.problem)
     folder.write_lens(lens)
     folder.write_history(state.history)
-    write_step(lens, folder.step, system.product, system.problem.export.schema)
 
 
 def _measured(
@@ -196,33 +236,26 @@ def _measured(
 
 
 def _verified(
-    system: OpticalSystem, lens: Lens, folder: ResultFolder, product: Manufacturability, backend: Backend
+    system: OpticalSystem,
+    lens: Lens,
+    folder: ResultFolder,
+    product: Manufacturability,
+    step: ExportedStep,
+    backend: Backend,
 ) -> dict[str, Any]:
     """Verify the STEP file and the limits of manufacturing, store and return the checks."""
     from optics.runtime import verification
-    from optics.verification import StepFile, verify
+    from optics.verification import StepFile, light_checks, text_volume_check
 
-    checks = verify(system, lens, StepFile(folder.step), backend) + limit_checks(system.problem, product)
-    checked = verification(checks)
+    checks = [
+        *step.checks,
+        text_volume_check(StepFile(folder.step).text, lens),
+        *light_checks(system, lens, step, backend),
+        *limit_checks(system.problem, product),
+    ]
+    checked = verification(checks) | {"left_out": [LEFT_OUT]}
     folder.write_json("verify.json", checked)
     return checked
-
-
-def _solids(
-    system: OpticalSystem, lens: Lens, measurement: Measurement, exact: Backend
-) -> dict[str, tuple[str, bytes]]:
-    """Return (caption, PNG) of the scene, and of the lens before and after, by name."""
-    from optics.report import scene_paths, scene_view, solid_views
-
-    scene = scene_view(system, lens, measurement.irradiance, scene_paths(system, lens, exact))
-    return {
-        "scene": ("Source, lens and target, seen from behind; rays that miss the target are red.", scene),
-        "solid_before": ("The solid before optimisation.", solid_views(system.lens)),
-        "solid": (
-            "The solid from four sides; the text below says how much steeper its relief is shaded.",
-            solid_views(lens),
-        ),
-    }
 
 
 def _shown(value: float | None, form: str) -> str:

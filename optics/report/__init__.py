@@ -9,7 +9,8 @@ if TYPE_CHECKING:
         bound_figure as bound_figure,
     )
     from optics.report.figures import (
-        draw_all as draw_all,
+        lens_figures as lens_figures,
+        light_figures as light_figures,
     )
     from optics.report.fresnel_curves import (
         fresnel_figure as fresnel_figure,
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
         report_html as report_html,
     )
     from optics.report.scene_figure import (
-        scene_paths as scene_paths,
         scene_view as scene_view,
+    )
+    from optics.report.scene_rays import (
+        scene_paths as scene_paths,
     )
     from optics.report.solid_figure import (
         solid_views as solid_views,
@@ -32,16 +35,17 @@ if TYPE_CHECKING:
 
 _FILES = {
     "etendue_figures": ("bound_figure",),
-    "figures": ("draw_all",),
+    "figures": (
+        "lens_figures",
+        "light_figures",
+    ),
     "fresnel_curves": ("fresnel_figure",),
     "html": (
         "Report",
         "report_html",
     ),
-    "scene_figure": (
-        "scene_paths",
-        "scene_view",
-    ),
+    "scene_figure": ("scene_view",),
+    "scene_rays": ("scene_paths",),
     "solid_figure": ("solid_views",),
     "trace_figures": (
         "irradiance_figure",

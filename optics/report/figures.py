@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import matplotlib
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
-from matplotlib.collections import LineCollection
+from matplotlib.collections import PathCollection
+from matplotlib.path import Path
+from matplotlib.ticker import LogLocator, NullFormatter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     from optics.analysis import Measurement
@@ -25,18 +29,21 @@ if TYPE_CHECKING:
     from thbcad.hierarchy import THBSpace
     from thbcad.lens import FreeformSurface, Lens
 
+    Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
+
 DPI, SIZE = 110, (5.2, 4.4)
+COMPRESSION = 3  # of 9: half the time of the usual 6 for 9 % more bytes
+LABELLED = (1, 2, 3, 4, 6)  # times powers of ten, of a logarithmic axis
 ROOM = {"left": 0.17, "right": 0.95, "bottom": 0.12, "top": 0.94}  # of the figure
 
 
-def draw_all(
+def light_figures(
     system: OpticalSystem,
     lens: Lens,
     measurement: Measurement,
-    history: Sequence[Row],
     paths: Mapping[str, Sequence[RayPath]],
-) -> dict[str, tuple[str, bytes]]:
-    """Return {name: (caption, PNG bytes)} of every figure, in the order of the report.
+) -> Figures:
+    """Return the figures of what a lens delivers, and of rays through it.
 
     paths : fans of rays in the plane x = 0 by name, or none.
     """
@@ -62,16 +69,17 @@ def draw_all(
             f"{quantity.capitalize()} to the power 0.2: stray light and faint detail.",
             picture(np.maximum(irradiance, 0) ** 0.2, f"({label})^0.2", "magma", 0, top**0.2),
         ),
-        **_surfaces(lens),
         **{
             f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
             for k, (name, fan) in enumerate(paths.items(), 1)
         },
-        "loss": (
-            "Misfit ||E - T|| / ||T|| as the optimiser measures it; a line marks each refinement.",
-            _loss(history),
-        ),
     }
+
+
+def lens_figures(lens: Lens, history: Sequence[Row]) -> Figures:
+    """Return the figures of the free surfaces, those of the front named for it, and of the optimisation."""
+    caption = "Misfit ||E - T|| / ||T|| as the optimiser measures it; a line marks each refinement."
+    return {**_surfaces(lens), "loss": (caption, _loss(history))}
 
 
 def _extent(half_width: tuple[float, float]) -> tuple[float, float, float, float]:
@@ -81,9 +89,13 @@ def _extent(half_width: tuple[float, float]) -> tuple[float, float, float, float
 
 def png_bytes(figure: Figure) -> bytes:
     """Return a figure as PNG, and close it."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    figure.set_dpi(DPI)
+    canvas = cast("FigureCanvasAgg", figure.canvas)
+    canvas.draw()
+    pixels = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])  # nothing is transparent
     plt.close(figure)
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "png", compress_level=COMPRESSION, dpi=(DPI, DPI))
     return buffer.getvalue()
 
 
@@ -124,7 +136,7 @@ def plane_figure(
 
 
 def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
-    """Return sag and mesh of the free surfaces; those of the front are named for it."""
+    """Return sag and mesh of the free surfaces."""
     out = {}
     for prefix, name, surface in (("", "rear", lens.rear), ("front_", "front", lens.front)):
         if surface.sag is not None:
@@ -151,14 +163,15 @@ def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
         h * (2 * (space.boxes.T[2 * d : 2 * d + 2] - kv.start) / (kv.stop - kv.start) - 1)
         for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
     )
-    loops = np.stack(
-        [np.stack([x0, y0], 1), np.stack([x1, y0], 1), np.stack([x1, y1], 1), np.stack([x0, y1], 1)], 1
-    )
+    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], 1).reshape(-1, 4, 2)
     figure, axes = _axes()
-    colours = plt.get_cmap("viridis")(cells[:, 0] / max(1, space.levels - 1))
-    axes.add_collection(
-        LineCollection(list(np.concatenate([loops, loops[:, :1]], 1)), colors=colours, linewidths=0.3)
-    )
+    # one path per level, which is much faster than one per cell
+    levels = np.unique(cells[:, 0])
+    paths = [Path.make_compound_path_from_polys(corners[cells[:, 0] == level]) for level in levels]
+    colours = plt.get_cmap("viridis")(levels / max(1, space.levels - 1))
+    lines = PathCollection(paths, facecolors="none", edgecolors=colours, linewidths=0.3)
+    lines.set_snap(True)
+    axes.add_collection(lines)
     axes.set_xlim(-hx, hx)
     axes.set_ylim(-hy, hy)
     axes.set_aspect("equal")
@@ -204,6 +217,10 @@ def _loss(history: Sequence[Row]) -> bytes:
         axes.semilogy(numbers[:, 0], numbers[:, 1], lw=1.2)
         for start in np.nonzero(np.diff(numbers[:, 2]))[0]:
             axes.axvline(numbers[start, 0] + 0.5, color="0.8", lw=0.8, zorder=0)
+        # plain numbers: the setting of powers of ten takes longer than all else in the picture
+        axes.yaxis.set_major_locator(LogLocator(subs=LABELLED))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("evaluations of loss and gradient")
     axes.set_ylabel("||E - T|| / ||T||")
     axes.grid(alpha=0.3, which="both")

@@ -135,4 +135,5 @@ def _check_table(verification: dict[str, Any]) -> str:
             f'<tr><td>{escape(check["name"])}</td><td class="n">{check["value"]:.3g}</td>'
             f'<td class="n">{check["limit"]:g}</td><td>{check["unit"]}</td>{mark}</tr>'
         )
-    return f"<table>{''.join(rows)}</table>"
+    left_out = "".join(f"<p>Left out: {escape(text)}.</p>" for text in verification.get("left_out", ()))
+    return f"<table>{''.join(rows)}</table>{left_out}"

@@ -12,22 +12,20 @@ from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
 from optics.report.figures import plt, png_bytes
+from optics.report.scene_rays import FAR
 from optics.report.solid_figure import draw_solid
 from optics.report.solid_renderer import Face, View, oblique, solid_faces
-from optics.sources import single_rays
-from optics.tracing import RayPath, TargetPlane, trace_paths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from optics.problem import Problem
-    from optics.runtime import Backend
     from optics.system import OpticalSystem
+    from optics.tracing import RayPath
     from thbcad.lens import Lens
 
     Array = NDArray[np.float64]
 
-BUNDLE = (8, 8)  # rays
 RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where the scene is seen
 # half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
 CLEAR = 1.7
@@ -35,7 +33,6 @@ CLEAR = 1.7
 SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
 LONG = 3.0
 FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
-FAR = 4.0  # half-widths of the rear behind its vertex, to where rays to the far field are drawn
 BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
 SMALL = 0.15  # of the picture: smaller lenses are drawn again, larger
 WIDTH, TALLEST, TEXT = 7.6, 5.0, 0.4  # inches: of the picture, and of what stands under it
@@ -69,20 +66,6 @@ class Scene:
         """Return the (2, 2) least and greatest corner of what is drawn of points."""
         seen = self(np.concatenate(parts, axis=1))
         return np.stack([seen.min(axis=1), seen.max(axis=1)])
-
-
-def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
-    """Return the paths of some 64 rays of the source to the target or its direction.
-
-    At every face a path follows the stronger part.
-
-    backend : of double precision
-    """
-    rays, target = single_rays(system.source.rays(BUNDLE), lens), system.target
-    plane = TargetPlane(target.z, target.settings.half_width)
-    if target.far_field:
-        plane = TargetPlane(lens.thickness + FAR * max(lens.rear.half_width), (np.inf, np.inf))
-    return trace_paths(backend, lens, rays, plane)
 
 
 def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:

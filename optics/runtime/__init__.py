@@ -21,6 +21,16 @@ if TYPE_CHECKING:
         NumericalError as NumericalError,
         UserError as UserError,
     )
+    from optics.runtime.garbage import (
+        collect_rarely as collect_rarely,
+    )
+    from optics.runtime.helper_process import (
+        SecondProcess as SecondProcess,
+        load as load,
+        peak_mb as peak_mb,
+        second_process as second_process,
+        serve as serve,
+    )
     from optics.runtime.llvm import (
         llvm_library as llvm_library,
     )
@@ -65,6 +75,14 @@ _FILES = {
         "LONGEST",
         "NumericalError",
         "UserError",
+    ),
+    "garbage": ("collect_rarely",),
+    "helper_process": (
+        "SecondProcess",
+        "load",
+        "peak_mb",
+        "second_process",
+        "serve",
     ),
     "llvm": ("llvm_library",),
     "messages": (

@@ -12,11 +12,14 @@ def note(sentence: str) -> None:
 
 
 def check_lines(checked: dict[str, Any]) -> list[str]:
-    """Return a line for every check of `verification`: passed or not, name, value, limit."""
+    """Return a line for every check of `verification`: passed or not, name, value, limit.
+
+    A line for everything that is left out follows.
+    """
     lines = []
     for c in checked["checks"]:
         word = "ok    " if c["ok"] else "FAILED"
         lines.append(
             f"{word} {c['name']}: {c['value']:.3g} {c['unit']}".rstrip() + f" (at most {c['limit']:g})"
         )
-    return lines
+    return lines + [f"left out: {sentence}" for sentence in checked.get("left_out", ())]

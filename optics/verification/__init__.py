@@ -17,12 +17,20 @@ if TYPE_CHECKING:
         trace_step as trace_step,
     )
     from optics.verification.step_checks import (
+        ExportedStep as ExportedStep,
         differing_numbers as differing_numbers,
+        exported_step as exported_step,
         surface_deviation as surface_deviation,
         verify as verify,
     )
     from optics.verification.step_file import (
         StepFile as StepFile,
+    )
+    from optics.verification.text_volume import (
+        text_volume_check as text_volume_check,
+    )
+    from optics.verification.traced_light import (
+        light_checks as light_checks,
     )
 
 _FILES = {
@@ -36,10 +44,14 @@ _FILES = {
     ),
     "reference_tracer": ("trace_step",),
     "step_checks": (
+        "ExportedStep",
         "differing_numbers",
+        "exported_step",
         "surface_deviation",
         "verify",
     ),
     "step_file": ("StepFile",),
+    "text_volume": ("text_volume_check",),
+    "traced_light": ("light_checks",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification.step_checks import differing_numbers
+from optics.verification.text_volume import text_volume_check
 from optics.verification.trace_comparison import compared
 from thbcad.cad.exchange import face_hits, spline_faces
 from thbcad.io import MILLIMETRE, Brep, BrepEdge, BrepFace, areas, volume as brep_volume
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     Rows = NDArray[np.float64]
     Pair = tuple[BSplineSurface, BSplineSurface]
 
-VOLUME = 1e-10  # relative, by quadrature over the text of the file
 MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
 TOLERANCE = 1e-6  # mm
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
@@ -58,7 +58,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
         *_whole(solid),
         Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
         *_same(solid, lens),
-        *_text_volume(solid, lens),
+        text_volume_check(solid, lens),
         *_measures(solid, file.solid),
         Check("rays with another fate by OCCT's intersections with the file", difference.mismatched, 0, ""),
         Check(
@@ -131,22 +131,6 @@ def _whole(solid: Brep) -> list[Check]:
         Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
         Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
         Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
-    ]
-
-
-def _text_volume(solid: Brep, lens: Lens) -> list[Check]:
-    """Return the check of the volume by quadrature over the text against the lens in memory."""
-    try:
-        off = abs(brep_volume(solid) / lens.volume() - 1)
-    except ValueError:  # faces that do not close
-        off = inf
-    return [
-        Check(
-            "volume by quadrature over the text of the file against the closed form, relative",
-            off,
-            VOLUME,
-            "",
-        )
     ]
 
 

@@ -7,7 +7,7 @@ refraction uses the vector form of Snell's law.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,6 @@ from optics.tracing import LandingPoints
 
 if TYPE_CHECKING:
     from optics.target import Screen
-    from thbcad.cad.exchange import SolidFile
     from thbcad.splines import BSplineSurface
 
     Floats = NDArray[np.float64]
@@ -31,6 +30,16 @@ STILL = 1e-12  # of a direction: components that count as zero
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
 MEETS = 1e-10  # of the face's width: a point so near a ray, or so little behind its origin, lies on it
 AT_ONCE = 20_000  # rays
+
+
+class OpticalFaces(Protocol):
+    """Front and rear of a STEP file, poles (x, y, z) in mm."""
+
+    @property
+    def front(self) -> BSplineSurface: ...
+
+    @property
+    def rear(self) -> BSplineSurface: ...
 
 
 class ParametricFace:
@@ -108,14 +117,14 @@ class ParametricFace:
 
 
 def trace_step(
-    step: SolidFile,
+    step: OpticalFaces,
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
     flux: ArrayLike,
     index: float,
     target_z: float,
 ) -> LandingPoints:
-    """Trace rays through the two faces of a SolidFile to the plane z = target_z, or to the far field.
+    """Trace rays through the two faces of a STEP file to the plane z = target_z, or to the far field.
 
     target_z : mm, inf is the far field.
     origins, directions : (n, 3) float, mm and unit vectors.  flux : (n,) or float, W before the lens.

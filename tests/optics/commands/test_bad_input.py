@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from optics.commands import main
+from optics.optimisation import State
 from tests.cases import ROOT
 from tests.optics.cases import picture, write_problem
 from tests.optics.commands.cases import QUICK, refused, strict_json
@@ -81,6 +82,19 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(copy, tmp_path, mo
         main(["design", str(write_problem(tmp_path, QUICK | {"lens.index": 1.6})), "--out", str(out)]) == 130
     )
     assert ((out / "problem.toml").read_text(), (out / "lens.json").read_text()) == before
+
+
+def test_a_step_file_that_cannot_be_written_is_one_sentence(tmp_path, capsys, monkeypatch):
+    """The second process writes it: what fails there ends as if it had failed here."""
+
+    def designed(system, *arguments):
+        (tmp_path / "out" / "lens.step").mkdir()
+        return system.lens, State(False, 0, system.lens.sags)
+
+    monkeypatch.setattr("optics.optimisation.design", designed)
+    message = refused(capsys, "design", write_problem(tmp_path, QUICK), "--out", tmp_path / "out")
+    assert "cannot write or read" in message
+    assert "directory" in message
 
 
 def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):

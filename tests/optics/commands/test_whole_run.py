@@ -67,6 +67,20 @@ def test_metrics_hold_what_the_design_contract_says(golden):
     assert sum(phases) == pytest.approx(metrics["wall_s"]["total"], rel=0.2)
 
 
+def test_a_design_measures_the_volume_by_the_text_and_says_what_it_leaves_out(golden, capsys):
+    """OCCT's integral takes seconds on rough surfaces: `thbcad verify` computes it."""
+    stored = strict_json((golden.path / "verify.json").read_text())
+    assert [c["name"] for c in stored["checks"] if "volume" in c["name"]] == [
+        "volume by quadrature over the text of the file against the closed form, relative"
+    ]
+    (sentence,) = stored["left_out"]
+    assert "volume by OCCT's integral" in sentence
+    assert "Left out: the volume by OCCT" in (golden.path / "report.html").read_text("utf-8")
+    assert main(["verify", str(golden.path), "--no-optiland", "--json"]) == 0
+    names = [c["name"] for c in strict_json(capsys.readouterr().out)["checks"]]
+    assert "volume by OCCT against the closed form, relative" in names
+
+
 def test_the_history_is_a_table(golden):
     with (golden.path / "history.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -8,7 +8,8 @@ from matplotlib import pyplot as plt
 from PIL import Image
 
 from optics.problem import load_problem
-from optics.report.scene_figure import LONG, SHORT, placed, scene_paths, scene_view
+from optics.report.scene_figure import LONG, SHORT, placed, scene_view
+from optics.report.scene_rays import scene_paths
 from optics.report.solid_renderer import solid_faces
 from optics.system import OpticalSystem
 

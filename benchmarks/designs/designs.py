@@ -1,0 +1,120 @@
+"""Relative error against the seconds of a whole design, for every start and every optimiser.
+
+Two problems: the square top hat, and the pearl on coarse levels.  A design runs in its own process, with a
+few iterations and with many; `exports/bench/designs.png` shows the curves.  The thesis's method optimises in
+this process, batch by batch; to its seconds are added those that a design takes beside its optimisation.
+
+Run: thbcad bench designs
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+from benchmarks.checkout import EXAMPLES, ROOT
+from benchmarks.designs.design_run import DesignRun, run_design
+from benchmarks.designs.thesis_method import ITERATIONS, adam_batches
+from optics.analysis import measure
+from optics.problem import Problem, load_problem, problem_to_toml
+from optics.runtime import Row, load_backend
+from optics.system import OpticalSystem
+
+FIGURE = ROOT / "exports" / "bench" / "designs.png"
+STARTS = ("transport", "flat")
+BUDGETS = (5, 20, 60)  # iterations of L-BFGS on every level that is optimised
+BATCHES = 2  # of the thesis's six: each takes longer than all other designs
+PEARL_LEVEL = 3  # of the five in the example
+
+
+@dataclass(frozen=True)
+class Point:
+    """A whole design.
+
+    effort : what the method was given, in words.  seconds : from the start of the process to its end.
+    """
+
+    problem: str
+    method: str
+    effort: str
+    seconds: float
+    rel_l2: float
+
+
+def rows() -> list[Row]:
+    """Return the measured rows, and draw the curves."""
+    points = [point for name, problem in problems() for point in _points(name, problem)]
+    draw(points, FIGURE)
+    out = []
+    for p in points:
+        out.append(Row(f"{p.problem}: {p.method}, {p.effort}: rel_l2", p.rel_l2))
+        out.append(Row("  seconds of the whole design", p.seconds, "s"))
+    return out
+
+
+def problems() -> Iterator[tuple[str, Problem]]:
+    """Yield names and problems."""
+    yield "square top hat", load_problem(EXAMPLES / "tophat_square.toml")
+    pearl = load_problem(EXAMPLES / "pearl.toml")
+    freeform = replace(pearl.lens.rear.freeform, max_level=PEARL_LEVEL)
+    rear = replace(pearl.lens.rear, freeform=freeform)
+    yield f"pearl to level {PEARL_LEVEL}", replace(pearl, lens=replace(pearl.lens, rear=rear))
+
+
+def _points(name: str, problem: Problem) -> Iterator[Point]:
+    """Yield the designs of a problem, by start and effort, and those by the thesis's method."""
+    beside = []
+    for start in STARTS:
+        for budget in BUDGETS:
+            run = _run(problem, start, budget)
+            beside.append(run.seconds - run.metrics["wall_s"]["optimise"])
+            method, effort = f"L-BFGS, {start} start", f"{budget} iterations a level"
+            yield Point(name, method, effort, run.seconds, run.metrics["rel_l2"])
+    system, backend = OpticalSystem(problem), load_backend("double")
+    seconds, start_time = median(beside), perf_counter()
+    for k, lens in enumerate(islice(adam_batches(system, backend), BATCHES), 1):
+        seconds += perf_counter() - start_time
+        error = measure(system, lens, backend).metrics["rel_l2"]
+        yield Point(name, "Adam of the thesis, flat start", f"{k * ITERATIONS} steps", seconds, error)
+        start_time = perf_counter()
+
+
+def _run(problem: Problem, start: str, budget: int) -> DesignRun:
+    """Design a problem with another start and number of iterations."""
+    optimizer = replace(problem.optimizer, start=start, iterations=(budget,))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "problem.toml"
+        path.write_text(problem_to_toml(replace(problem, optimizer=optimizer)), "utf-8")
+        return run_design(path, Path(folder) / "result")
+
+
+def draw(points: Sequence[Point], path: Path) -> None:
+    """Write the picture: one panel per problem, error against seconds."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    names = list(dict.fromkeys(p.problem for p in points))
+    figure = Figure(figsize=(4.6 * len(names), 4.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(1, len(names), squeeze=False)[0]
+    for name, axes in zip(names, panels):
+        for method in dict.fromkeys(p.method for p in points):
+            own = [(p.seconds, p.rel_l2) for p in points if (p.problem, p.method) == (name, method)]
+            axes.semilogy(*zip(*own), "o-", markersize=4, label=method)
+        axes.set_title(name, fontsize=10)
+        axes.set_xlabel("seconds of a whole design")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 4)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlim(left=0)
+        axes.grid(which="both", color="0.9")
+    panels[0].set_ylabel("relative L2 error")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,128 @@
+"""Work in a second process, beside this one.
+
+OpenCASCADE and matplotlib hold Python's lock while they load and while they work: in a thread they would stop
+what they should run beside.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from functools import cache
+from importlib import import_module
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from resource import RUSAGE_SELF, getrusage
+from typing import Any
+
+from optics.runtime.garbage import collect_rarely
+
+PROGRAM = "from optics.runtime import serve; serve()"
+PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
+TRAVELLING = ("builtins", "optics", "thbcad")  # packages whose exceptions another process can read
+
+
+class SecondProcess:
+    """A Python process that calls functions for this one, one after the other, as it is asked.
+
+    It ends when this process ends, however that ends, since its pipe closes then.  Ctrl-C in a terminal does
+    not reach it.
+    """
+
+    def __init__(self) -> None:
+        self._pipe, theirs = Pipe()
+        paths = os.pathsep.join(map(os.path.abspath, sys.path))
+        # not before `serve` listens: Python's start would print what Ctrl-C stops
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-c", PROGRAM, str(theirs.fileno())],
+                env=os.environ | {"PYTHONPATH": paths},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+                process_group=0,
+            )
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        self._caller = ThreadPoolExecutor(1)  # a request is only sent once the one before is answered
+
+    def ask(self, module: str, function: str, *arguments: Any) -> Future[Any]:
+        """Return what a function of a module will return; an exception that it raises is raised here."""
+        return self._caller.submit(self._answer, module, function, arguments)
+
+    def stop(self) -> None:
+        """End the process as Ctrl-C does, so that no half of a file is left, or else without asking."""
+        self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._caller.shutdown(cancel_futures=True)
+        self._pipe.close()
+
+    def _answer(self, module: str, function: str, arguments: Sequence[Any]) -> Any:
+        try:
+            self._pipe.send((module, function, arguments))
+            value, error = self._pipe.recv()
+        except (EOFError, OSError):
+            code = self._process.wait()
+            raise RuntimeError(f"the second process ended with code {code} in {module}.{function}") from None
+        if error is not None:
+            raise error
+        return value
+
+
+@contextmanager
+def second_process() -> Iterator[SecondProcess]:
+    """Yield the SecondProcess of this one; it is kept for the next time, unless the work in between fails."""
+    process = _kept()
+    try:
+        yield process
+    except BaseException:
+        _kept.cache_clear()
+        process.stop()
+        raise
+
+
+_kept = cache(SecondProcess)
+
+
+def serve() -> None:
+    """Answer the requests of the process that started this one, until that ends."""
+    collect_rarely()
+    with suppress(EOFError, OSError, KeyboardInterrupt), Connection(int(sys.argv[1])) as pipe:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        while True:
+            pipe.send(_called(*pipe.recv()))
+    os._exit(0)  # to take the loaded packages down takes longer than some requests
+
+
+def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, BaseException | None]:
+    """Return (what the function returns, None) or (None, what it raises)."""
+    try:
+        return getattr(import_module(module), function)(*arguments), None
+    except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # while OCP is loaded
+            raise error.__cause__ from None
+        where = "".join(traceback.format_exception(error))
+        if type(error).__module__.partition(".")[0] in TRAVELLING:
+            error.add_note(where)
+            return None, error
+        return None, RuntimeError(where)
+
+
+def load(module: str, name: str) -> None:
+    """Load what a function of a module needs, before it is asked for."""
+    getattr(import_module(module), name)
+
+
+def peak_mb() -> float:
+    """Return the most memory that this process held at a time, MB."""
+    return getrusage(RUSAGE_SELF).ru_maxrss / 1024

@@ -1,0 +1,135 @@
+"""The second process: what it returns, how it fails, and that it never outlives the first."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from optics.runtime import UserError, second_process
+from tests.cases import ROOT
+
+ORPHAN = """
+from optics.runtime import second_process
+import time
+with second_process() as process:
+    print(process.ask("os", "getpid").result(), flush=True)
+    process.ask("time", "sleep", SECONDS)
+    time.sleep(1000)
+"""
+
+
+def gone(pid):
+    """Wait until a process has ended; return False where it takes a minute."""
+    for _ in range(6000):
+        try:
+            with open(f"/proc/{pid}/stat") as file:
+                if file.read().rpartition(")")[2].split()[0] == "Z":
+                    return True
+        except OSError:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+@pytest.fixture
+def process():
+    with second_process() as process:
+        yield process
+
+
+def test_it_is_another_process_that_answers_in_the_order_of_the_questions(process):
+    answers = [process.ask("os", "getpid"), *(process.ask("math", "factorial", n) for n in range(5))]
+    pid, *rest = (answer.result() for answer in answers)
+    assert pid != os.getpid()
+    assert rest == [1, 1, 2, 6, 24]
+    assert process.ask("optics.runtime", "peak_mb").result() > 10
+
+
+def test_what_it_is_asked_travels_whole_however_long(process):
+    """Longer than a pipe holds, in both directions."""
+    text = bytes(range(256)) * 10_000
+    assert process.ask("zlib", "decompress", process.ask("zlib", "compress", text).result()).result() == text
+
+
+def test_its_exceptions_are_raised_here_with_where_they_come_from(process, tmp_path):
+    with pytest.raises(FileNotFoundError) as caught:
+        process.ask("os", "stat", tmp_path / "none").result()
+    assert caught.value.filename == str(tmp_path / "none")
+    assert "in _called" in caught.value.__notes__[0]
+    with pytest.raises(UserError, match="No such file"):
+        process.ask("optics.problem", "load_problem", tmp_path / "none.toml").result()
+    with pytest.raises(ModuleNotFoundError):
+        process.ask("no_module_of_this_name", "run").result()
+    assert process.ask("math", "factorial", 3).result() == 6
+
+
+def test_an_exception_of_another_package_is_told_as_text(process):
+    with pytest.raises(RuntimeError, match=r"LinAlgError: .*square"):
+        process.ask("numpy.linalg", "inv", [[1.0, 2.0]]).result()
+
+
+def test_it_is_kept_and_made_anew_after_a_failure(process):
+    pid = process.ask("os", "getpid").result()
+    with second_process() as same:
+        assert same is process
+
+    def interrupted():
+        with second_process() as same:
+            same.ask("time", "sleep", 1000)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert gone(pid)
+    with second_process() as other:
+        assert other.ask("os", "getpid").result() != pid
+
+
+def test_work_that_is_stopped_cleans_up_and_says_nothing(tmp_path, capfd):
+    """As when Ctrl-C comes while a file is written; also before the process has begun to listen."""
+
+    def interrupted(wait):
+        with second_process() as process:
+            process.ask("tests.optics.runtime.test_helper_process", "written", tmp_path / "whole")
+            while wait and not (tmp_path / "half").exists():
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    for wait in (False, True):
+        with pytest.raises(KeyboardInterrupt):
+            interrupted(wait)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+def written(path):
+    """Write a file as slowly as nobody waits for."""
+    half = path.with_name("half")
+    half.touch()
+    try:
+        time.sleep(1000)
+        half.rename(path)
+    finally:
+        half.unlink()
+
+
+def test_a_process_that_dies_is_an_error_not_a_wait(process):
+    with pytest.raises(RuntimeError, match=r"ended with code -9 in os\.kill"), second_process() as process:
+        process.ask("os", "kill", process.ask("os", "getpid").result(), signal.SIGKILL).result()
+
+
+@pytest.mark.parametrize("seconds", [0, 2], ids=["idle", "at work"])
+def test_it_ends_when_the_first_process_is_killed(seconds):
+    first = subprocess.Popen(
+        [sys.executable, "-c", ORPHAN.replace("SECONDS", str(seconds))],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    pid = int(first.stdout.readline())
+    first.kill()
+    first.communicate()
+    assert gone(pid)
