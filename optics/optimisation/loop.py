@@ -6,7 +6,9 @@ more rays.  A level can start from two surfaces:
 - flat: the first level starts from the base conic, every other from the exact surface of the
   one before (prolongation);
 - transport: every level starts from the optimal-transport surface fitted in the space of the level.  The
-  levels before the last then need no optimisation, only the marking of cells.
+  levels before the last then need no optimisation, only the marking of cells.  Where z_freedom cuts off much
+  of that surface, the first level starts from what is left of it, or flat where that is better, and every
+  other from the one before.
 """
 
 from __future__ import annotations
@@ -87,13 +89,12 @@ def design(
     note = note or _no_note
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
     start = _transport_start(system, backend, state, note, start)
-    state, fit = (state, None) if state else _first_state(system, start)
+    state, fit = (state, None) if state else _first_state(system, start, flux, backend)
+    guide = start if state.moved else None
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
         lens = _with_sags(system.lens, state.sags)
-        # the last pass asks for the light that this lens sends on, others for all that could arrive
-        asked = transmitted_flux(system, backend, lens) if stage.final and system.source.extended else flux
-        target = system.target.irradiance(stage.screen, asked)
+        target = _asked(system, backend, lens, stage, flux)
         if stage.iterations:
             objective = stage_objective(system, lens, stage, target, backend, axes)
             report = progress and partial(progress, plan)
@@ -101,8 +102,8 @@ def design(
             lens = _optimised(lens, recorder, stage, note)
             state = replace(state, sags=lens.sags, history=recorder.history)
         try:
-            marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, start))
-            following, new_fit = _refined(state, plan, marked, start)
+            marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, guide))
+            following, new_fit = _refined(state, plan, marked, guide)
         except KeyboardInterrupt:
             raise Interrupted(state) from None
         state, fit = following, new_fit or fit
@@ -113,10 +114,41 @@ def design(
     return _with_sags(system.lens, state.sags), state
 
 
-def _first_state(system: OpticalSystem, start: TransportStart | None) -> tuple[State, TransportFit | None]:
-    """Return the state of a new run, and the fit of the transport map that it starts from, if any."""
-    moved = start is not None
-    return _fitted(State(moved, 0, first_sags(system, moved)), start)
+def _asked(
+    system: OpticalSystem, backend: Backend, lens: Lens, stage: Stage, flux: float
+) -> NDArray[np.float64]:
+    """Return the target irradiance that a stage asks for.
+
+    Its flux is what the unoptimised lens sends on, W, but in the final stages of an extended source: there it
+    is what the present lens sends on, since light that cannot arrive blurs what does.
+    """
+    if stage.final and system.source.extended:
+        flux = transmitted_flux(system, backend, lens)
+    return system.target.irradiance(stage.screen, flux)
+
+
+def _first_state(
+    system: OpticalSystem, start: TransportStart | None, flux: float, backend: Backend
+) -> tuple[State, TransportFit | None]:
+    """Return the state of a new run, and the fit of the transport map, if any.
+
+    flux : that the unoptimised lens sends on, W.
+    """
+    flat = State(False, 0, first_sags(system, False))
+    if start is None:
+        return flat, None
+    moved, fit = _fitted(State(True, 0, first_sags(system, True)), start)
+    if start.follows(fit):
+        return moved, fit
+    cut, _ = _fitted(flat, start)
+    stage = stages(system, False)[0]
+    target = system.target.irradiance(stage.screen, flux)
+
+    def loss(state: State) -> float:
+        objective = stage_objective(system, _with_sags(system.lens, state.sags), stage, target, backend)
+        return objective([sag.coefficients for sag in state.sags]).loss
+
+    return min(cut, flat, key=loss), fit
 
 
 def _no_note(sentence: str) -> None:
@@ -148,10 +180,8 @@ def _transport_start(
     return None
 
 
-def _fitted(state: State, start: TransportStart | None) -> tuple[State, TransportFit | None]:
-    """Return the state with the sag of the transport map, if any, on the rear's mesh, and the fit."""
-    if start is None:
-        return state, None
+def _fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:
+    """Return the state with the sag of the transport map on the rear's mesh, and the fit."""
     fit = start.fit(state.sags[-1].space)
     return replace(state, sags=(*state.sags[:-1], fit.sag)), fit
 
@@ -165,7 +195,7 @@ def _refined(
     """Return the state of the next stage, with the marked cells refined, and the fit of a new level."""
     sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
     following = replace(state, stage=state.stage + 1, sags=sags)
-    if following.stage < len(plan) and plan[following.stage].level > plan[state.stage].level:
+    if start and following.stage < len(plan) and plan[following.stage].level > plan[state.stage].level:
         return _fitted(following, start)
     return following, None
 

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 STEPS = 60  # of conjugate gradients, at most
 TOLERANCE = 1e-4  # of the residual, relative to the right side
 EXTENSION = 1e-3  # of the mean square of samples: weight of the polygon's bends where samples lack
+# Charge for the squares of the corrections, relative to the stiffness of one function: those beside the
+# samples hardly count in the fit, and grow with every step without it.
+HELD = 1e-5
 CONSTANT = 1e-12  # of the greatest eigenvalue: smaller ones belong to the constant, which slopes leave open
 
 
@@ -52,6 +55,7 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
         (kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((embedding.kv_u, x), (embedding.kv_v, y))
     )
     a0t, a1t, b0t, b1t = (m.T.tocsr() for m in (a0, a1, b0, b1))
+    held = HELD * float(weight.mean()) / ((x[1] - x[0]) * (y[1] - y[0]))
 
     def transposed(gx: Floats, gy: Floats) -> Floats:
         net = b0t @ (a1t @ gx).T + b1t @ (a0t @ gy).T
@@ -68,7 +72,7 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
     enough = TOLERANCE * float(np.linalg.norm(transposed(weight * zx, weight * zy)))
     system = LinearOperator(
         (basis.size, basis.size),
-        matvec=lambda w: transposed(*weighted(basis.coefficients(w))),
+        matvec=lambda w: transposed(*weighted(basis.coefficients(w))) + held * w,
         dtype=np.float64,
     )
     weights, _ = cg(system, missing, rtol=0.0, atol=enough, maxiter=STEPS)
