@@ -33,13 +33,12 @@ def started(folder, backend, changes=None, image=None, spans=16):
 
 
 def test_slopes_of_a_surface_of_the_space_give_it_back():
-    """Up to the constant that slopes leave open, and to what 60 steps of conjugate gradients leave (measured
-    2e-3 of the height)."""
+    """To the constant that slopes leave open, and what the charge for weights bends: 9e-4 of the height."""
     space = small_space((10.0, 8.0))
     sag = THBSurface(space, rough(space, 0.1))
     x, y = (h * ((2 * np.arange(96) + 1) / 96 - 1) for h in (10.0, 8.0))
     found = fit_slopes(space, x, y, sag.grid(x, y, (1, 0)), sag.grid(x, y, (0, 1)), np.ones((96, 96)))
-    assert np.ptp(found.coefficients - sag.coefficients) < 0.01 * 0.2
+    assert np.ptp(found.coefficients - sag.coefficients) < 0.002 * 0.2
     assert found.coefficients.max() == pytest.approx(-found.coefficients.min(), abs=1e-15)
 
 
