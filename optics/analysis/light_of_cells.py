@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from optics.tracing import SequentialFates
     from thbcad.lens import Lens
 
-CORNERS_AT_ONCE = 1 << 21
+CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 SPLITS = 6
 
 Floats = NDArray[np.float64]

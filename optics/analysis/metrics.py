@@ -35,7 +35,7 @@ RAYS_PER_PIXEL = 11  # of extended sources, in each direction, for each of the t
 BLUR = 0.5 / RAYS_PER_PIXEL  # pixels: a ray that lands so near to a border counts for both pixels
 LEAST_PER_PIXEL, MOST_RAYS = 3, 4096  # on large screens: so many per pixel, or so many per direction
 DARK = 0.01  # of the greatest irradiance: what counts as dark
-RAYS_AT_ONCE = 1 << 21
+RAYS_AT_ONCE = 1 << 19  # more only take more memory
 
 Floats = NDArray[np.float64]
 
