@@ -88,7 +88,7 @@ def test_tables_of_the_readme_hold_marked_numbers_and_their_limits():
 
 def test_the_problem_of_the_readme_is_that_of_the_pearl(tmp_path):
     (text,) = TOML.findall((ROOT / "README.md").read_text("utf-8"))
-    assert len(text.splitlines()) == 8
+    assert len(text.splitlines()) == 9
     (tmp_path / "my.toml").write_text(text.replace("pearl.png", str(EXAMPLES / "pearl.png")), "utf-8")
     assert load_problem(tmp_path / "my.toml") == load_problem(EXAMPLES / "pearl.toml")
 

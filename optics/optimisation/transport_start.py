@@ -21,7 +21,7 @@ from optics.system import target_irradiance
 from optics.target import BSplineWindow, Screen, Splat
 from optics.tracing import Tracer
 from optics.transport import height_from_slopes, transport_map
-from thbcad.fitting import fit_slopes, level_misfits
+from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
@@ -71,7 +71,7 @@ class RearLight:
 class TransportFit:
     """A sag with about the slopes of a transport map.
 
-    asked : mm, the greatest |c| that the slopes ask for.
+    asked : mm, the greatest |c| that the slopes ask for where there is light.
     cut : share of the coefficients that z_freedom cuts off.
     crosses : the sag within z_freedom would cross the front; it is scaled down.
     """
@@ -162,7 +162,8 @@ class TransportStart:
     def _fit(self, space: THBSpace, light: RearLight, slopes: Sequence[Floats]) -> TransportFit:
         zx, zy = slopes
         sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
-        size, crosses = np.abs(sag.coefficients), False
+        seen = seen_functions(space, light.x, light.y)
+        size, crosses = np.abs(sag.coefficients[seen] if seen.any() else sag.coefficients), False
         kept = np.clip(sag.coefficients, -self._bound, self._bound)
         for _ in range(HALVINGS):
             try:

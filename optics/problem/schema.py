@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from optics.problem.toml_records import AUTO, option
+from optics.problem.toml_records import option
 
 PROFILES = ("uniform", "round", "gaussian", "image")
 Number = TypeVar("Number", int, float)
@@ -48,7 +48,7 @@ class Freeform:
     degree: int = option(3, low=2, high=10, note="of the splines")
     spans: tuple[int, int] = option((7, 7), low=1, high=1000, note="knot spans of level 0 in x and y")
     max_level: int | str = option(
-        AUTO,
+        5,
         low=0,
         high=12,
         note="finest level of refinement; auto takes it from the light's detail",

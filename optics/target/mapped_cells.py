@@ -34,6 +34,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.target.cell_grid import CellGrid
 from optics.target.pixel_walk import Edges, Numbers, Pieces, walk
 
 if TYPE_CHECKING:
@@ -61,9 +62,6 @@ class MappedCells:
     """The map from traced corners to the irradiance on a screen's pixels.
 
     emitted : (nx, ny) W, of the cells.  corners : (nx + 1, ny + 1) W, the flux that their corners stand for.
-    Corners are numbered i (ny + 1) + j, and so is everything that belongs to them: the cell and the two
-    triangles towards i + 1, j + 1, and the edges to j + 1, to i + 1 and to both, the diagonal of the cell.
-    Cells that this numbering adds at the end of rows are dark.
     """
 
     def __init__(
@@ -75,14 +73,13 @@ class MappedCells:
     ) -> None:
         dr, self._backend, self._screen = backend.dr, backend, screen
         self._double = backend.doubled()
-        Index, Int = backend.Index, dr.int32_array_t(backend.Index)
+        Int = dr.int32_array_t(backend.Index)
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))
         self._cells = self._double.array(cells / screen.pixel_area)
         self._inverse = self._double.array(
             np.divide(1, corners, out=np.zeros_like(corners), where=corners > 0)
         )
-        self._size = corners.size
-        self._last, self._step = dr.opaque(Index, corners.size), dr.opaque(Index, corners.shape[1])
+        self._grid = CellGrid(self._double, cells.shape)
         self._rows, self._columns = screen.padded
         self._counts = dr.opaque(Int, self._rows), dr.opaque(Int, self._columns)
 
@@ -121,7 +118,7 @@ class MappedCells:
         triangles = self._triangles(a, b, passing)
         self._lay(triangles, differences)
         dr.eval(triangles.density, differences)
-        edges, density = self._edges(a, b, triangles.density)
+        edges, density = self._grid.edges(a, b, triangles.density)
 
         def add(numbers: Numbers, piece: Pieces) -> Numbers:
             within = dr.select(piece.i < 0, 1.0, edges.a + edges.da * piece.middle - Float(piece.i))
@@ -139,7 +136,7 @@ class MappedCells:
         dr, Float = self._backend.dr, self._double.Float
         triangles = self._triangles(a, b, passing)
         dr.eval(triangles.density)
-        edges, density = self._edges(a, b, triangles.density)
+        edges, density = self._grid.edges(a, b, triangles.density)
         values, sums = self._with_border(g)
         stride = dr.opaque(self._backend.Index, self._rows + 1)
 
@@ -152,28 +149,21 @@ class MappedCells:
             weights = phi * edges.db, value * (1 - piece.middle), value * piece.middle
             return tuple(dr.select(piece.on, n + w * piece.length, n) for n, w in zip(numbers, weights))
 
-        zeros = tuple(dr.zeros(Float, 3 * self._size) for _ in range(3))
+        zeros = tuple(dr.zeros(Float, 3 * self._grid.size) for _ in range(3))
         j0, j1, j2 = walk(dr, edges, density != 0, self._counts, integrate, zeros)
         starts, ends = density * j1, density * j2
         dr.eval(j0, starts, ends)
         mean = self._means(triangles, j0, values, stride)
         turned = -0.5 * triangles.density * mean
         dr.eval(mean, turned)
-        return *self._by_corners(a, b, starts, ends, turned), self._inverse * self._by_passing(mean)
-
-    def _at(self, values: DrArray, index: DrArray, exists: DrArray | bool = True) -> DrArray:
-        return self._backend.dr.gather(self._double.Float, values, index, exists)
+        by_flux = 0.125 * self._grid.around_corners(mean * self._grid.of_cells(self._cells))
+        return *self._grid.by_corners(a, b, starts, ends, turned), self._inverse * by_flux
 
     def _triangles(self, a: DrArray, b: DrArray, passing: DrArray) -> _Triangles:
-        """Return the triangles (0, 2, 3) and (0, 3, 1) of corners 0, 1 towards j + 1, 2 towards i + 1, 3."""
+        """Return the triangles; those that are dark or meet no pixel have no flux."""
         dr = self._backend.dr
-        second, cell, exists = self._of_triangles()
-        opposite = cell + self._step + 1
-        p, q = cell, dr.select(second, opposite, cell + self._step)
-        r = dr.select(second, cell + 1, opposite)
-        corners = tuple((self._at(a, k, exists), self._at(b, k, exists)) for k in (p, q, r))
-        four = (self._at(passing, k, exists) for k in (cell, cell + 1, cell + self._step, opposite))
-        flux = 0.125 * self._at(self._cells, cell, exists) * sum(four)
+        corners = self._grid.triangle_corners(a, b)
+        flux = 0.125 * self._grid.of_cells(self._cells) * self._grid.corner_sums(passing)
         lit = flux > 0  # not where a corner is not sound
         for along, count in zip(zip(*corners), self._counts):  # what meets no pixel would leave its rounding
             least, most = (reduce(extreme, along) for extreme in (dr.minimum, dr.maximum))
@@ -185,30 +175,6 @@ class MappedCells:
         one &= (dr.floor(pb) == dr.floor(qb)) & (dr.floor(pb) == dr.floor(rb))
         spread = (flux > 0) & ~one & (dr.abs(area) >= LEAST_AREA)
         return _Triangles(corners, flux, area, dr.select(spread, flux / area, 0.0))
-
-    def _of_triangles(self) -> tuple[DrArray, DrArray, DrArray]:
-        """Return of every triangle whether it is the second of its cell, the cell, and whether it exists."""
-        dr = self._backend.dr
-        triangle = dr.arange(self._backend.Index, 2 * self._size)
-        second = triangle >= self._last
-        cell = dr.select(second, triangle - self._last, triangle)
-        return second, cell, cell + self._step + 1 < self._last
-
-    def _edges(self, a: DrArray, b: DrArray, density: DrArray) -> tuple[Edges, DrArray]:
-        """Return the edges to j + 1, then those to i + 1, then the diagonals, and their densities."""
-        dr, Index, last, step = self._backend.dr, self._backend.Index, self._last, self._step
-        edge = dr.arange(Index, 3 * self._size)
-        across, diagonal = edge < last, edge >= 2 * last
-        along = ~across & ~diagonal
-        start = dr.select(across, edge, dr.select(along, edge - last, edge - 2 * last))
-        end = start + dr.select(across, Index(1), dr.select(along, step, step + 1))
-        exists = end < last
-        left = dr.select(across, start - step, dr.select(along, start, start + last))
-        right = dr.select(across, start + last, dr.select(along, start - 1 + last, start))
-        difference = self._at(density, left, exists & (~across | (start >= step)))
-        difference -= self._at(density, right, exists & (~along | (start >= 1)))
-        ua, ub = self._at(a, start, exists), self._at(b, start, exists)
-        return Edges(ua, ub, self._at(a, end, exists) - ua, self._at(b, end, exists) - ub), difference
 
     def _lay(self, triangles: _Triangles, differences: DrArray) -> None:
         """Lay the triangles without density along their longest edges."""
@@ -257,63 +223,15 @@ class MappedCells:
 
     def _means(self, triangles: _Triangles, j0: DrArray, values: DrArray, stride: DrArray) -> DrArray:
         """Return the mean of g over every triangle; of one that is laid along an edge g at its middle."""
-        dr, Index, last, step = self._backend.dr, self._backend.Index, self._last, self._step
-        second, cell, exists = self._of_triangles()
-        diagonal = self._at(j0, cell + 2 * last, exists)
-        first = self._at(j0, cell + last, exists) + self._at(j0, cell + step, exists) - diagonal
-        other = diagonal - self._at(j0, cell + 1 + last, exists) - self._at(j0, cell, exists)
+        dr, Index = self._backend.dr, self._backend.Index
         spread = triangles.density != 0
         middle = [dr.floor(sum(coordinate) / 3) for coordinate in zip(*triangles.corners)]
-        inside = exists & ~spread & (triangles.flux > 0)
+        inside = ~spread & (triangles.flux > 0)
         for along, count in zip(middle, self._counts):
             inside &= (along >= 0) & (along < type(along)(count))
         at = Index(dr.select(inside, middle[1], 0)) * stride + Index(dr.select(inside, middle[0], 0))
-        whole = dr.select(second, other, first) / dr.select(spread, triangles.area, 1.0)
-        return dr.select(spread, whole, self._at(values, at, inside))
-
-    def _by_corners(
-        self, a: DrArray, b: DrArray, starts: DrArray, ends: DrArray, turned: DrArray
-    ) -> tuple[DrArray, DrArray]:
-        """Return the derivatives by a and b: of six edges and six triangles around every corner."""
-        dr, last, step = self._backend.dr, self._last, self._step
-        corner = dr.arange(self._backend.Index, self._size)
-        around = {}
-        for name, by in (("j", 1), ("i", step), ("ij", step + 1)):
-            around[name] = corner + by, corner + by < last
-            around["-" + name] = corner - by, corner >= by
-        points = {name: (self._at(a, *where), self._at(b, *where)) for name, where in around.items()}
-        by_a, by_b = dr.zeros(type(a), self._size), dr.zeros(type(a), self._size)
-        for family, name in enumerate(("j", "i", "ij")):
-            index, exists = around["-" + name]
-            out = self._at(starts, corner + family * last, around[name][1])
-            back = self._at(ends, index + family * last, exists)
-            (na, nb), (oa, ob) = points[name], points["-" + name]
-            by_a += out * (nb - b) + back * (b - ob)
-            by_b -= out * (na - a) + back * (a - oa)
-        for cell, half, q, r in (
-            ("", 0, "i", "ij"),
-            ("", 1, "ij", "j"),
-            ("-j", 1, "-j", "i"),
-            ("-i", 0, "j", "-i"),
-            ("-ij", 0, "-ij", "-j"),
-            ("-ij", 1, "-i", "-ij"),
-        ):
-            index, exists = around[cell] if cell else (corner, around["ij"][1])
-            part = self._at(turned, index + half * last, exists)
-            by_a += part * (points[q][1] - points[r][1])
-            by_b += part * (points[r][0] - points[q][0])
-        return by_a, by_b
-
-    def _by_passing(self, mean: DrArray) -> DrArray:
-        """Return the derivative by the fraction of a corner's flux: that by the flux of the cells around."""
-        dr, last, step = self._backend.dr, self._last, self._step
-        corner = dr.arange(self._backend.Index, self._size)
-        total = dr.zeros(self._double.Float, self._size)
-        for by in (self._backend.Index(0), self._backend.Index(1), step, step + 1):
-            cell, exists = corner - by, corner >= by
-            both = self._at(mean, cell, exists) + self._at(mean, cell + last, exists)
-            total += self._at(self._cells, cell, exists) * both
-        return 0.125 * total
+        whole = self._grid.edge_sums(j0) / dr.select(spread, triangles.area, 1.0)
+        return dr.select(spread, whole, self._grid.at(values, at, inside))
 
 
 @cache

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from thbcad.fitting.slope_fit import (
         fit_slopes as fit_slopes,
         level_misfits as level_misfits,
+        seen_functions as seen_functions,
     )
 
 _FILES = {
@@ -40,6 +41,7 @@ _FILES = {
     "slope_fit": (
         "fit_slopes",
         "level_misfits",
+        "seen_functions",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

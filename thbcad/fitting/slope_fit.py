@@ -22,6 +22,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, cg
 
@@ -36,8 +37,9 @@ if TYPE_CHECKING:
     from thbcad.splines import KnotVector
 
 STEPS = 60  # of conjugate gradients, at most
-TOLERANCE = 1e-4  # of the residual, relative to the right side
-EXTENSION = 1e-3  # of the mean square of samples: weight of the polygon's bends where samples lack
+TOLERANCE = 3e-4  # of the residual, relative to the right side
+EXTENSION = 1e-4  # of the mean square of samples: weight of the polygon's bends where samples lack
+SEEN = 1e-3  # of the greatest square sum of samples: what determines a function
 # Charge for the squares of the corrections, relative to the stiffness of one function: those beside the
 # samples hardly count in the fit, and grow with every step without it.
 HELD = 1e-5
@@ -48,7 +50,8 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
     """Return the THB surface over x, y in mm whose slopes fit (zx, zy) on a grid best.
 
     weight : (nx, ny), of the squares.  Beyond the samples the surface goes on straight.
-    The constant that slopes leave open is chosen so that the greatest and the least coefficient are opposite.
+    The constant that slopes leave open is chosen so that the greatest and the least coefficient among the
+    samples (`seen_functions`) are opposite.
     """
     basis, embedding = MultilevelBasis(space), space.embedding
     (a0, a1), (b0, b1) = (
@@ -77,7 +80,9 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
     )
     weights, _ = cg(system, missing, rtol=0.0, atol=enough, maxiter=STEPS)
     c = start + basis.coefficients(weights)
-    return THBSurface(space, c - (c.max() + c.min()) / 2)
+    seen = seen_functions(space, x, y)
+    known = c[seen] if seen.any() else c
+    return THBSurface(space, c - (known.max() + known.min()) / 2)
 
 
 def level_misfits(
@@ -97,6 +102,22 @@ def level_misfits(
         out.append(float(np.sqrt(square)))
         kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
     return np.array(out)
+
+
+def seen_functions(space: THBSpace, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Return which functions of a space the samples on a grid determine, (dim,).
+
+    None are on levels with more functions than samples in a direction.
+    """
+    level, i, j = space.functions.T
+    out = np.zeros(space.dim, dtype=bool)
+    kv_u, kv_v = space.kv_u, space.kv_v
+    for number in range(space.levels):
+        of_level = level == number
+        seen_u, seen_v = (_seen(kv.collocation(s)) for kv, s in ((kv_u, x), (kv_v, y)))
+        out[of_level] = seen_u[i[of_level]] & seen_v[j[of_level]]
+        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
+    return out
 
 
 def _level_fits(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats) -> Floats:
@@ -127,17 +148,21 @@ def _tensor_fit(kv_u: KnotVector, kv_v: KnotVector, x: Floats, y: Floats, zx: Fl
 def _modes(kv: KnotVector, samples: Floats) -> tuple[csr_array, csr_array, Floats, Floats]:
     """Return B, B', the eigenvalues and the eigenvectors of one direction.
 
-    Functions that reach beyond the samples are tied to their neighbours by the bends of the control polygon,
-    and so are all where there are more functions than samples.
+    Functions that are not seen are tied to their neighbours by the bends of the control polygon.
     """
     values, slopes = kv.collocation(samples), kv.collocation(samples, 1)
     mass, stiffness = ((m.T @ m).toarray() for m in (values, slopes))
-    p, n = kv.degree, kv.dim
-    inside = (kv.knots[:n] >= samples.min()) & (kv.knots[p + 1 :] <= samples.max()) & (n <= len(samples))
+    n, seen = kv.dim, _seen(values)
     slope = np.diff(np.eye(n), axis=0) / np.diff(kv.greville())[:, None]  # of the control polygon
-    differences = np.diff(slope, axis=0)[~(inside[:-2] & inside[1:-1] & inside[2:])]
+    differences = np.diff(slope, axis=0)[~(seen[:-2] & seen[1:-1] & seen[2:])]
     differences *= (kv.stop - kv.start) / n
     smooth = EXTENSION * (differences.T @ differences)
     mass += np.trace(mass) / n * smooth
     stiffness += np.trace(stiffness) / n * smooth
     return values, slopes, *eigh(stiffness, mass)
+
+
+def _seen(values: csr_array) -> NDArray[np.bool_]:
+    squares = np.asarray(values.power(2).sum(axis=0), dtype=np.float64)
+    enough = squares > SEEN * squares.max()
+    return enough if values.shape[1] <= values.shape[0] else np.zeros_like(enough)

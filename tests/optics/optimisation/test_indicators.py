@@ -163,10 +163,11 @@ def refined(folder, backend, start, indicator, place, more):
     levels = {
         "lens.rear.freeform.max_level": 2 if start == "transport" else 1
     }  # transport starts on level 1 here
+    alpha = 1.25 if indicator == "slope" else 1.0  # slopes differ a little everywhere
     changes = (
         PLATE
         | levels
-        | {"optimizer.start": start, "refinement.indicator": indicator, "refinement.alpha": [1.0]}
+        | {"optimizer.start": start, "refinement.indicator": indicator, "refinement.alpha": [alpha]}
         | more
     )
     system = loaded(folder, changes, image=blob(*place))

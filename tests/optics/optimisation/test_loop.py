@@ -72,9 +72,12 @@ def test_extended_sources_keep_their_rays_and_the_sharp_window(tmp_path):
     [
         ({}, (144, 144)),  # three per pixel
         ({"target.pixels": [16, 20]}, (64, 64)),  # never fewer
-        ({"lens.rear.freeform.max_level": 4}, (219, 219)),  # 3.6 of 64 spans, 95 % of which are lit
-        ({"lens.rear.freeform.max_level": 4, "source.half_width": [5.0, 20.0]}, (144, 231)),
-        ({"lens.rear.freeform.max_level": 4, "lens.front.radius": 60.0}, (231, 231)),  # rays spread
+        (
+            {"lens.rear.freeform.max_level": 4},
+            (220, 220),
+        ),  # 3.6 of 64 spans, 95 % of which are lit, made even
+        ({"lens.rear.freeform.max_level": 4, "source.half_width": [5.0, 20.0]}, (144, 232)),
+        ({"lens.rear.freeform.max_level": 4, "lens.front.radius": 60.0}, (232, 232)),  # rays spread
     ],
 )
 def test_cells_suffice_for_pixels_and_for_the_spans_that_are_lit(tmp_path, changes, cells):
@@ -144,7 +147,7 @@ def test_a_transport_start_is_nearer_than_the_base_conic_and_is_improved(small, 
 def test_levels_before_the_last_are_only_marked_after_a_transport_start(moved):
     levels = [stage.level for stage in moved.plan]
     assert levels[-1] == 2
-    assert all(len(rows_of(moved.state.history, level)) == 1 for level in levels[:-1])
+    assert all(len(rows_of(moved.state.history, level)) == 0 for level in levels[:-1])
 
 
 @pytest.mark.parametrize(
@@ -230,8 +233,8 @@ def test_oblong_lenses_pictures_and_targets_design_too(tmp_path, backend, start)
         "target.pixels": [50, 30],
     }
     _, state = design(loaded(tmp_path, changes), backend)
-    first = stages(loaded(tmp_path, changes), start == "transport")[0].level
-    assert state.history[0].dof == (8 * 6, 13 * 9)[first]
+    plan = stages(loaded(tmp_path, changes), start == "transport")
+    assert state.history[0].level == next(stage.level for stage in plan if stage.iterations)
     losses = [r.loss for r in rows_of(state.history, 2)]
     assert min(losses) < losses[0]
     assert min(losses) < 0.1
