@@ -37,7 +37,7 @@ CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
 RAYS_PER_CELL = 4
-DETAIL = 0.05  # pixels
+DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
 INSIDE = 0.97  # of z_freedom
 # of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
 # z_freedom 9.5: rel_l2 0.041); with a fifth, optimising every level pays (z_freedom 8: 0.059 against 0.115)
