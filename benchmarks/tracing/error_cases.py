@@ -69,7 +69,8 @@ def designed(name: str, backend: Backend) -> tuple[OpticalSystem, Lens]:
     problem = load_problem(ROOT / "examples" / f"{name}.toml")
     path = STORE / f"{name}.json"
     if not path.exists():
-        brief = replace(problem, optimizer=replace(problem.optimizer, iterations=(ITERATIONS[name],)))
+        options = replace(problem.optimizer, iterations=(ITERATIONS[name],), finish=0, rays_per_pixel=4.0)
+        brief = replace(problem, optimizer=options)
         lens, _ = design(OpticalSystem(brief), backend)
         STORE.mkdir(parents=True, exist_ok=True)
         write_lens(lens, path)

@@ -13,12 +13,14 @@ from dataclasses import replace
 from importlib.util import find_spec
 from time import perf_counter
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
-from optics.optimisation import MARGIN, Objective
+from optics.analysis import measure
+from optics.optimisation import MARGIN, Mirrors, Objective, design, mirror_axes, stage_objective, stages
 from optics.problem import load_problem
 from optics.runtime import Backend, DrArray, Row, load_backend, median_seconds
 from optics.sources import RayGrid, collimated_beam, single_rays
@@ -31,6 +33,7 @@ COUNT, REPEATS = 449, 9
 WINDOW = BSplineWindow(3)
 FAR_CUT = 8.0  # sigma, where a Gaussian is 1e-14
 SPP = 4
+MIRRORED = 1e-12  # relative change of loss and gradient by tracing one half
 
 Gradients = list[NDArray[np.float64]]
 Evaluate = Callable[[], tuple[float, Gradients]]
@@ -76,6 +79,9 @@ def rows() -> list[Row]:
         *_first_meetings(*extended, backend),
         *_compilation(*extended, backend),
         *_camera(*pearl, backend),
+        *_mirror(*extended, backend),
+        *_fresnel(*pearl, backend),
+        *_whole_design(),
     ]
 
 
@@ -295,3 +301,57 @@ def _compilation(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ro
     fast, slow = (float(np.median([changing(o) for _ in range(REPEATS)])) for o in objectives)
     same = _pair(system, "compilation", *(lambda o=o: _loss_and_gradients(o, [c]) for o in objectives))[2]
     return [*_timed("compilation", fast, slow, same.value, same.limit)]
+
+
+def _mirror(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
+    """One half of the rays of a mirror-symmetric problem, on a symmetric lens."""
+    stage = stages(system, False)[-1]
+    target = system.target.irradiance(stage.screen, 0.88)
+    axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
+    mirrors = [Mirrors(sag.space, axes) for sag in lens.sags]
+    c = [m.of_coefficients(sag.coefficients) for m, sag in zip(mirrors, lens.sags)]
+
+    def evaluate(objective: Objective) -> tuple[float, Gradients]:
+        loss, gradients = _loss_and_gradients(objective, c)
+        return loss, [m.of_coefficients(g) for m, g in zip(mirrors, gradients)]
+
+    half, whole = (stage_objective(system, lens, stage, target, backend, a) for a in (axes, ()))
+    (loss, gradients), (other_loss, others) = evaluate(half), evaluate(whole)
+    distance = max(np.linalg.norm(g - o) / np.linalg.norm(o) for g, o in zip(gradients, others))
+    seconds = (median_seconds(lambda o=o: o(c), REPEATS) for o in (half, whole))
+    difference = max(abs(loss / other_loss - 1), float(distance))
+    return _timed("mirror images", *seconds, difference, MIRRORED)
+
+
+def _fresnel(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
+    rays = system.source.rays((COUNT, COUNT))
+    tracers = (Tracer(backend, lens, rays, system.target.z, fresnel=on) for on in (False, True))
+    without, with_losses = (_evaluation(system, lens, backend, tracer) for tracer in tracers)
+    seconds = [median_seconds(evaluate, REPEATS) for evaluate in (without, with_losses)]
+    return _timed("fresnel", *seconds, abs(without()[0] / with_losses()[0] - 1), None)
+
+
+def _whole_design() -> list[Row]:
+    """The square top hat with every skip that a problem can set, and with none of them.
+
+    Without: the whole source is traced, every cell is refined, vertex gradients are computed on every level.
+    """
+    problem = load_problem(EXAMPLES / "tophat_square.toml")
+    lean = replace(problem, optimizer=replace(problem.optimizer, fresnel=False))
+    full = replace(problem, refinement=replace(problem.refinement, indicator="vertex", alpha=(0.0,)))
+    backend, seconds, errors = load_backend("double"), [], []
+    for chosen, axes in ((lean, (0, 1)), (full, ())):
+        system = OpticalSystem(chosen)
+        with patch("optics.optimisation.loop.mirror_axes", return_value=axes):
+            seconds.append(median_seconds(lambda s=system: design(s, backend), 3))
+            lens, _ = design(system, backend)
+        errors.append(measure(OpticalSystem(problem), lens, backend).metrics["rel_l2"])
+    return [
+        Row("whole design of a top hat, all skips: optimisation", seconds[0], "s", f"rel_l2 {errors[0]:.4f}"),
+        Row(
+            "whole design of a top hat, no skips: optimisation",
+            seconds[1],
+            "s",
+            f"{seconds[1] / seconds[0]:.2f} times, rel_l2 {errors[1]:.4f}",
+        ),
+    ]

@@ -45,6 +45,10 @@ if TYPE_CHECKING:
         State as State,
         earlier_state as earlier_state,
     )
+    from optics.optimisation.symmetry import (
+        Mirrors as Mirrors,
+        mirror_axes as mirror_axes,
+    )
     from optics.optimisation.transport_start import (
         TransportStart as TransportStart,
     )
@@ -83,6 +87,10 @@ _FILES = {
         "Row",
         "State",
         "earlier_state",
+    ),
+    "symmetry": (
+        "Mirrors",
+        "mirror_axes",
     ),
     "transport_start": ("TransportStart",),
 }

@@ -119,10 +119,10 @@ def _asked(
 ) -> NDArray[np.float64]:
     """Return the target irradiance that a stage asks for.
 
-    Its flux is what the unoptimised lens sends on, W, but in the final stages of an extended source: there it
-    is what the present lens sends on, since light that cannot arrive blurs what does.
+    Its flux is what the unoptimised lens sends on, W, but in the finish: there it is what the present lens
+    sends on, since asking for light that cannot arrive spoils what does.
     """
-    if stage.final and system.source.extended:
+    if stage.finish:
         flux = transmitted_flux(system, backend, lens)
     return system.target.irradiance(stage.screen, flux)
 

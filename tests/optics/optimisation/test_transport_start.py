@@ -38,7 +38,9 @@ def test_slopes_of_a_surface_of_the_space_give_it_back():
     sag = THBSurface(space, rough(space, 0.1))
     x, y = (h * ((2 * np.arange(96) + 1) / 96 - 1) for h in (10.0, 8.0))
     found = fit_slopes(space, x, y, sag.grid(x, y, (1, 0)), sag.grid(x, y, (0, 1)), np.ones((96, 96)))
-    assert np.ptp(found.coefficients - sag.coefficients) < 0.01 * 0.2  # conjugate gradients end at 3e-4 of the right side
+    assert (
+        np.ptp(found.coefficients - sag.coefficients) < 0.01 * 0.2
+    )  # conjugate gradients end at 3e-4 of the right side
     assert found.coefficients.max() == pytest.approx(-found.coefficients.min(), abs=1e-15)
 
 
