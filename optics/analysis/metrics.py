@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
 LEAST_CELLS = 64
 COARSER = 2  # the second grid, with which the first is compared
-ORDER = 1.1  # of the error in the number of cells; 1 of the map, 1.5 of what pixel borders cut: measured
+ORDER = 1.05  # of the error in the number of cells; 1 of the map, 1.5 of what pixel borders cut: measured
 RAYS_PER_PIXEL = 11  # of extended sources, in each direction, for each of the two ray sets
 BLUR = 0.5 / RAYS_PER_PIXEL  # pixels: a ray that lands so near to a border counts for both pixels
 LEAST_PER_PIXEL, MOST_RAYS = 3, 4096  # on large screens: so many per pixel, or so many per direction
