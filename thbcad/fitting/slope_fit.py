@@ -88,13 +88,16 @@ def fit_slopes(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, we
 def level_misfits(
     space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats, weight: Floats, levels: int
 ) -> Floats:
-    """Return the root mean square misfit of slopes on the whole mesh of each level, (levels,).
+    """Return the root mean square misfit of slopes on the whole mesh of each level, (levels or fewer,).
 
     weight : (nx, ny), of the squares in the mean.
+    Levels with more functions than samples in a direction are left out: they would fit anything.
     """
     out = []
     kv_u, kv_v = space.kv_u, space.kv_v
     for _ in range(levels):
+        if out and (kv_u.dim > len(x) or kv_v.dim > len(y)):
+            break
         net = _tensor_fit(kv_u, kv_v, x, y, zx, zy)
         (a0, a1), (b0, b1) = ((kv.collocation(s), kv.collocation(s, 1)) for kv, s in ((kv_u, x), (kv_v, y)))
         values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))

@@ -1,0 +1,62 @@
+"""The last pass on unmerged pixels, and losses by reflection left out."""
+
+import pytest
+
+from optics.optimisation import stages, transmitted_flux
+from optics.tracing import Tracer
+from tests.optics.optimisation.cases import loaded, run
+
+GLOWING = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.3, 0.3],
+    "source.half_angle": 40.0,
+    "optimizer.start": "flat",
+    "optimizer.window": "bspline",
+    "optimizer.window_degree": 3,
+    "optimizer.merge": 2,
+    "optimizer.lost_flux_weight": 0.0,
+    "lens.rear.freeform.max_level": 1,
+}
+
+
+def test_a_finish_is_one_more_stage_on_unmerged_pixels(tmp_path):
+    plan = stages(loaded(tmp_path, GLOWING | {"optimizer.finish": 9}), False)
+    *before, last = plan
+    assert before == stages(loaded(tmp_path, GLOWING), False) or len(before) == 2
+    assert [stage.finish for stage in plan] == [False, False, True]
+    assert (last.level, last.iterations) == (1, 9)
+    assert last.screen.pixels == (48, 48)
+    assert before[-1].screen.pixels == (24, 24)
+
+
+def test_a_finish_asks_for_the_light_that_arrives(tmp_path, backend):
+    """Its fit is of a target with less light; the loss falls in it."""
+    made = run(tmp_path, backend, GLOWING | {"optimizer.finish": 8, "optimizer.iterations": [8]})
+    assert made.state.stage == 3
+    last = [row for stage, row in made.calls if stage.finish]
+    assert len(last) > 3
+    assert min(row.loss for row in last) < last[0].loss
+    arrives = transmitted_flux(made.system, backend, made.lens)
+    assert arrives != pytest.approx(transmitted_flux(made.system, backend), rel=1e-3)
+
+
+def test_without_fresnels_losses_all_refracted_light_passes(tmp_path, backend):
+    system = loaded(tmp_path)
+    lens = system.lens
+    c = [sag.coefficients for sag in lens.sags]
+    passing = {}
+    for fresnel in (True, False):
+        tracer = Tracer(backend, lens, system.source.rays((33, 33)), system.target.z, fresnel=fresnel)
+        _, landing = tracer.trace(c)
+        passing[fresnel] = tracer.fates(landing, system.target.settings.half_width)
+    assert passing[False].transmitted == pytest.approx(system.problem.source.flux, rel=1e-12)
+    assert passing[False].front_reflected == pytest.approx(0, abs=1e-15)
+    assert passing[True].transmitted < 0.93 * system.problem.source.flux
+
+
+def test_a_design_without_fresnels_losses_ends_with_nearly_the_same_light(tmp_path, backend):
+    """Transmittance varies by half a percent over this lens."""
+    made = [run(tmp_path, backend, {"optimizer.fresnel": on}) for on in (True, False)]
+    first, other = (m.state.history[-1].fit for m in made)
+    assert first != other
+    assert first == pytest.approx(other, rel=0.1)
