@@ -2,7 +2,8 @@
 
 A cell with corners 0, 1 (towards j + 1), 2 (towards i + 1) and 3 becomes the triangles (0, 2, 3) and
 (0, 3, 1), each with half of what arrives of the cell's flux.  A triangle lights a pixel with the part of its
-area that lies there; one of less than LEAST_AREA with the part of its longest edge.  Positions are taken as
+area that lies there; one of less than LEAST_AREA with the part of its longest edge, where it is as thick as
+the triangle: from nothing at both ends to the most beside the third corner.  Positions are taken as
 the binary fractions that they are, in pixel units: a along the rows, downwards, b along the columns.
 """
 
@@ -41,12 +42,11 @@ def exact_image(
     for corners, flux in triangles(screen, x, y, emitted, passing):
         area = signed_area(corners)
         whole = abs(area) >= LEAST_AREA
-        edge = max(
-            ((corners[k], corners[(k + 1) % 3]) for k in range(3)), key=_square
-        )  # of equal ones the first
+        turned = ((corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]) for k in range(3))
+        edge = max(turned, key=_square)  # of equal ones the first
         for i in _touched([p[0] for p in corners], rows):
             for j in _touched([p[1] for p in corners], columns):
-                part = area_within(corners, i, j) / area if whole else length_within(edge, i, j)
+                part = area_within(corners, i, j) / area if whole else thickness_within(edge, i, j)
                 image[i, j] += flux * part
     return image
 
@@ -109,21 +109,38 @@ def area_within(polygon: tuple[Point, ...] | list[Point], i: int, j: int) -> Fra
     return signed_area(part) if part else Fraction(0)
 
 
-def length_within(edge: tuple[Point, Point], i: int, j: int) -> Fraction:
-    """Return the fraction of an edge that lies within pixel (i, j), its lower borders and not the upper."""
+def thickness_within(corners: tuple[Point, Point, Point], i: int, j: int) -> Fraction:
+    """Return the part of a thin triangle on its first edge within pixel (i, j).
+
+    The pixel has its lower borders and not the upper ones.
+    """
+    u, v, _ = corners
     start, end = Fraction(0), Fraction(1)
-    for u, v, first in zip(*edge, (i, j)):
-        if u == v:
-            if floor(u) != first:
+    for a, b, first in zip(u, v, (i, j)):
+        if a == b:
+            if floor(a) != first:
                 return Fraction(0)
             continue
-        low, high = sorted([(first - u) / (v - u), (first + 1 - u) / (v - u)])
+        low, high = sorted([(first - a) / (b - a), (first + 1 - a) / (b - a)])
         start, end = max(start, low), min(end, high)
-    return max(end - start, Fraction(0))
+    return _up_to(corners, end) - _up_to(corners, start) if end > start else Fraction(0)
 
 
-def _square(edge: tuple[Point, Point]) -> Fraction:
-    return sum(((u - v) ** 2 for u, v in zip(*edge)), Fraction(0))
+def _up_to(corners: tuple[Point, Point, Point], t: Fraction) -> Fraction:
+    """Return the part of a thin triangle before u + t (v - u)."""
+    u, v, w = corners
+    square = _square(corners)
+    if square == 0:
+        return t
+    widest = sum(((c - a) * (b - a) for a, b, c in zip(u, v, w)), Fraction(0)) / square
+    if t < widest:
+        return t * t / widest
+    return 1 - (1 - t) ** 2 / (1 - widest) if widest < 1 else Fraction(1)
+
+
+def _square(corners: tuple[Point, Point, Point]) -> Fraction:
+    """Return the squared length of the first edge."""
+    return sum(((u - v) ** 2 for u, v in zip(*corners[:2])), Fraction(0))
 
 
 def _beyond(polygon: list[Point], axis: int, line: Fraction, sign: int) -> list[Point]:

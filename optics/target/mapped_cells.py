@@ -19,8 +19,8 @@ The adjoint of dL = sum over P of g_P dE_P needs of an edge from u to v, p(t) = 
 With m = (J0 of the three edges) / A a triangle's derivative by f is m, and that by its corners is
 f / A * J1 (db, -da) at u, f / A * J2 (db, -da) at v for every edge, and -m f / A * dA.
 
-A triangle that lies in one pixel, or has less than LEAST_AREA, is laid along its longest edge; it passes no
-derivative to its corners.
+A triangle that lies in one pixel, or has less than LEAST_AREA, is laid along its longest edge, as thick as it
+is there; it passes no derivative to its corners.
 
 Source of the running sums: R. Levien, Inside the fastest font renderer in the world (2016).
 """
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from optics.target.screen import Screen
 
 LEAST_AREA = 1e-6  # square pixels: what lies on a caustic, or is folded there
+SQUARE = 1e-300  # square pixels, of an edge without length
+END = 1e-12  # of an edge: where the width of a triangle rises or falls at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,15 +193,25 @@ class MappedCells:
             rows = (corners[k] for k in order)
             return [dr.select(third, z, dr.select(second, y, x)) for x, y, z in zip(*rows)]
 
-        (ua, ub), (va, vb) = chosen((0, 1, 2)), chosen((1, 2, 0))
+        (ua, ub), (va, vb), (wa, wb) = (chosen(k) for k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)))
+        da, db = va - ua, vb - ub
+        square = dr.maximum(da * da + db * db, SQUARE)
+        widest = dr.clip(((wa - ua) * da + (wb - ub) * db) / square, END, 1 - END)
+
+        def up_to(t: DrArray) -> DrArray:
+            """Return the part of the flux from the start of the edge: the width rises and falls linearly."""
+            rest = 1 - t
+            return dr.select(t < widest, t * t / widest, 1 - rest * rest / (1 - widest))
 
         def lay(numbers: Numbers, piece: Pieces) -> Numbers:
-            part = dr.select((piece.i >= 0) & (piece.i < rows), triangles.flux * piece.length, 0)
+            half = 0.5 * piece.length
+            share = up_to(piece.middle + half) - up_to(piece.middle - half)
+            part = dr.select((piece.i >= 0) & (piece.i < rows), triangles.flux * share, 0)
             self._add(differences, piece, part, -part)
             return numbers
 
         laid = (triangles.flux > 0) & (triangles.density == 0)
-        walk(dr, Edges(ua, ub, va - ua, vb - ub), laid, self._counts, lay)
+        walk(dr, Edges(ua, ub, da, db), laid, self._counts, lay)
 
     def _add(self, differences: DrArray, piece: Pieces, at: DrArray, behind: DrArray) -> None:
         """Add to the differences before a piece's pixel and behind it, which lie side by side in memory."""

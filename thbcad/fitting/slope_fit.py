@@ -93,7 +93,7 @@ def level_misfits(
     weight : (nx, ny), of the squares in the mean.
     Levels with more functions than samples in a direction are left out: they would fit anything.
     """
-    out = []
+    out: list[float] = []
     kv_u, kv_v = space.kv_u, space.kv_v
     for _ in range(levels):
         if out and (kv_u.dim > len(x) or kv_v.dim > len(y)):
