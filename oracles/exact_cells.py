@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optics.target import Screen
 
-LEAST_AREA = Fraction(1e-6)  # square pixels
+LEAST_AREA = Fraction(1e-9)  # square pixels
 STEP = Fraction(1, 1 << 100)  # of the derivatives, mm
 
 Point = tuple[Fraction, Fraction]

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
     from optics.target.screen import Screen
 
-LEAST_AREA = 1e-6  # square pixels: what lies on a caustic, or is folded there
+LEAST_AREA = 1e-9  # square pixels: what lies on a caustic, or is folded there
 SQUARE = 1e-300  # square pixels, of an edge without length
 END = 1e-12  # of an edge: where the width of a triangle rises or falls at once
 
