@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from optics.sources import corner_flux
 from optics.target import MappedCells, Screen
+from optics.target.mapped_cells import LEAST_AREA
 from oracles.exact_cells import exact_image, signed_area, triangles
 
 UNIT = 2.0**-53  # the relative rounding of one operation
@@ -79,7 +80,7 @@ class Sheet:
         for corners, flux in self._triangles():
             extent = max(float(max(axis) - min(axis)) for axis in zip(*corners))
             area = abs(float(signed_area(corners)))
-            total += float(flux) * max(1.0, reach * extent / area if area >= 1e-6 else 1.0)
+            total += float(flux) * max(1.0, reach * extent / area if area >= LEAST_AREA else 1.0)
         return 32 * UNIT * total
 
     def _triangles(self):
