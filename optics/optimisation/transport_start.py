@@ -178,7 +178,7 @@ class TransportStart:
         """Return light and slopes for parallel rays: the rear changes neither density nor directions."""
         source, lens = self._system.source, self._lens
         size = source.settings.half_width
-        half = [min(s, f) for s, f in zip(size, lens.front.half_width)]
+        half = [min(h) for h in zip(size, lens.front.half_width, lens.rear.half_width)]
         relative = [b / s for b, s in zip(half, size)]
 
         def emitted(grid: tuple[int, ...]) -> Floats:

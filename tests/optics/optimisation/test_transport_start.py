@@ -150,3 +150,17 @@ def test_the_base_conic_does_not_matter(tmp_path, backend):
         points.append(np.column_stack([landing.x.numpy(), landing.y.numpy()]))
     assert np.abs(points[1] - points[0]).max() < 0.42
     assert np.abs(points[2] - points[0]).max() < 0.42
+
+
+def test_a_beam_wider_than_the_rear_starts_from_the_light_that_meets_it(tmp_path, backend):
+    """The map spreads it over the target: 8 / 9.5 of the beam in each direction, to half a pixel."""
+    changes = {"lens.rear.half_width": [8.0, 8.0]}
+    problem = load_problem(write_problem(tmp_path, changes, WHITE))
+    lens = OpticalSystem(problem).lens
+    space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
+    sag = TransportStart(OpticalSystem(problem), backend).fit(space).sag
+    lens = lens.with_rear(lens.rear.with_sag(sag))
+    _, landing, _, beam = traced(backend, lens, (8.0, 8.0), (61, 59), problem.target_z, (20.0, 20.0))
+    x, y = mesh(beam)
+    assert np.abs(landing.x.numpy() - 20 / 8.0 * x).max() < 0.42
+    assert np.abs(landing.y.numpy() - 20 / 8.0 * y).max() < 0.42
