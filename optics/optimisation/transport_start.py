@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 
 from optics.optimisation.indicators import summed_over_cells
 from optics.system import target_irradiance
-from optics.target import BSplineWindow, Screen, Splat
+from optics.target import BSplineWindow, Screen, Splat, lit_part
 from optics.tracing import Tracer
 from optics.transport import height_from_slopes, transport_map
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
@@ -94,7 +94,7 @@ class TransportStart:
     def __init__(self, system: OpticalSystem, backend: Backend) -> None:
         self._system, self._lens, self._backend = system, system.lens, backend
         screen = system.target.screen()
-        self._lit, self._centre, self._half = _lit_part(system.target.irradiance(screen, 1.0), screen)
+        self._lit, self._centre, self._half = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
         nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels)
         self._cells = nx, ny
         self._bound = INSIDE * system.problem.lens.rear.freeform.z_freedom
@@ -284,19 +284,6 @@ def _traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Se
 def _centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:
     x, y = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(half, cells))
     return x, y
-
-
-def _lit_part(image: Floats, screen: Screen) -> tuple[Floats, tuple[float, float], tuple[float, float]]:
-    """Return the least rectangle of an irradiance outside of which all is dark, its centre and half-widths.
-
-    Dark is at most DARK of the greatest irradiance; lengths are in mm.
-    """
-    bright = image > DARK * image.max()
-    rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
-    (hx, hy), (r0, r1, c0, c1) = screen.half_width, (rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
-    wide, tall = hx / image.shape[1], hy / image.shape[0]  # half a pixel
-    centre = float((c0 + c1) * wide - hx), float(hy - (r0 + r1) * tall)
-    return image[r0:r1, c0:c1], centre, (float((c1 - c0) * wide), float((r1 - r0) * tall))
 
 
 def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:

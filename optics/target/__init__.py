@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     )
     from optics.target.screen import (
         Screen as Screen,
+        lit_part as lit_part,
     )
     from optics.target.splat import (
         Splat as Splat,
@@ -41,7 +42,10 @@ _FILES = {
         "read_picture",
     ),
     "regions": ("uniform_region",),
-    "screen": ("Screen",),
+    "screen": (
+        "Screen",
+        "lit_part",
+    ),
     "splat": ("Splat",),
     "windows": (
         "BSplineWindow",

@@ -69,3 +69,18 @@ class Screen:
         """Return the image without the margin."""
         m = self.margin
         return padded[m : padded.shape[0] - m, m : padded.shape[1] - m]
+
+
+def lit_part(
+    image: NDArray[np.float64], screen: Screen, dark: float
+) -> tuple[NDArray[np.float64], tuple[float, float], tuple[float, float]]:
+    """Return the least rectangle of an irradiance outside of which all is dark, its centre and half-widths.
+
+    dark : of the greatest irradiance, what counts as dark at most.  Lengths are in mm.
+    """
+    bright = image > dark * image.max()
+    rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
+    (hx, hy), (r0, r1, c0, c1) = screen.half_width, (rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
+    wide, tall = hx / image.shape[1], hy / image.shape[0]  # half a pixel
+    centre = float((c0 + c1) * wide - hx), float(hy - (r0 + r1) * tall)
+    return image[r0:r1, c0:c1], centre, (float((c1 - c0) * wide), float((r1 - r0) * tall))
