@@ -108,12 +108,12 @@ def test_work_that_is_stopped_cleans_up_and_says_nothing(tmp_path, capfd):
 def written(path):
     """Write a file as slowly as nobody waits for."""
     half = path.with_name("half")
-    half.touch()
     try:
+        half.touch()
         time.sleep(1000)
         half.rename(path)
     finally:
-        half.unlink()
+        half.unlink(missing_ok=True)
 
 
 def test_a_process_that_dies_is_an_error_not_a_wait(process):
