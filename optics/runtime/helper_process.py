@@ -57,13 +57,15 @@ class SecondProcess:
         return self._caller.submit(self._answer, module, function, arguments)
 
     def stop(self) -> None:
-        """End the process as Ctrl-C does, so that no half of a file is left, or else without asking."""
-        self._process.send_signal(signal.SIGINT)
-        try:
-            self._process.wait(PATIENCE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        """End the process as Ctrl-C does, so that no half of a file is left, or else without asking.
+
+        A package that is being loaded may swallow the first signal.
+        """
+        for ask in (signal.SIGINT, signal.SIGINT, signal.SIGKILL):
+            self._process.send_signal(ask)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(PATIENCE)
+                break
         self._caller.shutdown(cancel_futures=True)
         self._pipe.close()
 
