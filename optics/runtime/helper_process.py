@@ -100,6 +100,7 @@ def serve() -> None:
     """Answer the requests of the process that started this one, until that ends."""
     collect_rarely()
     with suppress(EOFError, OSError, KeyboardInterrupt), Connection(int(sys.argv[1])) as pipe:
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # work in the background inherits none
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while True:
             pipe.send(_called(*pipe.recv()))
