@@ -67,14 +67,12 @@ class _CellTracer:
             corners = seen[1:, 1:] + seen[1:, :-1] + seen[:-1, 1:] + seen[:-1, :-1]
             cut = (corners > 0) & (corners < 4) & (emitted > 0)
             if cut.any():
-                return replace(self.light_of_whole(rays, np.where(cut, 0.0, emitted)), cut=cut)
+                whole = np.where(cut, 0.0, emitted)
+                flux = corner_flux(whole).reshape(rays.flux.shape)
+                return replace(self.light(replace(rays, flux=flux), whole), cut=cut)
             cells = MappedCells(self.backend, self.screen, emitted, rays.flux)
             image = cells(landing.x, landing.y, landing.flux, sound > 0).numpy()
         return _Light(image, tracer.fates(landing, self.screen.half_width), cut)
-
-    def light_of_whole(self, rays: RayGrid | Rays, emitted: Floats) -> _Light:
-        flux = corner_flux(emitted).reshape(rays.flux.shape)
-        return self.light(replace(rays, flux=flux), emitted)
 
     def points(self, rays: Rays) -> _Light:
         """Return the light of rays where they land."""

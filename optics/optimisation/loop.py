@@ -49,6 +49,7 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     ------
     UserError : (almost) nothing passes the lens.
     """
+    which = "unoptimised lens" if lens is None else "lens"
     lens, target, flux = lens or system.lens, system.target, system.problem.source.flux
     fresnel = system.problem.optimizer.fresnel
     tracer = Tracer(backend, lens, system.source.rays((129, 129)), target.z, fresnel=fresnel)
@@ -56,7 +57,7 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * flux:
         raise UserError(
-            f"only {fates.transmitted:.3g} W of {flux:.3g} W pass the unoptimised lens (totally reflected "
+            f"only {fates.transmitted:.3g} W of {flux:.3g} W pass the {which} (totally reflected "
             f"{fates.total_internal:.3g} W, past the rear surface {fates.missed_rear:.3g} W); "
             "change the lens prescription"
         )

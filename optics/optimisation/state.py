@@ -91,4 +91,5 @@ def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
                 f"the {name} surface of the earlier design differs in half_width, radius, conic, degree or "
                 f"spans; make lens.{name} equal to its problem.toml"
             )
-    return State(False, len(stages(system, False)) - 1, tuple(sags))
+    final = next(k for k, stage in enumerate(stages(system, False)) if stage.final)
+    return State(False, final, tuple(sags))

@@ -19,6 +19,7 @@ rest, there and for uneven weights.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,8 +95,7 @@ def level_misfits(
     Levels with more functions than samples in a direction are left out: they would fit anything.
     """
     out: list[float] = []
-    kv_u, kv_v = space.kv_u, space.kv_v
-    for _ in range(levels):
+    for kv_u, kv_v in _level_knots(space, levels):
         if out and (kv_u.dim > len(x) or kv_v.dim > len(y)):
             break
         net = _tensor_fit(kv_u, kv_v, x, y, zx, zy)
@@ -103,7 +103,6 @@ def level_misfits(
         values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
         square = np.average((a1 @ values - zx) ** 2 + (a0 @ slopes - zy) ** 2, weights=weight)
         out.append(float(np.sqrt(square)))
-        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
     return np.array(out)
 
 
@@ -114,12 +113,10 @@ def seen_functions(space: THBSpace, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """
     level, i, j = space.functions.T
     out = np.zeros(space.dim, dtype=bool)
-    kv_u, kv_v = space.kv_u, space.kv_v
-    for number in range(space.levels):
+    for number, (kv_u, kv_v) in enumerate(_level_knots(space, space.levels)):
         of_level = level == number
         seen_u, seen_v = (_seen(kv.collocation(s)) for kv, s in ((kv_u, x), (kv_v, y)))
         out[of_level] = seen_u[i[of_level]] & seen_v[j[of_level]]
-        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
     return out
 
 
@@ -127,14 +124,20 @@ def _level_fits(space: THBSpace, x: Floats, y: Floats, zx: Floats, zy: Floats) -
     """Return the coefficients of a space's functions in the fits of their levels, (dim,)."""
     level, i, j = space.functions.T
     out = np.zeros(space.dim)
-    kv_u, kv_v = space.kv_u, space.kv_v
-    for number in range(space.levels):
+    for number, (kv_u, kv_v) in enumerate(_level_knots(space, space.levels)):
         of_level = level == number
         if of_level.any():
             net = _tensor_fit(kv_u, kv_v, x, y, zx, zy)
             out[of_level] = net[i[of_level], j[of_level]]
-        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
     return out
+
+
+def _level_knots(space: THBSpace, levels: int) -> Iterator[tuple[KnotVector, KnotVector]]:
+    """Yield the knot vectors of whole levels, coarsest first."""
+    kv_u, kv_v = space.kv_u, space.kv_v
+    for _ in range(levels):
+        yield kv_u, kv_v
+        kv_u, kv_v = kv_u.bisect(), kv_v.bisect()
 
 
 def _tensor_fit(kv_u: KnotVector, kv_v: KnotVector, x: Floats, y: Floats, zx: Floats, zy: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from optics.optimisation import stages, transmitted_flux
+from optics.optimisation import earlier_state, stages, transmitted_flux
 from optics.tracing import Tracer
 from tests.optics.optimisation.cases import loaded, run
 
@@ -60,3 +60,11 @@ def test_a_design_without_fresnels_losses_ends_with_nearly_the_same_light(tmp_pa
     first, other = (m.state.history[-1].fit for m in made)
     assert first != other
     assert first == pytest.approx(other, rel=0.1)
+
+
+def test_an_earlier_design_goes_through_the_last_level_and_its_finish(tmp_path):
+    """Not through the finish alone."""
+    system = loaded(tmp_path, GLOWING | {"optimizer.finish": 9})
+    plan = stages(system, False)
+    state = earlier_state(system, system.lens)
+    assert [(stage.level, stage.finish) for stage in plan[state.stage :]] == [(1, False), (1, True)]
