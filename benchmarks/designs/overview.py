@@ -8,6 +8,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -19,7 +20,7 @@ from scipy.integrate import dblquad
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import LANDING, run_design
 from optics.optimisation import MARGIN, Objective
-from optics.problem import load_problem
+from optics.problem import Optimizer, load_problem, problem_to_toml
 from optics.runtime import Backend, Row, load_backend, median_seconds
 from optics.sources import collimated_beam
 from optics.system import OpticalSystem
@@ -53,6 +54,7 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for name, limits in DESIGNS.items():
             out += _design(name, Path(folder) / name, limits)
+        out += _table_61(Path(folder))
         lens = read_lens(Path(folder) / "pearl" / "lens.json")
     system, backend = OpticalSystem(load_problem(PEARL)), load_backend("double", 1)
     return [*out, *_objective(system, lens, backend), *_flux(system, backend), *_start()]
@@ -84,6 +86,24 @@ def _design(name: str, folder: Path, limits: tuple[float, float, float]) -> list
         Row(f"{name}: peak memory", metrics["peak_mb"], "MB"),
         Row(f"{name}: STEP faces against the optimised surface", faces, "mm", "", 1e-10),
         Row(f"{name}: landing points, independent trace", run.checks[LANDING], "mm", "", 1e-8),
+    ]
+
+
+def _table_61(folder: Path) -> list[Row]:
+    """Return the error of Table 6.1 of the thesis as printed, where z_freedom cuts off much of the map.
+
+    The limits are what a flat start reaches.
+    """
+    problem = load_problem(PEARL)
+    freeform = replace(problem.lens.rear.freeform, z_freedom=5.0)
+    rear = replace(problem.lens.rear, radius=100.0, freeform=freeform)
+    problem = replace(problem, lens=replace(problem.lens, rear=rear), optimizer=Optimizer())
+    path = folder / "table_61.toml"
+    path.write_text(problem_to_toml(problem), "utf-8")
+    metrics = run_design(path, folder / "table_61").metrics
+    return [
+        Row("Table 6.1 as printed: rel_l2", metrics["rel_l2"], "", "flat start 0.139", 0.139),
+        Row("Table 6.1 as printed: efficiency", metrics["efficiency"], "", "flat start 0.899", 0.899, ">="),
     ]
 
 
