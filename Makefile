@@ -48,10 +48,10 @@ QUICK = \
 	tests/optics/optimisation/test_bounded_variables.py \
 	tests/optics/optimisation/test_loop_failures.py \
 	tests/optics/optimisation/test_refinement.py \
-	tests/optics/optimisation/test_result_folder.py \
 	tests/optics/problem/test_schema.py \
 	tests/optics/problem/test_toml_text.py \
 	tests/optics/report/test_html.py \
+	tests/optics/results \
 	tests/optics/runtime \
 	tests/optics/sources \
 	tests/optics/system/test_lens.py \

@@ -5,6 +5,11 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.analysis.judgement import (
+        delivery_checks as delivery_checks,
+        loss_notes as loss_notes,
+        verdict as verdict,
+    )
     from optics.analysis.lens_trace import (
         NEGLIGIBLE as NEGLIGIBLE,
         conservation as conservation,
@@ -27,6 +32,11 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "judgement": (
+        "delivery_checks",
+        "loss_notes",
+        "verdict",
+    ),
     "lens_trace": (
         "NEGLIGIBLE",
         "conservation",

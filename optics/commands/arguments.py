@@ -13,7 +13,8 @@ def parser() -> argparse.ArgumentParser:
     main = argparse.ArgumentParser(
         prog="thbcad",
         description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
-        epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted",
+        epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, "
+        "130 interrupted, 143 terminated",
     )
     main.add_argument("--version", action="version", version=f"thbcad {__version__}")
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -28,11 +29,18 @@ def _problem_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("problem", metavar="PROBLEM.toml")
 
 
+def _force_option(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--force", action="store_true", help="replace files that another problem or program wrote"
+    )
+
+
 def _design_options(command: argparse.ArgumentParser) -> None:
     _problem_options(command)
     command.add_argument(
         "--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)"
     )
+    _force_option(command)
     command.add_argument(
         "--resume", action="store_true", help="go on from the checkpoint in the result folder"
     )
@@ -95,6 +103,7 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="error that meshes may have, in mm (default: 1e-3)",
     )
+    _force_option(command)
 
 
 def _trace_options(command: argparse.ArgumentParser) -> None:
@@ -107,6 +116,7 @@ def _trace_options(command: argparse.ArgumentParser) -> None:
         help="of the sequential trace (default: double)",
     )
     command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/trace)")
+    _force_option(command)
 
 
 def _etendue_options(command: argparse.ArgumentParser) -> None:
@@ -125,6 +135,7 @@ def _etendue_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out", metavar="FILE.png", help="picture of target, best light and the source's image"
     )
+    _force_option(command)
 
 
 def _bench_options(command: argparse.ArgumentParser) -> None:

@@ -1,7 +1,7 @@
 """The command line.
 
 Results go to stdout (--json for machines), progress and messages to stderr.  Exit codes:
-0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted.
+0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from importlib import import_module
 
 from optics.commands.arguments import parser
 from optics.commands.outcome import Outcome
+from optics.commands.stop_signals import Stop, stop_signals
 from optics.runtime import NumericalError, UserError, collect_rarely
 from thbcad.doors import missing_packages, pip_command
 
@@ -23,6 +25,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with stop_signals() as stop:
+        return _run(options, stop)
+
+
+def _run(options: Namespace, stop: Stop) -> int:
+    """Run the command of the arguments and return the exit code."""
     try:
         _require_extra()
         command = import_module(f"optics.commands.{options.command}_command")
@@ -31,13 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"thbcad: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print("thbcad: interrupted", file=sys.stderr)
-        return 130
+        return _stopped(stop)
     except ImportError as error:
         if not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
             raise
-        print("thbcad: interrupted", file=sys.stderr)
-        return 130
+        return _stopped(stop)
     except MemoryError:
         print("thbcad: out of memory; use fewer pixels, rays or levels", file=sys.stderr)
         return NumericalError.exit_code
@@ -49,6 +55,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     _print(json_text(outcome.data) if options.json else "\n".join(outcome.lines))
     return 0 if outcome.ok else 1
+
+
+def _stopped(stop: Stop) -> int:
+    print(f"thbcad: {stop.word}", file=sys.stderr)
+    return stop.code
 
 
 def _require_extra() -> None:

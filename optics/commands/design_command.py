@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from optics.commands.design_figures import DesignFigures
+from optics.commands.notes import Notes
 from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress
-from optics.optimisation import Interrupted, ResultFolder, earlier_state
-from optics.problem import limit_checks, load_problem, problem_to_toml
-from optics.runtime import UserError, check_lines, note, peak_mb, second_process
+from optics.optimisation import Interrupted, earlier_state
+from optics.problem import limit_checks, load_problem
+from optics.results import ResultFolder, ResultWriter, read_checkpoint, write_checkpoint
+from optics.runtime import UserError, check_lines, peak_mb, second_process
 from optics.system import OpticalSystem, advice, solvable_system
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
-    from optics.optimisation import Row, State, TransportStart
-    from optics.runtime import Backend, SecondProcess
+    from optics.optimisation import State, TransportStart
+    from optics.problem import Problem
+    from optics.runtime import Backend, Check
     from optics.tracing import RayPath
     from optics.verification import ExportedStep
     from thbcad.lens import Lens, Manufacturability
@@ -43,189 +46,168 @@ class _Clock:
         return {**self.phases, "total": perf_counter() - self._start}
 
 
-class _Figures:
-    """The figures of the report, which a second process draws while this one goes on.
+@dataclass(frozen=True)
+class _Run:
+    """One design on its way.  asked : the problem as it was read."""
 
-    process : in which they are drawn.
-    """
-
-    def __init__(self, process: SecondProcess, system: OpticalSystem) -> None:
-        self.process = process
-        self._before = process.ask("optics.report", "solid_views", system.lens)
-
-    def draw_lens(self, lens: Lens, history: Sequence[Row]) -> None:
-        """Draw what needs no measurement."""
-        self._lens = self.process.ask("optics.report", "lens_figures", lens, history)
-        self._solid = self.process.ask("optics.report", "solid_views", lens)
-
-    def draw_light(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        measurement: Measurement,
-        fans: Mapping[str, Sequence[RayPath]],
-        backend: Backend,
-    ) -> None:
-        """Draw what the lens delivers; `backend` traces the rays of the scene."""
-        from optics.report import scene_paths
-
-        plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
-        self._light = self.process.ask("optics.report", "light_figures", plain, lens, measurement, fans)
-        self._scene = self.process.ask(
-            "optics.report", "scene_view", plain, lens, measurement.irradiance, paths
-        )
-
-    def drawn(self) -> dict[str, tuple[str, bytes]]:
-        """Return (caption, PNG) by name, in the order of the report."""
-        captions = {
-            "scene": "Source, lens and target, seen from behind; rays that miss the target are red.",
-            "solid_before": "The solid before optimisation.",
-            "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
-        }
-        pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
-        return {
-            **self._light.result(),
-            **self._lens.result(),
-            **{name: (caption, pictures[name].result()) for name, caption in captions.items()},
-        }
+    asked: Problem
+    folder: ResultFolder
+    notes: Notes = field(default_factory=Notes)
+    clock: _Clock = field(default_factory=_Clock)
 
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
-    clock = _Clock()
-    problem = load_problem(options.problem)
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
-    system = solvable_system(problem)
+    problem = load_problem(options.problem)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    folder.prepare()
-    for sentence in advice(system):
-        note(sentence)
+    run, system = _Run(problem, folder), solvable_system(problem)
+    with folder.taken(problem, options.force or options.resume):
+        for sentence in advice(system):
+            run.notes(sentence)
+        try:
+            return _designed(run, system, options)
+        except KeyboardInterrupt:
+            run.notes(_what_is_kept(folder))
+            raise
+
+
+def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
     from optics.optimisation import resolved
     from optics.runtime import load_backend
 
     with second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
-        backend = load_backend(problem.run.precision, problem.run.threads)
+        backend = load_backend(run.asked.run.precision, run.asked.run.threads)
         system, start = resolved(system, backend)
-        state = folder.read_checkpoint(system) if options.resume else None
+        state = None
+        if options.resume:
+            state, earlier = read_checkpoint(run.folder.checkpoint, system)
+            run.notes.extend(earlier)
         if options.earlier:
             state = earlier_state(system, ResultFolder(options.earlier).read_lens())
-        if not options.resume:
-            folder.drop_checkpoint()
-        figures = _Figures(beside, system)
-        clock.lap("setup")
-        try:
-            lens, state = _optimise(system, backend, folder, state, start)
-            clock.lap("optimise")
-            return _finish(system, lens, state, folder, clock, figures)
-        except KeyboardInterrupt:
-            if folder.has_checkpoint():
-                note(f"the same command with --resume goes on from {folder.path}")
-            raise
+        figures = DesignFigures(beside, system)
+        run.clock.lap("setup")
+        lens, state = _optimised(run, system, backend, state, start)
+        run.clock.lap("optimise")
+        return _finished(run, system, lens, state, figures)
 
 
-def _optimise(
-    system: OpticalSystem,
-    backend: Backend,
-    folder: ResultFolder,
-    state: State | None,
-    start: TransportStart | None,
+def _what_is_kept(folder: ResultFolder) -> str:
+    if folder.checkpoint.exists():
+        return f"the same command with --resume goes on from {folder.checkpoint}"
+    return "nothing was kept, since no level had begun; the same command starts again"
+
+
+def _optimised(
+    run: _Run, system: OpticalSystem, backend: Backend, state: State | None, start: TransportStart | None
 ) -> tuple[Lens, State]:
-    from optics.optimisation import design as run
+    from optics.optimisation import design as shape
 
-    progress, problem = DesignProgress(), system.problem
+    def keep(state: State) -> None:
+        write_checkpoint(run.folder.checkpoint, run.asked, system.problem, state, run.notes)
+
+    progress = DesignProgress()
     try:
-        return run(
-            system, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note, start
-        )
+        return shape(system, backend, state, progress, keep, run.notes, start)
     except Interrupted as stop:
-        folder.write_checkpoint(problem, stop.state)
+        keep(stop.state)
         raise KeyboardInterrupt from None
     finally:
         progress.close()
 
 
-def _finish(
-    system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder, clock: _Clock, figures: _Figures
-) -> Outcome:
-    """Export, measure, verify and report a designed lens."""
+def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figures: DesignFigures) -> Outcome:
+    """Export, measure and verify a designed lens; then write what can be claimed of it."""
     from optics.etendue import limit_sentence
-    from optics.problem import as_data, manufacture_rows
-    from optics.report import Report, report_html
     from optics.runtime import load_backend
-    from thbcad.io import write_bytes, write_text
     from thbcad.lens import manufacturability
 
-    problem = system.problem
-    _store(system, lens, state, folder)
+    problem, clock = system.problem, run.clock
+    writer = ResultWriter(run.folder, problem, lens, state.history)
     exported = figures.process.ask(
-        "optics.verification", "exported_step", OpticalSystem(problem), lens, folder.step
+        "optics.verification", "exported_step", OpticalSystem(problem), lens, writer.staged_step
     )
     figures.draw_lens(lens, state.history)
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
-    measurement, paths = _measured(system, lens, exact)
+    measurement, paths = _measured(run, system, lens, exact)
     figures.draw_light(system, lens, measurement, paths, exact)
     limit = limit_sentence(system, lens, measurement.metrics)
+    if limit:
+        run.notes(limit)
     clock.lap("measure")
     product = manufacturability(lens, problem.lens.density or None)
-    folder.write_json("manufacture.json", as_data(product))
-    checked = _verified(system, lens, folder, product, exported.result(), exact)
+    step = exported.result()
+    writer.place_step()
+    checks = _checks(run, system, lens, product, step, exact, measurement)
     clock.lap("verify")
     pictures = figures.drawn()
-    for name, (_, png) in pictures.items():
-        write_bytes(folder.figures / f"{name}.png", png)
     clock.lap("figures")
-    metrics = measurement.metrics | _run_metrics(lens, state, clock, figures.process)
-    folder.write_json("metrics.json", metrics)
+    metrics = measurement.metrics | _run_metrics(lens, state, run, figures)
+    return _claimed(run, writer, system, metrics, checks, product, pictures)
+
+
+def _claimed(
+    run: _Run,
+    writer: ResultWriter,
+    system: OpticalSystem,
+    metrics: dict[str, Any],
+    checks: list[Check],
+    product: Manufacturability,
+    pictures: dict[str, tuple[str, bytes]],
+) -> Outcome:
+    """Write what is now known of the lens, the record last, and return the outcome."""
+    from optics.analysis import verdict
+    from optics.problem import as_data, manufacture_rows
+    from optics.report import Report, report_html
+    from optics.runtime import verification
+
+    says = {"verdict": verdict(checks), "notes": list(run.notes)}
+    for name, (_, png) in pictures.items():
+        writer.write(f"figures/{name}.png", png)
+    writer.write_claims("manufacture.json", as_data(product))
+    checked = writer.write_claims("verify.json", verification(checks) | {"left_out": [LEFT_OUT]})
+    metrics = writer.write_claims("metrics.json", metrics | says)
     page = Report(
-        problem=problem,
+        problem=system.problem,
         metrics=metrics,
         verification=checked,
-        manufacture=manufacture_rows(product, problem.source.wavelength),
+        manufacture=manufacture_rows(product, system.problem.source.wavelength),
         pictures=pictures,
-        limit=limit,
     )
-    write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
-    folder.drop_checkpoint()
-    lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
-    data = {"folder": str(folder.path), "metrics": metrics, "verify": checked}
-    return Outcome(data, lines, checked["ok"])
+    writer.write("report.html", report_html(page, writer.problem_text).encode())
+    writer.finish(run.asked, {"ok": checked["ok"], **says})
+    run.folder.checkpoint.unlink(missing_ok=True)
+    data = {"folder": str(run.folder.path), "metrics": metrics, "verify": checked}
+    return Outcome(data, _design_lines(run.folder, metrics, checked), checked["ok"])
 
 
-def _run_metrics(lens: Lens, state: State, clock: _Clock, beside: SecondProcess) -> dict[str, Any]:
+def _run_metrics(lens: Lens, state: State, run: _Run, figures: DesignFigures) -> dict[str, Any]:
     """Return the metrics of the run itself, by name."""
     return {
         "dof": sum(sag.space.dim for sag in lens.sags),
         "levels": max(sag.space.levels for sag in lens.sags),
         "evaluations": state.evaluations,
-        "wall_s": clock.total(),
-        "peak_mb": peak_mb() + beside.ask("optics.runtime", "peak_mb").result(),
+        "wall_s": run.clock.total(),
+        "peak_mb": peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result(),
     }
 
 
-def _store(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder) -> None:
-    """Write problem, lens and history.
-
-    Only now: until then a folder keeps what belongs to an earlier run.
-    """
-    folder.write_problem(system.problem)
-    folder.write_lens(lens)
-    folder.write_history(state.history)
-
-
 def _measured(
-    system: OpticalSystem, lens: Lens, backend: Backend
+    run: _Run, system: OpticalSystem, lens: Lens, backend: Backend
 ) -> tuple[Measurement, dict[str, list[RayPath]]]:
     """Return the Measurement of a lens, and fans of rays where light may pass its edges."""
-    from optics.analysis import fans, measure, nonsequential_metrics
+    from optics.analysis import fans, loss_notes, measure, nonsequential_metrics
     from optics.tracing import efficiency_bound
 
     measurement = measure(system, lens, backend)
     metrics = measurement.metrics | {"efficiency_bound": efficiency_bound(lens.index)}
+    for sentence in loss_notes(metrics):
+        run.notes(sentence)
     if not metrics["efficiency"]:
-        note(
+        run.notes(
             "no light reaches the target; raise optimizer.lost_flux_weight, "
             "or make the target larger or nearer to the beam"
         )
@@ -235,27 +217,26 @@ def _measured(
     return replace(measurement, metrics=metrics), fans(system, lens, backend)
 
 
-def _verified(
+def _checks(
+    run: _Run,
     system: OpticalSystem,
     lens: Lens,
-    folder: ResultFolder,
     product: Manufacturability,
     step: ExportedStep,
     backend: Backend,
-) -> dict[str, Any]:
-    """Verify the STEP file and the limits of manufacturing, store and return the checks."""
-    from optics.runtime import verification
+    measurement: Measurement,
+) -> list[Check]:
+    """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing."""
+    from optics.analysis import delivery_checks
     from optics.verification import StepFile, light_checks, text_volume_check
 
-    checks = [
+    return [
         *step.checks,
-        text_volume_check(StepFile(folder.step).text, lens),
+        text_volume_check(StepFile(run.folder.step).text, lens),
         *light_checks(system, lens, step, backend),
+        *delivery_checks(measurement.metrics, system.problem.verify),
         *limit_checks(system.problem, product),
     ]
-    checked = verification(checks) | {"left_out": [LEFT_OUT]}
-    folder.write_json("verify.json", checked)
-    return checked
 
 
 def _shown(value: float | None, form: str) -> str:
@@ -270,5 +251,6 @@ def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[s
         f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
         f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
         f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        metrics["verdict"],
         f"solid {folder.step}   report {folder.path / 'report.html'}",
     ]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
 from optics.etendue import LENS_CLASS, ProblemBound, certain_bound, problem_bound, rear_area, throughput
-from optics.optimisation import ResultFolder, require_writable
 from optics.problem import load_problem
+from optics.results import ResultFolder, require_own, require_writable
 from optics.runtime import UserError
 from optics.system import solvable_system
 from optics.tracing import efficiency_bound
@@ -28,7 +28,9 @@ def etendue(options: Namespace) -> Outcome:
     if options.efficiency is not None and not 0 < options.efficiency <= 1:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     if options.out:
-        require_writable(Path(options.out))
+        out = Path(options.out)
+        require_writable(out)
+        require_own(out.parent, (out.name,), "", options.force)
     system = solvable_system(load_problem(options.problem))
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)

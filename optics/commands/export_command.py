@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from optics.commands.outcome import Outcome
+from optics.results import HASHES, hashes
 from optics.runtime import UserError, check_lines
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 def export(options: Namespace) -> Outcome:
     """Write the lens for other programs, check the file and store the checks beside it."""
-    from optics.export import Body, export as run, format_of, labelled_lens
+    from optics.export import Body, export as run, format_of, labelled_lens, report_of, require_free
     from optics.runtime import verification
     from thbcad.io import json_text, write_text
 
@@ -26,15 +27,18 @@ def export(options: Namespace) -> Outcome:
         options.patches,
         options.separate,
     )
+    require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)
     files, checks = run(lens, name, options.out, options.chord, body, labels)
+    report = report_of(options.out)
     data = {
         "format": name,
         "files": [str(file) for file in files],
         "chord_mm": options.chord,
         **verification(checks),
+        HASHES: hashes(report.parent, [file.name for file in files]),
     }
-    write_text(f"{options.out}.json", json_text(data))
+    write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
     return Outcome(data, [*check_lines(data), *written], data["ok"])
 

@@ -12,12 +12,14 @@ import numpy as np
 
 from optics.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
 from optics.commands.outcome import Outcome
-from optics.optimisation import ResultFolder, writable_folder
+from optics.results import HASHES, ResultFolder, hashes, require_own, writable_folder
 from optics.runtime import UserError
 from optics.system import OpticalSystem
 from optics.tracing import SENTENCES
 
 MOST_RAYS = 1 << 15  # per direction
+RECORD = "trace.json"
+FILES = ("irradiance.npz", "irradiance.png", "phase_space.png", "fresnel.png")
 
 
 def trace(options: Namespace) -> Outcome:
@@ -28,11 +30,11 @@ def trace(options: Namespace) -> Outcome:
 
     if not 8 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
-    result = ResultFolder(options.result)
-    system, lens = OpticalSystem(result.read_problem()), result.read_lens()
-    problem = system.problem
+    problem, lens, _ = ResultFolder(options.result).read()
+    system = OpticalSystem(problem)
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
+    require_own(folder, (*FILES, RECORD), RECORD, options.force)
     backend = load_backend(options.precision, problem.run.threads)
     exact = backend if options.precision == "double" else load_backend("double", problem.run.threads)
     start = perf_counter()
@@ -52,7 +54,7 @@ def trace(options: Namespace) -> Outcome:
     write_bytes(folder / "irradiance.png", irradiance_figure(image, screen))
     write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
     write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
-    write_text(folder / "trace.json", json_text(data))
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, FILES)}))
     return Outcome(data, [*_lines(data), f"wrote {folder}"])
 
 

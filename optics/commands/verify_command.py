@@ -6,8 +6,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from optics.commands.outcome import Outcome
-from optics.optimisation import ResultFolder
 from optics.problem import limit_checks
+from optics.results import ResultFolder
 from optics.runtime import UserError, check_lines, note
 from optics.system import OpticalSystem
 from thbcad.doors import pip_command
@@ -34,8 +34,11 @@ def verify(options: Namespace) -> Outcome:
             from optics.runtime import load_backend
 
             folder = ResultFolder(path)
-            system, lens = OpticalSystem(folder.read_problem()), folder.read_lens()
-            problem = system.problem
+            result = folder.read()
+            problem, lens = result.problem, result.lens
+            system = OpticalSystem(problem)
+            if not result.record["ok"]:
+                note(f"of the design itself: {result.record['verdict']}")
             backend = load_backend("double", problem.run.threads)
             file = StepFile(folder.step)
             # first the reader that damaged files cannot crash

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
         export as export,
         format_of as format_of,
         labelled_lens as labelled_lens,
+        report_of as report_of,
+        require_free as require_free,
     )
 
 _FILES = {
@@ -20,6 +22,8 @@ _FILES = {
         "export",
         "format_of",
         "labelled_lens",
+        "report_of",
+        "require_free",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from optics.export.read_back import (
     sag_checks,
     solid_checks,
 )
-from optics.optimisation import ResultFolder, lens_of, require_writable
+from optics.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
 from optics.runtime import UserError
 from optics.system import lens_product
 from thbcad.io import (
@@ -36,7 +35,7 @@ from thbcad.io import (
     stl_bytes,
     table_size,
     threemf_bytes,
-    write_bytes,
+    write_files,
 )
 from thbcad.lens import Product, Tessellation, placed_surfaces, tessellated
 
@@ -84,9 +83,8 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
     """
     path = Path(result)
     if path.is_dir():
-        folder = ResultFolder(path)
-        problem = folder.read_problem()
-        return folder.read_lens(), Labels(lens_product(problem), problem.export.schema)
+        problem, lens, _ = ResultFolder(path).read()
+        return lens, Labels(lens_product(problem), problem.export.schema)
     return lens_of(path, "give a result folder or a lens.json"), Labels()
 
 
@@ -104,8 +102,26 @@ def format_of(out: str, wanted: str | None) -> str:
     return SUFFIXES[name]
 
 
+def output_files(path: Path, name: str, body: Body = PLAIN) -> list[Path]:
+    """Return the files that an export in a format writes besides its report."""
+    suffix = f".{name}" if body.separate else path.suffix
+    if body.separate or name in ("dat", "xyz"):
+        return [path.with_name(f"{path.stem}_{word}{suffix}") for word in ("front", "rear")]
+    return [path]
+
+
+def report_of(out: str) -> Path:
+    """Return the file in which the checks of an export are kept."""
+    return Path(f"{out}.json")
+
+
 def export(
-    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = PLAIN, labels: Labels | None = None
+    lens: Lens,
+    name: str,
+    out: str,
+    chord: float = CHORD,
+    body: Body = PLAIN,
+    labels: Labels | None = None,
 ) -> tuple[list[Path], list[Check]]:
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 
@@ -129,7 +145,6 @@ def export(
         )
         raise UserError(f"{wanted}, got {name}")
     require_writable(path)
-    _require_report(Path(f"{out}.json"))
     require_readers(name)
     try:
         if name in MESHES:
@@ -149,38 +164,32 @@ def export(
         raise UserError(f"cannot export {path}: {error}") from None
 
 
-def _require_report(path: Path) -> None:
-    """Raise UserError where a file has the report's name that is no report of an earlier export."""
-    try:
-        earlier = not path.exists() or "chord_mm" in json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, TypeError):
-        earlier = False
-    if not earlier:
-        raise UserError(f"cannot write the report {path}: something else has this name; choose another --out")
+def require_free(out: str, name: str, body: Body, force: bool) -> None:
+    """Raise UserError where an export cannot write, or would replace what no export wrote.
+
+    force : replace it nevertheless, but never a file of a result
+    """
+    report = report_of(out)
+    files = output_files(Path(out), name, body)
+    for path in (*files, report):
+        require_writable(path)
+        if is_result_file(path.name) and ResultFolder(path.parent).has_result():
+            raise UserError(f"{path} is part of the result in {path.parent}; choose another --out")
+    require_own(report.parent, [path.name for path in (*files, report)], report.name, force)
 
 
 def _written(files: dict[Path, bytes]) -> list[Path]:
     """Write files, all or none of them."""
-    for path in files:
-        require_writable(path)
-    done: list[Path] = []
-    try:
-        for path, data in files.items():
-            write_bytes(path, data)
-            done.append(path)
-    except BaseException:
-        for path in done:
-            path.unlink()
-        raise
-    return done
+    write_files(files)
+    return list(files)
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:
     """Write a sag table or a point cloud of the front and of the rear."""
     files: dict[Path, bytes] = {}
     checks = []
-    for word, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
-        file = path.with_name(f"{path.stem}_{word}{path.suffix}")
+    faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
+    for file, (word, surface, vertex) in zip(output_files(path, name), faces):
         size = table_size(surface)
         if name == "dat":
             files[file] = sag_text(surface, size)

@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
-from optics.optimisation import ResultFolder, stage_window
+from optics.optimisation import stage_window
+from optics.results import ResultFolder
 from optics.system import OpticalSystem
 from optics.target import Splat
 from optics.tracing import Tracer
@@ -159,9 +160,8 @@ def register() -> None:
     mi = current_mitsuba()
 
     def make(properties: Any) -> Any:
-        folder = ResultFolder(properties["result"])
-        system = OpticalSystem(folder.read_problem())
-        return _integrator_class(mi, mi.variant())(properties, system, folder.read_lens())
+        problem, lens, _ = ResultFolder(properties["result"]).read()
+        return _integrator_class(mi, mi.variant())(properties, OpticalSystem(problem), lens)
 
     mi.register_integrator(NAME, make)
 

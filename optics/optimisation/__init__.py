@@ -29,12 +29,6 @@ if TYPE_CHECKING:
     from optics.optimisation.recorder import (
         Interrupted as Interrupted,
     )
-    from optics.optimisation.result_folder import (
-        ResultFolder as ResultFolder,
-        lens_of as lens_of,
-        require_writable as require_writable,
-        writable_folder as writable_folder,
-    )
     from optics.optimisation.stage_plan import (
         MARGIN as MARGIN,
         Stage as Stage,
@@ -72,12 +66,6 @@ _FILES = {
     ),
     "objective": ("Objective",),
     "recorder": ("Interrupted",),
-    "result_folder": (
-        "ResultFolder",
-        "lens_of",
-        "require_writable",
-        "writable_folder",
-    ),
     "stage_plan": (
         "MARGIN",
         "Stage",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from optics.problem.schema import (
         FINEST_AUTO as FINEST_AUTO,
+        Export as Export,
         Freeform as Freeform,
         Front as Front,
         Limits as Limits,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         Refinement as Refinement,
         Source as Source,
         Target as Target,
+        Verify as Verify,
         per_level as per_level,
     )
     from optics.problem.toml_records import (
@@ -50,6 +52,7 @@ _FILES = {
     ),
     "problem_file": ("load_problem",),
     "schema": (
+        "Export",
         "FINEST_AUTO",
         "Freeform",
         "Front",
@@ -60,6 +63,7 @@ _FILES = {
         "Refinement",
         "Source",
         "Target",
+        "Verify",
         "per_level",
     ),
     "toml_records": ("AUTO",),

@@ -214,6 +214,10 @@ class Verify:
     )
     irradiance: float = option(1e-6, above=0, note="limit of the relative difference of the irradiance")
     volume: float = option(1e-6, above=0, note="limit of the relative difference of the volume")
+    rel_l2: float = option(0.5, above=0, note="greatest error of the light that a design may end with")
+    lit_efficiency: float = option(
+        0.5, low=0, high=1, note="least fraction of the light behind the lens that meets the lit pixels"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from thbcad.io.atomic_files import (
         json_text as json_text,
         write_bytes as write_bytes,
+        write_files as write_files,
         write_text as write_text,
     )
     from thbcad.io.brep_measure import (
@@ -58,6 +59,7 @@ _FILES = {
     "atomic_files": (
         "json_text",
         "write_bytes",
+        "write_files",
         "write_text",
     ),
     "brep_measure": (

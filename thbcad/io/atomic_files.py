@@ -6,6 +6,7 @@ import json
 import math
 import os
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +18,39 @@ def write_bytes(path: str | Path, data: bytes) -> None:
     ------
     OSError : the folder is missing, not writable or full; the old file is untouched.
     """
-    path = Path(path)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    write_files({Path(path): data})
+
+
+def write_files(files: Mapping[Path, bytes]) -> None:
+    """Write several files: none is replaced before the bytes of all are on the disk.
+
+    Raises
+    ------
+    OSError : as `write_bytes`; the old files are untouched, unless the disk fails between two renamings.
+    """
+    staged: dict[Path, str] = {}
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
+        for path, data in files.items():
+            _stage(path, data, staged)
+        for path in files:
+            os.replace(staged[path], path)
+            del staged[path]
     except BaseException as error:
-        os.unlink(name)
+        for name in staged.values():
+            os.unlink(name)
         if isinstance(error, OSError):
             error.filename = str(path)
         raise
+
+
+def _stage(path: Path, data: bytes, staged: dict[Path, str]) -> None:
+    """Write data to a temporary file beside a path; `staged` then holds its name."""
+    handle, staged[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    with os.fdopen(handle, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    os.chmod(staged[path], 0o666 & ~_umask())
 
 
 def write_text(path: str | Path, text: str) -> None:

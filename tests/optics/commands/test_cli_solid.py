@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from optics.commands.cli import main
-from optics.optimisation import ResultFolder
 from optics.problem import load_problem
+from optics.results import ResultFolder
 from optics.system import lens_product
 from tests.optics.cases import moved_point, write_problem
 from tests.optics.commands.cases import refused, strict_json
@@ -267,16 +267,6 @@ def test_bytes_of_another_file_are_refused_or_caught(copy, capsys, share):
     captured = capsys.readouterr()
     assert code in (1, 2)
     assert len(captured.err.splitlines()) == code - 1
-
-
-def test_a_folder_of_the_version_before_verifies_but_for_its_file(copy, capsys):
-    """Its problem file has no [limits], no [export], no material: the STEP file is that of another product,
-    and says so."""
-    path = copy / "problem.toml"
-    text = re.sub(r"(?ms)^\[(limits|export)\]\n.*?(?=^\[|\Z)", "", path.read_text("utf-8"))
-    path.write_text(re.sub(r"(?m)^(material|density) = .*\n", "", text), "utf-8")
-    (copy / "manufacture.json").unlink()
-    assert failures(capsys, copy) == {"file differs from a fresh export of the lens by this version"}
 
 
 def test_results_of_verify_are_strict_json_with_every_check_named_once(named, capsys):

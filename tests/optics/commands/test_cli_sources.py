@@ -32,6 +32,7 @@ EXTENDED = {
     "target.pixels": [24, 24],
     "optimizer.iterations": [3],
     "optimizer.rays_per_pixel": 1.0,
+    "verify.rel_l2": 1.0,
 }
 
 

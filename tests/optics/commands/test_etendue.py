@@ -10,12 +10,12 @@ import pytest
 
 from optics.commands.etendue_command import NO_LIMIT, etendue
 from optics.etendue import QUICK, certain_bound, etendue_note, limit_sentence
-from optics.optimisation import ResultFolder
 from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.system import OpticalSystem
 from tests.cases import ROOT
 from tests.optics.cases import hollow_lens
+from thbcad.io import write_lens
 
 HOLLOW = {
     "source.kind": "lambertian",
@@ -35,7 +35,8 @@ HOLLOW = {
 
 
 def run(file, efficiency=None, measure=None, out=None):
-    return etendue(Namespace(problem=str(file), efficiency=efficiency, measure=measure, out=out))
+    options = {"efficiency": efficiency, "measure": measure, "out": out, "force": False}
+    return etendue(Namespace(problem=str(file), **options))
 
 
 @pytest.fixture
@@ -67,10 +68,8 @@ def test_less_light_allows_smaller_images(hollow):
 
 
 def test_images_of_a_designed_lens(hollow, tmp_path):
-    folder = ResultFolder(tmp_path / "result")
-    folder.prepare()
-    folder.write_lens(hollow_lens())
-    data, lines, _ = run(hollow({"target.pixels": [24, 24]}), measure=str(folder.path))
+    write_lens(hollow_lens(), tmp_path / "lens.json")
+    data, lines, _ = run(hollow({"target.pixels": [24, 24]}), measure=str(tmp_path))
     assert all(
         measured > least for measured, least in zip(data["measured"]["pixels"], data["bound"]["pixels"])
     )

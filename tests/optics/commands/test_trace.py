@@ -10,11 +10,10 @@ import pytest
 
 from optics.analysis import sequential
 from optics.commands.cli import main
-from optics.optimisation import ResultFolder
 from optics.problem import load_problem
+from optics.results import ResultFolder
 from optics.system import OpticalSystem
-from tests.optics.cases import write_problem
-from thbcad import write_lens
+from tests.optics.cases import store_result, write_problem
 
 EXTENDED = {
     "source.kind": "lambertian",
@@ -27,12 +26,8 @@ EXTENDED = {
 @pytest.fixture
 def result(tmp_path):
     def made(changes=None):
-        folder = ResultFolder(tmp_path / "result")
-        folder.prepare()
         problem = load_problem(write_problem(tmp_path, changes))
-        folder.write_problem(problem)
-        write_lens(OpticalSystem(problem).lens, folder.lens)
-        return folder.path
+        return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
 
     return made
 
@@ -65,8 +60,7 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
 
 def test_rays_are_counted_as_the_flux_is(backend, result):
     """Without Fresnel's losses flux and number agree: every ray carries the same."""
-    folder = ResultFolder(result(EXTENDED | {"lens.index": 1.0 + 1e-9}))
-    problem, lens = folder.read_problem(), folder.read_lens()
+    problem, lens, _ = ResultFolder(result(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
     _, budget, counts = sequential(OpticalSystem(problem), lens, backend, 64)
     for name, count in counts.items():
         assert count / 4096 == pytest.approx(getattr(budget, name), abs=1e-6), name

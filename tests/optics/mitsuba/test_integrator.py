@@ -13,13 +13,13 @@ pytest.importorskip("mitsuba")
 
 from optics.mitsuba.integrator import ExactFilm, exact_integrator, register
 from optics.mitsuba.loading import load_mitsuba
-from optics.optimisation import Objective, ResultFolder
+from optics.optimisation import Objective
 from optics.problem import load_problem
 from optics.system import OpticalSystem, target_irradiance
 from optics.target import GaussianWindow, Splat, filter_image
 from optics.tracing import Tracer
 from tests.cases import ROOT
-from tests.optics.cases import coefficients, rough
+from tests.optics.cases import coefficients, rough, store_result
 from thbcad.surfaces import THBSurface
 
 EPS = 2.0**-23  # of float32
@@ -174,10 +174,7 @@ def test_forward_mode_through_mitsuba(mi, make, backend):
 
 def test_a_result_folder_is_read_by_its_name(mi, make, tmp_path):
     problem, lens = make(BOTH_FREE)
-    folder = ResultFolder(tmp_path / "result")
-    folder.prepare()
-    folder.write_problem(problem)
-    folder.write_lens(lens)
+    folder = store_result(tmp_path / "result", problem, lens)
     register()
     images = [
         np.array(mi.render(scene_with(mi, integrator)))

@@ -1,0 +1,62 @@
+"""The figures of a design, which a second process draws while the first one goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from optics.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.analysis import Measurement
+    from optics.optimisation import Row
+    from optics.runtime import Backend, SecondProcess
+    from optics.tracing import RayPath
+    from thbcad.lens import Lens
+
+
+class DesignFigures:
+    """The figures of the report.
+
+    process : in which they are drawn.
+    """
+
+    def __init__(self, process: SecondProcess, system: OpticalSystem) -> None:
+        self.process = process
+        self._before = process.ask("optics.report", "solid_views", system.lens)
+
+    def draw_lens(self, lens: Lens, history: Sequence[Row]) -> None:
+        """Draw what needs no measurement."""
+        self._lens = self.process.ask("optics.report", "lens_figures", lens, history)
+        self._solid = self.process.ask("optics.report", "solid_views", lens)
+
+    def draw_light(
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        measurement: Measurement,
+        fans: Mapping[str, Sequence[RayPath]],
+        backend: Backend,
+    ) -> None:
+        """Draw what the lens delivers; `backend` traces the rays of the scene."""
+        from optics.report import scene_paths
+
+        plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
+        self._light = self.process.ask("optics.report", "light_figures", plain, lens, measurement, fans)
+        self._scene = self.process.ask(
+            "optics.report", "scene_view", plain, lens, measurement.irradiance, paths
+        )
+
+    def drawn(self) -> dict[str, tuple[str, bytes]]:
+        """Return (caption, PNG) by name, in the order of the report."""
+        captions = {
+            "scene": "Source, lens and target, seen from behind; rays that miss the target are red.",
+            "solid_before": "The solid before optimisation.",
+            "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
+        }
+        pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
+        return {
+            **self._light.result(),
+            **self._lens.result(),
+            **{name: (caption, pictures[name].result()) for name, caption in captions.items()},
+        }

@@ -1,0 +1,57 @@
+"""The result folder: one run, one record, nothing replaced unasked."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.results.checkpoint import (
+        checkpoint_owner as checkpoint_owner,
+        read_checkpoint as read_checkpoint,
+        write_checkpoint as write_checkpoint,
+    )
+    from optics.results.owned_files import (
+        HASHES as HASHES,
+        hashes as hashes,
+        require_own as require_own,
+        require_writable as require_writable,
+        sha256_of as sha256_of,
+        writable_folder as writable_folder,
+    )
+    from optics.results.result_folder import (
+        FIGURES as FIGURES,
+        FILES as FILES,
+        Result as Result,
+        ResultFolder as ResultFolder,
+        is_result_file as is_result_file,
+        lens_of as lens_of,
+    )
+    from optics.results.result_writer import (
+        ResultWriter as ResultWriter,
+    )
+
+_FILES = {
+    "checkpoint": (
+        "checkpoint_owner",
+        "read_checkpoint",
+        "write_checkpoint",
+    ),
+    "owned_files": (
+        "HASHES",
+        "hashes",
+        "require_own",
+        "require_writable",
+        "sha256_of",
+        "writable_folder",
+    ),
+    "result_folder": (
+        "FIGURES",
+        "FILES",
+        "Result",
+        "ResultFolder",
+        "is_result_file",
+        "lens_of",
+    ),
+    "result_writer": ("ResultWriter",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,96 @@
+"""Files that this program wrote: a record beside them holds the SHA-256 of each.
+
+What no record holds, or was changed since, belongs to somebody else and is not replaced unasked.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from optics.runtime import UserError
+
+HASHES = "sha256"  # key of a record: hashes by file name, relative to the record's folder
+NAMED = 3  # files in a sentence
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def hashes(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """Return the SHA-256 of files by name; a record keeps it under `HASHES`."""
+    return {name: sha256_of(folder / name) for name in sorted(names)}
+
+
+def recorded(record: Path) -> dict[str, str]:
+    """Return the hashes that a record holds, none where there is no record."""
+    try:
+        data = json.loads(record.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    held = data.get(HASHES) if isinstance(data, Mapping) else None
+    return dict(held) if isinstance(held, Mapping) else {}
+
+
+def foreign(folder: Path, names: Iterable[str], record: str) -> list[str]:
+    """Return which of the names are files that this program did not write, or that were changed since.
+
+    The record itself belongs to this program where it holds hashes.
+    """
+    held = recorded(folder / record)
+    present = [name for name in names if (folder / name).exists()]
+    return [
+        name
+        for name in present
+        if (not held if name == record else held.get(name) != sha256_of(folder / name))
+    ]
+
+
+def require_own(folder: Path, names: Iterable[str], record: str, force: bool) -> None:
+    """Raise UserError where a file would be replaced that this program did not write; not with `force`."""
+    lost = [] if force else foreign(folder, names, record)
+    if lost:
+        shown = ", ".join(str(folder / name) for name in lost[:NAMED])
+        more = f" and {len(lost) - NAMED} more" if len(lost) > NAMED else ""
+        raise UserError(
+            f"{shown}{more} would be replaced, but was not written by this program or was changed since; "
+            "choose another --out, or replace it with --force"
+        )
+
+
+def writable_folder(path: Path) -> None:
+    """Make a folder and see that it can be written, before any work is done.
+
+    Raises
+    ------
+    UserError : it cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path) as probe:
+            probe.write(b"0")
+    except OSError as error:
+        raise UserError(
+            f"cannot write to the result folder {path}: {error.strerror}; choose another with --out"
+        ) from None
+
+
+def require_writable(path: Path) -> None:
+    """Raise UserError unless a file can be written there, before any work is done."""
+    reason = "it is a folder" if path.is_dir() else ""
+    if not path.parent.is_dir():
+        reason = f"there is no folder {path.parent}"
+    try:
+        if not reason:
+            with tempfile.TemporaryFile(dir=path.parent) as probe:
+                probe.write(b"0")
+    except OSError as error:
+        reason = str(error.strerror)
+    if reason:
+        raise UserError(f"cannot write {path}: {reason}; choose another --out")

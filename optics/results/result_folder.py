@@ -1,0 +1,213 @@
+"""The result folder: where a run writes, what it may replace, and how a result is read back.
+
+A result is one thing.  Its record `result.json` is written last and holds the hash of every other file; a
+folder without it, or with files that it does not speak of, is not a result.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from optics.problem import Problem, load_problem
+from optics.results.checkpoint import checkpoint_owner
+from optics.results.identity import PICTURES, differing_keys, fingerprint, run_id
+from optics.results.owned_files import HASHES, require_own, sha256_of, writable_folder
+from optics.results.run_lock import require_no_run, run_lock
+from optics.runtime import UserError
+from thbcad.io import read_lens
+
+if TYPE_CHECKING:
+    from thbcad.lens import Lens
+
+RECORD, CHECKPOINT = "result.json", "checkpoint.json"
+CHECKED = ("metrics.json", "verify.json", "manufacture.json")
+LIGHT = ("irradiance.npz", "irradiance_16bit.png")
+FIGURES = tuple(
+    f"figures/{name}.png"
+    for name in (
+        *("target", "irradiance", "error", "irradiance_02", "rays_1", "rays_2"),
+        *("sag", "mesh", "front_sag", "front_mesh", "loss", "scene", "solid_before", "solid"),
+    )
+)
+# what says how good a result is, the record first: gone before the first new file is written
+CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
+FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
+KEYS_SHOWN = 4  # in which two problems differ
+
+
+class Result(NamedTuple):
+    """A whole result, read back."""
+
+    problem: Problem
+    lens: Lens
+    record: dict[str, Any]
+
+
+class ResultFolder:
+    """The folder of one result.  Files appear whole or not at all."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.step = self.path / "lens.step"
+        self.lens = self.path / "lens.json"
+        self.problem = self.path / "problem.toml"
+        self.checkpoint = self.path / CHECKPOINT
+
+    @contextmanager
+    def taken(self, problem: Problem, force: bool) -> Iterator[None]:
+        """Hold the folder for one run; it is made, and taken away again where nothing was written.
+
+        Raises
+        ------
+        UserError : it cannot be written, another run writes to it, or, without `force`, something would be
+            lost: files that this program did not write, the result or unfinished run of another problem.
+        """
+        new = not self.path.exists()
+        writable_folder(self.path)
+        try:
+            with run_lock(self.path, problem.title):
+                self._clear_temporaries()
+                self._require_files(problem)
+                if not force:
+                    self._require_nothing_lost(problem)
+                yield
+        finally:
+            if new and not any(self.path.iterdir()):
+                self.path.rmdir()
+
+    def read(self) -> Result:
+        """Return the result.
+
+        Raises
+        ------
+        UserError : it is not whole, a file is damaged, or files of several runs lie here.
+        """
+        if not self.problem.exists():
+            raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
+        require_no_run(self.path)
+        record = self._record()
+        result = Result(load_problem(self.problem), self.read_lens(), record)
+        if record["run_id"] != run_id(result.problem, result.lens):
+            changed = [name for name in ("problem.toml", "lens.json") if not self._is_recorded(name)]
+            raise UserError(
+                f"{self.path} holds no single result: {' and '.join(changed)} changed since the run that "
+                f"{RECORD} speaks of; run the design again, or put the file back"
+            )
+        self._require_one_run(record["run_id"])
+        return result
+
+    def read_lens(self) -> Lens:
+        return lens_of(self.lens, "was the design interrupted?")
+
+    def has_result(self) -> bool:
+        return (self.path / RECORD).exists()
+
+    def _record(self) -> dict[str, Any]:
+        path = self.path / RECORD
+        try:
+            record: dict[str, Any] = json.loads(path.read_text("utf-8"))
+            if not isinstance(record[HASHES], dict) or not isinstance(record["run_id"], str):
+                raise ValueError
+            return record
+        except OSError as error:
+            raise UserError(
+                f"{self.path} holds no finished result: cannot read {path} ({error.strerror}), which a run "
+                f"writes last; run the design again, or give {self.step} or {self.lens} by itself"
+            ) from None
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise UserError(f"{path} is damaged; run the design again") from None
+
+    def _is_recorded(self, name: str) -> bool:
+        path, held = self.path / name, self._record()[HASHES]
+        return path.exists() and held.get(name) == sha256_of(path)
+
+    def _require_one_run(self, wanted: str) -> None:
+        """Raise UserError where a file that is there speaks of another run."""
+        names = [name for name in self._record()[HASHES] if is_result_file(name) and name not in FILES]
+        wrong = [name for name in names if (self.path / name).exists() and not self._is_recorded(name)]
+        for name in CHECKED:
+            try:
+                data = json.loads((self.path / name).read_text("utf-8"))
+            except (OSError, ValueError, RecursionError):
+                continue  # it claims nothing
+            if not isinstance(data, dict) or data.get("run_id") != wanted:
+                wrong.append(name)
+        if wrong:
+            raise UserError(
+                f"{self.path} holds no single result: {', '.join(wrong)} belongs to another run than "
+                f"{RECORD}; run the design again"
+            )
+
+    def _clear_temporaries(self) -> None:
+        """Remove what a killed run left of half-written files."""
+        for name in (*FILES, CHECKPOINT, *(f"{stem}.*" for stem in PICTURES)):
+            folder, _, last = name.rpartition("/")
+            for pattern in (f".{last}.????????", f"..{last}.????????.????????"):
+                for path in (self.path / folder).glob(pattern):
+                    path.unlink(missing_ok=True)
+
+    def _require_files(self, problem: Problem) -> None:
+        for name in (*FILES, CHECKPOINT, *pictures_of(problem)):
+            if (self.path / name).is_dir():
+                raise UserError(
+                    f"cannot write {self.path / name}: it is a folder; move it or choose another with --out"
+                )
+
+    def _require_nothing_lost(self, problem: Problem) -> None:
+        mine, owner = fingerprint(problem), checkpoint_owner(self.checkpoint)
+        if owner and mine in owner.problems:
+            return  # this was asked when that run began
+        if owner:
+            raise UserError(
+                f"{self.path} holds an unfinished run of another problem, {owner.title!r}, which would be "
+                "lost: go on with it by its problem file and --resume, choose another --out, or drop it with "
+                "--force"
+            )
+        self._require_same_problem(problem, mine)
+        names = (*FILES, CHECKPOINT, *pictures_of(problem))
+        require_own(self.path, names, RECORD, force=False)
+
+    def _require_same_problem(self, problem: Problem, mine: str) -> None:
+        """Raise UserError where the folder holds the result of another problem."""
+        try:
+            record, other = self._record(), load_problem(self.problem)
+            if mine in (record["asked"], fingerprint(other)):
+                return
+        except (UserError, OSError, KeyError):
+            return  # not a result: its files are looked at one by one
+        keys = list(differing_keys(problem, other))
+        shown = ", ".join(keys[:KEYS_SHOWN]) + (" and more" if len(keys) > KEYS_SHOWN else "")
+        raise UserError(
+            f"{self.path} holds the result of another problem, {other.title!r}, which would be lost (it "
+            f"differs in {shown or 'a picture'}); choose another --out, or replace it with --force"
+        )
+
+
+def is_result_file(name: str) -> bool:
+    """Return whether a run writes a file of this name."""
+    return name in FILES or ("/" not in name and Path(name).stem in PICTURES)
+
+
+def pictures_of(problem: Problem) -> Iterable[str]:
+    """Return the names under which a result keeps the problem's pictures."""
+    tables = [(name, getattr(problem, name).image) for name in PICTURES]
+    return [name + Path(image).suffix.lower() for name, image in tables if image]
+
+
+def lens_of(path: Path, advice: str) -> Lens:
+    """Return the lens of a native file.
+
+    Raises
+    ------
+    UserError : it cannot be read, which ends with the advice, or it is damaged.
+    """
+    try:
+        return read_lens(path)
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}; {advice}") from None
+    except ValueError as error:
+        raise UserError(f"{path}: {error}") from None
