@@ -32,8 +32,10 @@ def run_lock(folder: Path, title: str) -> Iterator[None]:
         os.write(handle, f"process {os.getpid()}, {title!r}".encode()[:MOST_BYTES])
         yield
     finally:
-        path.unlink(missing_ok=True)
-        os.close(handle)
+        try:
+            path.unlink(missing_ok=True)
+        finally:
+            os.close(handle)
 
 
 def require_no_run(folder: Path) -> None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 from optics.commands import main
+from optics.results import ResultFolder, sha256_of
 from tests.cases import ROOT
 
 QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
@@ -61,3 +62,22 @@ def refused(capsys, *arguments):
     assert lines[0].startswith("thbcad: ")
     assert "Traceback" not in captured.err
     return lines[0]
+
+
+def assert_no_false_claim(folder):
+    """What speaks of a solid speaks of the one that lies there; a whole result is whole."""
+    step = folder / "lens.step"
+    for name in ("metrics.json", "verify.json", "manufacture.json"):
+        if (folder / name).exists():
+            assert strict_json((folder / name).read_text())["step_sha256"] == sha256_of(step)
+    if (folder / "report.html").exists():
+        assert sha256_of(step) in (folder / "report.html").read_text("utf-8")
+    if (folder / "result.json").exists():
+        record = ResultFolder(folder).read().record
+        assert {name: sha256_of(folder / name) for name in record["sha256"]} == record["sha256"]
+
+
+def assert_whole(folder):
+    assert ResultFolder(folder).read().record["ok"]
+    assert not [p.name for p in folder.rglob(".*")]
+    assert not (folder / "checkpoint.json").exists()

@@ -1,0 +1,159 @@
+"""A design stopped at every file operation: no file claims what is not so, and the next run ends well.
+
+All that computes is replaced by what one real run computed; all that writes is real.
+"""
+
+from __future__ import annotations
+
+import shutil
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
+
+import pytest
+
+from optics.commands import design_command, main
+from optics.optimisation import State
+from tests.optics.cases import write_problem
+from tests.optics.commands.cases import QUICK, assert_no_false_claim, assert_whole
+from tests.optics.commands.faulty_disk import FaultyDisk, Killed
+from thbcad.io import write_bytes
+
+NEW = QUICK | {"lens.rear.freeform.max_level": 0, "title": "new", "run.threads": 1}
+EXPECTED = {"SIGINT": 130, "SIGTERM": 143, "ENOSPC": 2, "SIGKILL": None}
+FEWEST_OPERATIONS = 60
+
+
+class Answers:
+    """Stands for the second process: records what it answers, or answers what was recorded."""
+
+    def __init__(self, process=None):
+        self.process, self.kept, self.step = process, {}, b""
+
+    def ask(self, module, function, *arguments):
+        answer = Future()
+        if self.process:
+            self.kept[function] = self.process.ask(module, function, *arguments).result()
+            if function == "exported_step":
+                self.step = arguments[2].read_bytes()
+        elif function == "exported_step":
+            try:
+                write_bytes(arguments[2], self.step)
+            except OSError as error:
+                answer.set_exception(error)
+                return answer
+        answer.set_result(self.kept[function])
+        return answer
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Design a problem, and keep all that is computed for later runs."""
+    root = tmp_path_factory.mktemp("kept")
+    kept = SimpleNamespace(problem=write_problem(root, NEW), values={})
+    genuine = design_command.second_process
+
+    @contextmanager
+    def recorded():
+        with genuine() as process:
+            kept.answers = Answers(process)
+            yield kept.answers
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(design_command, "second_process", recorded)
+        for function in ("_optimised", "_measured", "_checks", "solvable_system"):
+            record(patch, function, kept.values)
+        assert main(["design", str(kept.problem), "--out", str(root / "out"), "--json"]) == 0
+    kept.answers.process = None
+    return kept
+
+
+def record(patch, function, values):
+    """Let a function of the design command keep what it returns."""
+    genuine = getattr(design_command, function)
+
+    def recorded(*arguments):
+        values[function] = genuine(*arguments)
+        return values[function]
+
+    patch.setattr(design_command, function, recorded)
+
+
+@pytest.fixture
+def replayed(kept, monkeypatch):
+    """Runs of the problem that compute nothing: call it with the options behind `design PROBLEM`."""
+
+    @contextmanager
+    def answers():
+        yield kept.answers
+
+    def optimised(run, system, backend, state, start):
+        lens, final = kept.values["_optimised"]
+        for stage in (0, final.stage):  # as two levels would
+            at = State(final.moved, stage, final.sags, final.history)
+            design_command.write_checkpoint(run.folder.checkpoint, run.asked, system.problem, at, run.notes)
+        return lens, final
+
+    monkeypatch.setattr(design_command, "second_process", answers)
+    monkeypatch.setattr(design_command, "_optimised", optimised)
+    for function in ("_measured", "_checks", "solvable_system"):
+        monkeypatch.setattr(design_command, function, lambda *_, value=kept.values[function]: value)
+    monkeypatch.setattr("optics.report.scene_paths", lambda *_: [])
+    monkeypatch.setattr("optics.optimisation.resolved", lambda system, backend: (system, None))
+    return lambda out, *options: main(["design", str(kept.problem), "--out", str(out), "--json", *options])
+
+
+def stopped(replayed, capsys, folder, fault, at, old=None):
+    """Stop a run at an operation, and check what lies there and how it goes on.
+
+    old : an older result of another problem, over which it runs.
+    """
+    if old:
+        shutil.copytree(old, folder)
+    else:
+        folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    disk = FaultyDisk(fault, at)
+    code = None
+    with disk.installed(), suppress(Killed):
+        code = replayed(folder, "--force")
+    captured = capsys.readouterr()
+    if disk.count >= at and code != 0:  # the last removals of a run may fail without harm
+        assert code == EXPECTED[fault]
+        assert "Traceback" not in captured.err
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert_no_false_claim(folder)
+    go_on = ["--resume"] if at % 2 and (folder / "checkpoint.json").exists() else ["--force"]
+    assert replayed(folder, *go_on) == 0
+    assert_whole(folder)
+    assert (folder / "notes.txt").read_text() == "mine"
+    shutil.rmtree(folder)
+
+
+@pytest.fixture
+def operations(golden, replayed, tmp_path, capsys):
+    """The number of file operations of a run over an older result."""
+    folder = shutil.copytree(golden.path, tmp_path / "counted")
+    with FaultyDisk().installed() as disk:
+        assert replayed(folder, "--force") == 0
+    assert_whole(folder)
+    assert disk.count >= FEWEST_OPERATIONS
+    return disk.count
+
+
+@pytest.mark.parametrize("fault", EXPECTED)
+def test_a_run_stopped_at_some_file_operations_claims_nothing_false(
+    golden, replayed, operations, capsys, tmp_path, fault
+):
+    for at in range(5 + 3 * list(EXPECTED).index(fault), operations + 1, operations // 5):
+        stopped(replayed, capsys, tmp_path / f"{at}", fault, at, golden.path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("over", [True, False], ids=["over an older result", "in an empty folder"])
+@pytest.mark.parametrize("fault", EXPECTED)
+def test_a_run_stopped_at_every_file_operation_claims_nothing_false(
+    golden, replayed, operations, capsys, tmp_path, fault, over
+):
+    for at in range(1, operations + 1):
+        stopped(replayed, capsys, tmp_path / f"{at}", fault, at, golden.path if over else None)

@@ -1,0 +1,36 @@
+"""Ctrl-C and SIGTERM: the same end, another exit code, and nothing stays behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+
+import pytest
+
+from optics.commands.stop_signals import stop_signals
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_a_signal_stops_with_its_code_and_word(number, code, word):
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), stop_signals() as stop:
+        os.kill(os.getpid(), number)
+    assert (stop.code, stop.word) == (code, word)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_beside_the_main_thread_no_handler_is_set():
+    seen = []
+
+    def other():
+        with stop_signals():
+            seen.append(signal.getsignal(signal.SIGTERM))
+
+    before = signal.getsignal(signal.SIGTERM)
+    thread = threading.Thread(target=other)
+    thread.start()
+    thread.join()
+    assert seen == [before]
