@@ -42,7 +42,15 @@ def _design_options(command: argparse.ArgumentParser) -> None:
     )
     _force_option(command)
     command.add_argument(
-        "--resume", action="store_true", help="go on from the checkpoint in the result folder"
+        "--resume",
+        action="store_true",
+        help="go on from the checkpoint in the result folder, or from its finished result",
+    )
+    command.add_argument(
+        "--iterations",
+        type=int,
+        metavar="N",
+        help="with --resume: iterations on each level that is left, or more on the last one",
     )
     command.add_argument(
         "--from",

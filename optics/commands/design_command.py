@@ -60,6 +60,8 @@ def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
+    if options.iterations is not None and (not options.resume or options.iterations < 1):
+        raise UserError("--iterations takes a number from 1 on, and needs --resume")
     problem = load_problem(options.problem)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     run, system = _Run(problem, folder), solvable_system(problem)
@@ -81,10 +83,9 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         backend = load_backend(run.asked.run.precision, run.asked.run.threads)
         system, start = resolved(system, backend)
-        state = None
-        if options.resume:
-            state, earlier = read_checkpoint(run.folder.checkpoint, system)
-            run.notes.extend(earlier)
+        state = _resumed(run, system) if options.resume else None
+        if options.iterations:
+            system = _with_iterations(system, options.iterations)
         if options.earlier:
             state = earlier_state(system, ResultFolder(options.earlier).read_lens())
         figures = DesignFigures(beside, system)
@@ -92,6 +93,21 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         lens, state = _optimised(run, system, backend, state, start)
         run.clock.lap("optimise")
         return _finished(run, system, lens, state, figures)
+
+
+def _resumed(run: _Run, system: OpticalSystem) -> State:
+    """Return the state of the checkpoint, or that of the finished result of the same problem."""
+    if run.folder.checkpoint.exists() or not run.folder.is_result_of(run.asked):
+        state, earlier = read_checkpoint(run.folder.checkpoint, system)
+        run.notes.extend(earlier)
+        return state
+    run.notes(f"goes on from the finished result in {run.folder.path}, on its last level")
+    return earlier_state(system, run.folder.read(taken=True).lens)
+
+
+def _with_iterations(system: OpticalSystem, iterations: int) -> OpticalSystem:
+    optimizer = replace(system.problem.optimizer, iterations=(iterations,))
+    return OpticalSystem(replace(system.problem, optimizer=optimizer))
 
 
 def _what_is_kept(folder: ResultFolder) -> str:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
+FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
 
 
@@ -101,6 +102,11 @@ def design(
             report = progress and partial(progress, plan)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
             lens = _optimised(lens, recorder, stage, note)
+            if stage is plan[-1] and recorder.fall > FALLING:
+                note(
+                    f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
+                    f"{recorder.fall:.1%} a step; --resume --iterations {4 * stage.iterations} goes on"
+                )
             state = replace(state, sags=lens.sags, history=recorder.history)
         try:
             marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, guide))

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
 
 
+STEPS = 10  # over which the fall of the misfit is looked at
+FLAT = 1e-4  # fall per step, relative: below it more steps are not worth their time
+
+
 class Interrupted(Exception):
     """The run was stopped by the user; `state` holds the best surfaces of the stage so far."""
 
@@ -55,6 +59,8 @@ class Recorder:
         self._evaluations = state.evaluations
         self._best = np.inf, [sag.coefficients for sag in state.sags]
         self._first: Evaluation | None = None
+        self._bests: list[float] = []  # least loss after every step of the optimiser
+        self.fall = 0.0
 
     @property
     def history(self) -> tuple[Row, ...]:
@@ -64,7 +70,9 @@ class Recorder:
     def minimized(self) -> tuple[THBSurface, ...]:
         """Return the best sags that L-BFGS finds.
 
-        Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.
+        Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.  It
+        stops where the root of the loss fell by less than FLAT per step, over STEPS steps.  `fall` is then
+        what it fell per step where it was stopped by the number of iterations, or else 0.
 
         Raises
         ------
@@ -77,11 +85,33 @@ class Recorder:
             self._first = first = self._evaluated(start)
             if 2 * first.fit**2 > first.loss:
                 self._precondition()
-            minimize(self, self._variables.zeros(), jac=True, method="L-BFGS-B", options=options)
+            result = minimize(
+                self,
+                self._variables.zeros(),
+                jac=True,
+                method="L-BFGS-B",
+                options=options,
+                callback=self._stop_where_flat,
+            )
+            if result.nit >= iterations:
+                self.fall = self._fall_per_step()
         except KeyboardInterrupt:
             stopped = replace(self._state, sags=self._best_sags(), history=self.history)
             raise Interrupted(stopped) from None
         return self._best_sags()
+
+    def _stop_where_flat(self, _: NDArray[np.float64]) -> None:
+        """Keep the least loss after a step of the optimiser, and end its work where that is flat."""
+        self._bests.append(self._best[0])
+        if len(self._bests) > STEPS and self._fall_per_step() < FLAT:
+            raise StopIteration
+
+    def _fall_per_step(self) -> float:
+        """Return by which fraction the root of the loss fell per step, over the last steps."""
+        last = self._bests[-STEPS - 1 :]
+        if len(last) < 2 or last[0] <= 0:
+            return 0.0
+        return float(1 - (last[-1] / last[0]) ** (0.5 / (len(last) - 1)))
 
     def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """Return (loss, its gradient by the weights)."""

@@ -79,8 +79,8 @@ class ResultFolder:
             if new and not any(self.path.iterdir()):
                 self.path.rmdir()
 
-    def read(self) -> Result:
-        """Return the result.
+    def read(self, taken: bool = False) -> Result:
+        """Return the result.  taken : by the run that reads it.
 
         Raises
         ------
@@ -88,7 +88,8 @@ class ResultFolder:
         """
         if not self.problem.exists():
             raise UserError(f"{self.path} is not a result folder: it has no problem.toml")
-        require_no_run(self.path)
+        if not taken:
+            require_no_run(self.path)
         record = self._record()
         result = Result(load_problem(self.problem), self.read_lens(), record)
         if record["run_id"] != run_id(result.problem, result.lens):
@@ -105,6 +106,14 @@ class ResultFolder:
 
     def has_result(self) -> bool:
         return (self.path / RECORD).exists()
+
+    def is_result_of(self, problem: Problem) -> bool:
+        """Return whether a finished result of the problem lies here, be it as asked for or as resolved."""
+        try:
+            asked = self._record().get("asked")
+            return fingerprint(problem) in (asked, fingerprint(load_problem(self.problem)))
+        except (UserError, OSError):
+            return False
 
     def _record(self) -> dict[str, Any]:
         path = self.path / RECORD
@@ -167,18 +176,17 @@ class ResultFolder:
                 "lost: go on with it by its problem file and --resume, choose another --out, or drop it with "
                 "--force"
             )
-        self._require_same_problem(problem, mine)
+        if self.has_result() and not self.is_result_of(problem):
+            self._refuse_another_problem(problem)
         names = (*FILES, CHECKPOINT, *pictures_of(problem))
         require_own(self.path, names, RECORD, force=False)
 
-    def _require_same_problem(self, problem: Problem, mine: str) -> None:
-        """Raise UserError where the folder holds the result of another problem."""
+    def _refuse_another_problem(self, problem: Problem) -> None:
+        """Raise UserError that says in which keys the problem of the result differs, if it can be read."""
         try:
-            record, other = self._record(), load_problem(self.problem)
-            if mine in (record["asked"], fingerprint(other)):
-                return
-        except (UserError, OSError, KeyError):
-            return  # not a result: its files are looked at one by one
+            other = load_problem(self.problem)
+        except UserError:
+            return  # its files are looked at one by one
         keys = list(differing_keys(problem, other))
         shown = ", ".join(keys[:KEYS_SHOWN]) + (" and more" if len(keys) > KEYS_SHOWN else "")
         raise UserError(

@@ -114,3 +114,21 @@ def test_a_checkpoint_with_a_wrong_entry_is_refused(stopped_copy, capsys, key, v
 def test_resume_without_a_checkpoint_is_refused(tmp_path, capsys):
     message = refused(capsys, "design", write_problem(tmp_path), "--out", tmp_path / "out", "--resume")
     assert "nothing to resume" in message
+
+
+def test_a_finished_result_goes_on_with_more_iterations(copy, golden, capsys):
+    before = strict_json((copy / "metrics.json").read_text())
+    problem = str(golden.problem)
+    assert main(["design", problem, "--out", str(copy), "--resume", "--iterations", "9", "--json"]) == 0
+    captured = capsys.readouterr()
+    metrics = strict_json(captured.out)["metrics"]
+    assert metrics["rel_l2"] < before["rel_l2"]
+    assert "goes on from the finished result" in captured.err
+    assert any("goes on from the finished result" in sentence for sentence in metrics["notes"])
+    assert "iterations = [9]" in (copy / "problem.toml").read_text()
+
+
+@pytest.mark.parametrize("options", [["--iterations", "9"], ["--resume", "--iterations", "0"]], ids=str)
+def test_more_iterations_need_a_run_to_resume(tmp_path, capsys, options):
+    problem = write_problem(tmp_path)
+    assert "--iterations" in refused(capsys, "design", problem, "--out", tmp_path / "out", *options)
