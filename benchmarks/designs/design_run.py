@@ -35,7 +35,7 @@ def run_design(problem: Path, folder: Path) -> DesignRun:
     CalledProcessError : the command refuses the problem, or a check fails.
     """
     start = perf_counter()
-    command = [sys.executable, "-m", "optics", "design", str(problem), "--out", str(folder)]
+    command = [sys.executable, "-m", "optics", "design", str(problem), "--out", str(folder), "--force"]
     subprocess.run(command, check=True, capture_output=True)
     seconds = perf_counter() - start
     metrics = json.loads((folder / "metrics.json").read_text("utf-8"))
