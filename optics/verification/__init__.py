@@ -6,8 +6,11 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.verification.independent_checks import (
-        bare_checks as bare_checks,
         text_and_occt_checks as text_and_occt_checks,
+        text_checks as text_checks,
+    )
+    from optics.verification.lone_file import (
+        bare_checks as bare_checks,
     )
     from optics.verification.optiland_tracer import (
         optiland_available as optiland_available,
@@ -26,6 +29,9 @@ if TYPE_CHECKING:
     from optics.verification.step_file import (
         StepFile as StepFile,
     )
+    from optics.verification.text_comparison import (
+        fresh_export_checks as fresh_export_checks,
+    )
     from optics.verification.text_volume import (
         text_volume_check as text_volume_check,
     )
@@ -35,9 +41,10 @@ if TYPE_CHECKING:
 
 _FILES = {
     "independent_checks": (
-        "bare_checks",
         "text_and_occt_checks",
+        "text_checks",
     ),
+    "lone_file": ("bare_checks",),
     "optiland_tracer": (
         "optiland_available",
         "optiland_checks",
@@ -51,6 +58,7 @@ _FILES = {
         "verify",
     ),
     "step_file": ("StepFile",),
+    "text_comparison": ("fresh_export_checks",),
     "text_volume": ("text_volume_check",),
     "traced_light": ("light_checks",),
 }
