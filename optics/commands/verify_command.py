@@ -22,6 +22,7 @@ def verify(options: Namespace) -> Outcome:
         fresh_export_checks,
         optiland_available,
         optiland_checks,
+        prescription_checks,
         text_and_occt_checks,
         verify as run,
     )
@@ -43,6 +44,7 @@ def verify(options: Namespace) -> Outcome:
             file = StepFile(folder.step)
             # first the reader that damaged files cannot crash
             checks, notes = fresh_export_checks(system, lens, file)
+            checks += prescription_checks(problem, lens)
             checks += text_and_occt_checks(system, lens, file, backend)
             checks += run(system, lens, file, backend)
             checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))

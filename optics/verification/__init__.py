@@ -16,6 +16,9 @@ if TYPE_CHECKING:
         optiland_available as optiland_available,
         optiland_checks as optiland_checks,
     )
+    from optics.verification.prescription import (
+        prescription_checks as prescription_checks,
+    )
     from optics.verification.reference_tracer import (
         trace_step as trace_step,
     )
@@ -49,6 +52,7 @@ _FILES = {
         "optiland_available",
         "optiland_checks",
     ),
+    "prescription": ("prescription_checks",),
     "reference_tracer": ("trace_step",),
     "step_checks": (
         "ExportedStep",
