@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
 from optics.system import OpticalSystem
 from optics.verification.independent_checks import text_and_occt_checks, text_checks
@@ -14,7 +16,7 @@ from optics.verification.step_checks import verify
 from optics.verification.step_file import StepFile
 from optics.verification.text_comparison import OTHER_TEXT, fresh_export_checks, same_checks
 from tests.optics.verification.cases import shaped
-from tests.optics.verification.changed_texts import CORRUPTIONS, REWRITES
+from tests.optics.verification.changed_texts import CORRUPTIONS, REAL, REWRITES
 from thbcad.cad.exchange import step_bytes
 from thbcad.io import brep_of_text
 
@@ -71,6 +73,25 @@ def test_a_damaged_file_is_rejected(good, name):
         return
     assert failed_by_text(good, text) != []
     assert bool(failed(text_checks_of(solid).checks)) == alone
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_every_number_of_the_solid_counts(good, data):
+    """A real of a point, a direction, a vector or a knot is another by 1e-9: the comparison sees it."""
+    first = good.text.index("MANIFOLD_SOLID_BREP")
+    last = good.text.index("UNCERTAINTY_MEASURE_WITH_UNIT")
+    reals = [m for m in re.finditer(rf"(?<=[(,\n]){REAL}(?=[,)])", good.text) if first < m.start() < last]
+    place = reals[data.draw(st.integers(0, len(reals) - 1))]
+    other = float(place[0]) + data.draw(st.sampled_from([-1e-9, 1e-9]))
+    text = good.text[: place.start()] + f"{other:#.17G}" + good.text[place.end() :]
+    try:
+        solid = brep_of_text(text)
+    except ValueError:
+        return
+    assert failed(same_checks(solid, good.solid)) == [
+        "text of the file: faces and edges that differ from a fresh export of the lens"
+    ]
 
 
 @pytest.mark.slow
