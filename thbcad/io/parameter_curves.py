@@ -22,10 +22,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.brep_records import Brep, BrepEdge, BrepFace, ParameterCurve
+from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, ParameterCurve
 from thbcad.sags import lobatto_nodes
 from thbcad.splines import KnotVector
 
+NEWTON_STEPS = 20  # about 5 suffice where the point lies on the curve
 BEYOND = 1e-9  # of the size of a parameter rectangle: rounding
 
 
@@ -46,7 +47,7 @@ def image_distance(brep: Brep) -> tuple[float, tuple[str, ...]]:
     for edge in brep.edges:
         span = _span(edge)
         if span is None:
-            left["edges that are neither lines nor whole splines"] += 1
+            left["edges that are neither lines nor splines"] += 1
             continue
         greatest = max(greatest, _beside_ends(edge, span) if span[0] < span[1] else np.inf)
         for image in edge.images:
@@ -99,16 +100,31 @@ def _covers(image: ParameterCurve, span: tuple[float, float]) -> bool:
 
 def _span(edge: BrepEdge) -> tuple[float, float] | None:
     """Return the parameters of an edge's ends, equal ones where a line has no direction, None where the curve
-    is neither a line nor a whole spline."""
+    is neither a line nor a spline."""
     if edge.poles is None:
         return None
     if edge.kv is not None:
-        return edge.kv.start, edge.kv.stop
+        whole = abs(edge.poles[[0, -1]] - edge.ends).max() <= MATCH
+        return (edge.kv.start, edge.kv.stop) if whole else _nearest(edge.kv, edge.poles, edge.ends)
     step = edge.poles[1] - edge.poles[0]
     length = np.linalg.norm(step)
     if not length:
         return 0.0, 0.0
     first, last = ((edge.ends - edge.poles[0]) @ (step / length) / length).tolist()
+    return first, last
+
+
+def _nearest(kv: KnotVector, poles: Floats, ends: Floats) -> tuple[float, float]:
+    """Return the parameters of the points of a spline that are nearest to two points, for an edge that is a
+    part of it: by Gauss-Newton steps from the nearest of samples."""
+    t = lobatto_nodes(kv.breaks, 2 * kv.degree)
+    apart = np.linalg.norm((kv.collocation(t) @ poles)[:, None] - ends, axis=2)
+    found = t[np.argmin(apart, axis=0)]
+    for _ in range(NEWTON_STEPS):
+        off, along = kv.collocation(found) @ poles - ends, kv.collocation(found, 1) @ poles
+        step = (off * along).sum(axis=1) / (along * along).sum(axis=1)
+        found = np.clip(found - np.nan_to_num(step, posinf=0.0, neginf=0.0), kv.start, kv.stop)
+    first, last = found.tolist()
     return first, last
 
 

@@ -17,7 +17,8 @@ from optics.verification.step_file import StepFile
 from optics.verification.text_comparison import OTHER_TEXT, fresh_export_checks, same_checks
 from tests.optics.verification.cases import shaped
 from tests.optics.verification.changed_texts import CORRUPTIONS, REAL, REWRITES
-from thbcad.cad.exchange import step_bytes
+from thbcad.cad.exchange import part_step, step_bytes
+from thbcad.cad.shapes import trimmed_part
 from thbcad.io import brep_of_text
 
 NAMES = {
@@ -111,6 +112,33 @@ def test_a_file_as_it_was_written_needs_no_note(good, tmp_path):
     file.path.write_text(good.text)
     checks, notes = fresh_export_checks(good.system, good.lens, file)
     assert (failed(checks), notes) == ([], [])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_volume_that_is_not_found_fails(good, tmp_path):
+    """Numbers too large for the quadrature were a reason to leave it out."""
+    damage, _ = CORRUPTIONS["a pole at z = 1e300"]
+    (tmp_path / "lens.step").write_text(damage(good.text))
+    checks, left_out = bare_checks(StepFile(tmp_path / "lens.step"))
+    names = {"volume", "area"}
+    assert {c.name.split()[0] for c in checks if "quadrature" in c.name} == names
+    assert "area by OCCT against quadrature over the text of the file, relative" in failed(checks)
+    assert left_out == [WITHOUT_LENS]
+
+
+def test_what_is_left_out_of_a_cut_lens_is_said(good, tmp_path):
+    part = trimmed_part(good.lens, (5.0, 4.0))
+    (tmp_path / "lens.step").write_bytes(part_step(part, good.system.product))
+    checks, left_out = bare_checks(StepFile(tmp_path / "lens.step"))
+    assert failed(checks) == []
+    assert not any("quadrature" in check.name for check in checks)
+    starts = (
+        "distance from curves in the faces' parameters: 8 images of edges on a SURFACE_OF_LINEAR_EXTRUSION",
+        "crossings of front and rear",
+        "volume and area by quadrature over the text of the file: face #17 must end at the four sides",
+        "whether the lens is the one that was designed",
+    )
+    assert all(sentence.startswith(start) for sentence, start in zip(left_out, starts, strict=True))
 
 
 def test_a_lone_file_says_what_only_its_folder_can_say(good, tmp_path):
