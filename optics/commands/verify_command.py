@@ -19,17 +19,21 @@ def verify(options: Namespace) -> Outcome:
     from optics.verification import (
         StepFile,
         bare_checks,
+        fresh_export_checks,
         optiland_available,
         optiland_checks,
+        prescription_checks,
         text_and_occt_checks,
         verify as run,
     )
     from thbcad.lens import manufacturability
 
     path = Path(options.result)
+    notes: list[str] = []
+    left_out: list[str] = []
     try:
         if path.suffix.lower() in (".step", ".stp"):
-            checks = bare_checks(StepFile(path))
+            checks, left_out = bare_checks(StepFile(path))
         else:
             from optics.runtime import load_backend
 
@@ -42,7 +46,9 @@ def verify(options: Namespace) -> Outcome:
             backend = load_backend("double", problem.run.threads)
             file = StepFile(folder.step)
             # first the reader that damaged files cannot crash
-            checks = text_and_occt_checks(system, lens, file, backend)
+            checks, notes = fresh_export_checks(system, lens, file)
+            checks += prescription_checks(problem, lens)
+            checks += text_and_occt_checks(system, lens, file, backend)
             checks += run(system, lens, file, backend)
             checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))
             if options.optiland and optiland_available():
@@ -53,5 +59,5 @@ def verify(options: Namespace) -> Outcome:
         raise UserError(f"cannot read {error.filename or path}: {error.strerror}") from None
     except ValueError as error:
         raise UserError(str(error)) from None
-    checked = verification(checks)
+    checked = verification(checks) | {"notes": notes, "left_out": left_out}
     return Outcome(checked, check_lines(checked), checked["ok"])

@@ -14,7 +14,7 @@ def note(sentence: str) -> None:
 def check_lines(checked: dict[str, Any]) -> list[str]:
     """Return a line for every check of `verification`: passed or not, name, value, limit.
 
-    A line for everything that is left out follows.
+    Lines for notes and for everything that is left out follow.
     """
     lines = []
     for c in checked["checks"]:
@@ -22,4 +22,5 @@ def check_lines(checked: dict[str, Any]) -> list[str]:
         lines.append(
             f"{word} {c['name']}: {c['value']:.3g} {c['unit']}".rstrip() + f" (at most {c['limit']:g})"
         )
-    return lines + [f"left out: {sentence}" for sentence in checked.get("left_out", ())]
+    notes = [f"note: {sentence}" for sentence in checked.get("notes", ())]
+    return lines + notes + [f"left out: {sentence}" for sentence in checked.get("left_out", ())]

@@ -6,12 +6,18 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.verification.independent_checks import (
-        bare_checks as bare_checks,
         text_and_occt_checks as text_and_occt_checks,
+        text_checks as text_checks,
+    )
+    from optics.verification.lone_file import (
+        bare_checks as bare_checks,
     )
     from optics.verification.optiland_tracer import (
         optiland_available as optiland_available,
         optiland_checks as optiland_checks,
+    )
+    from optics.verification.prescription import (
+        prescription_checks as prescription_checks,
     )
     from optics.verification.reference_tracer import (
         trace_step as trace_step,
@@ -26,6 +32,9 @@ if TYPE_CHECKING:
     from optics.verification.step_file import (
         StepFile as StepFile,
     )
+    from optics.verification.text_comparison import (
+        fresh_export_checks as fresh_export_checks,
+    )
     from optics.verification.text_volume import (
         text_volume_check as text_volume_check,
     )
@@ -35,13 +44,15 @@ if TYPE_CHECKING:
 
 _FILES = {
     "independent_checks": (
-        "bare_checks",
         "text_and_occt_checks",
+        "text_checks",
     ),
+    "lone_file": ("bare_checks",),
     "optiland_tracer": (
         "optiland_available",
         "optiland_checks",
     ),
+    "prescription": ("prescription_checks",),
     "reference_tracer": ("trace_step",),
     "step_checks": (
         "ExportedStep",
@@ -51,6 +62,7 @@ _FILES = {
         "verify",
     ),
     "step_file": ("StepFile",),
+    "text_comparison": ("fresh_export_checks",),
     "text_volume": ("text_volume_check",),
     "traced_light": ("light_checks",),
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, isinf
+from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from optics.runtime import Check
 from optics.tracing import LandingPoints
+from optics.verification.solid_text import measure_checks, whole_checks
 from optics.verification.step_checks import differing_numbers
 from optics.verification.text_volume import text_volume_check
 from optics.verification.trace_comparison import compared
-from thbcad.cad.exchange import face_hits, spline_faces
-from thbcad.io import MILLIMETRE, Brep, BrepEdge, BrepFace, areas, volume as brep_volume
+from thbcad.cad.exchange import face_hits
+from thbcad.io import Brep, BrepEdge, BrepFace
 from thbcad.lens import CORNERS, SIDES, placed_surfaces, rim, ruled_edge
 from thbcad.splines import UNIT, BSplineSurface
 
@@ -24,14 +25,12 @@ if TYPE_CHECKING:
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.verification.step_file import StepFile
-    from thbcad.cad.exchange import SolidState, TopoDS_Shape
+    from thbcad.cad.exchange import TopoDS_Shape
     from thbcad.lens import Lens
 
     Rows = NDArray[np.float64]
     Pair = tuple[BSplineSurface, BSplineSurface]
 
-MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
-TOLERANCE = 1e-6  # mm
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line
 
@@ -55,11 +54,8 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
 
     difference = compared(system, lens, backend, RAYS, by_occt)
     return [
-        *_whole(solid),
-        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
-        *_same(solid, lens),
-        text_volume_check(solid, lens),
-        *_measures(solid, file.solid),
+        *text_checks(solid, lens),
+        *measure_checks(solid, file.solid)[0],
         Check("rays with another fate by OCCT's intersections with the file", difference.mismatched, 0, ""),
         Check(
             "landing points by OCCT's intersections with the file",
@@ -70,67 +66,13 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     ]
 
 
-def bare_checks(file: StepFile) -> list[Check]:
-    """Return the Checks of a STEP file without a lens in memory, by its text and by what OCCT reads in it.
-
-    Raises
-    ------
-    OSError, ValueError : as `text_and_occt_checks`.
-    """
-    solid, state = file.text, file.state
-    by_occt = spline_faces(state.shape)
-    by_text = [face.surface for face in solid.faces if isinstance(face.surface, BSplineSurface)]
-    unequal = sum(differing_numbers(read, surface) for read, surface in zip(by_occt, by_text))
-    unequal += abs(len(by_occt) - len(by_text))
+def text_checks(solid: Brep, lens: Lens) -> list[Check]:
+    """Return the Checks of the text of a STEP file against the lens in memory."""
     return [
-        *_whole(solid),
-        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
-        Check("free edges, by OCCT", state.free_edges, 0, ""),
-        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
-        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
-        Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
-        Check(
-            "text of the file: numbers of spline faces that differ from those that OCCT reads", unequal, 0, ""
-        ),
-        *_measures(solid, state),
-    ]
-
-
-def _measures(solid: Brep, state: SolidState) -> list[Check]:
-    """Return the checks of volume and area by OCCT against quadrature over the faces of the text.
-
-    There are none where a face is neither a plane nor a spline.
-    """
-    try:
-        area = sum(areas(solid))
-    except ValueError:  # round faces, or a solid that does not close
-        return []
-    try:
-        volume = brep_volume(solid)
-    except ValueError:  # faces that point inward: OCCT turns them round when it reads
-        volume = inf
-    return [
-        Check(
-            "volume by OCCT against quadrature over the text of the file, relative",
-            abs(state.volume / volume - 1),
-            MEASURE,
-            "",
-        ),
-        Check(
-            "area by OCCT against quadrature over the text of the file, relative",
-            abs(state.area / area - 1),
-            MEASURE,
-            "",
-        ),
-    ]
-
-
-def _whole(solid: Brep) -> list[Check]:
-    """Return the checks that need no lens: unit, edges."""
-    return [
-        Check("text of the file: unit of length that is not mm", int(solid.unit != MILLIMETRE), 0, ""),
-        Check("text of the file: edges that do not border two faces", solid.unpaired, 0, ""),
-        Check("text of the file: edges that do not begin where the one before ends", solid.gaps, 0, ""),
+        *whole_checks(solid)[0],
+        Check("text of the file: faces besides the six expected", abs(len(solid.faces) - 6), 0, ""),
+        *_same(solid, lens),
+        text_volume_check(solid, lens),
     ]
 
 

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 
+NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and threads may round it to none
+
+
 @dataclass(frozen=True)
 class Comparison:
     """How far two traces are apart.
@@ -28,7 +31,7 @@ class Comparison:
     landing : mm, degrees in the far field; the greatest error of a coordinate on the target, inf where no ray
         lands there.
     irradiance : relative L2 difference on the target's pixels.
-    mismatched : number of rays that arrive in one of them only.
+    mismatched : number of rays that arrive in one of them only, with more than 1e-12 of a ray's mean flux.
     unit : of landing.
     """
 
@@ -55,13 +58,15 @@ def compared(
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
     others, screen = other(single_rays(rays, lens)), system.target.screen()
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
-    both = (flux > 0) & (others.flux > 0) & (np.abs(points) <= screen.half_width).all(axis=1)
+    least = NO_LIGHT * rays.flux.mean()
+    lit, others_lit = flux > least, others.flux > least
+    both = lit & others_lit & (np.abs(points) <= screen.half_width).all(axis=1)
     error = float(np.abs(points[both] - others.points[both]).max()) if both.any() else np.inf
     image, other_image = deposit(points, flux, screen), deposit(others.points, others.flux, screen)
     return Comparison(
         landing=error,
         irradiance=_difference(image, other_image),
-        mismatched=int(((flux > 0) != (others.flux > 0)).sum()),
+        mismatched=int((lit != others_lit).sum()),
         unit="degrees" if screen.angular else "mm",
     )
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         write_text as write_text,
     )
     from thbcad.io.brep_measure import (
+        NotMeasured as NotMeasured,
         areas as areas,
         volume as volume,
     )
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         Brep as Brep,
         BrepEdge as BrepEdge,
         BrepFace as BrepFace,
+        ParameterCurve as ParameterCurve,
     )
     from thbcad.io.lens_json import (
         lens_from_dict as lens_from_dict,
@@ -33,6 +35,10 @@ if TYPE_CHECKING:
         stl_bytes as stl_bytes,
         threemf_bytes as threemf_bytes,
     )
+    from thbcad.io.parameter_curves import (
+        image_distance as image_distance,
+        turned_faces as turned_faces,
+    )
     from thbcad.io.patch_deviation import (
         patched_deviation as patched_deviation,
     )
@@ -42,6 +48,7 @@ if TYPE_CHECKING:
         table_size as table_size,
     )
     from thbcad.io.step_brep import (
+        brep_of_text as brep_of_text,
         parse_brep as parse_brep,
     )
     from thbcad.io.step_text import (
@@ -63,6 +70,7 @@ _FILES = {
         "write_text",
     ),
     "brep_measure": (
+        "NotMeasured",
         "areas",
         "volume",
     ),
@@ -71,6 +79,7 @@ _FILES = {
         "BrepEdge",
         "BrepFace",
         "MILLIMETRE",
+        "ParameterCurve",
     ),
     "lens_json": (
         "lens_from_dict",
@@ -84,13 +93,20 @@ _FILES = {
         "stl_bytes",
         "threemf_bytes",
     ),
+    "parameter_curves": (
+        "image_distance",
+        "turned_faces",
+    ),
     "patch_deviation": ("patched_deviation",),
     "sag_table": (
         "cloud_text",
         "sag_text",
         "table_size",
     ),
-    "step_brep": ("parse_brep",),
+    "step_brep": (
+        "brep_of_text",
+        "parse_brep",
+    ),
     "step_text": (
         "having",
         "read_part21",

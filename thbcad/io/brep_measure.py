@@ -20,13 +20,16 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.brep_records import Brep, BrepEdge, BrepFace
+from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace
 from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
 
 ACCURACY = 1e-10  # relative, of areas
 MOST_NODES = 64  # per span and direction
 STRIP = 2**18  # nodes that are taken at once
-MATCH = 1e-7  # the distance within which edges and the sides of faces agree, as CAD programs have it in mm
+
+
+class NotMeasured(ValueError):
+    """A solid with a face or an edge of a kind that is not measured here, such as a cylinder."""
 
 
 def volume(brep: Brep) -> float:
@@ -34,8 +37,9 @@ def volume(brep: Brep) -> float:
 
     Raises
     ------
-    ValueError : edges that do not border two faces, a face that is neither a plane nor a whole spline, or a
-        solid inside out.
+    NotMeasured : a face that is neither a plane nor a whole spline, an edge that is neither a line nor a
+        whole spline.
+    ValueError : edges that do not border two faces, or a solid inside out.
     """
     edges = _edges(brep)
     origin = np.mean([edge.ends for edge in brep.edges], axis=(0, 1))
@@ -74,16 +78,17 @@ def _edges(brep: Brep) -> dict[int, BrepEdge]:
 
 
 def _spline(face: BrepFace) -> BSplineSurface:
-    """Return the surface of a face that is no plane; raise ValueError unless it is a spline, not rational."""
+    """Return the surface of a face that is no plane; raise NotMeasured unless it is a spline that is not
+    rational."""
     if not isinstance(face.surface, BSplineSurface):
-        raise ValueError(
+        raise NotMeasured(
             f"face #{face.number} must be a plane or a spline that is not rational, got {face.surface_type}"
         )
     return face.surface
 
 
 def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
-    """Raise ValueError unless the edges of a spline face are the four sides of its rectangle."""
+    """Raise NotMeasured unless the edges of a spline face are the four sides of its rectangle."""
     surface = _spline(face)
     kv_u = surface.kv_u
     kv_v = surface.kv_v
@@ -93,7 +98,7 @@ def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
         for number, _ in face.loops[0]:
             sides = [side for side in sides if not _covers(edges[number], *side)]
     if sides:
-        raise ValueError(f"face #{face.number} must end at the four sides of its spline")
+        raise NotMeasured(f"face #{face.number} must end at the four sides of its spline")
 
 
 def _covers(edge: BrepEdge, kv: KnotVector, poles: Floats) -> bool:
@@ -116,21 +121,21 @@ def _same(a: Floats, b: Floats) -> bool:
 
 
 def _poles(edge: BrepEdge) -> Floats:
-    """Return the poles of an edge, along its curve; raise ValueError for a curve that is neither a line nor a
-    whole spline."""
+    """Return the poles of an edge, along its curve; raise NotMeasured for a curve that is neither a line nor
+    a whole spline."""
     if edge.poles is None:
-        raise ValueError(f"edge #{edge.number} must be a line or a spline")
+        raise NotMeasured(f"edge #{edge.number} must be a line or a spline")
     if edge.kv is None:
         return edge.ends
     if not _same(edge.ends, edge.poles[[0, -1]]):
-        raise ValueError(f"edge #{edge.number} must be a whole spline, got a part")
+        raise NotMeasured(f"edge #{edge.number} must be a whole spline, got a part")
     return edge.poles
 
 
 def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Floats) -> float:
     """Return the integral of (X - O) . n dA, n the normal of the surface."""
     if face.plane is not None:
-        point, normal = face.plane
+        point, normal, _ = face.plane
         height = float((point - origin) @ normal / np.linalg.norm(normal))
         return height * _plane_area(face, face.plane, edges)
     whole = _spline(face)
@@ -164,7 +169,7 @@ def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
 
 def _plane_area(face: BrepFace, plane: Floats, edges: Mapping[int, BrepEdge]) -> float:
     """Return |1/2 n . integral of X x dX| around the loops of a plane face."""
-    point, normal = plane
+    point, normal, _ = plane
     twice = np.zeros(3)
     for number, along in (use for loop in face.loops for use in loop):
         edge = edges[number]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,29 @@ def read_json(path: str | Path, content: str) -> Any:
 
     Raises
     ------
-    OSError : unreadable; ValueError : no JSON, `content` names what was wanted.
+    OSError : unreadable; ValueError : no JSON, `content` names what was wanted; a key that stands twice.
     """
     try:
-        return json.loads(Path(path).read_text("utf-8"))
+        return json.loads(Path(path).read_text("utf-8"), object_pairs_hook=_once)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is not a {content} file: {error}") from None
     except RecursionError:
         raise ValueError(f"{path} is not a {content} file: it is nested too deeply") from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object; raise ValueError for a key that stands twice."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the file's key {next(key for key in table if keys.count(key) > 1)!r} stands twice")
+    return table
+
+
+def require_keys(data: dict[str, Any], known: Collection[str], content: str) -> None:
+    """Raise ValueError for a key that the reader would pass over."""
+    for key in data.keys() - known:
+        raise ValueError(f"the {content} file has the unknown key {key!r}")
 
 
 def require_schema(data: object, schema: str, version: int, content: str) -> dict[str, Any]:

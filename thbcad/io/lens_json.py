@@ -11,13 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from thbcad.io.json_values import a_number, a_table, numbers, read_json, require_schema, write_json
+from thbcad.io.json_values import (
+    a_number,
+    a_table,
+    numbers,
+    read_json,
+    require_keys,
+    require_schema,
+    write_json,
+)
 from thbcad.io.surface_json import sag_from_dict, sag_to_dict
 from thbcad.lens import FreeformSurface, Lens, require_sound
 from thbcad.sags import Conic
 
 SCHEMA = "thbcad-lens"
 VERSION = 1
+KEYS = ("schema", "version", "units", "index", "thickness", "front", "rear")
+SURFACE_KEYS = ("half_width", "radius", "conic", "sag")
 
 
 def lens_to_dict(lens: Lens) -> dict[str, Any]:
@@ -38,9 +48,10 @@ def lens_from_dict(data: object) -> Lens:
 
     Raises
     ------
-    ValueError : another schema, version or units, a missing key, or numbers that make no lens.
+    ValueError : another schema, version or units, a missing or unknown key, or numbers that make no lens.
     """
     table = require_schema(data, SCHEMA, VERSION, "lens")
+    require_keys(table, KEYS, "lens")
     if table.get("units") != "mm":
         raise ValueError(f"the lens file's units must be 'mm', got {table.get('units')!r}")
     try:
@@ -80,6 +91,7 @@ def _surface_to_dict(surface: FreeformSurface) -> dict[str, Any]:
 
 
 def _surface_from_dict(data: dict[str, Any]) -> FreeformSurface:
+    require_keys(data, SURFACE_KEYS, "lens")
     radius = np.inf if data["radius"] is None else a_number(data, "radius")
     sag = sag_from_dict(a_table(data, "sag")) if "sag" in data else None
     half_width = numbers(data, "half_width")

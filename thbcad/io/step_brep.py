@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.brep_records import Brep, BrepEdge, BrepFace
-from thbcad.io.step_text import REAL, STRING, Entity, Reference, Value, having, read_part21
+from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, ParameterCurve
+from thbcad.io.step_text import Entity, Value, entities_of_text, having, header_of_text, read_file
+from thbcad.io.step_values import (
+    NO_HEADER,
+    Entities,
+    Header,
+    direction_of,
+    entity_of,
+    flag_of,
+    knots_of,
+    labels_of,
+    list_of,
+    net_of,
+    points_of,
+    reals_of,
+    spline_row,
+    text_of,
+)
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
-Entities = Mapping[int, Entity]
-COORDINATES = r"\s*+,\s*+".join([f"({REAL})"] * 3)
-POINT = re.compile(
-    rf"CARTESIAN_POINT\s*+\(\s*+{STRING}\s*+,\s*+\(\s*+{COORDINATES}\s*+\)\s*+\)\s*+", re.ASCII
-)
 PLACED = ("MAPPED_ITEM", "ITEM_DEFINED_TRANSFORMATION", "CARTESIAN_TRANSFORMATION_OPERATOR_3D")
 OTHER_SOLIDS = ("BREP_WITH_VOIDS", "FACETED_BREP", "SHELL_BASED_SURFACE_MODEL")
 
@@ -33,16 +43,21 @@ def parse_brep(path: str | Path) -> Brep:
     ValueError : as `read_part21`; not one solid, moved by a placement, or an entity of it that is not as ISO
         10303-42 wants it.
     """
-    entities = read_part21(path)
+    header, entities = read_file(path)
     try:
-        return brep(entities)
+        return brep(entities, header)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def brep(entities: Entities) -> Brep:
+def brep_of_text(text: str) -> Brep:
+    """Return the one solid of a STEP file's text; raise ValueError as `parse_brep`."""
+    return brep(entities_of_text(text), header_of_text(text))
+
+
+def brep(entities: Entities, header: Header = NO_HEADER) -> Brep:
     """Return the one solid of a file's entities; raise ValueError as `parse_brep`."""
-    names = [_text(e.parameters("PRODUCT", 4)[0], e) for e in having(entities, "PRODUCT")]
+    names = [text_of(e.parameters("PRODUCT", 4)[0], e) for e in having(entities, "PRODUCT")]
     placed = [e for kind in PLACED for e in having(entities, kind)]
     if placed:
         raise ValueError(f"the solid is moved by the placement #{placed[0].number}")
@@ -58,6 +73,8 @@ def brep(entities: Entities) -> Brep:
         edges=tuple(_edge(entities, entities[number]) for number in numbers),
         unpaired=unpaired,
         gaps=sum(_gaps(entities, loop) for loop in loops),
+        contradictions=_contradictions(entities),
+        labels=labels_of(entities, header),
     )
 
 
@@ -72,11 +89,11 @@ def length_unit(entities: Entities) -> str:
     solid = _solid(entities).number
     for shape in having(entities, "ADVANCED_BREP_SHAPE_REPRESENTATION"):
         _, items, context = shape.parameters("ADVANCED_BREP_SHAPE_REPRESENTATION", 3)
-        if solid in _list(items, shape):
-            (units,) = _entity(entities, context, shape).parameters("GLOBAL_UNIT_ASSIGNED_CONTEXT", 1)
+        if solid in list_of(items, shape):
+            (units,) = entity_of(entities, context, shape).parameters("GLOBAL_UNIT_ASSIGNED_CONTEXT", 1)
             lengths = [
                 u
-                for u in (_entity(entities, k, shape) for k in _list(units, shape))
+                for u in (entity_of(entities, k, shape) for k in list_of(units, shape))
                 if "LENGTH_UNIT" in u.parts
             ]
             if len(lengths) != 1:
@@ -84,9 +101,9 @@ def length_unit(entities: Entities) -> str:
                     f"the representation #{shape.number} must have one unit of length, got {len(lengths)}"
                 )
             if "CONVERSION_BASED_UNIT" in lengths[0].parts:
-                return _text(lengths[0].parameters("CONVERSION_BASED_UNIT", 2)[0], lengths[0])
+                return text_of(lengths[0].parameters("CONVERSION_BASED_UNIT", 2)[0], lengths[0])
             return " ".join(
-                _text(part, lengths[0]) for part in lengths[0].parameters("SI_UNIT", 2) if part is not None
+                text_of(part, lengths[0]) for part in lengths[0].parameters("SI_UNIT", 2) if part is not None
             )
     raise ValueError(f"the solid #{solid} stands in no ADVANCED_BREP_SHAPE_REPRESENTATION")
 
@@ -105,8 +122,8 @@ def _solid(entities: Entities) -> Entity:
 def _shell(entities: Entities) -> list[Entity]:
     """Return the ADVANCED_FACEs of the solid's outer shell."""
     solid = _solid(entities)
-    shell = _entity(entities, solid.parameters("MANIFOLD_SOLID_BREP", 2)[1], solid)
-    faces = [_entity(entities, k, shell) for k in _list(shell.parameters("CLOSED_SHELL", 2)[1], shell)]
+    shell = entity_of(entities, solid.parameters("MANIFOLD_SOLID_BREP", 2)[1], solid)
+    faces = [entity_of(entities, k, shell) for k in list_of(shell.parameters("CLOSED_SHELL", 2)[1], shell)]
     if len({face.number for face in faces}) != len(faces):
         raise ValueError(f"the shell #{shell.number} names a face twice")
     return faces
@@ -115,15 +132,19 @@ def _shell(entities: Entities) -> list[Entity]:
 def _loops(entities: Entities, face: Entity) -> list[list[tuple[int, bool]]]:
     """Return the loops around a face: edges, each with whether it is passed forwards."""
     loops = []
-    for bound in (_entity(entities, k, face) for k in _list(face.parameters("ADVANCED_FACE", 4)[1], face)):
+    for bound in (
+        entity_of(entities, k, face) for k in list_of(face.parameters("ADVANCED_FACE", 4)[1], face)
+    ):
         kind = "FACE_OUTER_BOUND" if "FACE_OUTER_BOUND" in bound.parts else "FACE_BOUND"
         _, around, forwards = bound.parameters(kind, 3)
-        loop = _entity(entities, around, bound)
+        loop = entity_of(entities, around, bound)
         uses = []
-        for edge in (_entity(entities, k, loop) for k in _list(loop.parameters("EDGE_LOOP", 2)[1], loop)):
+        for edge in (entity_of(entities, k, loop) for k in list_of(loop.parameters("EDGE_LOOP", 2)[1], loop)):
             _, _, _, curve, along = edge.parameters("ORIENTED_EDGE", 5)
-            uses.append((_entity(entities, curve, edge).number, _flag(forwards, bound) == _flag(along, edge)))
-        loops.append(uses if _flag(forwards, bound) else uses[::-1])
+            uses.append(
+                (entity_of(entities, curve, edge).number, flag_of(forwards, bound) == flag_of(along, edge))
+            )
+        loops.append(uses if flag_of(forwards, bound) else uses[::-1])
     return loops
 
 
@@ -137,163 +158,117 @@ def _gaps(entities: Entities, loop: list[tuple[int, bool]]) -> int:
 
 
 def _face(entities: Entities, face: Entity) -> BrepFace:
-    surface = _entity(entities, face.parameters("ADVANCED_FACE", 4)[2], face)
-    spline: BSplineSurface | NURBSSurface | None = None
-    plane = None
-    if "B_SPLINE_SURFACE_WITH_KNOTS" in surface.parts:
-        row = _spline_row(surface, "SURFACE", 13)
-        knots = _knots(surface, row[1], row[8], row[10]), _knots(surface, row[2], row[9], row[11])
-        net = _net(row[3], knots, surface)
-        poles = _points(entities, [k for line in net for k in line], surface).reshape(
-            knots[0].dim, knots[1].dim, 3
-        )
-        spline = BSplineSurface(*knots, poles)
-        if "RATIONAL_B_SPLINE_SURFACE" in surface.parts:
-            weights = _net(surface.parameters("RATIONAL_B_SPLINE_SURFACE", 1)[0], knots, surface)
-            spline = NURBSSurface(*knots, poles, np.array([_reals(line, surface) for line in weights]))
-    if "PLANE" in surface.parts:
-        placement = _entity(entities, surface.parameters("PLANE", 2)[1], surface)
-        _, point, axis, _ = placement.parameters("AXIS2_PLACEMENT_3D", 4)
-        plane = np.stack([_points(entities, [point], placement)[0], _direction(entities, axis, placement)])
+    name, _, carrier, same = face.parameters("ADVANCED_FACE", 4)
+    surface = entity_of(entities, carrier, face)
     along = {
-        k: _flag(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k])
+        k: flag_of(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k])
         for loop in _loops(entities, face)
         for k, _ in loop
     }
     loops = tuple(tuple((k, forwards == along[k]) for k, forwards in loop) for loop in _loops(entities, face))
-    outward = _flag(face.parameters("ADVANCED_FACE", 4)[3], face)
-    return BrepFace(face.number, " ".join(surface.parts), spline, plane, outward, loops)
+    return BrepFace(
+        number=face.number,
+        name=name if isinstance(name, str) else "",
+        carrier=surface.number,
+        surface_type=" ".join(surface.parts),
+        surface=_spline(entities, surface) if "B_SPLINE_SURFACE_WITH_KNOTS" in surface.parts else None,
+        plane=_plane(entities, surface) if "PLANE" in surface.parts else None,
+        outward=flag_of(same, face),
+        loops=loops,
+    )
+
+
+def _spline(entities: Entities, surface: Entity) -> BSplineSurface | NURBSSurface:
+    row = spline_row(surface, "SURFACE", 13)
+    knots = knots_of(surface, row[1], row[8], row[10]), knots_of(surface, row[2], row[9], row[11])
+    net = net_of(row[3], knots, surface)
+    flat = points_of(entities, [k for line in net for k in line], surface)
+    poles = flat.reshape(knots[0].dim, knots[1].dim, 3)
+    if "RATIONAL_B_SPLINE_SURFACE" not in surface.parts:
+        return BSplineSurface(*knots, poles)
+    weights = net_of(surface.parameters("RATIONAL_B_SPLINE_SURFACE", 1)[0], knots, surface)
+    return NURBSSurface(*knots, poles, np.array([reals_of(line, surface) for line in weights]))
+
+
+def _plane(entities: Entities, surface: Entity) -> Floats:
+    """Return a point, the normal and the direction of the first parameter; where that is left out, it is as
+    ISO 10303-42 wants it."""
+    placement = entity_of(entities, surface.parameters("PLANE", 2)[1], surface)
+    _, point, axis, first = placement.parameters("AXIS2_PLACEMENT_3D", 4)
+    normal = direction_of(entities, axis, placement)
+    if first is None:
+        along = np.eye(3)[int(not normal[1:].any())]
+    else:
+        along = direction_of(entities, first, placement)
+    return np.stack([points_of(entities, [point], placement)[0], normal, along])
 
 
 def _edge(entities: Entities, edge: Entity) -> BrepEdge:
     _, start, stop, carrier, along = edge.parameters("EDGE_CURVE", 5)
-    vertices = [_entity(entities, k, edge) for k in ((start, stop) if _flag(along, edge) else (stop, start))]
-    ends = _points(entities, [v.parameters("VERTEX_POINT", 2)[1] for v in vertices], edge)
-    curve = _entity(entities, carrier, edge)
+    both = (start, stop) if flag_of(along, edge) else (stop, start)
+    vertices = [entity_of(entities, k, edge) for k in both]
+    ends = points_of(entities, [v.parameters("VERTEX_POINT", 2)[1] for v in vertices], edge)
+    curve = entity_of(entities, carrier, edge)
+    images = []
     # a curve with its images in the faces' parameters
     for kind in {"SURFACE_CURVE", "SEAM_CURVE"} & curve.parts.keys():
-        curve = _entity(entities, curve.parameters(kind, 4)[1], curve)
+        _, space, others, _ = curve.parameters(kind, 4)
+        images = [entity_of(entities, k, curve) for k in list_of(others, curve)]
+        curve = entity_of(entities, space, curve)
+    flat = tuple(_image(entities, image) for image in images if "PCURVE" in image.parts)
+    return BrepEdge(edge.number, ends, *_curve(entities, curve, 3), images=flat)
+
+
+def _image(entities: Entities, image: Entity) -> ParameterCurve:
+    _, carrier, drawn = image.parameters("PCURVE", 3)
+    items = entity_of(entities, drawn, image)
+    curves = list_of(items.parameters("DEFINITIONAL_REPRESENTATION", 3)[1], items)
+    if len(curves) != 1:
+        raise ValueError(f"STEP entity #{items.number} must have one curve, got {len(curves)}")
+    surface = entity_of(entities, carrier, image)
+    return ParameterCurve(surface.number, *_curve(entities, entity_of(entities, curves[0], items), 2))
+
+
+def _curve(entities: Entities, curve: Entity, dimensions: int) -> tuple[KnotVector | None, Floats | None]:
+    """Return knots and poles of a spline, no knots and two points of a line, and neither of another curve."""
     if "LINE" in curve.parts:
         _, start, along = curve.parameters("LINE", 3)
-        vector = _entity(entities, along, curve)
+        vector = entity_of(entities, along, curve)
         _, direction, length = vector.parameters("VECTOR", 3)
-        point = _points(entities, [start], curve)[0]
-        step = _direction(entities, direction, vector) * _reals([length], vector)[0]
-        return BrepEdge(edge.number, ends, None, np.stack([point, point + step]))
-    if "B_SPLINE_CURVE_WITH_KNOTS" not in curve.parts:
-        return BrepEdge(edge.number, ends, None, None)
-    row = _spline_row(curve, "CURVE", 9)
-    kv = _knots(curve, row[1], row[6], row[7])
-    poles = _list(row[2], curve)
+        point = points_of(entities, [start], curve, dimensions)[0]
+        step = direction_of(entities, direction, vector, dimensions) * reals_of([length], vector)[0]
+        return None, np.stack([point, point + step])
+    if "B_SPLINE_CURVE_WITH_KNOTS" not in curve.parts or "RATIONAL_B_SPLINE_CURVE" in curve.parts:
+        return None, None
+    row = spline_row(curve, "CURVE", 9)
+    kv = knots_of(curve, row[1], row[6], row[7])
+    poles = list_of(row[2], curve)
     if len(poles) != kv.dim:
         raise ValueError(
             f"STEP entity #{curve.number} must have {kv.dim} poles by its knots, got {len(poles)}"
         )
-    return BrepEdge(edge.number, ends, kv, _points(entities, poles, curve))
+    return kv, points_of(entities, poles, curve, dimensions)
 
 
-def _direction(entities: Entities, value: Value, user: Entity) -> Floats:
-    """Return the three components of a DIRECTION."""
-    direction = _entity(entities, value, user)
-    row = _reals(direction.parameters("DIRECTION", 2)[1], direction)
-    if len(row) != 3 or not np.isfinite(row).all() or not any(row):
-        raise ValueError(f"STEP entity #{direction.number} must have three finite components, not all zero")
-    return np.array(row)
+def _contradictions(entities: Entities) -> int:
+    """Return how many splines say that they are closed, and have other poles at either end, or that they
+    cross themselves."""
+    count = 0
+    for surface in having(entities, "B_SPLINE_SURFACE_WITH_KNOTS"):
+        row = spline_row(surface, "SURFACE", 13)
+        net = [list_of(line, surface) for line in list_of(row[3], surface)]
+        ends = (net[0], net[-1]), ([line[0] for line in net], [line[-1] for line in net])
+        closed = [pair for pair, flag in zip(ends, row[5:7]) if flag == "T"]
+        count += row[7] == "T" or any(_apart(entities, surface, pair) for pair in closed)
+    for curve in having(entities, "B_SPLINE_CURVE_WITH_KNOTS"):
+        row = spline_row(curve, "CURVE", 9)
+        poles = list_of(row[2], curve)
+        count += row[5] == "T" or (row[4] == "T" and _apart(entities, curve, ([poles[0]], [poles[-1]])))
+    return count
 
 
-def _spline_row(entity: Entity, what: str, count: int) -> list[Value]:
-    """Return the parameters of a spline as those of the simple form, also where a complex one splits them."""
-    base = f"B_SPLINE_{what}"
-    with_knots = f"B_SPLINE_{what}_WITH_KNOTS"
-    row = entity.parts[with_knots]
-    if base in entity.parts:
-        row = [None, *entity.parts[base], *row]
-    if len(row) != count:
-        raise ValueError(
-            f"STEP entity #{entity.number}: {with_knots} must have {count} parameters, got {len(row)}"
-        )
-    return row
-
-
-def _knots(entity: Entity, degree: Value, times: Value, values: Value) -> KnotVector:
-    """Return the knot vector of distinct knots and how often each occurs."""
-    counts = _list(times, entity)
-    knots = _reals(values, entity)
-    # no knot occurs more often than degree + 1 times, so that repeating them takes little memory
-    whole = [n for n in [degree, *counts] if type(n) is int and 1 <= n <= 11]
-    if len(whole) != 1 + len(counts) or len(counts) != len(knots):
-        raise ValueError(
-            f"STEP entity #{entity.number} must have as many multiplicities, from 1 to 11, as knots"
-        )
-    try:
-        return KnotVector(whole[0], np.repeat(knots, whole[1:]))
-    except ValueError as error:
-        raise ValueError(f"STEP entity #{entity.number}: {error}") from None
-
-
-def _net(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[list[Value]]:
-    """Return rows of poles or weights, as many as the knots want."""
-    rows = [_list(line, entity) for line in _list(value, entity)]
-    wanted = (knots[0].dim, knots[1].dim)
-    widths = {len(line) for line in rows}
-    if len(rows) != wanted[0] or widths != {wanted[1]}:
-        got = f"{len(rows)} x {' or '.join(map(str, sorted(widths)[:3]))}"
-        raise ValueError(
-            f"STEP entity #{entity.number} must have {wanted[0]} x {wanted[1]} poles by its knots, got {got}"
-        )
-    return rows
-
-
-def _points(entities: Entities, references: Sequence[Value], user: Entity) -> Floats:
-    """Return the coordinates of CARTESIAN_POINTs, (n, 3)."""
-    points = [_entity(entities, k, user) for k in references]
-    coordinates: list[str] = []
-    for point in points:
-        found = POINT.fullmatch(point.text)
-        if found is None:
-            raise ValueError(
-                f"STEP entity #{point.number} must be a CARTESIAN_POINT of three reals, got "
-                f"{point.text[:60]!r}"
-            )
-        coordinates.extend(found.groups())
-    rows = np.fromiter(map(float, coordinates), np.float64, len(coordinates)).reshape(-1, 3)
-    finite = np.isfinite(rows).all(axis=1)
-    if not finite.all():
-        raise ValueError(
-            f"STEP entity #{points[int(np.argmin(finite))].number} has a coordinate that float64 cannot hold"
-        )
-    return rows
-
-
-def _entity(entities: Entities, value: Value, user: Entity) -> Entity:
-    if not isinstance(value, Reference) or value not in entities:
-        raise ValueError(
-            f"STEP entity #{user.number} must refer to an entity of the file, got {str(value)[:40]}"
-        )
-    return entities[value]
-
-
-def _list(value: Value, user: Entity) -> list[Value]:
-    if not isinstance(value, list):
-        raise ValueError(f"STEP entity #{user.number} must have a list, got {str(value)[:40]}")
-    return value
-
-
-def _reals(value: Value, user: Entity) -> list[float]:
-    values = _list(value, user)
-    reals = [v for v in values if type(v) is float]
-    if len(reals) != len(values):
-        raise ValueError(f"STEP entity #{user.number} must have a list of reals")
-    return reals
-
-
-def _flag(value: Value, user: Entity) -> bool:
-    if value not in ("T", "F"):
-        raise ValueError(f"STEP entity #{user.number} must have .T. or .F., got {str(value)[:40]}")
-    return value == "T"
-
-
-def _text(value: Value, user: Entity) -> str:
-    if not isinstance(value, str):
-        raise ValueError(f"STEP entity #{user.number} must have a name, got {str(value)[:40]}")
-    return value
+def _apart(entities: Entities, user: Entity, ends: Sequence[Sequence[Value]]) -> bool:
+    """Return whether two rows of points lie apart."""
+    points = ([entity_of(entities, k, user) for k in row] for row in ends)
+    first, last = ([reals_of(p.parameters("CARTESIAN_POINT", 2)[1], p) for p in row] for row in points)
+    return any(abs(a - b) > MATCH for p, q in zip(first, last) for a, b in zip(p, q))

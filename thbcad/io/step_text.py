@@ -24,14 +24,22 @@ STRING = r"'(?:[^']|'')*+'"
 # takes long
 STATEMENT = rf"(?:[^';]++|{STRING})++;\s*+"
 HEAD = re.compile(
-    rf"\s*+ISO-10303-21\s*+;\s*+HEADER\s*+;\s*+(?:(?!ENDSEC\b){STATEMENT})*+ENDSEC\s*+;\s*+DATA\s*+;\s*+",
+    rf"\s*+ISO-10303-21\s*+;\s*+HEADER\s*+;\s*+(?P<statements>(?:(?!ENDSEC\b){STATEMENT})*+)"
+    r"ENDSEC\s*+;\s*+DATA\s*+;\s*+",
     re.ASCII,
 )
+HEADER_ENTITY = re.compile(rf"((?:[^';]++|{STRING})++);\s*+", re.ASCII)
 ENTITY = re.compile(rf"#({NUMBER})\s*+=\s*+((?:[^';]++|{STRING})++);\s*+", re.ASCII)
 TAIL = re.compile(r"ENDSEC\s*+;\s*+END-ISO-10303-21\s*+;\s*+", re.ASCII)
 COMMENT = re.compile(rf"({STRING})|/\*.*?\*/", re.DOTALL)
 TEXT_OR_REFERENCE = re.compile(rf"{STRING}|#(\d++)", re.ASCII)
 KEYWORD = r"[A-Z_][A-Z0-9_]*+"
+# control directives: two or four bytes a character, one byte, a character of the upper half, an alphabet
+DIRECTIVE = re.compile(
+    r"\\X2\\(?P<two>(?:[0-9A-F]{4})++)\\X0\\|\\X4\\(?P<four>(?:[0-9A-F]{8})++)\\X0\\"
+    r"|\\X\\(?P<byte>[0-9A-F]{2})|\\S\\(?P<upper>.)|\\P[A-I]\\|(?P<backslash>\\\\)|[\r\n]",
+    re.ASCII,
+)
 INSTANCE = re.compile(rf"(?:{KEYWORD}|(?P<complex>\())\s*+", re.ASCII)
 TOKEN = re.compile(
     rf"(?:(?P<open>\()|(?P<close>\))|(?P<comma>,)|#(?P<reference>{NUMBER})|(?P<real>{REAL})|(?P<integer>[+-]?{NUMBER})"
@@ -58,11 +66,31 @@ class Typed:
 
 Value = int | float | str | Reference | Enumeration | Typed | list["Value"] | None  # None: $ or *, not given
 
+
+def decoded(text: str) -> str:
+    """Return what a string between quotes says: its control directives decoded, as ISO 10303-21 section 6.4.3
+    has them."""
+    return DIRECTIVE.sub(_character, text[1:-1].replace("''", "'"))
+
+
+def _character(directive: re.Match[str]) -> str:
+    """Return the characters of a directive; those that Unicode does not have become U+FFFD."""
+    if two := directive["two"]:
+        return bytes.fromhex(two).decode("utf-16-be", "replace")
+    if four := directive["four"]:
+        return bytes.fromhex(four).decode("utf-32-be", "replace")
+    if byte := directive["byte"]:
+        return chr(int(byte, 16))
+    if upper := directive["upper"]:
+        return chr(ord(upper) + 128)
+    return "\\" if directive["backslash"] else ""
+
+
 CONVERT: Mapping[str, Callable[[str], Value]] = {
     "reference": Reference,
     "real": float,
     "integer": int,
-    "string": lambda text: text[1:-1].replace("''", "'"),
+    "string": decoded,
     "enumeration": Enumeration,
     "omitted": lambda _: None,
     "derived": lambda _: None,
@@ -110,6 +138,11 @@ def read_part21(path: str | Path) -> dict[int, Entity]:
     ValueError : it is no STEP file, not whole, larger than 256 MiB or 4,000,000 entities, or refers to
         entities that it does not hold.
     """
+    return read_file(path)[1]
+
+
+def read_file(path: str | Path) -> tuple[dict[str, list[Value]], dict[int, Entity]]:
+    """Return the header of a STEP file, as `header_of_text`, and its entities, as `read_part21`."""
     path = Path(path)
     if path.exists() and not path.is_file():
         raise ValueError(f"{path} is not a file")
@@ -118,18 +151,37 @@ def read_part21(path: str | Path) -> dict[int, Entity]:
     if len(data) > MOST_BYTES:
         raise ValueError(f"{path} is larger than {MOST_BYTES >> 20} MiB, the most that is read")
     try:
-        return entities_of_text(data.decode("latin-1"))
+        text = data.decode("latin-1")
+        return header_of_text(text), entities_of_text(text)
     except ValueError as error:
         raise ValueError(f"{path} is not a whole STEP file: {error}") from None
 
 
-def entities_of_text(text: str) -> dict[int, Entity]:
-    """Return the entities of a STEP file's text; raise ValueError as `read_part21`."""
-    if "/*" in text:
-        text = COMMENT.sub(lambda m: m[1] or " ", text)
+def header_of_text(text: str) -> dict[str, list[Value]]:
+    """Return the parameters of FILE_DESCRIPTION, FILE_NAME, FILE_SCHEMA, ...; raise ValueError as
+    `read_part21`."""
+    statements = _head(_without_comments(text))["statements"]
+    header: dict[str, list[Value]] = {}
+    for statement in HEADER_ENTITY.finditer(statements):
+        header |= Entity(0, statement[1]).parts
+    return header
+
+
+def _without_comments(text: str) -> str:
+    return COMMENT.sub(lambda m: m[1] or " ", text) if "/*" in text else text
+
+
+def _head(text: str) -> re.Match[str]:
     head = HEAD.match(text)
     if head is None:
         raise ValueError("its head must be ISO-10303-21; HEADER; ... ENDSEC; DATA;")
+    return head
+
+
+def entities_of_text(text: str) -> dict[int, Entity]:
+    """Return the entities of a STEP file's text; raise ValueError as `read_part21`."""
+    text = _without_comments(text)
+    head = _head(text)
     entities: dict[int, Entity] = {}
     start = head.end()
     last = 0
@@ -221,7 +273,7 @@ class _Parser:
         return token.lastgroup, token[token.lastgroup]
 
     def _wrong(self) -> ValueError:
+        what = f"STEP entity #{self._number}" if self._number else "the header"
         return ValueError(
-            f"STEP entity #{self._number} does not follow the grammar at character {self._place}: "
-            f"{self._text[:60]!r}"
+            f"{what} does not follow the grammar at character {self._place}: {self._text[:60]!r}"
         )

@@ -8,12 +8,19 @@ from typing import Any
 
 from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
-from thbcad.io.json_values import a_list, a_row, numbers, read_json, require_schema, write_json
+from thbcad.io.json_values import a_list, a_row, numbers, read_json, require_keys, require_schema, write_json
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
 
 SCHEMA = "thbcad-surface"
 VERSION = 1
+SAG_KEYS = ("degree", "knots", "refined", "coefficients")
+HEAD_KEYS = ("schema", "version", "kind", "shape")
+KEYS = {
+    "thb": (*HEAD_KEYS, *SAG_KEYS),
+    "bspline": (*HEAD_KEYS, "degree", "knots", "coefficients"),
+    "nurbs": (*HEAD_KEYS, "degree", "knots", "coefficients", "weights"),
+}
 MOST_CELLS = 1_000_000  # on level 0, so that a small file cannot ask for all memory
 
 Surface = THBSurface | BSplineSurface | NURBSSurface
@@ -60,21 +67,21 @@ def surface_from_dict(data: object) -> Surface:
 
     Raises
     ------
-    ValueError : another schema, version or kind, a missing key, or numbers that make no surface.
+    ValueError : another schema, version or kind, a missing or unknown key, or numbers that make no surface.
     """
     table = require_schema(data, SCHEMA, VERSION, "surface")
     try:
         kind = table["kind"]
+        if not isinstance(kind, str) or kind not in KEYS:
+            raise ValueError(f"the surface file's kind must be 'thb', 'bspline' or 'nurbs', got {kind!r}")
+        require_keys(table, KEYS[kind], "surface")
         net = _shaped(table, "coefficients", a_list(table, "shape"))
         if kind == "thb":
             return THBSurface(_space_from_dict(table), net)
         if kind == "bspline":
             return BSplineSurface(*_knots_from_dict(table), net)
-        if kind == "nurbs":
-            return NURBSSurface(
-                *_knots_from_dict(table), net, _shaped(table, "weights", a_list(table, "shape")[:2])
-            )
-        raise ValueError(f"the surface file's kind must be 'thb', 'bspline' or 'nurbs', got {kind!r}")
+        weights = _shaped(table, "weights", a_list(table, "shape")[:2])
+        return NURBSSurface(*_knots_from_dict(table), net, weights)
     except KeyError as error:
         raise ValueError(f"the surface file lacks the key {error}") from None
 
@@ -94,8 +101,9 @@ def sag_from_dict(data: dict[str, Any]) -> THBSurface:
 
     Raises
     ------
-    ValueError : values of the wrong type or number, more cells than MOST_CELLS.
+    ValueError : an unknown key, values of the wrong type or number, more cells than MOST_CELLS.
     """
+    require_keys(data, SAG_KEYS, "surface")
     return THBSurface(_space_from_dict(data), numbers(data, "coefficients"))
 
 

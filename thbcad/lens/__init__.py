@@ -56,7 +56,9 @@ if TYPE_CHECKING:
         ruled_edges as ruled_edges,
     )
     from thbcad.lens.soundness import (
+        LEAST_SIZE as LEAST_SIZE,
         require_sound as require_sound,
+        require_sound_graphs as require_sound_graphs,
     )
     from thbcad.lens.triangulation import (
         EDGES as EDGES,
@@ -113,7 +115,11 @@ _FILES = {
         "ruled_edge",
         "ruled_edges",
     ),
-    "soundness": ("require_sound",),
+    "soundness": (
+        "LEAST_SIZE",
+        "require_sound",
+        "require_sound_graphs",
+    ),
     "triangulation": (
         "EDGES",
         "FRONT",

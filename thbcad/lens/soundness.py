@@ -1,41 +1,70 @@
-"""The proof that a lens is a body: its surfaces and its ruled edges do not cross."""
+"""The proof that a lens is a body that CAD files can hold: its surfaces and its ruled edges do not cross."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from thbcad.certified import minimum
 from thbcad.checks import require_type
 from thbcad.lens.edge_proof import require_simple_edges
 from thbcad.lens.lens import Lens
+from thbcad.sags import gap_graph
 
 if TYPE_CHECKING:
     from thbcad.certified import Enclosure
+    from thbcad.splines import BSplineSurface
+
+LEAST_SIZE = 1e-6  # mm: ten times what CAD programs take for one point
 
 
 def require_sound(lens: Lens) -> Lens:
-    """Return the lens, proven to have thickness everywhere and edges that cross neither surfaces nor each
-    other.
+    """Return the lens, proven to be at least 1e-6 mm thick everywhere, with edges that cross neither surfaces
+    nor each other.
 
     It is asked for where a lens comes from a problem or a file, and where it becomes a file, a solid or a
     mesh.
 
     Raises
     ------
-    ValueError : no Lens; surfaces that touch or cross, or ruled edges that cross a surface or each other
-        (with the position and the amount); an edge that comes too close for a proof; as `Lens.graphs`.
+    ValueError : no Lens; surfaces that touch or cross, a lens below 1e-6 mm in thickness or width, or ruled
+        edges that cross a surface or each other (with the position and the amount); an edge that comes too
+        close for a proof; as `Lens.graphs`.
     """
     require_type("lens", lens, Lens)
-    least = lens.least_thickness()
-    if least.lower <= 0:
-        raise ValueError(_touching(lens, least))
-    require_simple_edges(lens.graphs(), lens.thickness, least.lower)
+    _require(lens.graphs(), lens.thickness, lens.least_thickness())
     return lens
 
 
-def _touching(lens: Lens, least: Enclosure) -> str:
-    """Return what is wrong with surfaces of no thickness, and where."""
+def require_sound_graphs(front: BSplineSurface, rear: BSplineSurface) -> None:
+    """Raise ValueError as `require_sound` of the body between two graphs z(x, y).
+
+    front, rear : scalar, of the same degrees, over rectangles around x = y = 0, mm.
+    """
+    _require((front, rear), 0.0, minimum(gap_graph(front, rear, 0.0), tolerance=1e-12))
+
+
+def _require(graphs: tuple[BSplineSurface, BSplineSurface], thickness: float, least: Enclosure) -> None:
+    half_widths = [(graph.kv_u.stop, graph.kv_v.stop) for graph in graphs]
+    if least.lower <= 0:
+        raise ValueError(_touching(half_widths[1], least))
+    if least.lower < LEAST_SIZE:
+        raise ValueError(
+            f"at x = {least.u:.6g}, y = {least.v:.6g} mm the lens is {least.value:.3g} mm thick, less than "
+            f"the {LEAST_SIZE:g} mm that CAD files can hold; raise lens.thickness"
+        )
+    width = 2 * min(min(pair) for pair in half_widths)
+    if width < LEAST_SIZE:
+        raise ValueError(
+            f"the lens is {width:.3g} mm wide, less than the {LEAST_SIZE:g} mm that CAD files can hold; "
+            "raise half_width"
+        )
+    require_simple_edges(graphs, thickness, least.lower)
+
+
+def _touching(half_width: tuple[float, float], least: Enclosure) -> str:
+    """Return what is wrong with surfaces of no thickness, and where; half_width is that of the rear."""
     amount = abs(min(least.value, 0.0))
-    ends = zip((least.u, least.v), lens.rear.half_width, "xy")
+    ends = zip((least.u, least.v), half_width, "xy")
     rims = " and ".join(f"{'-+'[end > 0]}{axis}" for end, half, axis in ends if abs(end) == half)
     remedy = f"raise lens.thickness by more than {amount:.6g} mm or change the radii"
     if rims and not amount:

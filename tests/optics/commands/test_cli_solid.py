@@ -87,16 +87,37 @@ def test_the_names_survive_verify_and_export(copy, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("author", "someone else"), ("schema", "AP203"), ("product", "other")]
+    ("key", "value", "word"),
+    [("author", "someone else", "author"), ("schema", "AP203", "schema"), ("product", "other", "name")],
 )
-def test_a_step_file_under_another_name_is_caught(copy, capsys, key, value):
+def test_a_step_file_under_another_name_is_caught(copy, capsys, key, value, word):
     """The names are part of what a fresh export gives."""
     path = copy / "problem.toml"
     path.write_text(re.sub(rf"(?m)^{key} = .*$", f'{key} = "{value}"', path.read_text("utf-8")), "utf-8")
     assert main(["verify", str(copy), "--no-optiland"]) == 1
     failures = [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED")]
     assert len(failures) == 1
-    assert failures[0].startswith("FAILED file differs from a fresh export of the lens by this version")
+    assert failures[0].startswith(f"FAILED text of the file: words that are not those of the problem ({word}")
+
+
+def test_a_problem_that_is_not_that_of_the_lens_fails(copy, capsys):
+    path = copy / "problem.toml"
+    for key, value in (("thickness", "7.0"), ("radius", "50.0"), ("degree", "4")):
+        path.write_text(
+            re.sub(rf"(?m)^{key} = (?!inf).*$", f"{key} = {value}", path.read_text("utf-8")), "utf-8"
+        )
+    assert failures(capsys, copy) >= {
+        "lens.thickness is 7 in problem.toml and 6 in lens.json",
+        "lens.rear.radius is 50 in problem.toml and 40 in lens.json",
+        "lens.rear.freeform.degree in x is 4 in problem.toml and 3 in lens.json",
+    }
+
+
+def test_a_file_with_other_line_ends_passes_with_a_note(copy, capsys):
+    path = copy / "lens.step"
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert main(["verify", str(copy), "--no-optiland"]) == 0
+    assert "note: the text of the STEP file differs from a fresh export" in capsys.readouterr().out
 
 
 TITLES = [

@@ -16,7 +16,7 @@ from tests.thbcad.io.cases import written
 from thbcad.cad.exchange import read_faces, read_step, step_bytes, write_step
 from thbcad.cad.shapes import lens_solid
 from thbcad.io.brep_records import MILLIMETRE
-from thbcad.io.step_brep import brep, length_unit, parse_brep
+from thbcad.io.step_brep import brep, brep_of_text, length_unit, parse_brep
 from thbcad.io.step_text import (
     MOST_NESTED,
     REAL,
@@ -25,9 +25,10 @@ from thbcad.io.step_text import (
     Typed,
     entities_of_text,
     having,
+    header_of_text,
     read_part21,
 )
-from thbcad.lens import placed_surfaces
+from thbcad.lens import Product, placed_surfaces
 from thbcad.splines import NURBSSurface
 
 HEAD = "ISO-10303-21;\nHEADER;\nFILE_NAME('a; ENDSEC;','');\nENDSEC;\nDATA;\n"
@@ -83,6 +84,59 @@ def test_comments_and_spaces_count_for_nothing():
 def test_names_in_strings_are_no_types():
     entities = read("#1 = A('PRODUCT #5');#2 = PRODUCT('x');")
     assert [e.number for e in having(entities, "PRODUCT")] == [2]
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        (r"J\X2\00FC\X0\rgen", "J\u00fcrgen"),
+        (r"\X2\900F955C\X0\)", "\u900f\u955c)"),
+        (r"\X4\0001F600\X0\.", "\U0001f600."),
+        (r"\X2\D83DDE00\X0\.", "\U0001f600."),
+        (r"\X2\D83D\X0\!", "\ufffd!"),
+        (r"\X\FC ber", "\u00fc ber"),
+        (r"\PA\\S\|", "\u00fc"),
+        (r"Optik \\ GmbH", "Optik \\ GmbH"),
+        (r"\\X2\\00FC", r"\X2\00FC"),
+        (r"\X2\00F", r"\X2\00F"),
+        ("it''s", "it's"),
+        ("two\r\n lines", "two lines"),
+    ],
+)
+def test_strings_say_what_their_directives_mean(written, said):
+    """ISO 10303-21, 6.4.3; a line end is no part of a string, a broken directive is left as it is."""
+    (entity,) = read(f"#1 = A('{written}');").values()
+    assert entity.parts == {"A": [said]}
+
+
+@pytest.mark.parametrize("schema", ["AP242", "AP214", "AP203"])
+def test_the_words_of_a_product_read_back(schema):
+    product = Product("Linse '\u00e4' (\u900f\u955c)", "J\u00fcrgen O'Neill", "Optik \\ GmbH", "PMMA", 1.19)
+    solid = brep_of_text(step_bytes(LENSES["plano"], product, schema).decode("ascii"))
+    assert solid.name == product.name
+    labels = ("name", "author", "organization", "material", "density")
+    assert {label: solid.labels[label] for label in labels} == {
+        "name": (product.name,),
+        "author": (product.author,),
+        "organization": (product.organization,),
+        "material": ("PMMA", "refractive index 1.5"),
+        "density": ("1.19", "density"),
+    }
+    starts = {"AP242": "AP242_MANAGED", "AP214": "AUTOMOTIVE_DESIGN", "AP203": "CONFIG_CONTROL_DESIGN"}
+    assert solid.labels["schema"][0].startswith(starts[schema])
+
+
+def test_the_header_is_read_with_comments_and_semicolons_in_it():
+    header = header_of_text(HEAD.replace("HEADER;", "HEADER; /* FILE_NAME('b'); */") + TAIL)
+    assert header == {"FILE_NAME": ["a; ENDSEC;", ""]}
+    with pytest.raises(ValueError, match="the header does not follow the grammar"):
+        header_of_text(HEAD.replace("FILE_NAME(", "FILE_NAME") + TAIL)
+
+
+def test_the_name_of_a_schema_has_no_dot():
+    """OCCT's own writer sets one behind that of AP242."""
+    schemas = {re.search(r"FILE_SCHEMA\(\(\s*'([^']*)'", text)[1] for text in (TABLE63, PLANO)}
+    assert schemas == {"AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF {1 0 10303 442 1 1 4 }"}
 
 
 BROKEN = [

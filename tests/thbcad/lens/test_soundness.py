@@ -5,7 +5,16 @@ from functools import partial
 
 import pytest
 
-from thbcad.cad.exchange import brep_bytes, iges_bytes, named_faces, step_bytes, to_build123d, write_step
+from thbcad.cad.exchange import (
+    SolidState,
+    brep_bytes,
+    iges_bytes,
+    named_faces,
+    step_bytes,
+    step_shape,
+    to_build123d,
+    write_step,
+)
 from thbcad.cad.shapes import flanged_part, lens_part, lens_solid, patched_part, trimmed_part
 from thbcad.io import lens_from_dict, lens_to_dict, read_lens, write_lens
 from thbcad.lens.flange import Flange
@@ -62,6 +71,35 @@ def test_nothing_is_written_of_a_lens_that_crosses_itself(crossing, tmp_path):
     (tmp_path / "lens.json").write_text(json.dumps(lens_to_dict(lens)), "utf-8")
     with pytest.raises(ValueError, match=SENTENCE[crossing]):
         read_lens(tmp_path / "lens.json")
+
+
+TINY = {
+    "thickness": (Lens(FreeformSurface((3, 4)), FreeformSurface((3, 4)), 9e-7, 1.5), "9e-07 mm thick"),
+    "rims": (
+        Lens(FreeformSurface((3, 4)), FreeformSurface((3, 4), Conic(-12.5, -1.0)), 1.0 + 1e-9, 1.5),
+        "1e-09 mm thick",
+    ),
+    "width": (Lens(FreeformSurface((4, 4e-7)), FreeformSurface((4, 4e-7)), 1.0, 1.5), "8e-07 mm wide"),
+}
+
+
+@pytest.mark.parametrize("tiny", TINY)
+@pytest.mark.parametrize("door", DOORS)
+def test_doors_refuse_a_lens_that_cad_files_cannot_hold(door, tiny):
+    """CAD programs take points within 1e-7 mm of each other for one."""
+    lens, sentence = TINY[tiny]
+    with pytest.raises(
+        ValueError, match=f"{sentence}, less than the 1e-06 mm that CAD files can hold; raise"
+    ):
+        DOORS[door](lens)
+
+
+def test_the_thinnest_lens_is_a_solid_in_its_file(tmp_path):
+    lens = Lens(FreeformSurface((3, 4)), FreeformSurface((3, 4)), 1.001e-6, 1.5)
+    write_step(lens, tmp_path / "lens.step")
+    read = SolidState(step_shape(tmp_path / "lens.step"))
+    assert (read.solids, read.free_edges, read.closed, read.valid) == (1, 0, True, True)
+    assert read.volume == pytest.approx(lens.volume(), rel=1e-6)
 
 
 def test_something_else_is_refused():

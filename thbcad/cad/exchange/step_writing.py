@@ -94,6 +94,9 @@ def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
     header.SetAuthorValue(1, TCollection_HAsciiString(product.author))
     header.SetOrganizationValue(1, TCollection_HAsciiString(product.organization))
     header.SetOriginatingSystem(TCollection_HAsciiString("thbcad"))
+    schema = header.SchemaIdentifiersValue(1).ToCString()
+    # OCCT sets a dot behind the name of AP242, which is no part of it
+    header.SetSchemaIdentifiersValue(1, TCollection_HAsciiString(schema.replace(". {", " {")))
     return compact(printed(StepData_StepWriter(model), StepAP214.Protocol_s()).decode("utf-8")).encode(
         "ascii"
     )

@@ -1,0 +1,122 @@
+"""Edges and their images in the parameters of faces agree in every solid; a moved image is measured."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeTorus
+
+from tests.thbcad.cases import LENSES
+from tests.thbcad.io.cases import written
+from thbcad.cad.exchange import part_step, step_bytes
+from thbcad.cad.shapes import flanged_part, patched_part, trimmed_part
+from thbcad.io.parameter_curves import image_distance, turned_faces
+from thbcad.io.step_brep import brep_of_text, parse_brep
+from thbcad.lens import Flange, Product
+from thbcad.splines import KnotVector
+
+PARTS = {
+    "patches": (patched_part, ()),
+    "aperture": (trimmed_part, ((5.0, 4.0),)),
+    "flange": (flanged_part, (Flange(2.0, 1.0, 3.0),)),
+    "parts of edges": (flanged_part, (Flange(2.0, 0.5, 1.5),)),
+}
+OF = {"parts of edges": "ruled"}  # other lenses are freeform
+
+
+def of(lens):
+    return brep_of_text(step_bytes(lens).decode())
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_edges_of_every_lens_are_their_images(name):
+    """But for the rounding of poles and knots, of some 10 mm."""
+    distance, left = image_distance(of(LENSES[name]))
+    assert distance <= 1e-14
+    assert left == ()
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_the_edges_of_cut_and_patched_lenses_are_their_images(name):
+    """Splines that approximate the cut are within OCCT's 1e-7 mm; faces that are no splines are named."""
+    make, arguments = PARTS[name]
+    solid = brep_of_text(part_step(make(LENSES[OF.get(name, "freeform")], *arguments), Product()).decode())
+    distance, left = image_distance(solid)
+    assert distance <= (1e-7 if name in ("aperture", "parts of edges") else 1e-14)
+    assert bool(left) == (name == "aperture")
+    assert all(re.fullmatch(r"\d+ images of edges on a \w+", what) for what in left)
+    assert turned_faces(solid) == 0
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: BRepPrimAPI_MakeBox(2.0, 3.0, 5.0),
+        lambda: BRepPrimAPI_MakeCylinder(2.0, 5.0),
+        lambda: BRepPrimAPI_MakeTorus(5.0, 1.0),
+    ],
+    ids=["box", "cylinder", "torus"],
+)
+def test_the_solids_of_another_program_pass(make, tmp_path):
+    solid = parse_brep(written(make().Solid(), tmp_path / "solid.step"))
+    assert image_distance(solid)[0] <= 1e-11  # it writes some 13 digits
+    assert turned_faces(solid) == 0
+
+
+def low_edge(solid):
+    """Return the place of the edge of the front at low y."""
+    front, side = solid.faces[0], solid.faces[2]
+    assert (front.name, side.name) == ("front", "edge -y")
+    (number,) = {k for k, _ in front.loops[0]} & {k for k, _ in side.loops[0]}
+    return [edge.number for edge in solid.edges].index(number)
+
+
+def changed(solid, **fields):
+    """Return the solid with the image of its low edge on the front changed."""
+    edges, place = list(solid.edges), low_edge(solid)
+    first, *others = edges[place].images
+    assert first.carrier == solid.faces[0].carrier
+    edges[place] = replace(edges[place], images=(replace(first, **fields), *others))
+    return replace(solid, edges=tuple(edges))
+
+
+@pytest.mark.parametrize("name", ["plano", "table63"])
+def test_the_distance_of_a_moved_image_is_that_in_space(name):
+    """The front is a plane over x and y; or over 8 / 5 of them, and its slope at the rim is 1."""
+    solid = of(LENSES[name])
+    poles = solid.edges[low_edge(solid)].images[0].poles
+    factor = np.sqrt(2) * 5 / 8 if name == "table63" else 1.0
+    distance, _ = image_distance(changed(solid, poles=poles + np.array([0.0, 1e-3])))
+    assert distance == pytest.approx(1e-3 * factor, rel=1e-3)
+
+
+def test_an_image_beside_its_face_or_its_edge_is_infinitely_far():
+    solid = of(LENSES["plano"])
+    poles = solid.edges[low_edge(solid)].images[0].poles
+    rear = solid.faces[1].carrier
+    short = KnotVector.uniform(1, 1, -9.0, 10.0)
+    for fields in (
+        {"poles": poles - np.array([0.0, 1e-3])},
+        {"carrier": rear},
+        {"carrier": 1},
+        {"kv": short, "poles": np.array([[-9.0, -8.0], [10.0, -8.0]])},
+    ):
+        assert image_distance(changed(solid, **fields))[0] == np.inf
+
+
+def test_curves_that_are_not_compared_are_counted():
+    solid = of(LENSES["plano"])
+    distance, left = image_distance(changed(solid, poles=None))
+    assert distance <= 1e-14
+    assert left == ("1 images of edges that are neither lines nor splines",)
+
+
+@pytest.mark.parametrize("which", range(6))
+@pytest.mark.parametrize("name", ["plano", "table63"])
+def test_a_turned_face_is_counted(name, which):
+    solid = of(LENSES[name])
+    faces = list(solid.faces)
+    faces[which] = replace(faces[which], outward=not faces[which].outward)
+    assert turned_faces(solid) == 0
+    assert turned_faces(replace(solid, faces=tuple(faces))) == 1
