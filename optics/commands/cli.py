@@ -1,7 +1,7 @@
 """The command line.
 
 Results go to stdout (--json for machines), progress and messages to stderr.  Exit codes:
-0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted.
+0 done, 1 a check failed, 2 bad input, 3 numerical failure, 70 internal error, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -9,13 +9,17 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from importlib import import_module
 
 from optics.commands.arguments import parser
 from optics.commands.outcome import Outcome
-from optics.runtime import NumericalError, UserError, collect_rarely
+from optics.runtime import NumericalError, UserError, collect_rarely, printable
 from thbcad.doors import missing_packages, pip_command
+
+INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
+DEBUG = "THBCAD_DEBUG"  # environment variable: set, an internal error shows its traceback
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -35,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     except ImportError as error:
         if not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
-            raise
+            return _internal(error)
         print("thbcad: interrupted", file=sys.stderr)
         return 130
     except MemoryError:
@@ -43,12 +47,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return NumericalError.exit_code
     except OSError as error:
         where = f" {error.filename}" if error.filename else ""
-        print(f"thbcad: cannot write or read{where}: {error.strerror or error}", file=sys.stderr)
+        print(
+            f"thbcad: {UserError(f'cannot write or read{where}: {error.strerror or error}')}", file=sys.stderr
+        )
         return UserError.exit_code
+    except Exception as error:
+        return _internal(error)
     from thbcad.io import json_text
 
-    _print(json_text(outcome.data) if options.json else "\n".join(outcome.lines))
+    lines = "\n".join(outcome.lines).split("\n")
+    _print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)))
     return 0 if outcome.ok else 1
+
+
+def _internal(error: Exception) -> int:
+    """Tell of an error of this program itself, and return the exit code."""
+    if os.environ.get(DEBUG):
+        traceback.print_exception(error)
+    what = UserError(f"internal error: {type(error).__name__}: {error}")
+    print(f"thbcad: {what}; please report it with the traceback that {DEBUG}=1 shows", file=sys.stderr)
+    return INTERNAL_ERROR
 
 
 def _require_extra() -> None:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress
 from optics.optimisation import Interrupted, ResultFolder, earlier_state
-from optics.problem import limit_checks, load_problem, problem_to_toml
+from optics.problem import limit_checks, problem_to_toml
 from optics.runtime import UserError, check_lines, note, peak_mb, second_process
-from optics.system import OpticalSystem, advice, solvable_system
+from optics.system import OpticalSystem, advice, load_system
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
@@ -93,18 +93,17 @@ class _Figures:
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
     clock = _Clock()
-    problem = load_problem(options.problem)
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
-    system = solvable_system(problem)
+    system = load_system(options.problem)
+    problem = system.problem
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    folder.prepare()
-    for sentence in advice(system):
-        note(sentence)
     from optics.optimisation import resolved
     from optics.runtime import load_backend
 
-    with second_process() as beside:
+    with folder.prepared(), second_process() as beside:
+        for sentence in advice(system):
+            note(sentence)
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         backend = load_backend(problem.run.precision, problem.run.threads)
         system, start = resolved(system, backend)

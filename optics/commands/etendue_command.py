@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from optics.commands.outcome import Outcome
 from optics.etendue import LENS_CLASS, ProblemBound, certain_bound, problem_bound, rear_area, throughput
 from optics.optimisation import ResultFolder, require_writable
-from optics.problem import load_problem
 from optics.runtime import UserError
-from optics.system import solvable_system
+from optics.system import load_system
 from optics.tracing import efficiency_bound
 
 if TYPE_CHECKING:
@@ -28,8 +27,10 @@ def etendue(options: Namespace) -> Outcome:
     if options.efficiency is not None and not 0 < options.efficiency <= 1:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     if options.out:
+        if Path(options.out).suffix.lower() != ".png":
+            raise UserError(f"--out must end in .png, since the picture is a PNG, got {options.out}")
         require_writable(Path(options.out))
-    system = solvable_system(load_problem(options.problem))
+    system = load_system(options.problem)
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
     if not passing.source:

@@ -7,7 +7,8 @@ import hashlib
 import io
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -89,6 +90,18 @@ class ResultFolder:
         self.lens = self.path / "lens.json"
         self.problem = self.path / "problem.toml"
         self.figures = self.path / "figures"
+
+    @contextmanager
+    def prepared(self) -> Iterator[None]:
+        """Make the folder for the block, see that it can be written, and remove it where it stays empty."""
+        made = [path for path in (self.figures, self.path) if not path.exists()]
+        try:
+            self.prepare()
+            yield
+        finally:
+            for path in made:
+                with suppress(OSError):  # it is not empty
+                    path.rmdir()
 
     def prepare(self) -> None:
         """Make the folder and see that it can be written, before any work is done."""
