@@ -17,11 +17,12 @@ Integers = NDArray[np.int64]
 EPS = float(np.finfo(np.float64).eps)
 MAX_DEGREE = 10
 MOST_SPANS = 10_000_000
+GREATEST_HALF_WIDTH = 1e100  # its square is finite
 GREATEST_KNOT = 1e300  # sums of knots and of periods are finite
 
 
 def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.float64) -> NDArray[Any]:
-    """Return a contiguous read-only copy of `array`; raise ValueError for complex numbers."""
+    """Return a contiguous read-only copy of `array`; raise ValueError as `require_real`."""
     require_real(array)
     out = np.array(array, dtype=dtype, order="C")
     out.flags.writeable = False
@@ -50,10 +51,25 @@ def require_type(name: str, value: object, *types: type) -> None:
         )
 
 
+def require_unmasked(array: object) -> None:
+    """Raise ValueError for a masked array with masked numbers, and for a list of such rows."""
+    rows = array if isinstance(array, list | tuple) else (array,)
+    masked = sum(int(np.sum(row.mask)) for row in rows if isinstance(row, np.ma.MaskedArray))
+    if masked:
+        raise ValueError(f"numbers must not be masked, got {masked} masked; leave them out or fill them")
+
+
 def require_real(array: ArrayLike) -> None:
-    """Raise ValueError for complex numbers."""
+    """Raise ValueError for complex and for masked numbers."""
+    require_unmasked(array)
     if np.iscomplexobj(array):
         raise ValueError(f"numbers must be real, got {np.asarray(array).dtype}")
+
+
+def floats(array: ArrayLike) -> Floats:
+    """Return numbers as float64, without a copy where they are; raise ValueError as `require_real`."""
+    require_real(array)
+    return np.asarray(array, dtype=np.float64)
 
 
 def require_integer(name: str, value: object, least: int, most: int | None = None) -> None:
@@ -119,16 +135,16 @@ def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
     """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and
     finite."""
     pair = isinstance(half_width, Sequence | np.ndarray) and len(half_width) == 2
-    if not pair or not all(isinstance(w, Real) and 0 < w < np.inf for w in half_width):
-        raise ValueError(f"half_width must be two positive numbers, got {half_width}")
+    if not pair or not all(isinstance(w, Real) and 0 < w <= GREATEST_HALF_WIDTH for w in half_width):
+        raise ValueError(
+            f"half_width must be two positive numbers of at most {GREATEST_HALF_WIDTH:g}, got {half_width}"
+        )
     return float(half_width[0]), float(half_width[1])
 
 
 def points(u: ArrayLike, v: ArrayLike) -> tuple[Floats, Floats]:
     """Return scattered points as two rows, (n,) each; raise ValueError unless they are of equal length."""
-    for x in (u, v):
-        require_real(x)
-    u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
+    u, v = (np.atleast_1d(floats(x)) for x in (u, v))
     if u.shape != v.shape or u.ndim != 1:
         raise ValueError(f"u and v must be two rows of equal length, got shapes {u.shape} and {v.shape}")
     return u, v

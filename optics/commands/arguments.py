@@ -14,7 +14,7 @@ def parser() -> argparse.ArgumentParser:
         prog="thbcad",
         description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
         epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, "
-        "130 interrupted, 143 terminated",
+        "70 internal error, 130 interrupted, 143 terminated",
     )
     main.add_argument("--version", action="version", version=f"thbcad {__version__}")
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")

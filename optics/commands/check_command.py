@@ -10,14 +10,13 @@ from optics.analysis import dark_fraction
 from optics.commands.outcome import Outcome
 from optics.etendue import etendue_note
 from optics.optimisation import stages, surfaces_can_cross
-from optics.problem import load_problem
-from optics.system import advice, skip_lines, solvable_system
+from optics.system import advice, load_system, skip_lines
 
 
 def check(options: Namespace) -> Outcome:
     """Read a problem without tracing."""
-    problem = load_problem(options.problem)
-    system = solvable_system(problem)
+    system = load_system(options.problem)
+    problem = system.problem
     picture, screen = system.target.light, system.target.screen()
     dark = dark_fraction(system.target.irradiance(screen, problem.source.flux))
     least, volume = system.lens.least_thickness(), system.lens.volume()

@@ -1,7 +1,7 @@
 """The command line.
 
-Results go to stdout (--json for machines), progress and messages to stderr.  Exit codes:
-0 done, 1 a check failed, 2 bad input, 3 numerical failure, 130 interrupted, 143 terminated.
+Results go to stdout (--json for machines), progress and messages to stderr.  Exit codes: 0 done,
+1 a check failed, 2 bad input, 3 numerical failure, 70 internal error, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -9,15 +9,19 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import traceback
 from argparse import Namespace
 from collections.abc import Sequence
 from importlib import import_module
 
 from optics.commands.arguments import parser
 from optics.commands.outcome import Outcome
-from optics.commands.stop_signals import Stop, stop_signals
-from optics.runtime import NumericalError, UserError, collect_rarely
+from optics.commands.stop_signals import stop_signals
+from optics.runtime import NumericalError, UserError, collect_rarely, printable
 from thbcad.doors import missing_packages, pip_command
+
+INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
+DEBUG = "THBCAD_DEBUG"  # environment variable: set, an internal error shows its traceback
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,40 +30,48 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with stop_signals() as stop:
-        return _run(options, stop)
-
-
-def _run(options: Namespace, stop: Stop) -> int:
-    """Run the command of the arguments and return the exit code."""
-    try:
-        _require_extra()
-        command = import_module(f"optics.commands.{options.command}_command")
-        outcome: Outcome = getattr(command, options.command)(options)
-    except (UserError, NumericalError) as error:
-        print(f"thbcad: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        return _stopped(stop)
-    except ImportError as error:
-        if not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while OCP is loaded
+        try:
+            return _run(options)
+        except BaseException as error:
+            # a package that a signal stops while it is loaded ends with another error
+            if stop.requested or isinstance(error, KeyboardInterrupt):
+                print(f"thbcad: {stop.word}", file=sys.stderr)
+                return stop.code
+            if isinstance(error, Exception):
+                return _failed(error)
             raise
-        return _stopped(stop)
-    except MemoryError:
-        print("thbcad: out of memory; use fewer pixels, rays or levels", file=sys.stderr)
-        return NumericalError.exit_code
-    except OSError as error:
-        where = f" {error.filename}" if error.filename else ""
-        print(f"thbcad: cannot write or read{where}: {error.strerror or error}", file=sys.stderr)
-        return UserError.exit_code
+
+
+def _run(options: Namespace) -> int:
+    """Run the command of the arguments, print what it returns, and return the exit code."""
+    _require_extra()
+    command = import_module(f"optics.commands.{options.command}_command")
+    outcome: Outcome = getattr(command, options.command)(options)
     from thbcad.io import json_text
 
-    _print(json_text(outcome.data) if options.json else "\n".join(outcome.lines))
+    lines = "\n".join(outcome.lines).split("\n")
+    _print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)))
     return 0 if outcome.ok else 1
 
 
-def _stopped(stop: Stop) -> int:
-    print(f"thbcad: {stop.word}", file=sys.stderr)
-    return stop.code
+def _failed(error: Exception) -> int:
+    """Say in one sentence why a command failed, and return the exit code."""
+    if isinstance(error, UserError | NumericalError):
+        sentence, code = str(error), error.exit_code
+    elif isinstance(error, MemoryError):
+        sentence, code = "out of memory; use fewer pixels, rays or levels", NumericalError.exit_code
+    elif isinstance(error, OSError):
+        where = f" {error.filename}" if error.filename else ""
+        sentence = str(UserError(f"cannot write or read{where}: {error.strerror or error}"))
+        code = UserError.exit_code
+    else:
+        what = UserError(f"internal error: {type(error).__name__}: {error}")
+        sentence = f"{what}; please report it with the traceback that {DEBUG}=1 shows"
+        code = INTERNAL_ERROR
+    if os.environ.get(DEBUG):
+        traceback.print_exception(error)
+    print(f"thbcad: {sentence}", file=sys.stderr)
+    return code
 
 
 def _require_extra() -> None:

@@ -13,10 +13,10 @@ from optics.commands.notes import Notes
 from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress
 from optics.optimisation import Interrupted, earlier_state
-from optics.problem import limit_checks, load_problem
+from optics.problem import limit_checks
 from optics.results import ResultFolder, ResultWriter, read_checkpoint, write_checkpoint
 from optics.runtime import UserError, check_lines, peak_mb, second_process
-from optics.system import OpticalSystem, advice, solvable_system
+from optics.system import OpticalSystem, advice, load_system
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
@@ -52,19 +52,21 @@ class _Run:
 
     asked: Problem
     folder: ResultFolder
+    clock: _Clock
     notes: Notes = field(default_factory=Notes)
-    clock: _Clock = field(default_factory=_Clock)
 
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
+    clock = _Clock()
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
-    problem = load_problem(options.problem)
+    system = load_system(options.problem)
+    problem = system.problem
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    run, system = _Run(problem, folder), solvable_system(problem)
+    run = _Run(problem, folder, clock)
     with folder.taken(problem, options.force or options.resume):
         for sentence in advice(system):
             run.notes(sentence)

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
 from optics.etendue import LENS_CLASS, ProblemBound, certain_bound, problem_bound, rear_area, throughput
-from optics.problem import load_problem
 from optics.results import ResultFolder, require_own, require_writable
 from optics.runtime import UserError
-from optics.system import solvable_system
+from optics.system import load_system
 from optics.tracing import efficiency_bound
 
 if TYPE_CHECKING:
@@ -29,9 +28,11 @@ def etendue(options: Namespace) -> Outcome:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     if options.out:
         out = Path(options.out)
+        if out.suffix.lower() != ".png":
+            raise UserError(f"--out must end in .png, since the picture is a PNG, got {out}")
         require_writable(out)
         require_own(out.parent, (out.name,), "", options.force)
-    system = solvable_system(load_problem(options.problem))
+    system = load_system(options.problem)
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
     if not passing.source:

@@ -17,8 +17,9 @@ INTERRUPTED, TERMINATED = 130, 143
 
 @dataclass
 class Stop:
-    """By which signal a command was stopped."""
+    """Whether a command was asked to stop, and by which signal."""
 
+    requested: bool = False
     code: int = INTERRUPTED
 
     @property
@@ -28,18 +29,24 @@ class Stop:
 
 @contextmanager
 def stop_signals() -> Iterator[Stop]:
-    """Yield a Stop, and raise KeyboardInterrupt for SIGTERM too, while the context lasts."""
-    stop = Stop()
-    if threading.current_thread() is not threading.main_thread():  # Python allows handlers only there
-        yield stop
-        return
+    """Yield a Stop, and raise KeyboardInterrupt for both signals, while the context lasts.
 
-    def terminate(number: int, frame: FrameType | None) -> None:
-        stop.code = TERMINATED
+    A signal that is ignored stays so: work in the background does not listen to Ctrl-C.
+    """
+    stop = Stop()
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        stop.requested = True
+        stop.code = TERMINATED if number == signal.SIGTERM else INTERRUPTED
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, terminate)
+    before = {}
+    if threading.current_thread() is threading.main_thread():  # Python allows handlers only there
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, ask)
     try:
         yield stop
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

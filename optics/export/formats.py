@@ -93,12 +93,17 @@ def format_of(out: str, wanted: str | None) -> str:
 
     Raises
     ------
-    UserError : it is unknown.
+    UserError : it is unknown, or not what the suffix promises.
     """
     name = Path(out).suffix[1:].lower() if wanted is None else wanted.lower()
     if name not in SUFFIXES:
         asked = f"the suffix of {out}" if wanted is None else f"the format {wanted!r}"
         raise UserError(f"{asked} is unknown; choose --format from {', '.join(FORMATS)}")
+    promised = SUFFIXES.get(Path(out).suffix[1:].lower())
+    if promised not in (None, SUFFIXES[name]):
+        raise UserError(
+            f"{out} would hold {SUFFIXES[name]}, but its suffix promises {promised}; change --format or --out"
+        )
     return SUFFIXES[name]
 
 

@@ -9,9 +9,9 @@ import math
 import tomllib
 from pathlib import Path
 
-from optics.problem.schema import Problem, Source, Target
+from optics.problem.schema import SHORTEST, Problem, Source, Target
 from optics.problem.toml_records import record
-from optics.runtime import UserError
+from optics.runtime import UserError, read_at_most, speaking_of
 from thbcad.lens import require_line
 
 MAX_FILE_BYTES = 1_000_000
@@ -27,19 +27,18 @@ def load_problem(path: str | Path) -> Problem:
     UserError : with one sentence that names the file, the key, what came and what was wanted.
     """
     path = Path(path)
+    text = read_at_most(path, MAX_FILE_BYTES)
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise UserError(f"{path} is larger than {MAX_FILE_BYTES} bytes: is it a problem file?")
-        data = tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{path} is not valid TOML: {error}") from None
-    try:
+        data = tomllib.loads(text.decode("utf-8-sig"))  # editors of Windows put a mark before the text
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path} is no UTF-8 text from byte {error.start} on; save it as UTF-8") from None
+    except RecursionError:
+        raise UserError(f"{path} is nested too deep for TOML; write it in a simpler way") from None
+    except ValueError as error:
+        raise UserError(f"{path} is not valid TOML: {error}; mend it there") from None
+    with speaking_of(path):
         problem = record(Problem, data, "", path.parent)
         _require_partners(problem)
-    except UserError as error:
-        raise UserError(f"{path}: {error}") from None
     return problem
 
 
@@ -85,11 +84,16 @@ def _require_target(target: Target) -> None:
 def _require_source(source: Source) -> None:
     if source.profile == "image" and not source.image:
         raise UserError("the key source.image is missing")
-    if source.kind == "point" and source.distance == 0:
-        raise UserError("source.distance must be greater than 0 for a point, which would lie in the lens")
-    if source.kind != "point" and min(source.half_width) <= 0:
+    if source.kind == "point" and source.distance < SHORTEST:
+        raise UserError(
+            f"source.distance must be at least {SHORTEST} for a point, which would lie in the lens, "
+            f"got {source.distance!r}"
+        )
+    if source.kind != "point" and min(source.half_width) < SHORTEST:
         got = list(source.half_width)
-        raise UserError(f"source.half_width must be greater than 0 for a {source.kind} source, got {got}")
+        raise UserError(
+            f"source.half_width must be at least {SHORTEST} for a {source.kind} source, got {got}"
+        )
     if source.kind == "point" and source.profile != "uniform":
         raise UserError(f"source.profile is that of an area, a point has none; got {source.profile!r}")
     if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:

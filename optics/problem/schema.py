@@ -13,6 +13,12 @@ PROFILES = ("uniform", "round", "gaussian", "image")
 Number = TypeVar("Number", int, float)
 
 MAX_PIXELS = 4096
+SHORTEST = 1e-6  # mm: a nanometre, less than CAD kernels tell apart
+LONGEST = 1e6  # mm: a kilometre
+FARTHEST = 1e9  # mm, of the planes before and behind the lens
+RADII = (1e-3, 1e12)  # mm, in size
+GREATEST_CONIC = 1e6  # in size
+GREATEST_WEIGHT = 1e12
 FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
 
 
@@ -22,24 +28,24 @@ class Source:
         choices=("collimated", "lambertian", "point"),
         note="parallel rays along +z, a glowing area, or a point",
     )
-    half_width: tuple[float, float] = option((0.0, 0.0), low=0, note="mm; a point has none")
-    distance: float = option(2.0, low=0, note="mm from the source plane to the front vertex")
-    flux: float = option(1.0, above=0, note="W")
+    half_width: tuple[float, float] = option((0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none")
+    distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
+    flux: float = option(1.0, low=1e-12, high=1e12, note="W")
     profile: str = option(
         "uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse"
     )
     sigma: tuple[float, float] = option(
-        (0.5, 0.5), above=0, note="of the gaussian profile, relative to half_width"
+        (0.5, 0.5), above=0, high=1e6, note="of the gaussian profile, relative to half_width"
     )
     image: str = option(
         "", note="picture file of the profile image, linear light, relative to the problem file", picture=True
     )
     half_angle: float = option(
-        90.0, above=0, high=90, note="degrees, of the cone that a lambertian or a point source lights"
+        90.0, low=1e-3, high=90, note="degrees, of the cone that a lambertian or a point source lights"
     )
     exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
     wavelength: float = option(
-        550.0, above=0, note="nm; the report and limits.feature compare the lens's features with it"
+        550.0, low=1, high=1e6, note="nm; the report and limits.feature compare the lens's features with it"
     )
 
 
@@ -54,7 +60,7 @@ class Freeform:
         note="finest level of refinement; auto takes it from the light's detail",
         auto=True,
     )
-    z_freedom: float = option(5.0, above=0, note="mm, bound of the sag coefficients")
+    z_freedom: float = option(5.0, low=SHORTEST, high=LONGEST, note="mm, bound of the sag coefficients")
 
     @property
     def finest(self) -> int:
@@ -64,11 +70,14 @@ class Freeform:
 
 @dataclass(frozen=True, kw_only=True)
 class Front:
-    half_width: tuple[float, float] = option(above=0, note="mm")
+    half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
     radius: float = option(
-        math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane"
+        math.inf,
+        infinite=True,
+        size=RADII,
+        note="mm, of the vertex; positive opens to +z, inf is a plane",
     )
-    conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
+    conic: float = option(0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid")
     freeform: Freeform | None = option(
         None, note="with the keys of lens.rear.freeform: a front that is free too"
     )
@@ -76,20 +85,23 @@ class Front:
 
 @dataclass(frozen=True, kw_only=True)
 class Rear:
-    half_width: tuple[float, float] = option(above=0, note="mm")
+    half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
     freeform: Freeform = option(Freeform())
     radius: float = option(
-        math.inf, infinite=True, note="mm, of the vertex; positive opens to +z, inf is a plane"
+        math.inf,
+        infinite=True,
+        size=RADII,
+        note="mm, of the vertex; positive opens to +z, inf is a plane",
     )
-    conic: float = option(0.0, note="conic constant K, -1 is a paraboloid")
+    conic: float = option(0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LensSpec:
-    index: float = option(above=1, note="refractive index, relative to the air around")
-    thickness: float = option(above=0, note="mm between the vertices")
+    index: float = option(above=1, high=10, note="refractive index, relative to the air around")
+    thickness: float = option(low=SHORTEST, high=LONGEST, note="mm between the vertices")
     material: str = option("", note="its name, for the files and the manufacturer")
-    density: float = option(0.0, low=0, note="g/cm^3, for the mass; 0 is unknown")
+    density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
     front: Front = option()
     rear: Rear = option()
 
@@ -108,9 +120,12 @@ class Target:
         (0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's"
     )
     distance: float = option(
-        above=0, infinite=True, note="mm from the rear vertex to the target plane; inf is the far field"
+        low=SHORTEST,
+        high=FARTHEST,
+        infinite=True,
+        note="mm from the rear vertex to the target plane; inf is the far field",
     )
-    half_width: tuple[float, float] = option(above=0, note="mm; degrees in the far field")
+    half_width: tuple[float, float] = option(low=SHORTEST, high=FARTHEST, note="mm; degrees in the far field")
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
     fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
@@ -163,11 +178,18 @@ class Optimizer:
     fresnel: bool = option(
         True, note="losses by reflection while optimising; metrics and verify always have them"
     )
-    lost_flux_weight: float = option(100.0, low=0, note="charge for light beside the target")
-    dark_flux_weight: float = option(
-        0.0, low=0, note="charge for light that does not reach the lit part of the target"
+    lost_flux_weight: float = option(
+        100.0, low=0, high=GREATEST_WEIGHT, note="charge for light beside the target"
     )
-    roughness_weight: float = option(0.0, low=0, note="charge for the sags' bending energy")
+    dark_flux_weight: float = option(
+        0.0,
+        low=0,
+        high=GREATEST_WEIGHT,
+        note="charge for light that does not reach the lit part of the target",
+    )
+    roughness_weight: float = option(
+        0.0, low=0, high=GREATEST_WEIGHT, note="charge for the sags' bending energy"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,6 +29,7 @@ def option(
     low: float | None = None,
     high: float | None = None,
     above: float | None = None,
+    size: tuple[float, float] | None = None,
     note: str = "",
     infinite: bool = False,
     picture: bool = False,
@@ -36,6 +37,7 @@ def option(
 ) -> Any:
     """Return a field with its limits and a note; a key without a default is required.
 
+    size : limits of the absolute value.  infinite : inf is allowed too.
     picture : the value is the path of a picture.  auto : the number may be left to the program.
     """
     limits = {
@@ -43,6 +45,7 @@ def option(
         "low": low,
         "high": high,
         "above": above,
+        "size": size,
         "note": note,
         "infinite": infinite,
         "picture": picture,
@@ -121,8 +124,14 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     if isinstance(value, int) and abs(value) > LARGEST:
         raise UserError(f"{key} must not be larger than {LARGEST:g} in size")
-    finite = math.isfinite(value) or (limits["infinite"] and not math.isnan(value))
-    if not finite:
+    _require_range(key, value, limits)
+    return hint(value)
+
+
+def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
+    if limits["infinite"] and math.isinf(value) and (value > 0 or limits["size"]):
+        return
+    if not math.isfinite(value):
         raise UserError(f"{key} must be a finite number, got {value!r}")
     for name, word, broken in (
         ("low", "at least", lambda v, b: v < b),
@@ -130,10 +139,13 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
         ("above", "greater than", lambda v, b: v <= b),
     ):
         if limits[name] is not None and broken(value, limits[name]):
-            raise UserError(f"{key} must be {word} {limits[name]}, got {value!r}")
+            raise UserError(f"{key} must be {word} {limits[name]:.7g}, got {value!r}")
     if limits["infinite"] and value == 0:  # of a surface: a target has its own limit
         raise UserError(f"{key} must not be 0; inf is a plane")
-    return hint(value)
+    if limits["size"] and not limits["size"][0] <= abs(value) <= limits["size"][1]:
+        low, high = limits["size"]
+        wanted = f"at least {low:g} and at most {high:g}" if low else f"at most {high:g}"
+        raise UserError(f"{key} must be {wanted} in size, got {value!r}")
 
 
 def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
         LONGEST as LONGEST,
         NumericalError as NumericalError,
         UserError as UserError,
+        printable as printable,
+        speaking_of as speaking_of,
     )
     from optics.runtime.garbage import (
         collect_rarely as collect_rarely,
@@ -58,6 +60,10 @@ if TYPE_CHECKING:
         machine as machine,
         machine_facts as machine_facts,
     )
+    from optics.runtime.user_files import (
+        read_at_most as read_at_most,
+        require_regular_file as require_regular_file,
+    )
 
 _FILES = {
     "backend": (
@@ -75,6 +81,8 @@ _FILES = {
         "LONGEST",
         "NumericalError",
         "UserError",
+        "printable",
+        "speaking_of",
     ),
     "garbage": ("collect_rarely",),
     "helper_process": (
@@ -108,6 +116,10 @@ _FILES = {
     "this_machine": (
         "machine",
         "machine_facts",
+    ),
+    "user_files": (
+        "read_at_most",
+        "require_regular_file",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -2,23 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 LONGEST = 600  # characters
+CUT = " ... "
 
 
 class UserError(Exception):
     """Bad input: one sentence that names the cause and the remedy.  Exit code 2.
 
-    Whatever the input held, the message stays on one line, printable and short.
+    Whatever the input held, the message stays on one line, printable and short: of a longer one the middle
+    is left out, since the file is named at the beginning and the remedy at the end.
     """
 
     exit_code = 2
 
     def __init__(self, message: str) -> None:
-        line = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in message)
-        super().__init__(line if len(line) <= LONGEST else line[: LONGEST - 3] + "...")
+        line = printable(message)
+        if len(line) > LONGEST:
+            half = (LONGEST - len(CUT)) // 2
+            line = line[:half] + CUT + line[-half:]
+        super().__init__(line)
 
 
 class NumericalError(Exception):
     """A computation that failed on valid input.  Exit code 3."""
 
     exit_code = 3
+
+
+def printable(text: str) -> str:
+    """Return a text whose line ends and control characters are written as codes, which no terminal obeys."""
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+
+
+@contextmanager
+def speaking_of(subject: object) -> Iterator[None]:
+    """Put a file or a key before the message of every UserError of the block."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(f"{subject}: {error}") from None

@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+from optics.runtime.errors import printable
+
 
 def note(sentence: str) -> None:
     """Print a note on stderr."""
-    print(f"thbcad: note: {sentence}", file=sys.stderr)
+    print(f"thbcad: note: {printable(sentence)}", file=sys.stderr)
 
 
 def check_lines(checked: dict[str, Any]) -> list[str]:

@@ -30,7 +30,16 @@ def collimated_beam(
     each = flux * fraction / (rays[0] * rays[1])
     if profile.kind == "uniform":
         return RayGrid(x, y, np.broadcast_to(each, (len(x), len(y))), flux * (1 - fraction))
+    if profile.kind == "image":  # pixels may be narrower than the rays are apart
+        borders = (_borders(r, h) / w for r, h, w in zip((x, y), lit, half_width))
+        carried = flux * profile.shares(*borders)
+        return RayGrid(x, y, carried, max(0.0, flux - carried.sum()))
     carried = each * profile(x[:, None] / half_width[0], y[None, :] / half_width[1])
     # the midpoint rule's error is no light that misses
     carried *= flux / carried.sum() if fraction == 1 else min(1.0, flux / carried.sum())
     return RayGrid(x, y, carried, max(0.0, flux - carried.sum()))
+
+
+def _borders(row: NDArray[np.float64], half: float) -> NDArray[np.float64]:
+    """Return the borders of the cells of rays in a row, which tile |x| <= half."""
+    return np.concatenate([[-half], (row[1:] + row[:-1]) / 2, [half]])

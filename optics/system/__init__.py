@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     )
     from optics.system.soundness import (
         advice as advice,
+        load_system as load_system,
         solvable_system as solvable_system,
     )
     from optics.system.source import (
@@ -34,6 +35,7 @@ _FILES = {
     "optical_system": ("OpticalSystem",),
     "soundness": (
         "advice",
+        "load_system",
         "solvable_system",
     ),
     "source": ("LightSource",),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from math import isinf
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.problem import limit_advice, require_limits
-from optics.runtime import UserError
+from optics.problem import limit_advice, load_problem, require_limits
+from optics.runtime import UserError, speaking_of
 from optics.system.optical_system import OpticalSystem
 
 if TYPE_CHECKING:
@@ -16,6 +17,18 @@ if TYPE_CHECKING:
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
+
+
+def load_system(path: str | Path) -> OpticalSystem:
+    """Return the OpticalSystem of a problem file that can be solved.
+
+    Raises
+    ------
+    UserError : see `load_problem` and `solvable_system`; it names the file.
+    """
+    problem = load_problem(path)
+    with speaking_of(path):
+        return solvable_system(problem)
 
 
 def solvable_system(problem: Problem) -> OpticalSystem:

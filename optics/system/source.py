@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.runtime import speaking_of
 from optics.sources import (
     Profile,
     RayGrid,
@@ -53,7 +54,10 @@ class LightSource:
         UserError : see `read_picture`.
         """
         source = self.settings
-        light = read_picture(source.image, "linear") if source.profile == "image" else None
+        light = None
+        if source.profile == "image":
+            with speaking_of("source.image"):
+                light = read_picture(source.image, "linear")
         return Profile(source.profile, source.sigma, light)
 
     def without_extent(self) -> LightSource:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.runtime import UserError
+from optics.runtime import UserError, speaking_of
 from optics.target import Screen, fit_picture, formula_light, read_picture, uniform_region
 
 if TYPE_CHECKING:
@@ -37,10 +37,11 @@ class LightTarget:
         """
         target = self.settings
         if target.kind == "tophat":
-            return uniform_region(target.shape, target.pixels, target.lit)
+            return _lit_region(target)
         if target.kind == "function":
             return formula_light(target.formula, target.pixels)
-        return read_picture(target.image, target.encoding)
+        with speaking_of("target.image"):
+            return read_picture(target.image, target.encoding)
 
     @property
     def far_field(self) -> bool:
@@ -58,6 +59,22 @@ class LightTarget:
     def irradiance(self, screen: Screen, flux: float) -> NDArray[np.float64]:
         """Return the target irradiance on a screen's pixels, see `target_irradiance`."""
         return target_irradiance(self.light, screen, self.settings.placing, flux)
+
+
+def _lit_region(target: Target) -> NDArray[np.float64]:
+    """Return the light of a uniform region.
+
+    Raises
+    ------
+    UserError : the region is so narrow that it falls between the samples of a pixel.
+    """
+    light = uniform_region(target.shape, target.pixels, target.lit)
+    if not light.any():
+        raise UserError(
+            f"target.lit = {list(target.lit)} leaves no light on the pixels; "
+            "make it larger, or target.half_width smaller"
+        )
+    return light
 
 
 def target_irradiance(

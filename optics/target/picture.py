@@ -8,12 +8,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps, UnidentifiedImageError
+from scipy.sparse import csr_array
 
-from optics.runtime import UserError
+from optics.runtime import UserError, require_regular_file
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (IEC 61966-2-1)
-MAX_SOURCE_PIXELS = 200_000_000
+MAX_SOURCE_PIXELS = 100_000_000  # 0.8 GB as linear light; Pillow itself refuses 179 million
+BAND_PIXELS = 1 << 20  # decoded together
 DEEP_MODES = ("I;16", "I;16B", "I;16L", "I")
+# Pillow's name and ours; none of them starts another program, as EPS does
+FORMATS = {
+    "PNG": "PNG",
+    "JPEG": "JPEG",
+    "TIFF": "TIFF",
+    "BMP": "BMP",
+    "GIF": "GIF",
+    "WEBP": "WebP",
+    "PPM": "PGM",
+}
 
 
 def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64]:
@@ -27,20 +39,25 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64
     ------
     UserError : missing or unreadable file, not a picture, too large, NaN, or black everywhere.
     """
+    require_regular_file(path, "the picture")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
+            warnings.simplefilter("ignore")  # of Pillow's, about parts that are not read
+            with Image.open(path, formats=tuple(FORMATS)) as image:
                 if image.width * image.height > MAX_SOURCE_PIXELS:
-                    size = f"{image.width} x {image.height}"
-                    raise UserError(
-                        f"{path} has {size} pixels; make it smaller than {MAX_SOURCE_PIXELS} pixels"
-                    )
+                    raise UserError(_too_large(path, f"{image.width} x {image.height} pixels,"))
                 light = _linear(ImageOps.exif_transpose(image), encoding)
-    except (UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as error:
-        raise UserError(f"{path} is not a picture that can be read: {error}") from None
+    except (UserError, MemoryError):
+        raise
+    except UnidentifiedImageError:
+        known = ", ".join(FORMATS.values())
+        raise UserError(f"{path} is not a picture that can be read; save it as one of {known}") from None
+    except Image.DecompressionBombError:
+        raise UserError(_too_large(path, "far")) from None
     except OSError as error:
-        raise UserError(f"cannot read the picture {path}: {error.strerror or error}") from None
+        raise UserError(f"cannot read the picture {path}: {error.strerror or error}; save it again") from None
+    except Exception as error:  # a decoder may raise anything on a damaged file
+        raise UserError(f"the picture {path} cannot be decoded: {error}; save it again") from None
     if not np.isfinite(light).all():
         raise UserError(f"the picture {path} holds values that are not finite; mend them first")
     if (light < 0).any():
@@ -48,6 +65,12 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> NDArray[np.float64
     if not light.any():
         raise UserError(f"the picture {path} is black everywhere; it asks for no light")
     return light
+
+
+def _too_large(path: str | Path, size: str) -> str:
+    return (
+        f"the picture {path} has {size} more than the {MAX_SOURCE_PIXELS:,} pixels allowed; make it smaller"
+    )
 
 
 def fit_picture(
@@ -69,18 +92,22 @@ def fit_picture(
         width, height = float(columns), float(rows)
     by_row = _overlap(rows, height, pixels[1])
     by_column = _overlap(columns, width, pixels[0])
-    return by_row @ light @ by_column.T
+    return np.ascontiguousarray((by_column @ (by_row @ light).T).T)
 
 
-def _overlap(count: int, extent: float, pixels: int) -> NDArray[np.float64]:
+def _overlap(count: int, extent: float, pixels: int) -> csr_array:
     """Return the fraction of each target pixel that each source pixel covers, (pixels, count).
 
     `pixels` equal intervals over `extent` source pixels, centred on the row of `count`.
     """
     edges = (count - extent) / 2 + np.linspace(0, extent, pixels + 1)
-    source = np.arange(count)
+    first = np.clip(np.floor(edges[:-1]), 0, count - 1).astype(np.int64)
+    width = int(np.ceil(extent / pixels)) + 1  # source pixels that an interval can touch
+    source = first[:, None] + np.arange(width)
     covered = np.minimum(edges[1:, None], source + 1) - np.maximum(edges[:-1, None], source)
-    return np.maximum(covered, 0) / (extent / pixels)
+    hit = (covered > 0) & (source < count)
+    target = np.nonzero(hit)[0]
+    return csr_array((covered[hit] / (extent / pixels), (target, source[hit])), shape=(pixels, count))
 
 
 def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
@@ -95,8 +122,17 @@ def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
         return _decoded(np.asarray(image, dtype=np.float64), encoding)
     if image.mode == "1" or image.mode == "L":
         return _decoded(np.asarray(image.convert("L"), dtype=np.float64) / 255, encoding)
-    values = _decoded(np.asarray(image.convert("RGBA"), dtype=np.float64) / 255, encoding, channels=3)
-    return values[..., :3] @ np.array(LUMINANCE) * values[..., 3]
+    return _luminance(np.asarray(image.convert("RGBA")), encoding)
+
+
+def _luminance(colours: NDArray[np.uint8], encoding: str) -> NDArray[np.float64]:
+    """Return the linear light of (rows, columns, 4) colours with transparency, band after band."""
+    light = np.empty(colours.shape[:2])
+    step = max(1, BAND_PIXELS // colours.shape[1])
+    for row in range(0, len(colours), step):
+        values = _decoded(colours[row : row + step] / 255, encoding, channels=3)
+        light[row : row + step] = values[..., :3] @ np.array(LUMINANCE) * values[..., 3]
+    return light
 
 
 def _decoded(values: NDArray[np.float64], encoding: str, channels: int | None = None) -> NDArray[np.float64]:

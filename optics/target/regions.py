@@ -42,8 +42,26 @@ def uniform_region(shape: str, pixels: tuple[int, int], lit: tuple[float, float]
     s = ((np.arange(SLICES * columns) + 0.5) / (SLICES * columns) * 2 - 1) / lit[0]
     inside = np.abs(s) <= 1
     middle, half = REGIONS[shape](s[inside])
-    top, bottom = ((1 - lit[1] * (middle + sign * half)) / 2 * rows for sign in (1, -1))
-    row = np.arange(rows)[:, None]
-    covered = np.zeros((rows, SLICES * columns))
-    covered[:, inside] = np.clip(np.minimum(bottom, row + 1) - np.maximum(top, row), 0, 1)
-    return covered.reshape(rows, columns, SLICES).mean(axis=2)
+    ends = np.zeros((2, SLICES * columns))
+    ends[:, inside] = [(1 - lit[1] * (middle + sign * half)) / 2 * rows for sign in (1, -1)]
+    light = np.zeros((rows, columns))
+    slices = (inside.reshape(columns, SLICES), *ends.reshape(2, columns, SLICES))
+    for column, (met, top, bottom) in enumerate(zip(*slices)):
+        if met.any():
+            _fill(light[:, column], met, top, bottom)
+    return light
+
+
+def _fill(light: Row, met: NDArray[np.bool_], top: Row, bottom: Row) -> None:
+    """Set a column of pixels, (rows,), to the mean over its slices of the fraction that they cover.
+
+    met : the slices that meet the region.  top, bottom : the rows where they enter and leave it.
+    """
+    rows = len(light)
+    low, filled = (int(np.clip(r, 0, rows)) for r in (top[met].min(), np.ceil(top[met].max())))
+    emptying, high = (int(np.clip(r, 0, rows)) for r in (bottom[met].min(), np.ceil(bottom[met].max())))
+    light[filled:emptying] = met.mean()
+    row = np.r_[low:filled, max(filled, emptying) : high][:, None]  # where slices begin or end
+    covered = np.zeros((len(row), SLICES))
+    covered[:, met] = np.clip(np.minimum(bottom[met], row + 1) - np.maximum(top[met], row), 0, 1)
+    light[row[:, 0]] = covered.mean(axis=1)

@@ -138,15 +138,18 @@ class Tracer:
         refracted = total(landing.entering, landing.hit & landing.refracted)
         arriving = total(landing.flux, True)
         on_target = total(landing.flux, onto)
+        differences = {
+            "beside_lens": self._missed + self._emitted - lost_before - met,
+            "front_reflected": met - inside,
+            "missed_rear": found - at_rear,
+            "total_internal": at_rear - refracted,
+            "rear_reflected": refracted - arriving,
+            "off_target": arriving - on_target,
+        }
         return SequentialFates(
-            beside_lens=self._missed + self._emitted - lost_before - met,
-            front_reflected=met - inside,
-            missed_rear=found - at_rear,
             unresolved=lost_before + lost_inside,
-            total_internal=at_rear - refracted,
-            rear_reflected=refracted - arriving,
             on_target=on_target,
-            off_target=arriving - on_target,
+            **{fate: max(0.0, flux) for fate, flux in differences.items()},  # rounding is no negative light
         )
 
     def counts(self, landing: Landing, half_width: tuple[float, float]) -> dict[str, int]:

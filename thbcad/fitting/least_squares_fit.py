@@ -21,10 +21,10 @@ from thbcad.checks import (
     EPS,
     Floats,
     Integers,
+    floats,
     read_only,
     rebuilt,
     require_number,
-    require_real,
     require_type,
 )
 from thbcad.fitting.cell_samples import gauss_points
@@ -32,6 +32,7 @@ from thbcad.hierarchy import THBSpace
 from thbcad.surfaces import THBSurface
 
 EQUAL: Floats = read_only(1.0)  # weights that are left out: all 1
+GREATEST_VALUE = 1e150  # its square is finite
 MOST_SOLVES = 6  # two are enough for degree 3, degree 10 takes five
 
 
@@ -47,7 +48,8 @@ class Samples:
 
     Raises
     ------
-    ValueError : shapes that do not agree, numbers that are not finite, negative weights.
+    ValueError : shapes that do not agree, numbers not finite or masked, values beyond 1e150, negative
+        weights.
     """
 
     u: Floats
@@ -78,6 +80,8 @@ class Samples:
             if bad.any():
                 raise ValueError(f"{name}[{int(np.nonzero(bad)[0][0])}] is not finite")
             object.__setattr__(self, name, array)
+        if self.values.size and abs(self.values).max() > GREATEST_VALUE:
+            raise ValueError(f"values must not exceed {GREATEST_VALUE:g} in size: scale them")
         if (self.weights < 0).any():
             k = int(np.argmax(self.weights < 0))
             raise ValueError(f"weights must not be negative, got weights[{k}] = {self.weights[k]}")
@@ -87,9 +91,7 @@ class Samples:
     @classmethod
     def grid(cls, u: ArrayLike, v: ArrayLike, values: ArrayLike) -> Samples:
         """Return the samples of a height map: values (n_u, n_v) or (n_u, n_v, d) on the grid u x v."""
-        for x in (u, v, values):
-            require_real(x)
-        u, v, values = (np.asarray(x, dtype=np.float64) for x in (u, v, values))
+        u, v, values = (floats(x) for x in (u, v, values))
         if u.ndim != 1 or v.ndim != 1 or values.shape[:2] != (len(u), len(v)):
             raise ValueError(
                 f"a height map over u {u.shape} and v {v.shape} needs values (n_u, n_v), got shape "

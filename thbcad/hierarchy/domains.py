@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Integers, require_integer
+from thbcad.checks import Integers, require_integer, require_unmasked
 from thbcad.hierarchy.levels import DyadicAxis
 
 MAX_LEVEL = 24
@@ -150,6 +150,7 @@ def checked_cells(cells: Mapping[int, ArrayLike]) -> dict[int, Integers]:
     checked = {}
     for level, pairs in cells.items():
         require_integer("level", level, 0, MAX_LEVEL - 1)
+        require_unmasked(pairs)
         array = np.asarray(pairs)
         if array.size == 0:
             continue

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from thbcad.checks import Floats, Integers, locked
+from thbcad.checks import Floats, Integers, floats, locked
 from thbcad.hierarchy.levels import DyadicAxis, Level
 from thbcad.splines import KnotVector, tensor_apply
 
@@ -106,7 +106,7 @@ class Embedding:
         ------
         ValueError : coefficients of another shape.
         """
-        c = np.asarray(c, dtype=np.float64)
+        c = floats(c)
         if c.shape[:1] != (self.dim,) or c.ndim > 2:
             raise ValueError(f"coefficients must have shape ({self.dim},) or ({self.dim}, d), got {c.shape}")
         parts = np.split(c, np.cumsum([len(rows) for rows in self.active])[:-1])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, half_widths, require_orders, require_type
+from thbcad.checks import Floats, floats, half_widths, require_orders, require_type
 from thbcad.sags import Conic, conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -90,7 +90,7 @@ class FreeformSurface:
         """Return positions as rows, on the rim those that rounding put beside it; refuse others."""
         rows = []
         for name, a, h in zip("xy", (x, y), self.half_width):
-            a = np.atleast_1d(np.asarray(a, dtype=np.float64))
+            a = np.atleast_1d(floats(a))
             bad = ~(np.abs(a) <= h * (1 + RIM))
             if bad.any():
                 raise ValueError(

@@ -10,9 +10,19 @@ import numpy as np
 from numpy.polynomial import Legendre
 from numpy.typing import ArrayLike
 
-from thbcad.checks import EPS, Floats, require_number, require_order, require_orders, require_type
+from thbcad.checks import (
+    EPS,
+    Floats,
+    floats,
+    require_number,
+    require_order,
+    require_orders,
+    require_type,
+    require_unmasked,
+)
 from thbcad.splines import KnotVector, NURBSCurve
 
+GREATEST = 1e40  # of radius, 1 / radius and conic constant: their products and powers are finite
 Coordinate = TypeVar("Coordinate", float, Floats)
 
 
@@ -24,7 +34,7 @@ class Conic:
 
     Raises
     ------
-    ValueError : radius 0 or NaN, a constant that is not finite.
+    ValueError : radius 0, NaN or beyond 1e-40 to 1e40 in size; a constant that is not finite or beyond 1e40.
     """
 
     radius: float = np.inf
@@ -36,6 +46,12 @@ class Conic:
             object.__setattr__(self, name, float(getattr(self, name)))
         if self.radius == 0:
             raise ValueError(f"radius must be a number other than 0, got {self.radius}")
+        if not self.is_plane and not 1 / GREATEST <= abs(self.radius) <= GREATEST:
+            raise ValueError(
+                f"radius must be {1 / GREATEST:g} to {GREATEST:g} in size or inf, got {self.radius}"
+            )
+        if abs(self.constant) > GREATEST:
+            raise ValueError(f"conic constant must be at most {GREATEST:g} in size, got {self.constant}")
 
     def __str__(self) -> str:
         return f"the conic with radius {self.radius} and K {self.constant}"
@@ -67,7 +83,10 @@ class Conic:
         ValueError : an order that is not a non-negative integer.
         """
         derivative = require_orders(derivative)
-        x, y = (np.asarray(a, dtype=np.float64) if isinstance(a, list | tuple) else a for a in (x, y))
+        for a in (x, y):
+            require_unmasked(a)
+        # arrays of other libraries stay what they are, and complex ones: the formulas are analytic
+        x, y = (floats(a) if isinstance(a, list | tuple) else a for a in (x, y))
         c = 1.0 / self.radius
         r2 = x * x + y * y
         root = np.sqrt(1 - (1 + self.constant) * c * c * r2)
@@ -90,7 +109,7 @@ class Conic:
         ------
         ValueError : a grid that extends beyond the end of the conic.
         """
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        x, y = floats(x), floats(y)
         self.require((float(abs(x).max()), float(abs(y).max())))
         return self(x[:, None], y[None, :], derivative)
 

@@ -23,6 +23,7 @@ from scipy.special import eval_jacobi
 from thbcad.checks import (
     EPS,
     Floats,
+    floats,
     half_widths,
     read_only,
     rebuilt,
@@ -107,14 +108,14 @@ class PolynomialSag:
     def __call__(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative at scattered points, (n,)."""
         derived = self.derivative(*require_orders(derivative))
-        x, y = (np.atleast_1d(np.asarray(a, dtype=np.float64)) / h for a, h in zip((x, y), self.half_width))
+        x, y = (np.atleast_1d(floats(a)) / h for a, h in zip((x, y), self.half_width))
         return np.asarray(chebyshev.chebval2d(x, y, derived.coefficients), dtype=np.float64)
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return z or a derivative on the grid x x y, (len(x), len(y))."""
         derived = self.derivative(*require_orders(derivative))
         by_x, by_y = (
-            chebyshev.chebvander(np.asarray(a) / h, n)
+            chebyshev.chebvander(floats(a) / h, n)
             for a, h, n in zip((x, y), self.half_width, derived.degrees)
         )
         return by_x @ derived.coefficients @ by_y.T

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
-from thbcad.checks import require_real, require_type
+from thbcad.checks import floats, require_type
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.user_functions import Function, evaluate
@@ -36,8 +36,7 @@ def interpolate(kv_u: KnotVector, kv_v: KnotVector, target: Function | ArrayLike
         flat = evaluate(target, np.repeat(u, len(v)), np.tile(v, len(u)))
         values = flat.reshape(len(u), len(v), *flat.shape[1:])
     else:
-        require_real(target)
-        values = np.asarray(target, dtype=np.float64)
+        values = floats(target)
         if values.shape[:2] != (len(u), len(v)) or values.ndim > 3 or not np.isfinite(values).all():
             wanted = f"{(len(u), len(v))} or {(len(u), len(v), 'd')}"
             raise ValueError(f"target must hold finite values of shape {wanted}, got shape {values.shape}")

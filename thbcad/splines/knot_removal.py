@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, read_only, require_number, require_real, require_type
+from thbcad.checks import Floats, floats, read_only, require_number, require_type
 from thbcad.splines.bspline_surface import BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
 from thbcad.splines.sparse_operators import banded_least_squares, tensor_apply
@@ -68,8 +68,7 @@ def remove_knots(kv: KnotVector, coefficients: ArrayLike, tolerance: float) -> R
     """
     require_type("kv", kv, KnotVector)
     require_number("tolerance", tolerance, least=0)
-    require_real(coefficients)
-    c = np.asarray(coefficients, dtype=np.float64)
+    c = floats(coefficients)
     if c.shape[:1] != (kv.dim,) or c.ndim > 2:
         raise ValueError(f"coefficients must have shape ({kv.dim},) or ({kv.dim}, d), got {c.shape}")
     if not np.isfinite(c).all():

@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 from thbcad.checks import (
     Floats,
     Integers,
+    floats,
     read_only,
     rebuilt,
     require_degree,
@@ -81,7 +82,7 @@ class KnotVector:
         ------
         ValueError : as the class.
         """
-        return cls(degree, np.r_[[start] * (degree + 1), inner, [stop] * (degree + 1)])
+        return cls(degree, np.r_[[start] * (degree + 1), floats(inner), [stop] * (degree + 1)])
 
     def __repr__(self) -> str:
         return (
@@ -134,7 +135,7 @@ class KnotVector:
         ------
         ValueError : u that is NaN or outside [start, stop].
         """
-        u = np.asarray(u, dtype=np.float64)
+        u = floats(u)
         self.require_inside(u)
         return np.minimum(np.searchsorted(self.knots, u, side="right") - 1, self.dim - 1)
 
@@ -156,7 +157,7 @@ class KnotVector:
         ValueError : u that is no row, NaN or outside the domain; an order that is not a non-negative integer.
         """
         require_order(derivative)
-        u = np.atleast_1d(np.asarray(u, dtype=np.float64))
+        u = np.atleast_1d(floats(u))
         if u.ndim != 1:
             raise ValueError(f"u must be one row of numbers, got shape {u.shape}")
         span = self.span_of(u)
@@ -184,7 +185,7 @@ class KnotVector:
         ------
         ValueError : a knot outside the open domain, or more than p times in all.
         """
-        new = np.atleast_1d(np.asarray(knots, dtype=np.float64))
+        new = np.atleast_1d(floats(knots))
         bad = ~((new > self.start) & (new < self.stop))
         if bad.any():
             raise ValueError(

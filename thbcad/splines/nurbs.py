@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike
 
 from thbcad.checks import (
     Floats,
+    floats,
     read_only,
     rebuilt,
     require_order,
     require_orders,
-    require_real,
     require_type,
 )
 from thbcad.splines.bspline_surface import BSplineSurface
@@ -190,9 +190,7 @@ class NURBSSurface:
 
 def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
     """Return both as read-only arrays of the shapes (*shape, d) and shape."""
-    require_real(weights)
-    points = read_only(points)
-    weights = np.asarray(weights, dtype=np.float64)
+    points, weights = read_only(points), floats(weights)
     if points.ndim != len(shape) + 1 or points.shape[:-1] != shape or points.size == 0:
         raise ValueError(f"points must have shape {(*shape, 'd')}, got {points.shape}")
     if not np.isfinite(points).all():
@@ -205,7 +203,15 @@ def _checked(points: ArrayLike, weights: ArrayLike, shape: tuple[int, ...]) -> t
             f"weights must lie between {1 / GREATEST_WEIGHT:g} and {GREATEST_WEIGHT:g}, got "
             f"{weights[bad].flat[0]}"
         )
-    return points, read_only(np.broadcast_to(weights, shape))
+    weights = read_only(np.broadcast_to(weights, shape))
+    with np.errstate(over="ignore"):
+        beyond = ~np.isfinite(weights[..., None] * points)
+    if beyond.any():
+        k = tuple(int(i) for i in np.argwhere(beyond)[0][:-1])
+        raise ValueError(
+            f"points times weights must be finite, got {points[k].tolist()} times {weights[k]:g}"
+        )
+    return points, weights
 
 
 def _homogeneous(points: Floats, weights: Floats) -> Floats:
@@ -213,7 +219,7 @@ def _homogeneous(points: Floats, weights: Floats) -> Floats:
 
 
 def _image(points: Floats, matrix: ArrayLike, offset: ArrayLike) -> Floats:
-    matrix, offset = (np.asarray(x, dtype=np.float64) for x in (matrix, offset))
+    matrix, offset = (floats(x) for x in (matrix, offset))
     if matrix.ndim != 2 or matrix.shape[1] != points.shape[-1]:
         raise ValueError(
             f"matrix must have {points.shape[-1]} columns, one for each component of the points, got shape "

@@ -18,6 +18,7 @@ from scipy.sparse import csr_array
 
 from thbcad.checks import (
     Floats,
+    floats,
     read_only,
     rebuilt,
     require_degree,
@@ -131,7 +132,7 @@ class PeriodicKnotVector:
         ------
         ValueError : u that is not finite.
         """
-        u = np.asarray(u, dtype=np.float64)
+        u = floats(u)
         if not np.isfinite(u).all():
             raise ValueError(f"parameter {u[~np.isfinite(u)].flat[0]} is not finite")
         moved = np.where(
@@ -146,7 +147,7 @@ class PeriodicKnotVector:
         Derivatives that jump at a knot are those from the right, at the seam too.
         """
         require_order(derivative)
-        u = np.atleast_1d(np.asarray(u, dtype=np.float64))
+        u = np.atleast_1d(floats(u))
         if u.ndim != 1:
             raise ValueError(f"u must be one row of numbers, got shape {u.shape}")
         u = self.reduced(u)
@@ -159,7 +160,7 @@ class PeriodicKnotVector:
 
     def insert(self, knots: ArrayLike) -> PeriodicKnotVector:
         """Return the knot vector with the given knots added, any finite numbers, each in every period."""
-        new = self.reduced(np.atleast_1d(knots))
+        new = self.reduced(np.atleast_1d(floats(knots)))
         return PeriodicKnotVector(
             self.degree, np.r_[np.sort(np.r_[self.knots[:-1], new], kind="stable"), self.stop]
         )

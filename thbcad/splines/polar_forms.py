@@ -62,9 +62,20 @@ def blossom_rows(
     arguments: Floats,
     derivative: int = 0,
 ) -> Floats:
-    """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots."""
+    """Return `blossom` for the spans with indices `span`, (n,) int, of a row of knots.
+
+    Raises
+    ------
+    ValueError : a derivative that is not finite.
+    """
     near = np.stack([knots[span + offset] for offset in range(1 - degree, degree + 1)])
-    return blossom(near, arguments, derivative)
+    if not derivative:
+        return blossom(near, arguments)
+    with np.errstate(over="ignore", invalid="ignore"):
+        rows = blossom(near, arguments, derivative)
+    if not np.isfinite(rows).all():
+        raise ValueError(f"derivative {derivative} is beyond float64: knots lie too near to each other")
+    return rows
 
 
 def bezier_rows(near: Floats) -> Floats:

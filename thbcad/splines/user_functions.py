@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from thbcad.checks import Floats, require_real
+from thbcad.checks import Floats, floats
 
 Function = Callable[[Floats, Floats], Floats]
 
@@ -20,9 +20,7 @@ def evaluate(function: Function, u: Floats, v: Floats) -> Floats:
     """
     if not callable(function):
         raise ValueError(f"a function of u and v is needed, got {type(function).__name__}")
-    values = function(u, v)
-    require_real(values)
-    values = np.asarray(values, dtype=np.float64)
+    values = floats(function(u, v))
     if values.shape[:1] != u.shape or values.ndim > 2:
         raise ValueError(
             f"the function must return ({len(u)},) or ({len(u)}, d) values for {len(u)} points, got shape "

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, points, read_only, rebuilt, require_type
+from thbcad.checks import Floats, floats, points, read_only, rebuilt, require_type
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import BSplineSurface
 from thbcad.surfaces.level_patches import patches
@@ -86,7 +86,7 @@ class THBSurface:
         """
         if self.space.is_compact:
             return self._tensor.grid(u, v, derivative)
-        u, v = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (u, v))
+        u, v = (np.atleast_1d(floats(x)) for x in (u, v))
         values = self._cellwise(np.repeat(u, len(v)), np.tile(v, len(u)), derivative)
         return values.reshape(len(u), len(v), *values.shape[1:])
 

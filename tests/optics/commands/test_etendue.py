@@ -76,6 +76,12 @@ def test_images_of_a_designed_lens(hollow, tmp_path):
     assert sum("images of the source: at least" in line for line in lines) == 2
 
 
+def test_a_picture_under_another_suffix_is_refused(hollow, tmp_path):
+    with pytest.raises(UserError, match=r"--out must end in \.png, .* got .*bound\.gif"):
+        run(hollow(), out=str(tmp_path / "bound.gif"))
+    assert not (tmp_path / "bound.gif").exists()
+
+
 @pytest.mark.parametrize(
     "changes", [{}, {"source.kind": "point", "source.distance": 20.0, "source.half_width": [0.0, 0.0]}]
 )

@@ -196,6 +196,8 @@ def test_edge_distances_of_points_beside_a_ruled_edge(side):
     [
         (["--out", "lens.foo"], "the suffix of .*lens.foo is unknown; choose --format from step, iges"),
         (["--out", "lens.stl", "--format", "amf"], "the format 'amf' is unknown"),
+        (["--out", "lens.step", "--format", "stl"], "lens.step would hold stl, but its suffix promises step"),
+        (["--out", "lens.STL", "--format", "brep"], "lens.STL would hold brep, but its suffix promises stl"),
         (["--out", "none/lens.stl"], "cannot write .*lens.stl: there is no folder"),
         (["--out", "folder.stl"], "cannot write .*folder.stl: it is a folder"),
         (["--out", "lens.stl", "--chord", "1e-7"], "cannot export .*lens.stl: chord must be at least"),

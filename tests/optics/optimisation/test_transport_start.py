@@ -164,3 +164,22 @@ def test_a_beam_wider_than_the_rear_starts_from_the_light_that_meets_it(tmp_path
     x, y = mesh(beam)
     assert np.abs(landing.x.numpy() - 20 / 8.0 * x).max() < 0.42
     assert np.abs(landing.y.numpy() - 20 / 8.0 * y).max() < 0.42
+
+
+@pytest.mark.parametrize("where", [(10, 37), (24, 24)], ids=str)
+def test_a_picture_with_one_lit_pixel_gathers_the_light_there(tmp_path, backend, where):
+    """Most of the light lands within two pixels (1.7 mm) of its middle."""
+    image = np.zeros((48, 48), dtype=np.uint8)
+    image[where] = 255
+    _, (_, landing, _, _) = started(tmp_path, backend, {"lens.rear.freeform.z_freedom": 9.0}, image, spans=32)
+    x, y = (where[1] + 0.5) * 40 / 48 - 20, 20 - (where[0] + 0.5) * 40 / 48
+    near = np.hypot(landing.x.numpy() - x, landing.y.numpy() - y) < 2 * 40 / 48
+    assert landing.flux.numpy()[near].sum() > 0.9 * landing.flux.numpy().sum()
+
+
+def test_a_source_with_one_lit_pixel_has_a_start(tmp_path, backend):
+    glow = np.zeros((48, 48), dtype=np.uint8)
+    glow[10, 37] = 255
+    Image.fromarray(glow).save(tmp_path / "glow.png")
+    sag, _ = started(tmp_path, backend, {"source.profile": "image", "source.image": "glow.png"})
+    assert np.isfinite(sag.coefficients).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
+import os
 import re
 
 import pytest
@@ -215,12 +216,12 @@ PARTNERS = [
     ({"target.image": ""}, "the key target.image is missing"),
     (
         {"source.kind": "point", "source.distance": 0},
-        "source.distance must be greater than 0 for a point, which would lie in the lens",
+        "source.distance must be at least 1e-06 for a point, which would lie in the lens, got 0.0",
     ),
     *(
         (
             {"source.kind": kind, "source.half_width": pair},
-            f"source.half_width must be greater than 0 for a {kind} source, got {shown}",
+            f"source.half_width must be at least 1e-06 for a {kind} source, got {shown}",
         )
         for kind in ("collimated", "lambertian")
         for pair, shown in (([0, 0], "[0.0, 0.0]"), ([3.0, 0.0], "[3.0, 0.0]"), ([0.0, 2.0], "[0.0, 2.0]"))
@@ -322,8 +323,6 @@ def test_an_array_of_tables_is_refused(tmp_path):
         "a = 1\na = 2",
         "\x00",
         "title = 'x",
-        b"\xff\xfe\x00",
-        b"\x89PNG\r\n\x1a\n",
     ],
     ids=repr,
 )
@@ -331,6 +330,22 @@ def test_text_that_is_not_toml_is_refused(tmp_path, text):
     with pytest.raises(UserError, match=r"is not valid TOML") as caught:
         load_text(tmp_path, text)
     assert one_sentence(str(caught.value))
+
+
+@pytest.mark.parametrize("data", [b"\xff\xfe\x00", b"\x89PNG\r\n\x1a\n", "title = 'ü'".encode("latin-1")])
+def test_text_that_is_not_utf_8_is_refused(tmp_path, data):
+    with pytest.raises(UserError, match=r"is no UTF-8 text from byte \d+ on; save it as UTF-8"):
+        load_text(tmp_path, data)
+
+
+def test_the_mark_that_editors_of_windows_put_before_the_text_is_read_over(tmp_path):
+    text = toml_text(SMALL)
+    assert load_text(tmp_path, b"\xef\xbb\xbf" + text.encode()) == load_text(tmp_path, text)
+
+
+def test_line_ends_of_windows_are_read(tmp_path):
+    text = toml_text(SMALL)
+    assert load_text(tmp_path, text.replace("\n", "\r\n")) == load_text(tmp_path, text)
 
 
 def test_an_empty_file_names_the_first_missing_key(tmp_path):
@@ -344,12 +359,19 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 def test_a_folder_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"cannot read .*directory"):
+    with pytest.raises(UserError, match=r"cannot read .*: it is a folder; give the path of a file"):
         load_problem(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["pipe", "/dev/zero"])
+def test_what_has_no_end_is_refused(tmp_path, name):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(UserError, match=r"cannot read .*: it is a pipe or a device"):
+        load_problem(tmp_path / name)
+
+
 def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
-    with pytest.raises(UserError, match=rf"larger than {MAX_FILE_BYTES} bytes"):
+    with pytest.raises(UserError, match=rf"larger than the {MAX_FILE_BYTES} bytes allowed"):
         load_text(tmp_path, b"#" * (MAX_FILE_BYTES + 1))
 
 
@@ -362,7 +384,7 @@ def test_endless_whole_numbers_are_refused(tmp_path, key, digits):
 
 
 def test_deep_nesting_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"not valid TOML"):
+    with pytest.raises(UserError, match=r"is nested too deep for TOML"):
         load_text(tmp_path, "x = " + "[" * 50_000)
 
 

@@ -84,3 +84,36 @@ def test_slices_of_a_profile_are_the_beam():
     parts = list(beam.slices(21))
     np.testing.assert_array_equal(np.concatenate([p.flux for p in parts]), beam.flux)
     assert sum(p.total for p in parts) == pytest.approx(beam.total, rel=1e-14)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.5, -0.3)])
+@pytest.mark.parametrize("aperture", [10.0, 4.0])
+def test_a_lit_pixel_between_the_rays_is_carried_by_the_ray_of_its_cell(shift, aperture):
+    """One pixel of 101 x 101, 0.18 mm wide, between rays that are 1.1 mm apart."""
+    light = np.zeros((101, 101))
+    light[45, 58] = 7.0
+    beam = collimated_beam(
+        (9.0, 9.0), 3.0, (aperture, aperture), (16, 16), shift, Profile("image", light=light)
+    )
+    assert beam.total == pytest.approx(3.0, rel=1e-14)
+    x, y = np.average(np.meshgrid(beam.x, beam.y, indexing="ij"), axis=(1, 2), weights=[beam.flux] * 2)
+    step = 2 * min(9.0, aperture) / 16
+    assert abs(x - 9.0 * (117 / 101 - 1)) < step
+    assert abs(y + 9.0 * (91 / 101 - 1)) < step
+
+
+def test_rays_of_a_picture_carry_the_light_of_their_cells():
+    """Cells of 5 x 4 whole pixels each, and the outer ones beside the aperture: block sums."""
+    light = np.random.default_rng(3).uniform(0, 1, (32, 50))
+    beam = collimated_beam((10.0, 8.0), 3.0, (8.0, 6.0), (8, 6), profile=Profile("image", light=light))
+    inner = light[4:28, 5:45].reshape(6, 4, 8, 5).sum(axis=(1, 3))[::-1].T
+    np.testing.assert_allclose(beam.flux, 3.0 * inner / light.sum(), rtol=1e-13)
+    assert beam.missed == pytest.approx(3.0 - beam.flux.sum(), rel=1e-14)
+
+
+def test_a_picture_that_is_dark_before_the_aperture_misses_the_lens():
+    light = np.zeros((8, 8))
+    light[0] = 1.0
+    beam = collimated_beam((10.0, 10.0), 3.0, (5.0, 5.0), (4, 4), profile=Profile("image", light=light))
+    assert beam.missed == 3.0
+    assert not beam.flux.any()

@@ -230,7 +230,8 @@ def test_check_takes_a_formula(tmp_path, capsys):
 )
 @pytest.mark.parametrize("command", ["check", "design"])
 def test_the_commands_refuse_bad_formulas(tmp_path, capsys, command, bad):
-    assert main([command, str(formula_file(tmp_path, {"target.formula": bad}))]) == 2
+    path = formula_file(tmp_path, {"target.formula": bad})
+    assert main([command, str(path)]) == 2
     message = capsys.readouterr().err
-    assert message.startswith("thbcad: target.formula")
+    assert message.startswith(f"thbcad: {path}: target.formula")
     assert message.count("\n") == 1

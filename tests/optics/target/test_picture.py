@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import tracemalloc
 import zlib
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from PIL import Image
+from PIL import EpsImagePlugin, Image
 
 from optics.runtime import UserError
 from optics.system import target_irradiance
@@ -196,15 +198,44 @@ def test_a_truncated_png_is_refused(tmp_path, share):
         read_picture(path)
 
 
-def test_a_picture_too_large_is_refused_before_it_is_decoded(tmp_path):
-    """A kilobyte of PNG can claim 400 million pixels."""
+@pytest.mark.parametrize("side", [12_000, 14_000, 20_000, 100_000])
+def test_a_picture_too_large_is_refused_before_it_is_decoded(tmp_path, side):
+    """A kilobyte of PNG can claim 10 billion pixels; Pillow's own limit is 179 million."""
     path = saved(tmp_path, Image.new("1", (8, 8), 1))
     data = bytearray(path.read_bytes())
-    data[16:24] = (20_000).to_bytes(4, "big") * 2
+    data[16:24] = side.to_bytes(4, "big") * 2
     data[29:33] = zlib.crc32(data[12:29]).to_bytes(4, "big")
     path.write_bytes(data)
-    with pytest.raises(UserError, match=r"p\.png"):
+    with pytest.raises(UserError, match=r"p\.png has .* the 100,000,000 pixels allowed; make it smaller"):
         read_picture(path)
+
+
+def test_a_picture_starts_no_other_program(tmp_path, monkeypatch):
+    """Pillow reads EPS, under whatever name, by running Ghostscript on it."""
+    stub = tmp_path / "gs"
+    stub.write_text(f"#!/bin/sh\ntouch {tmp_path}/started\n")
+    stub.chmod(0o755)
+    monkeypatch.setattr(EpsImagePlugin, "gs_binary", str(stub))
+    (tmp_path / "p.png").write_text(
+        "%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 8\n%%EndComments\nshowpage\n%%EOF\n"
+    )
+    with pytest.raises(UserError, match=r"p\.png is not a picture that can be read; save it as one of PNG,"):
+        read_picture(tmp_path / "p.png")
+    assert not (tmp_path / "started").exists()
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "p.png")
+    with pytest.raises(UserError, match=r"p\.png: it is a pipe or a device"):
+        read_picture(tmp_path / "p.png")
+
+
+def test_bands_of_a_coloured_picture_are_as_the_whole(tmp_path, monkeypatch):
+    colours = np.random.default_rng(2).integers(0, 255, (23, 17, 4), dtype=np.uint8)
+    path = saved(tmp_path, grey(colours))
+    whole = read_picture(path)
+    monkeypatch.setattr("optics.target.picture.BAND_PIXELS", 5 * 17)
+    np.testing.assert_array_equal(read_picture(path), whole)
 
 
 def light_or_message(path):
@@ -253,6 +284,21 @@ def test_more_pixels_than_the_picture_has_repeat_its_pixels():
     np.testing.assert_allclose(
         fit_picture(light, (12, 12), 1.0), light.repeat(4, axis=0).repeat(4, axis=1), rtol=1e-14
     )
+
+
+def test_light_on_pixels_of_its_own_is_kept_bit_for_bit():
+    light = np.random.default_rng(1).uniform(0, 1, (31, 47))
+    for fit in ("crop", "pad", "stretch"):
+        np.testing.assert_array_equal(fit_picture(light, (47, 31), 47 / 31, fit), light)
+
+
+def test_fitting_needs_memory_for_the_pictures_alone():
+    """Matrices of all pairs of old and new pixels would take 2 x 16 MB here, 2 x 134 MB for 4096 pixels."""
+    light = np.ones((2, 2048))
+    tracemalloc.start()
+    fit_picture(light, (1024, 2), 1024.0)
+    assert tracemalloc.get_traced_memory()[1] < 2e6
+    tracemalloc.stop()
 
 
 @given(

@@ -145,6 +145,13 @@ FATES = [
 ]
 
 
+@pytest.mark.parametrize("rays", range(20, 28))
+def test_no_fate_has_negative_light(backend, rays):
+    """The rounding of sums made 2e-15 W of a beam that misses nothing pass beside the lens, or -2e-15 W."""
+    _, _, budget, _ = traced(backend, small_lens(), (9.5, 9.5), (rays, rays + 3))
+    assert min(vars(budget).values()) >= 0
+
+
 @pytest.mark.parametrize(("front", "rear", "source", "rear_half_width"), FATES, ids=str)
 def test_fates_sum_to_the_source_flux(backend, front, rear, source, rear_half_width):
     space = small_space(rear_half_width)
@@ -152,7 +159,7 @@ def test_fates_sum_to_the_source_flux(backend, front, rear, source, rear_half_wi
     _, landing, budget, _ = traced(backend, lens, source)
     fates = vars(budget)
     assert sum(fates.values()) == pytest.approx(1.0, abs=1e-12)
-    assert min(fates.values()) >= -1e-12
+    assert min(fates.values()) >= 0
     assert np.isfinite(landing_points(landing)).all()
     beside = 1 - min(source[0], 10) * min(source[1], 10) / (source[0] * source[1])
     assert budget.beside_lens == pytest.approx(beside, abs=1e-13)  # sums of 1517 rays
