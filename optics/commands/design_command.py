@@ -166,6 +166,7 @@ def _finish(
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
     measurement, paths = _measured(system, lens, exact)
+    _store_light(measurement, system, folder)
     figures.draw_light(system, lens, measurement, paths, exact)
     limit = limit_sentence(system, lens, measurement.metrics)
     clock.lap("measure")
@@ -213,6 +214,16 @@ def _store(system: OpticalSystem, lens: Lens, state: State, folder: ResultFolder
     folder.write_problem(system.problem)
     folder.write_lens(lens)
     folder.write_history(state.history)
+
+
+def _store_light(measurement: Measurement, system: OpticalSystem, folder: ResultFolder) -> None:
+    """Write irradiance and target as files that other programs compute with."""
+    from optics.report import light_files
+    from thbcad.io import write_bytes
+
+    irradiance, target = measurement.irradiance, measurement.target
+    for name, data in light_files(irradiance, target, system.target.screen()).items():
+        write_bytes(folder.path / name, data)
 
 
 def _measured(

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 CHECKPOINT = "checkpoint.json"
 CHECKED = ("metrics.json", "verify.json", "manufacture.json")
-FILES = ("problem.toml", "lens.json", "lens.step", *CHECKED, "history.csv", "report.html", CHECKPOINT)
+LIGHT = ("irradiance.npz", "irradiance_16bit.png")
+FILES = ("problem.toml", "lens.json", "lens.step", *CHECKED, *LIGHT, "history.csv", "report.html", CHECKPOINT)
 VERSION = 3
 
 
