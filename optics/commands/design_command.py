@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress
-from optics.optimisation import Interrupted, ResultFolder, earlier_state
+from optics.optimisation import Interrupted, ResultFolder, earlier_state, stages
 from optics.problem import limit_checks, load_problem, problem_to_toml
 from optics.runtime import UserError, check_lines, note, peak_mb, second_process
 from optics.system import OpticalSystem, advice, solvable_system
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
-    from optics.optimisation import Row, State, TransportStart
+    from optics.optimisation import Row, Stage, State, TransportStart
     from optics.runtime import Backend, SecondProcess
     from optics.tracing import RayPath
     from optics.verification import ExportedStep
@@ -53,9 +53,9 @@ class _Figures:
         self.process = process
         self._before = process.ask("optics.report", "solid_views", system.lens)
 
-    def draw_lens(self, lens: Lens, history: Sequence[Row]) -> None:
+    def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
         """Draw what needs no measurement."""
-        self._lens = self.process.ask("optics.report", "lens_figures", lens, history)
+        self._lens = self.process.ask("optics.report", "lens_figures", lens, history, plan)
         self._solid = self.process.ask("optics.report", "solid_views", lens)
 
     def draw_light(
@@ -162,7 +162,7 @@ def _finish(
     exported = figures.process.ask(
         "optics.verification", "exported_step", OpticalSystem(problem), lens, folder.step
     )
-    figures.draw_lens(lens, state.history)
+    figures.draw_lens(lens, state.history, stages(system, state.moved))
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
     measurement, paths = _measured(system, lens, exact)

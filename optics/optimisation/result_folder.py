@@ -26,7 +26,7 @@ CHECKPOINT = "checkpoint.json"
 CHECKED = ("metrics.json", "verify.json", "manufacture.json")
 LIGHT = ("irradiance.npz", "irradiance_16bit.png")
 FILES = ("problem.toml", "lens.json", "lens.step", *CHECKED, *LIGHT, "history.csv", "report.html", CHECKPOINT)
-VERSION = 3
+VERSION = 4
 
 
 def writable_folder(path: Path) -> None:
@@ -132,8 +132,10 @@ class ResultFolder:
     def write_history(self, history: Sequence[Row]) -> None:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["level", "dof", "evaluation", "loss", "fit", "seconds"])
-        writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, f"{r.seconds:.4f}"] for r in history)
+        writer.writerow(["level", "dof", "evaluation", "loss", "fit", "seconds", "stage"])
+        writer.writerows(
+            [r.level, r.dof, r.evaluation, r.loss, r.fit, f"{r.seconds:.4f}", r.stage] for r in history
+        )
         write_text(self.path / "history.csv", text.getvalue())
 
     def write_checkpoint(self, problem: Problem, state: State) -> None:
