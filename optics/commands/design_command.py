@@ -12,7 +12,7 @@ from optics.commands.design_figures import DesignFigures
 from optics.commands.notes import Notes
 from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress
-from optics.optimisation import Interrupted, earlier_state
+from optics.optimisation import Interrupted, earlier_state, stages
 from optics.problem import limit_checks
 from optics.results import ResultFolder, ResultWriter, read_checkpoint, write_checkpoint
 from optics.runtime import UserError, check_lines, peak_mb, second_process
@@ -139,6 +139,7 @@ def _optimised(
 def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figures: DesignFigures) -> Outcome:
     """Export, measure and verify a designed lens; then write what can be claimed of it."""
     from optics.etendue import limit_sentence
+    from optics.report import light_files
     from optics.runtime import load_backend
     from thbcad.lens import manufacturability
 
@@ -147,7 +148,7 @@ def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figure
     exported = figures.process.ask(
         "optics.verification", "exported_step", OpticalSystem(problem), lens, writer.staged_step
     )
-    figures.draw_lens(lens, state.history)
+    figures.draw_lens(lens, state.history, stages(system, state.moved))
     clock.lap("export")
     exact = load_backend("double", problem.run.threads)
     measurement, paths = _measured(run, system, lens, exact)
@@ -162,6 +163,11 @@ def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figure
     checks = _checks(run, system, lens, product, step, exact, measurement)
     clock.lap("verify")
     pictures = figures.drawn()
+    files = light_files(measurement.irradiance, measurement.target, system.target.screen())
+    for name, data in files.items():
+        writer.write(name, data)
+    for name, (_, png) in pictures.items():
+        writer.write(f"figures/{name}.png", png)
     clock.lap("figures")
     metrics = measurement.metrics | _run_metrics(lens, state, run, figures)
     return _claimed(run, writer, system, metrics, checks, product, pictures)
@@ -183,8 +189,6 @@ def _claimed(
     from optics.runtime import verification
 
     says = {"verdict": verdict(checks), "notes": list(run.notes)}
-    for name, (_, png) in pictures.items():
-        writer.write(f"figures/{name}.png", png)
     writer.write_claims("manufacture.json", as_data(product))
     checked = writer.write_claims("verify.json", verification(checks) | {"left_out": [LEFT_OUT]})
     metrics = writer.write_claims("metrics.json", metrics | says)

@@ -9,7 +9,7 @@ from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
-    from optics.optimisation import Row
+    from optics.optimisation import Row, Stage
     from optics.runtime import Backend, SecondProcess
     from optics.tracing import RayPath
     from thbcad.lens import Lens
@@ -25,9 +25,9 @@ class DesignFigures:
         self.process = process
         self._before = process.ask("optics.report", "solid_views", system.lens)
 
-    def draw_lens(self, lens: Lens, history: Sequence[Row]) -> None:
+    def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
         """Draw what needs no measurement."""
-        self._lens = self.process.ask("optics.report", "lens_figures", lens, history)
+        self._lens = self.process.ask("optics.report", "lens_figures", lens, history, plan)
         self._solid = self.process.ask("optics.report", "solid_views", lens)
 
     def draw_light(

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from argparse import Namespace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
-
-import numpy as np
 
 from optics.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
 from optics.commands.outcome import Outcome
@@ -19,12 +16,12 @@ from optics.tracing import SENTENCES
 
 MOST_RAYS = 1 << 15  # per direction
 RECORD = "trace.json"
-FILES = ("irradiance.npz", "irradiance.png", "phase_space.png", "fresnel.png")
+FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png", "phase_space.png", "fresnel.png")
 
 
 def trace(options: Namespace) -> Outcome:
     """Trace the lens of a result folder and report where its light goes."""
-    from optics.report import fresnel_figure, irradiance_figure, phase_space_figure
+    from optics.report import fresnel_figure, irradiance_figure, light_files, phase_space_figure
     from optics.runtime import load_backend
     from thbcad.io import json_text, write_bytes, write_text
 
@@ -48,10 +45,12 @@ def trace(options: Namespace) -> Outcome:
     }
     if not system.target.far_field:
         data["nonsequential"] = nonsequential(system, lens, exact)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, irradiance=image, half_width=np.array(screen.half_width))
-    write_bytes(folder / "irradiance.npz", buffer.getvalue())
-    write_bytes(folder / "irradiance.png", irradiance_figure(image, screen))
+    shown = screen.projection()  # in the far field pictures are intensities
+    irradiance = image / shown
+    target = system.target.irradiance(screen, fates.transmitted) / shown
+    for name, content in light_files(irradiance, target, screen).items():
+        write_bytes(folder / name, content)
+    write_bytes(folder / "irradiance.png", irradiance_figure(irradiance, screen))
     write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
     write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, FILES)}))

@@ -139,6 +139,7 @@ class Recorder:
             loss=evaluation.loss,
             fit=evaluation.fit,
             seconds=perf_counter() - self._clock,
+            stage=self._state.stage,
         )
         self._rows.append(row)
         if self._progress:

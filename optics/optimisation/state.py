@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Row:
-    """One evaluation in the history; those that only estimate curvature are counted but have no row."""
+    """One evaluation in the history; those that only estimate curvature are counted but have no row.
+
+    stage : index in the plan
+    """
 
     level: int
     dof: int
@@ -26,6 +29,7 @@ class Row:
     loss: float
     fit: float
     seconds: float
+    stage: int
 
 
 @dataclass(frozen=True)

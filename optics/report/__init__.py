@@ -19,6 +19,9 @@ if TYPE_CHECKING:
         Report as Report,
         report_html as report_html,
     )
+    from optics.report.irradiance_files import (
+        light_files as light_files,
+    )
     from optics.report.scene_figure import (
         scene_view as scene_view,
     )
@@ -44,6 +47,7 @@ _FILES = {
         "Report",
         "report_html",
     ),
+    "irradiance_files": ("light_files",),
     "scene_figure": ("scene_view",),
     "scene_rays": ("scene_paths",),
     "solid_figure": ("solid_views",),

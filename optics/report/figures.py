@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, cast
+from itertools import groupby
+from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 from matplotlib.collections import PathCollection
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from optics.report.canvas import block, new_figure, plane_figure, plt, png_bytes
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     from optics.analysis import Measurement
-    from optics.optimisation import Row
+    from optics.optimisation import Row, Stage
     from optics.system import OpticalSystem
     from optics.tracing import RayPath
     from thbcad.hierarchy import THBSpace
@@ -31,10 +24,9 @@ if TYPE_CHECKING:
 
     Figures = dict[str, tuple[str, bytes]]  # (caption, PNG) by name, in the order of the report
 
-DPI, SIZE = 110, (5.2, 4.4)
-COMPRESSION = 3  # of 9: half the time of the usual 6 for 9 % more bytes
 LABELLED = (1, 2, 3, 4, 6)  # times powers of ten, of a logarithmic axis
-ROOM = {"left": 0.17, "right": 0.95, "bottom": 0.12, "top": 0.94}  # of the figure
+DARK = 0.75  # of the colours, from which on they are too light for thin lines
+SAMPLES = 400  # of a sag, along the longer side
 
 
 def light_figures(
@@ -52,19 +44,27 @@ def light_figures(
     top = float(target.max())
     error = irradiance - target
     span = float(np.quantile(np.abs(error), 0.999)) or 1.0
-    quantity, unit = ("intensity", "degrees") if system.path.far_field else ("irradiance", "mm")
+    quantity, unit, density = (
+        ("intensity", "degrees", "W/degree^2") if system.path.far_field else ("irradiance", "mm", "W/mm^2")
+    )
     label = f"{quantity} / mean"
 
     def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
         return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
 
     return {
-        "target": ("The light asked for.", picture(target, label, "gray", 0, top)),
+        "target": (
+            f"The light asked for; its mean is {mean:.4g} {density}.{_merged(target)}",
+            picture(target, label, "gray", 0, top),
+        ),
         "irradiance": (
-            "The light that the lens makes (fresh rays, box pixels).",
+            "The light that the lens makes (fresh rays, box pixels), on the scale of the light asked for.",
             picture(irradiance, label, "gray", 0, top),
         ),
-        "error": ("Made minus asked for.", picture(error, label, "RdBu_r", -span, span)),
+        "error": (
+            f"Made minus asked for; the greatest difference is {np.abs(error).max():.3g} of the mean.",
+            picture(error, f"difference of {quantity} / mean", "RdBu_r", -span, span),
+        ),
         "irradiance_02": (
             f"{quantity.capitalize()} to the power 0.2: stray light and faint detail.",
             picture(np.maximum(irradiance, 0) ** 0.2, f"({label})^0.2", "magma", 0, top**0.2),
@@ -76,63 +76,22 @@ def light_figures(
     }
 
 
-def lens_figures(lens: Lens, history: Sequence[Row]) -> Figures:
-    """Return the figures of the free surfaces, those of the front named for it, and of the optimisation."""
-    caption = "Misfit ||E - T|| / ||T|| as the optimiser measures it; a line marks each refinement."
-    return {**_surfaces(lens), "loss": (caption, _loss(history))}
+def lens_figures(lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> Figures:
+    """Return the figures of the free surfaces, those of the front named for it, and of the optimisation.
 
-
-def _extent(half_width: tuple[float, float]) -> tuple[float, float, float, float]:
-    hx, hy = half_width
-    return (-hx, hx, -hy, hy)
-
-
-def png_bytes(figure: Figure) -> bytes:
-    """Return a figure as PNG, and close it."""
-    figure.set_dpi(DPI)
-    canvas = cast("FigureCanvasAgg", figure.canvas)
-    canvas.draw()
-    pixels = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])  # nothing is transparent
-    plt.close(figure)
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "png", compress_level=COMPRESSION, dpi=(DPI, DPI))
-    return buffer.getvalue()
-
-
-def new_figure() -> tuple[Figure, Axes]:
-    """Return a figure with room for labels; a constrained layout would cost as much as the drawing."""
-    figure, axes = plt.subplots(figsize=SIZE)
-    figure.subplots_adjust(**ROOM)
-    return figure, axes
-
-
-def _axes(unit: str = "mm") -> tuple[Figure, Axes]:
-    figure, axes = new_figure()
-    axes.set_xlabel(f"x / {unit}")
-    axes.set_ylabel(f"y / {unit}")
-    return figure, axes
-
-
-def plane_figure(
-    data: NDArray[np.float64],
-    half_width: tuple[float, float],
-    unit: str,
-    label: str,
-    colours: str,
-    limits: tuple[float, float],
-) -> bytes:
-    """Return an image over a rectangle as a picture with axes and a scale."""
-    figure, axes = _axes(unit)
-    shown = axes.imshow(
-        data,
-        cmap=colours,
-        vmin=limits[0],
-        vmax=limits[1],
-        extent=_extent(half_width),
-        interpolation="nearest",
+    plan : every Stage that the rows of the history name.
+    """
+    caption = (
+        "Misfit ||E - T|| / ||T|| as the optimiser measures it, by stage. A line marks where a stage begins: "
+        "the mesh, the pixels or the window change there, and the curve jumps."
     )
-    figure.colorbar(shown, label=label)
-    return png_bytes(figure)
+    return {**_surfaces(lens), "loss": (caption, _loss(history, plan))}
+
+
+def _merged(image: NDArray[np.float64]) -> str:
+    """Return a sentence on the pixels that the figures of an image merge, if any."""
+    side = block(image.shape)
+    return f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""
 
 
 def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
@@ -149,12 +108,15 @@ def _surfaces(lens: Lens) -> dict[str, tuple[str, bytes]]:
 
 
 def _sag(surface: FreeformSurface) -> bytes:
-    x, y = (np.linspace(-h, h, 401) for h in surface.half_width)
+    widest = max(surface.half_width)
+    x, y = (
+        h * (2 * np.arange(n) + 1 - n) / n
+        for h in surface.half_width
+        for n in [max(1, round(SAMPLES * h / widest))]
+    )
     sag = surface.grid(x, y) - surface.conic(x[:, None], y[None, :])
-    figure, axes = _axes()
-    shown = axes.imshow(sag.T[::-1], cmap="viridis", extent=_extent(surface.half_width))
-    figure.colorbar(shown, label="sag / mm")
-    return png_bytes(figure)
+    limits = float(sag.min()), float(sag.max())
+    return plane_figure(sag.T[::-1], surface.half_width, "mm", "sag / mm", "viridis", limits)
 
 
 def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
@@ -164,17 +126,19 @@ def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
         for d, (h, kv) in enumerate(((hx, space.kv_u), (hy, space.kv_v)))
     )
     corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], 1).reshape(-1, 4, 2)
-    figure, axes = _axes()
+    figure, axes = new_figure()
     # one path per level, which is much faster than one per cell
     levels = np.unique(cells[:, 0])
     paths = [Path.make_compound_path_from_polys(corners[cells[:, 0] == level]) for level in levels]
-    colours = plt.get_cmap("viridis")(levels / max(1, space.levels - 1))
+    colours = plt.get_cmap("viridis")(DARK * levels / max(1, space.levels - 1))
     lines = PathCollection(paths, facecolors="none", edgecolors=colours, linewidths=0.3)
     lines.set_snap(True)
     axes.add_collection(lines)
     axes.set_xlim(-hx, hx)
     axes.set_ylim(-hy, hy)
     axes.set_aspect("equal")
+    axes.set_xlabel("x / mm")
+    axes.set_ylabel("y / mm")
     axes.set_title(
         f"{space.dim} degrees of freedom, {len(cells)} cells, levels 0-{space.levels - 1}", fontsize=9
     )
@@ -210,18 +174,27 @@ def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
     return png_bytes(figure)
 
 
-def _loss(history: Sequence[Row]) -> bytes:
+def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
     figure, axes = new_figure()
-    numbers = np.array([(r.evaluation, r.fit, r.level) for r in history])
-    if len(numbers):
-        axes.semilogy(numbers[:, 0], numbers[:, 1], lw=1.2)
-        for start in np.nonzero(np.diff(numbers[:, 2]))[0]:
-            axes.axvline(numbers[start, 0] + 0.5, color="0.8", lw=0.8, zorder=0)
+    for number, (index, rows) in enumerate(groupby(history, key=lambda row: row.stage)):
+        evaluations, fits = np.array([(row.evaluation, row.fit) for row in rows]).T
+        axes.semilogy(evaluations, fits, ".-", lw=1.2, ms=4, label=_stage_words(plan[index]))
+        if number:
+            axes.axvline(evaluations[0] - 0.5, color="0.6", lw=0.8, ls="--", zorder=0)
+    if history:
         # plain numbers: the setting of powers of ten takes longer than all else in the picture
         axes.yaxis.set_major_locator(LogLocator(subs=LABELLED))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.legend(fontsize=8)
     axes.set_xlabel("evaluations of loss and gradient")
     axes.set_ylabel("||E - T|| / ||T||")
     axes.grid(alpha=0.3, which="both")
     return png_bytes(figure)
+
+
+def _stage_words(stage: Stage) -> str:
+    """Return the name of a stage with its pixels."""
+    columns, rows = stage.screen.pixels
+    name = "finish" if stage.finish else f"level {stage.level}"
+    return f"{name}, {columns} x {rows} pixels"

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from optics.report.figures import plt, png_bytes
+from optics.report.canvas import plt, png_bytes
 from optics.report.scene_rays import FAR
 from optics.report.solid_figure import draw_solid
 from optics.report.solid_renderer import Face, View, oblique, solid_faces

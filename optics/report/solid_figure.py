@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.report.figures import plt, png_bytes
+from optics.report.canvas import plt, png_bytes
 from optics.report.solid_renderer import Face, View, oblique, rendered, solid_faces
 
 if TYPE_CHECKING:

@@ -41,6 +41,12 @@ class Screen:
     def pixel_area(self) -> float:
         return self.pitch[0] * self.pitch[1]
 
+    @property
+    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """x of the columns and y of the rows, mm or degrees; y falls."""
+        x, y = (h * (2 * np.arange(n) + 1 - n) / n for h, n in zip(self.half_width, self.pixels))
+        return x, -y
+
     def projection(self) -> NDArray[np.float64]:
         """Return flux per pixel area of a unit picture, (rows, columns).
 

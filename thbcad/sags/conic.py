@@ -98,8 +98,8 @@ class Conic:
         elif derivative == (0, 1):
             result = c * y / root + 0 * x
         else:
-            a, b = derivative
-            result = c * factorial(a) * factorial(b) * self._taylor(x, y, a, b)
+            m, n = derivative
+            result = c * factorial(m) * factorial(n) * self._taylor(x, y, m, n)
         return result
 
     def grid(self, x: ArrayLike, y: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:

@@ -96,9 +96,9 @@ def test_a_checkpoint_that_is_none_is_refused(stopped_copy, capsys, text):
 WRONG = [
     *(("stage", v) for v in ("two", None, -1, 1.5, 99, [1])),
     *(("sags", v) for v in (3, {}, [], [3], [{}], None, "x")),
-    *(("history", v) for v in (3, [[0]], [["x"] * 6])),
-    ("version", 1),
+    *(("history", v) for v in (3, [[0]], [["x"] * 7])),
     ("version", 2),
+    ("version", 3),
     ("moved", "maybe"),
 ]
 

@@ -51,10 +51,11 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
     assert data["efficiency"] == data["fates_w"]["on_target"]
     assert data["efficiency"] < data["efficiency_bound"] == pytest.approx(0.96**2)
     assert 0 < data["nonsequential"]["by_other_paths"] < 1
-    files = {"fresnel.png", "irradiance.npz", "irradiance.png", "phase_space.png", "trace.json"}
+    light = {"irradiance.npz", "irradiance_16bit.png"}
+    files = {"fresnel.png", "irradiance.png", "phase_space.png", "trace.json"} | light
     assert {p.name for p in (folder / "trace").iterdir()} == files
     with np.load(folder / "trace" / "irradiance.npz", allow_pickle=False) as arrays:
-        pixel = np.prod(2 * arrays["half_width"] / arrays["irradiance"].shape[::-1])
+        pixel = np.diff(arrays["x"])[0] * -np.diff(arrays["y"])[0]
         assert arrays["irradiance"].sum() * pixel == pytest.approx(data["fates_w"]["on_target"], rel=1e-12)
 
 

@@ -24,7 +24,9 @@ def test_a_design_ends_well(golden):
 def test_the_result_folder_holds_what_the_design_contract_says(golden):
     names = {p.name for p in golden.path.iterdir()}
     checked = {"metrics.json", "verify.json", "manufacture.json", "result.json"}
-    wanted = {"problem.toml", "lens.json", "lens.step", "history.csv", "report.html", "figures"} | checked
+    light = {"irradiance.npz", "irradiance_16bit.png"}
+    files = {"problem.toml", "lens.json", "lens.step", "history.csv", "report.html", "figures"}
+    wanted = files | checked | light
     # the picture lies beside the problem file that names it; no checkpoint and no temporary file is left
     assert names == wanted | {"target.png"}
     assert {p.name for p in (golden.path / "figures").iterdir()} == {f"{name}.png" for name in FIGURES}
@@ -32,6 +34,21 @@ def test_the_result_folder_holds_what_the_design_contract_says(golden):
         with Image.open(figure) as image:
             image.load()
             assert min(image.size) > 200
+
+
+def test_the_stored_light_is_that_of_the_metrics(golden):
+    with np.load(golden.path / "irradiance.npz", allow_pickle=False) as arrays:
+        e, t, x, y = (arrays[name] for name in ("irradiance", "target", "x", "y"))
+    metrics = strict_json((golden.path / "metrics.json").read_text())
+    difference = e / e.mean() - t / t.mean()
+    assert np.linalg.norm(difference) / np.linalg.norm(t / t.mean()) == pytest.approx(
+        metrics["rel_l2"], rel=1e-12
+    )
+    pixel_area = (x[1] - x[0]) * (y[0] - y[1])
+    assert e.sum() * pixel_area == pytest.approx(metrics["efficiency"], rel=1e-9)  # of a source of 1 W
+    with Image.open(golden.path / "irradiance_16bit.png") as picture:
+        grey = np.asarray(picture)
+    assert np.abs(grey / 65535 - e / e.max()).max() < 1e-5
 
 
 def test_results_go_to_stdout_and_progress_to_stderr(golden):
@@ -84,7 +101,7 @@ def test_a_design_measures_the_volume_by_the_text_and_says_what_it_leaves_out(go
 def test_the_history_is_a_table(golden):
     with (golden.path / "history.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == ["level", "dof", "evaluation", "loss", "fit"]
+    assert list(rows[0]) == ["level", "dof", "evaluation", "loss", "fit", "stage"]
     metrics = strict_json((golden.path / "metrics.json").read_text())
     assert int(rows[-1]["evaluation"]) == metrics["evaluations"]
     assert int(rows[-1]["dof"]) == metrics["dof"]
