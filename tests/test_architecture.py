@@ -34,7 +34,7 @@ FLOORS = [
     ["optics.problem", "optics.sources", "optics.target", "optics.transport"],
     ["optics.tracing", "optics.system"],
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
-    ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.report"],
+    ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],
     ["optics.commands"],
     ["optics"],
     ["oracles"],

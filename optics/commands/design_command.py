@@ -99,15 +99,15 @@ def design(options: Namespace) -> Outcome:
     system = solvable_system(problem)
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     folder.prepare()
-    for sentence in advice(system):
-        note(sentence)
-    from optics.optimisation import resolved
+    from optics.prediction import resolved
     from optics.runtime import load_backend
 
     with second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         backend = load_backend(problem.run.precision, problem.run.threads)
         system, start = resolved(system, backend)
+        for sentence in advice(system):
+            note(sentence)
         state = folder.read_checkpoint(system) if options.resume else None
         if options.earlier:
             state = earlier_state(system, ResultFolder(options.earlier).read_lens())

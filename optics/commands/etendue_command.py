@@ -29,7 +29,7 @@ def etendue(options: Namespace) -> Outcome:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
     if options.out:
         require_writable(Path(options.out))
-    system = solvable_system(load_problem(options.problem))
+    system = _resolved_base(solvable_system(load_problem(options.problem)))
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
     if not passing.source:
@@ -86,6 +86,16 @@ def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, flo
     backend = load_backend("double", system.problem.run.threads)
     wide, high = patch_images(system, lens, backend).narrowest(NARROW)
     return wide / 2, high / 2
+
+
+def _resolved_base(system: OpticalSystem) -> OpticalSystem:
+    """Return the system with numbers for a base lens that is left to the program."""
+    if not system.problem.lens.automatic:
+        return system
+    from optics.prediction import resolved
+    from optics.runtime import load_backend
+
+    return resolved(system, load_backend("double", system.problem.run.threads))[0]
 
 
 def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, Any]:

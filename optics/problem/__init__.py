@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         Refinement as Refinement,
         Source as Source,
         Target as Target,
+        base_of as base_of,
         per_level as per_level,
     )
     from optics.problem.toml_records import (
@@ -60,6 +61,7 @@ _FILES = {
         "Refinement",
         "Source",
         "Target",
+        "base_of",
         "per_level",
     ),
     "toml_records": ("AUTO",),
