@@ -48,6 +48,7 @@ QUICK = \
 	tests/optics/optimisation/test_bounded_variables.py \
 	tests/optics/optimisation/test_loop_failures.py \
 	tests/optics/optimisation/test_refinement.py \
+	tests/optics/prediction/test_automatic.py \
 	tests/optics/problem/test_schema.py \
 	tests/optics/problem/test_toml_text.py \
 	tests/optics/report/test_html.py \

@@ -35,7 +35,7 @@ FLOORS = [
     ["optics.tracing", "optics.system"],
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
     ["optics.results"],
-    ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.report"],
+    ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],
     ["optics.commands"],
     ["optics"],
     ["oracles"],

@@ -34,7 +34,7 @@ def adam_batches(system: OpticalSystem, backend: Backend) -> Iterator[Lens]:
     for batch in range(BATCHES):
         tracer = Tracer(backend, lens, rays, system.target.z)
         objective = Objective(backend, tracer, screen, GaussianWindow(1.0), target, 0.0)
-        sag = _batch(backend, objective, lens.rear.sag, freeform.z_freedom, RATE * FALL**batch)
+        sag = _batch(backend, objective, lens.rear.sag, freeform.freedom, RATE * FALL**batch)
         lens = lens.with_sags([sag])
         yield lens
         knots = vertex_knots(lens.rear.half_width, VERTICES)

@@ -68,8 +68,6 @@ def design(options: Namespace) -> Outcome:
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     run = _Run(problem, folder, clock)
     with folder.taken(problem, options.force or options.resume):
-        for sentence in advice(system):
-            run.notes(sentence)
         try:
             return _designed(run, system, options)
         except KeyboardInterrupt:
@@ -78,13 +76,15 @@ def design(options: Namespace) -> Outcome:
 
 
 def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
-    from optics.optimisation import resolved
+    from optics.prediction import resolved
     from optics.runtime import load_backend
 
     with second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         backend = load_backend(run.asked.run.precision, run.asked.run.threads)
         system, start = resolved(system, backend)
+        for sentence in advice(system):
+            run.notes(sentence)
         state = _resumed(run, system) if options.resume else None
         if options.iterations:
             system = _with_iterations(system, options.iterations)

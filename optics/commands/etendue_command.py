@@ -32,7 +32,7 @@ def etendue(options: Namespace) -> Outcome:
             raise UserError(f"--out must end in .png, since the picture is a PNG, got {out}")
         require_writable(out)
         require_own(out.parent, (out.name,), "", options.force)
-    system = load_system(options.problem)
+    system = _resolved_base(load_system(options.problem))
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
     if not passing.source:
@@ -89,6 +89,16 @@ def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, flo
     backend = load_backend("double", system.problem.run.threads)
     wide, high = patch_images(system, lens, backend).narrowest(NARROW)
     return wide / 2, high / 2
+
+
+def _resolved_base(system: OpticalSystem) -> OpticalSystem:
+    """Return the system with numbers for a base lens that is left to the program."""
+    if not system.problem.lens.automatic:
+        return system
+    from optics.prediction import resolved
+    from optics.runtime import load_backend
+
+    return resolved(system, load_backend("double", system.problem.run.threads))[0]
 
 
 def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, Any]:

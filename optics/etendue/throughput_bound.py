@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 
 from optics.sources import Rays
 from optics.tracing import efficiency_bound
-from thbcad.sags import Conic
 
 if TYPE_CHECKING:
     from optics.problem import Problem
@@ -192,9 +191,9 @@ def spread(system: OpticalSystem) -> Array:
     target, rear = system.problem.target, system.problem.lens.rear
     if system.target.far_field:
         return (180 / pi) ** 2 / system.target.screen().projection()
-    corner = float(Conic(rear.radius, rear.conic)(*rear.half_width))
+    corner = float(system.lens.rear.conic(*rear.half_width))
     nearest, farthest = (
-        target.distance - f(0.0, corner) - i * rear.freeform.z_freedom for f, i in ((max, 1), (min, -1))
+        target.distance - f(0.0, corner) - i * rear.freeform.freedom for f, i in ((max, 1), (min, -1))
     )
     across, up = (
         np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n) - r, 0.0)

@@ -5,9 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.optimisation.auto_level import (
-        resolved as resolved,
-    )
     from optics.optimisation.indicators import (
         mark as mark,
         summed_over_cells as summed_over_cells,
@@ -25,6 +22,9 @@ if TYPE_CHECKING:
     )
     from optics.optimisation.objective import (
         Objective as Objective,
+    )
+    from optics.optimisation.rear_light import (
+        RearLight as RearLight,
     )
     from optics.optimisation.recorder import (
         Interrupted as Interrupted,
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "auto_level": ("resolved",),
     "indicators": (
         "mark",
         "summed_over_cells",
@@ -65,6 +64,7 @@ _FILES = {
         "transmitted_flux",
     ),
     "objective": ("Objective",),
+    "rear_light": ("RearLight",),
     "recorder": ("Interrupted",),
     "stage_plan": (
         "MARGIN",

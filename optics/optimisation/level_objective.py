@@ -59,7 +59,7 @@ def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow |
 
 def surfaces_can_cross(system: OpticalSystem) -> bool:
     """Return whether sags within z_freedom can make the surfaces of the lens cross."""
-    return system.lens.least_thickness().lower <= sum(f.z_freedom for f in system.freeforms)
+    return system.lens.least_thickness().lower <= sum(f.freedom for f in system.freeforms)
 
 
 def stage_objective(

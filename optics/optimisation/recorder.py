@@ -53,7 +53,7 @@ class Recorder:
         progress: Callable[[Stage, Row], None] | None = None,
     ) -> None:
         self._problem, self._objective, self._stage = system.problem, objective, stage
-        self._variables = BoundedVariables(state.sags, [f.z_freedom for f in system.freeforms], axes)
+        self._variables = BoundedVariables(state.sags, [f.freedom for f in system.freeforms], axes)
         self._state, self._clock, self._progress = state, clock, progress
         self._rows = list(state.history)
         self._evaluations = state.evaluations

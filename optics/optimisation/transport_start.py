@@ -8,18 +8,17 @@ shape that is looked for.  They are traced again on each new shape, a few times.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from optics.optimisation.indicators import summed_over_cells
+from optics.optimisation.rear_light import LEAST_WEIGHT, RearLight, centres, traced_light
 from optics.system import target_irradiance
-from optics.target import BSplineWindow, Screen, Splat, lit_part
-from optics.tracing import Tracer
+from optics.target import Screen, lit_part
 from optics.transport import height_from_slopes, transport_map
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.lens import require_sound
@@ -29,14 +28,13 @@ if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.lens import FreeformSurface
 
 SNELL_STEPS = 4
 TRACED_STEPS = 3  # of tracing to a shape and computing the next
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
-MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
-RAYS_PER_CELL = 4
+MOST_TRACED = 256  # cells where the rays are traced
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
 INSIDE = 0.97  # of z_freedom
 # of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
@@ -45,26 +43,9 @@ MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there
-LEAST_WEIGHT = 1e-3  # of cells without light
 STEEPEST = 0.15  # least z of the normal's vector: steeper slopes are not asked for
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class RearLight:
-    """Light of one direction at every point of the rear surface, on a grid of cells.
-
-    x, y : (nx,), (ny,) cell centres, mm.  direction : three arrays (nx, ny), unit vectors inside the lens.
-    emitted : called with (nx, ny), returns the density of flux on such a grid.  weight : (nx, ny), of the
-        slopes in a fit.
-    """
-
-    x: Floats
-    y: Floats
-    direction: Sequence[Floats]
-    emitted: Callable[[tuple[int, ...]], Floats]
-    weight: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +70,20 @@ class TransportStart:
     space.
 
     traced : the fit on which rays that spread inside the lens were traced last, None where they are parallel
+    bent : share of the light that a slope can send to where the map wants it
+
+    most : cells of the map in each direction, at most.
     """
 
-    def __init__(self, system: OpticalSystem, backend: Backend) -> None:
+    def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
         self._system, self._lens, self._backend = system, system.lens, backend
         screen = system.target.screen()
         self._lit, self._centre, self._half = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
-        nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, MOST_CELLS)) for n in screen.pixels)
+        nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
         self._cells = nx, ny
-        self._bound = INSIDE * system.problem.lens.rear.freeform.z_freedom
+        self._bound = INSIDE * system.problem.lens.rear.freeform.freedom
         self.traced: TransportFit | None = None
+        self.bent = 1.0
         if system.path.parallel:
             self._light, self._slopes = self._shape_parallel()
         else:
@@ -123,6 +108,12 @@ class TransportStart:
         off_y = sag.grid(light.x, light.y, (0, 1)) - zy
         deviation = off_x**2 + off_y**2
         return summed_over_cells(sag.space, light.x, light.y, light.weight * deviation)
+
+    def rear_slopes(self) -> tuple[RearLight, list[Floats]]:
+        """Return the light at the rear, and the slopes (zx, zy) that the whole rear needs, (nx, ny) each."""
+        light, above, conic = self._light, self._slopes, self._lens.rear.conic
+        x, y = light.x[:, None], light.y[None, :]
+        return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
 
     def level(self, least: int, finest: int) -> int:
         """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL.
@@ -185,15 +176,16 @@ class TransportStart:
             s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
             return source.profile(s[:, None], t[None, :])
 
-        x, y = _centres(half, self._cells)
+        x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
         light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
         arrival = self._arrival(light, half)
         height = base = lens.thickness + lens.rear.conic(x[:, None], y[None, :])
         for _ in range(SNELL_STEPS):
-            slopes, _ = self._snell(light, arrival, height)
+            slopes, _, refracts = self._snell(light, arrival, height)
             above = _above_conic(light, lens.rear, slopes)
             height = base + _height(light, above)
+        self.bent = float(np.average(refracts, weights=emitted(self._cells)))
         return light, above
 
     def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
@@ -208,9 +200,11 @@ class TransportStart:
         sag = THBSurface(space, np.zeros(space.dim))
         for _ in range(TRACED_STEPS):
             lens = lens.with_rear(lens.rear.with_sag(sag))
-            light = _traced_light(self._backend, self._system, lens, self._cells)
+            light = traced_light(self._backend, self._system, lens, self._cells)
             arrival = self._arrival(light, lens.rear.half_width)
-            slopes, gentle = self._snell(light, arrival, lens.thickness + lens.rear.grid(light.x, light.y))
+            height = lens.thickness + lens.rear.grid(light.x, light.y)
+            slopes, gentle, refracts = self._snell(light, arrival, height)
+            self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
             gentle &= light.weight > LEAST_WEIGHT
             wanted = [np.where(gentle, s, 0.0) for s in _above_conic(light, lens.rear, slopes)]
             light = replace(light, weight=np.where(gentle, light.weight, LEAST_WEIGHT))
@@ -230,10 +224,12 @@ class TransportStart:
 
     def _snell(
         self, light: RearLight, arrival: Sequence[Floats], height: Floats
-    ) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
-        """Return the slopes (zx, zy) that refract the light to the arrival points, and where they are gentle.
+    ) -> tuple[tuple[Floats, Floats], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return the slopes (zx, zy) that refract the light to the arrival points, where they are gentle, and
+        where they refract.
 
-        The normal lies along n d_in - d_out.  STEEPEST says what is gentle.
+        The normal lies along n d_in - d_out.  STEEPEST says what is gentle.  A surface turns light by less
+        than arccos(1 / n): n d_in . d_out > 1.
         """
         if self._system.target.far_field:
             dx, dy = (np.tan(np.radians(a)) for a in arrival)
@@ -243,47 +239,18 @@ class TransportStart:
             dy = arrival[1] - light.y[None, :]
             dz = self._system.target.z - height
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        normal = [self._lens.index * a - d / length for a, d in zip(light.direction, (dx, dy, dz))]
+        out = [d / length for d in (dx, dy, dz)]
+        normal = [self._lens.index * a - d for a, d in zip(light.direction, out)]
+        refracts = self._lens.index * sum(a * d for a, d in zip(light.direction, out)) > 1
         gentle = normal[2] > STEEPEST
         across = np.where(gentle, normal[2], 1.0)
-        return (-normal[0] / across, -normal[1] / across), gentle
+        return (-normal[0] / across, -normal[1] / across), gentle, refracts
 
 
 def _above_conic(light: RearLight, rear: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
     """Return the slopes that a sag adds to those of the rear's conic."""
     x, y = light.x[:, None], light.y[None, :]
     return [s - rear.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1)))]
-
-
-def _traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Sequence[int]) -> RearLight:
-    """Return the light of the system's source, taken without extent, as it meets a lens's rear."""
-    rays = system.source.without_extent().rays([RAYS_PER_CELL * n + 1 for n in cells])
-    with backend.dr.suspend_grad():
-        hits, direction, flux = Tracer(backend, lens, rays, system.target.z).at_rear(
-            [sag.coefficients for sag in lens.sags]
-        )
-
-    def density(grid: Sequence[int], carried: object) -> Floats:
-        screen = Screen(lens.rear.half_width, (grid[0], grid[1]))
-        image = Splat(backend, screen, BSplineWindow(2))(hits.x, hits.y, carried).numpy()
-        return image.reshape(screen.shape, order="F")[::-1].T
-
-    emitted = density(cells, flux)
-    dark = emitted <= DARK * emitted.mean()
-    nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
-    mean = [(density(cells, flux * d) / np.where(dark, 1.0, emitted))[nearest] for d in direction]
-    weight = np.where(dark, 0.0, np.minimum(emitted / emitted.mean(), 1.0))
-    return RearLight(
-        *_centres(lens.rear.half_width, cells),
-        mean,
-        lambda grid: density(grid, flux),
-        np.maximum(weight, LEAST_WEIGHT),
-    )
-
-
-def _centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:
-    x, y = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(half, cells))
-    return x, y
 
 
 def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:

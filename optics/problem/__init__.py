@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         Source as Source,
         Target as Target,
         Verify as Verify,
+        base_of as base_of,
         per_level as per_level,
     )
     from optics.problem.toml_records import (
@@ -64,6 +65,7 @@ _FILES = {
         "Source",
         "Target",
         "Verify",
+        "base_of",
         "per_level",
     ),
     "toml_records": ("AUTO",),

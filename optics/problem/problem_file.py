@@ -62,8 +62,8 @@ def _require_partners(problem: Problem) -> None:
             f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
         )
     free = [f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f]
-    most = problem.lens.thickness + sum(f.z_freedom for f in free)
-    if problem.limits.thickness > most:
+    most = problem.lens.thickness + sum(f.freedom for f in free)
+    if problem.limits.thickness > most and not problem.lens.automatic:
         raise UserError(
             f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
             f"got {problem.limits.thickness:g}"

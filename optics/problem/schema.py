@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from optics.problem.toml_records import option
+from optics.problem.toml_records import AUTO, option
 
 PROFILES = ("uniform", "round", "gaussian", "image")
 Number = TypeVar("Number", int, float)
@@ -60,7 +60,18 @@ class Freeform:
         note="finest level of refinement; auto takes it from the light's detail",
         auto=True,
     )
-    z_freedom: float = option(5.0, low=SHORTEST, high=LONGEST, note="mm, bound of the sag coefficients")
+    z_freedom: float | str = option(
+        5.0,
+        low=SHORTEST,
+        high=LONGEST,
+        note="mm, bound of the sag coefficients; auto takes it from the light",
+        auto=True,
+    )
+
+    @property
+    def freedom(self) -> float:
+        """z_freedom in mm; 0 where it is not known yet."""
+        return 0.0 if isinstance(self.z_freedom, str) else self.z_freedom
 
     @property
     def finest(self) -> int:
@@ -71,13 +82,16 @@ class Freeform:
 @dataclass(frozen=True, kw_only=True)
 class Front:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
-    radius: float = option(
+    radius: float | str = option(
         math.inf,
         infinite=True,
         size=RADII,
-        note="mm, of the vertex; positive opens to +z, inf is a plane",
+        note="mm, of the vertex; positive opens to +z, inf is a plane; auto is a plane too",
+        auto=True,
     )
-    conic: float = option(0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid")
+    conic: float | str = option(
+        0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid", auto=True
+    )
     freeform: Freeform | None = option(
         None, note="with the keys of lens.rear.freeform: a front that is free too"
     )
@@ -87,13 +101,23 @@ class Front:
 class Rear:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
     freeform: Freeform = option(Freeform())
-    radius: float = option(
+    radius: float | str = option(
         math.inf,
         infinite=True,
         size=RADII,
-        note="mm, of the vertex; positive opens to +z, inf is a plane",
+        note="mm, of the vertex; positive opens to +z, inf is a plane; auto takes it from the light",
+        auto=True,
     )
-    conic: float = option(0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid")
+    conic: float | str = option(
+        0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid", auto=True
+    )
+
+
+def base_of(surface: Front | Rear) -> tuple[float, float]:
+    """Return radius and conic constant of a surface; those of a plane where they are not known yet."""
+    if isinstance(surface.radius, str):
+        return math.inf, 0.0
+    return surface.radius, -1.0 if isinstance(surface.conic, str) else surface.conic
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +128,13 @@ class LensSpec:
     density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
     front: Front = option()
     rear: Rear = option()
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the base lens or a bound of the sags is left to the program."""
+        surfaces = self.front, self.rear
+        free = [s.freeform.z_freedom for s in surfaces if s.freeform is not None]
+        return AUTO in (*free, *(value for s in surfaces for value in (s.radius, s.conic)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ def problem_to_toml(problem: Problem) -> str:
 
 def commented_problem() -> str:
     """Return a problem file to start from: every key with a value and a comment."""
-    freeform = Freeform(max_level=AUTO, z_freedom=15.0)
+    freeform = Freeform(max_level=AUTO, z_freedom=AUTO)
     example = Problem(
         title="my lens",
         source=Source(kind="collimated", half_width=(47.5, 47.5)),
@@ -28,7 +28,7 @@ def commented_problem() -> str:
             index=1.5,
             thickness=20.0,
             front=Front(half_width=(50.0, 50.0)),
-            rear=Rear(half_width=(50.0, 50.0), radius=150.0, conic=-1.0, freeform=freeform),
+            rear=Rear(half_width=(50.0, 50.0), radius=AUTO, conic=AUTO, freeform=freeform),
         ),
         target=Target(kind="image", image="picture.png", distance=300.0, half_width=(100.0, 100.0)),
     )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.problem import base_of
 from optics.runtime import UserError
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, Product, one_line, require_sound
@@ -61,6 +62,6 @@ def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
         space = THBSpace(*kv)
         sag = THBSurface(space, np.zeros(space.dim))
     try:
-        return FreeformSurface(spec.half_width, Conic(spec.radius, spec.conic), sag)
+        return FreeformSurface(spec.half_width, Conic(*base_of(spec)), sag)
     except ValueError as error:
         raise UserError(f"lens.{name}: {error}") from None

@@ -94,7 +94,7 @@ def require_room(system: OpticalSystem) -> None:
             "make source.distance larger or source.half_width smaller"
         )
     freeform = problem.lens.rear.freeform
-    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.z_freedom
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.freedom
     if distance <= top:
         raise UserError(
             f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
@@ -116,7 +116,7 @@ def advice(system: OpticalSystem) -> list[str]:
             'an extended source blurs its light anyway: optimizer.window = "bspline" and '
             "lost_flux_weight = 0 suit it better, and merged pixels save time (examples/extended.toml)"
         )
-    bent = any(not isinf(s.radius) and s.conic != -1 for s in (problem.lens.front, problem.lens.rear))
+    bent = not all(surface.conic.is_paraboloid for surface in (lens.front, lens.rear))
     thrown = CONIC_SLOPE * problem.target.distance
     if bent and not isinf(thrown) and thrown > problem.verify.landing:
         sentences.append(

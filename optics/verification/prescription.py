@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from math import isinf
 from typing import TYPE_CHECKING
 
+from optics.problem import base_of
 from optics.runtime import Check
 from thbcad.splines import KnotVector
 
@@ -52,9 +53,10 @@ def _pairs(problem: Problem, lens: Lens) -> Iterator[Pair]:
 def _surface(name: str, spec: Front | Rear, surface: FreeformSurface) -> Iterator[Pair]:
     for axis, asked, found in zip("xy", spec.half_width, surface.half_width):
         yield f"{name}.half_width in {axis}", asked, found, "mm"
-    if not (isinf(spec.radius) and surface.conic.is_plane):
-        yield f"{name}.radius", spec.radius, surface.conic.radius, "mm"
-    yield f"{name}.conic", spec.conic, surface.conic.constant, ""
+    radius, conic = base_of(spec)
+    if not (isinf(radius) and surface.conic.is_plane):
+        yield f"{name}.radius", radius, surface.conic.radius, "mm"
+    yield f"{name}.conic", conic, surface.conic.constant, ""
     free = (spec.freeform is not None, surface.sag is not None)
     yield f"number of free surfaces by {name}.freeform", float(free[0]), float(free[1]), ""
     if spec.freeform is not None and surface.sag is not None:
@@ -73,5 +75,5 @@ def _sag(name: str, freeform: Freeform, surface: FreeformSurface) -> Iterator[Pa
             off = float(abs(kv.knots - uniform.knots).max())
             yield f"distance of knots from uniform ones by {name}.spans in {axis}", 0.0, off, "mm"
     greatest = float(abs(sag.coefficients).max())
-    bound = freeform.z_freedom
+    bound = freeform.freedom
     yield f"{name}.z_freedom", bound, greatest if greatest > (1 + BOUND) * bound else bound, "mm"
