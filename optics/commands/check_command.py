@@ -10,12 +10,18 @@ from optics.analysis import dark_fraction
 from optics.commands.outcome import Outcome
 from optics.etendue import etendue_note
 from optics.optimisation import stages, surfaces_can_cross
-from optics.system import advice, load_system, skip_lines
+from optics.runtime import speaking_of
+from optics.system import OpticalSystem, advice, load_system, skip_lines
 
 
 def check(options: Namespace) -> Outcome:
     """Read a problem without tracing."""
     system = load_system(options.problem)
+    with speaking_of(options.problem):
+        return _checked(system)
+
+
+def _checked(system: OpticalSystem) -> Outcome:
     problem = system.problem
     picture, screen = system.target.light, system.target.screen()
     dark = dark_fraction(system.target.irradiance(screen, problem.source.flux))

@@ -72,9 +72,9 @@ def _require_partners(problem: Problem) -> None:
 
 def _require_target(target: Target) -> None:
     if target.kind == "image" and not target.image:
-        raise UserError("the key target.image is missing")
+        raise UserError("the key target.image is missing; add it")
     if target.kind == "function" and not target.formula:
-        raise UserError("the key target.formula is missing")
+        raise UserError("the key target.formula is missing; add it")
     if math.isinf(target.distance) and max(target.half_width) >= 90:
         raise UserError(
             f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
@@ -83,7 +83,7 @@ def _require_target(target: Target) -> None:
 
 def _require_source(source: Source) -> None:
     if source.profile == "image" and not source.image:
-        raise UserError("the key source.image is missing")
+        raise UserError("the key source.image is missing; add it")
     if source.kind == "point" and source.distance < SHORTEST:
         raise UserError(
             f"source.distance must be at least {SHORTEST} for a point, which would lie in the lens, "

@@ -76,7 +76,8 @@ def record(kind: type[Record], data: object, prefix: str, folder: Path) -> Recor
         key = prefix + name
         if name not in data:
             if f.default is MISSING:
-                raise UserError(f"the key {key} is missing")
+                note = f" ({f.metadata['note']})" if f.metadata["note"] else ""
+                raise UserError(f"the key {key} is missing{note}; add it")
             continue
         table = _table(hints[name])
         if table is not None:
@@ -84,7 +85,7 @@ def record(kind: type[Record], data: object, prefix: str, folder: Path) -> Recor
         else:
             values[name] = _value(key, hints[name], data[name], f.metadata)
         if f.metadata["picture"] and values[name]:
-            values[name] = str((folder / values[name]).resolve())
+            values[name] = str((folder / values[name]).absolute())
     return kind(**values)
 
 

@@ -64,4 +64,6 @@ def _surface(name: str, spec: Front | Rear) -> FreeformSurface:
     try:
         return FreeformSurface(spec.half_width, Conic(*base_of(spec)), sag)
     except ValueError as error:
-        raise UserError(f"lens.{name}: {error}") from None
+        raise UserError(
+            f"lens.{name}: {error}; make its radius larger in size or its half_width smaller"
+        ) from None

@@ -114,9 +114,7 @@ def _linear(image: Image.Image, encoding: str) -> NDArray[np.float64]:
     if image.mode in DEEP_MODES:
         values = np.asarray(image, dtype=np.float64)
         if values.max() > 65535:
-            raise ValueError(
-                "its whole numbers have more than 16 bits; save it with 16 bits or as floating point"
-            )
+            raise ValueError("its whole numbers have more than 16 bits, which only floating point may have")
         return _decoded(values / 65535, encoding)
     if image.mode == "F":
         return _decoded(np.asarray(image, dtype=np.float64), encoding)
