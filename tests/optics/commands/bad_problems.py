@@ -14,6 +14,7 @@ TOP_HAT = {"target.kind": "tophat"}
 FORMULA = {"target.kind": "function"}
 GLOW = {"source.profile": "image"}
 LAMP = {"source.kind": "lambertian", "source.half_width": [1.0, 1.0], "source.distance": 4.0}
+BOWL = {"lens.front.radius": -20.0, "lens.front.conic": -1.0}
 FRONT = "lens.front.freeform."
 REAR = "lens.rear.freeform."
 
@@ -183,12 +184,12 @@ PARTNERS = [
     ),
     (
         "a lamp that touches the lens",
-        LAMP | {"source.half_width": [5.0, 5.0], "source.distance": 0.1, "lens.front.radius": -20.0},
+        LAMP | {"source.half_width": [5.0, 5.0], "source.distance": 0.1} | BOWL,
         "source.distance",
         "make source.distance larger or source.half_width smaller",
     ),
     ("a lit speck", TOP_HAT | {"target.lit": [1e-9, 1e-9]}, "target.lit", "make it larger"),
-    ("rays without end", {REAR + "spans": [1000, 1000], REAR + "max_level": 12}, "level 2", "use fewer"),
+    ("rays without end", {REAR + "spans": [500, 500], REAR + "max_level": 9}, "rays at once", "use fewer"),
 ]
 FORMULAS = [
     ("an import", _formula("__import__('os').system('true')"), "target.formula", "it takes numbers"),
