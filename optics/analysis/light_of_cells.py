@@ -2,19 +2,22 @@
 
 The map from source to target is smooth but for the rims of the surfaces and total reflection, so that cells
 leave an error of second order in their size, and none where the map is linear.  A cell that such a border
-cuts is split in four, SPLITS times; what is still cut then counts where its corners land.
+cuts is split in four until 1 / BORDER_CELLS of the source is wider than the parts.  Then those that it cuts
+are cut along it (`border_triangles`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import reduce
+from math import ceil, log2
 from operator import add
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.analysis.border_triangles import border_triangles, shared_flux
 from optics.sources import corner_flux
 from optics.target import BoxWindow, MappedCells, Splat
 from optics.tracing import Tracer
@@ -22,15 +25,17 @@ from optics.tracing import Tracer
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from optics.runtime import Backend
+    from optics.runtime import Backend, DrArray
     from optics.sources import RayGrid, Rays, SourceCells
     from optics.system import OpticalSystem
     from optics.target import Screen
-    from optics.tracing import SequentialFates
+    from optics.tracing import Landing, SequentialFates
     from thbcad.lens import Lens
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
-SPLITS = 6
+BORDER_CELLS = (
+    2000  # across the source; its square times 4 is more than all light beside a rim's four corners
+)
 
 Floats = NDArray[np.float64]
 
@@ -55,32 +60,39 @@ class _CellTracer:
 
     def light(self, rays: RayGrid | Rays, emitted: Floats) -> _Light:
         """Return the light of cells that are not cut, from the rays at their corners."""
-        tracer = Tracer(self.backend, self.lens, rays, self.system.target.z)
-        dr = self.backend.dr
-        with dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in self.lens.sags])
-            arrives = landing.definite & landing.met & landing.hit
-            sound = dr.select(arrives, self.backend.Float(1), 0) + dr.zeros(
-                self.backend.Float, rays.flux.size
-            )
-            seen = sound.numpy().reshape([n + 1 for n in emitted.shape])
-            corners = seen[1:, 1:] + seen[1:, :-1] + seen[:-1, 1:] + seen[:-1, :-1]
-            cut = (corners > 0) & (corners < 4) & (emitted > 0)
-            if cut.any():
-                whole = np.where(cut, 0.0, emitted)
-                flux = corner_flux(whole).reshape(rays.flux.shape)
-                return replace(self.light(replace(rays, flux=flux), whole), cut=cut)
-            cells = MappedCells(self.backend, self.screen, emitted, rays.flux)
-            image = cells(landing.x, landing.y, landing.flux, sound > 0).numpy()
+        tracer, landing, arrives = self._trace(rays)
+        nx, ny = emitted.shape
+        seen = arrives.numpy().astype(np.int8).reshape(nx + 1, ny + 1)
+        corners = seen[1:, 1:] + seen[1:, :-1] + seen[:-1, 1:] + seen[:-1, :-1]
+        cut = (corners > 0) & (corners < 4) & (emitted > 0)
+        if cut.any():
+            whole = np.where(cut, 0.0, emitted)
+            flux = corner_flux(whole).reshape(rays.flux.shape)
+            return replace(self.light(replace(rays, flux=flux), whole), cut=cut)
+        cells = MappedCells(self.backend, self.screen, emitted, rays.flux)
+        with self.backend.dr.suspend_grad():
+            image = cells(landing.x, landing.y, landing.flux, arrives).numpy()
         return _Light(image, tracer.fates(landing, self.screen.half_width), cut)
 
     def points(self, rays: Rays) -> _Light:
         """Return the light of rays where they land."""
-        tracer = Tracer(self.backend, self.lens, rays, self.system.target.z)
+        tracer, landing, _ = self._trace(rays)
         with self.backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in self.lens.sags])
             image = Splat(self.backend, self.screen, BoxWindow())(landing.x, landing.y, landing.flux).numpy()
         return _Light(image, tracer.fates(landing, self.screen.half_width), np.zeros((0, 0), dtype=bool))
+
+    def arrive(self, rays: Rays) -> NDArray[np.bool_]:
+        """Return which rays arrive, (n,)."""
+        _, _, arrives = self._trace(rays)
+        return arrives.numpy()
+
+    def _trace(self, rays: RayGrid | Rays) -> tuple[Tracer, Landing, DrArray]:
+        """Return the tracer of rays, their Landing, and which of them arrive."""
+        dr, tracer = self.backend.dr, Tracer(self.backend, self.lens, rays, self.system.target.z)
+        with dr.suspend_grad():
+            _, landing = tracer.trace([sag.coefficients for sag in self.lens.sags])
+        every = dr.ones(dr.mask_t(self.backend.Float), rays.flux.size)
+        return tracer, landing, every & landing.definite & landing.met & landing.hit
 
 
 def cell_irradiance(
@@ -97,13 +109,13 @@ def cell_irradiance(
         parts.append(part)
         pieces.append(_pieces(strip, part.cut))
     rest = np.concatenate(pieces, axis=1)
-    for _ in range(SPLITS):
-        if rest.size == 0:
-            break
+    splits = ceil(log2(BORDER_CELLS / min(counts)))
+    while rest.size and splits > 0:
+        splits -= 1
         part, rest = _split(tracer, cells, rest)
         parts.append(part)
     if rest.size:
-        parts.append(tracer.points(_corners(cells, rest)))
+        parts.extend(_along_border(tracer, cells, rest))
     image = reduce(add, (part.image for part in parts)).reshape(screen.shape, order="F")
     fates = reduce(add, (part.fates for part in parts))
     on_target = min(float(image.sum()) * screen.pixel_area, fates.transmitted)
@@ -122,20 +134,37 @@ def _split(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> tuple[_Li
     The corners of all pieces, 3 x 3 each, are stacked as one grid; the cells between pieces are dark.
     """
     s0, s1, t0, t1, flux = pieces
-    s, t = np.stack([s0, (s0 + s1) / 2, s1], axis=1), np.stack([t0, (t0 + t1) / 2, t1], axis=1)
-    emitted = np.zeros((3 * len(flux), 2))
-    for row in (0, 1):
-        emitted[row::3] = flux[:, None] / 4
-    emitted = emitted[:-1]
-    rows, columns = np.repeat(s.ravel(), 3), np.repeat(t, 3, axis=0).ravel()
+    s, t = np.stack([s0, (s0 + s1) / 2, s1]), np.stack([t0, (t0 + t1) / 2, t1])
+    middles = np.stack([np.repeat(s[1:] + s[:-1], 2, axis=0), np.tile(t[1:] + t[:-1], (2, 1))]) / 2
+    shared = shared_flux(flux, np.ones((4, len(flux))), middles, cells.density).reshape(2, 2, -1)
+    emitted = np.zeros((len(flux), 3, 2))
+    emitted[:, :2] = shared.transpose(2, 0, 1)
+    emitted = emitted.reshape(-1, 2)[:-1]
+    rows, columns = np.repeat(s.T.ravel(), 3), np.repeat(t.T, 3, axis=0).ravel()
     part = tracer.light(cells.at(rows, columns, corner_flux(emitted).ravel()), emitted)
     i, j = np.nonzero(part.cut)
-    piece, low = i // 3, i % 3
-    cut = [s[piece, low], s[piece, low + 1], t[piece, j], t[piece, j + 1], flux[piece] / 4]
+    piece, row = i // 3, i % 3
+    cut = [s[row, piece], s[row + 1, piece], t[j, piece], t[j + 1, piece], emitted[i, j]]
     return part, np.stack(cut)
 
 
-def _corners(cells: SourceCells, pieces: Floats) -> Rays:
-    """Return rays at the four corners of pieces, each with a quarter of their flux."""
-    s0, s1, t0, t1, flux = pieces
-    return cells.at(np.concatenate([s0, s0, s1, s1]), np.concatenate([t0, t1, t0, t1]), np.tile(flux / 4, 4))
+def _along_border(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> list[_Light]:
+    """Return the light of pieces that are cut, cut along the border.
+
+    A median makes two triangles of the same flux of each part, which are those of one cell.  Where the
+    border is so bent that it parts a median's foot from the corners, the corners count where they land.
+    """
+
+    def arrive(s: Floats, t: Floats) -> NDArray[np.bool_]:
+        return tracer.arrive(cells.at(s, t, np.zeros_like(s)))
+
+    (p, q, r), flux = border_triangles(pieces, arrive, cells.density)
+    s, t = np.stack([p, q, r, (q + r) / 2]).transpose(1, 2, 0)
+    emitted = np.zeros((2 * len(flux) - 1, 1))
+    emitted[::2, 0] = flux
+    part = tracer.light(cells.at(s.ravel(), t.ravel(), corner_flux(emitted).ravel()), emitted)
+    left = part.cut[::2, 0]
+    if not left.any():
+        return [part]
+    quarters = np.repeat(flux[left] / 4, 4)
+    return [part, tracer.points(cells.at(s[left].ravel(), t[left].ravel(), quarters))]

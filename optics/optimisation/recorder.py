@@ -72,7 +72,8 @@ class Recorder:
 
         Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.  It
         stops where the root of the loss fell by less than FLAT per step, over STEPS steps.  `fall` is then
-        what it fell per step where it was stopped by the number of iterations, or else 0.
+        what it fell per step where it was stopped by the number of iterations, or else 0.  After fewer steps
+        nothing is said.
 
         Raises
         ------
@@ -109,9 +110,9 @@ class Recorder:
     def _fall_per_step(self) -> float:
         """Return by which fraction the root of the loss fell per step, over the last steps."""
         last = self._bests[-STEPS - 1 :]
-        if len(last) < 2 or last[0] <= 0:
+        if len(last) <= STEPS or last[0] <= 0:
             return 0.0
-        return float(1 - (last[-1] / last[0]) ** (0.5 / (len(last) - 1)))
+        return float(1 - (last[-1] / last[0]) ** (0.5 / STEPS))
 
     def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """Return (loss, its gradient by the weights)."""

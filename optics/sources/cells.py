@@ -22,6 +22,7 @@ class SourceCells:
 
     s : (nx + 1,), t : (ny + 1,) float, borders of the cells.  emitted : (nx, ny) W.
     at : called with s, t and flux, (n,) each; returns the Rays there.
+    density : called with s and t, (n,) each; returns the flux per area of s and t there, up to a factor.
     parallel : the rays go along +z and s, t are x, y in mm.  missed : W that passes beside the lens.
     """
 
@@ -29,6 +30,7 @@ class SourceCells:
     t: Floats
     emitted: Floats
     at: Callable[[Floats, Floats, Floats], Rays]
+    density: Callable[[Floats, Floats], Floats]
     parallel: bool = False
     missed: float = 0.0
 
@@ -86,7 +88,10 @@ def beam_cells(
         along = np.stack([np.zeros_like(x), np.zeros_like(x), np.ones_like(x)])
         return Rays(np.stack([x, y, np.full_like(x, -before)]), along, flux)
 
-    return SourceCells(x, y, emitted, at, parallel=True, missed=missed)
+    def density(x: Floats, y: Floats) -> Floats:
+        return profile(x / half_width[0], y / half_width[1])
+
+    return SourceCells(x, y, emitted, at, density, parallel=True, missed=missed)
 
 
 def cone_cells(
@@ -102,12 +107,15 @@ def cone_cells(
     s, t = (2 * np.arange(n + 1) / n - 1 for n in counts)
     deepest = 1 - cos(radians(half_angle))
     inside = sqrt(3 / 5)  # three points of Gauss in each direction
+
+    def density(s: Floats, t: Floats) -> Floats:
+        return (1 - deepest * np.maximum(np.abs(s), np.abs(t)) ** 2) ** exponent
+
     emitted = np.zeros(counts)
     for a, by_a in ((-inside, 5), (0.0, 8), (inside, 5)):
         for b, by_b in ((-inside, 5), (0.0, 8), (inside, 5)):
             middle = [((1 - w) * r[:-1] + (1 + w) * r[1:]) / 2 for w, r in ((a, s), (b, t))]
-            radius = np.maximum(np.abs(middle[0])[:, None], np.abs(middle[1])[None, :])
-            emitted += by_a * by_b * (1 - deepest * radius**2) ** exponent
+            emitted += by_a * by_b * density(middle[0][:, None], middle[1][None, :])
     emitted *= flux / emitted.sum()
 
     def at(s: Floats, t: Floats, flux: Floats) -> Rays:
@@ -119,4 +127,4 @@ def cone_cells(
         origin[2] = -distance
         return Rays(origin, direction, flux)
 
-    return SourceCells(s, t, emitted, at)
+    return SourceCells(s, t, emitted, at, density)

@@ -51,6 +51,16 @@ SMALL = {
 }
 
 
+HOLLOW = {  # the problem of `hollow_lens`
+    "lens.thickness": 5.0,
+    "lens.front.half_width": [5.0, 5.0],
+    "lens.front.radius": -5.0,
+    "lens.front.conic": -1.0,
+    "lens.rear.half_width": [8.0, 8.0],
+    "lens.rear.radius": -10.0,
+    "lens.rear.freeform.spans": [2, 2],
+    "target.distance": 1000.0,
+}
 PLANE, PARABOLOID = Conic(), Conic(40.0, -1.0)
 TARGET_Z = 66.0  # of a plane 60 mm behind the small lens
 

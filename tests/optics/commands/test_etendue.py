@@ -14,22 +14,14 @@ from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.system import OpticalSystem
 from tests.cases import ROOT
-from tests.optics.cases import hollow_lens
+from tests.optics.cases import HOLLOW, hollow_lens
 from thbcad.io import write_lens
 
-HOLLOW = {
+GLOWING = HOLLOW | {
     "source.kind": "lambertian",
     "source.half_width": [0.5, 0.5],
-    "lens.thickness": 5.0,
-    "lens.front.half_width": [5.0, 5.0],
-    "lens.front.radius": -5.0,
-    "lens.front.conic": -1.0,
-    "lens.rear.half_width": [8.0, 8.0],
-    "lens.rear.radius": -10.0,
-    "lens.rear.freeform.spans": [2, 2],
     "target.kind": "tophat",
     "target.shape": "ellipse",
-    "target.distance": 1000.0,
     "target.half_width": [600.0, 600.0],
 }
 
@@ -42,7 +34,7 @@ def run(file, efficiency=None, measure=None, out=None):
 @pytest.fixture
 def hollow(problem_file):
     """A function that writes the problem of a glowing square in the hollow of a lens, with changes."""
-    return lambda changes=None: problem_file(HOLLOW | (changes or {}))
+    return lambda changes=None: problem_file(GLOWING | (changes or {}))
 
 
 def test_figures_of_an_extended_source(hollow, tmp_path):

@@ -15,11 +15,22 @@ from optics.commands.stop_signals import stop_signals
     ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
 def test_a_signal_stops_with_its_code_and_word(number, code, word):
-    before = signal.getsignal(signal.SIGTERM)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run in the background
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with pytest.raises(KeyboardInterrupt), stop_signals() as stop:
         os.kill(os.getpid(), number)
-    assert (stop.code, stop.word) == (code, word)
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert (stop.requested, stop.code, stop.word) == (True, code, word)
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_a_command_in_the_background_does_not_listen_to_ctrl_c():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with stop_signals() as stop:
+            os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert not stop.requested
 
 
 def test_beside_the_main_thread_no_handler_is_set():

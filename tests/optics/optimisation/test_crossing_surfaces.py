@@ -81,6 +81,7 @@ def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypat
         "optimizer.iterations": [2],
         "lens.rear.freeform.max_level": 0,
         "target.pixels": [24, 24],
+        "verify.rel_l2": 1.0,
     }
     path = write_problem(tmp_path, changes)
     crossing(OpticalSystem(load_problem(path)), monkeypatch)

@@ -49,16 +49,16 @@ def test_a_flat_loss_ends_the_work_early(small):
 
 
 def test_a_design_that_still_falls_says_how_it_goes_on(tmp_path, backend):
-    system = loaded(tmp_path, FLAT_START | {"optimizer.iterations": [4], "lens.rear.freeform.max_level": 0})
+    system = loaded(tmp_path, FLAT_START | {"optimizer.iterations": [12], "lens.rear.freeform.max_level": 0})
     notes = []
     design(system, backend, note=notes.append)
     (sentence,) = notes
-    assert "stopped by its 4 iterations, while the misfit still fell by" in sentence
-    assert "--resume --iterations 16 goes on" in sentence
+    assert "stopped by its 12 iterations, while the misfit still fell by" in sentence
+    assert "--resume --iterations 48 goes on" in sentence
 
 
-@pytest.mark.parametrize("iterations", [1, 2])
-def test_one_or_two_iterations_are_enough_to_say_it(small, iterations):
+@pytest.mark.parametrize("iterations", [1, STEPS - 1])
+def test_after_few_iterations_nothing_is_said(small, iterations):
     run = recorder(small, Valley(0.0, 1.0), iterations)
     run.minimized()
-    assert 0 <= run.fall < 1
+    assert run.fall == 0
