@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import Check
+from optics.verification.solid_text import FINE_VOLUME
 from optics.verification.step_file import StepFile
 from optics.verification.traced_light import light_checks
 from thbcad.cad.exchange import solid_volume, step_bytes
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from thbcad.splines import KnotVector, NURBSSurface
 
 TOLERANCE = 1e-6  # mm
-FINE_VOLUME = 1e-9  # relative
 SURFACE_SAMPLES = 6  # per knot span and direction
 
 

@@ -80,6 +80,7 @@ def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypat
         "optimizer.start": "flat",
         "optimizer.iterations": [2],
         "lens.rear.freeform.max_level": 0,
+        "lens.rear.freeform.z_freedom": 7.0,
         "target.pixels": [24, 24],
         "verify.rel_l2": 1.0,
     }
