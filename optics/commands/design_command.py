@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
-from optics.commands.progress import DesignProgress
+from optics.commands.progress import DesignProgress, Size
 from optics.optimisation import Interrupted, ResultFolder, earlier_state, stages
 from optics.problem import limit_checks, load_problem, problem_to_toml
 from optics.runtime import UserError, check_lines, note, peak_mb, second_process
@@ -28,9 +28,10 @@ LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder 
 
 
 class _Clock:
-    """Wall time by phase."""
+    """Wall time by phase, and the progress that is told of it."""
 
-    def __init__(self) -> None:
+    def __init__(self, progress: DesignProgress) -> None:
+        self._progress = progress
         self._start = self._mark = perf_counter()
         self.phases: dict[str, float] = {}
 
@@ -38,6 +39,7 @@ class _Clock:
         now = perf_counter()
         self.phases[name] = now - self._mark
         self._mark = now
+        self._progress.over(name)
 
     def total(self) -> dict[str, float]:
         return {**self.phases, "total": perf_counter() - self._start}
@@ -92,7 +94,8 @@ class _Figures:
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
-    clock = _Clock()
+    progress = DesignProgress()
+    clock = _Clock(progress)
     problem = load_problem(options.problem)
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
@@ -104,7 +107,7 @@ def design(options: Namespace) -> Outcome:
     from optics.optimisation import resolved
     from optics.runtime import load_backend
 
-    with second_process() as beside:
+    with progress, second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         backend = load_backend(problem.run.precision, problem.run.threads)
         system, start = resolved(system, backend)
@@ -114,9 +117,11 @@ def design(options: Namespace) -> Outcome:
         if not options.resume:
             folder.drop_checkpoint()
         figures = _Figures(beside, system)
+        moved = state.moved if state else problem.optimizer.start == "transport"
+        progress.planned(Size.of(system), stages(system, moved))
         clock.lap("setup")
         try:
-            lens, state = _optimise(system, backend, folder, state, start)
+            lens, state = _optimise(system, backend, folder, state, start, progress)
             clock.lap("optimise")
             return _finish(system, lens, state, folder, clock, figures)
         except KeyboardInterrupt:
@@ -131,10 +136,11 @@ def _optimise(
     folder: ResultFolder,
     state: State | None,
     start: TransportStart | None,
+    progress: DesignProgress,
 ) -> tuple[Lens, State]:
     from optics.optimisation import design as run
 
-    progress, problem = DesignProgress(), system.problem
+    problem = system.problem
     try:
         return run(
             system, backend, state, progress, lambda s: folder.write_checkpoint(problem, s), note, start
@@ -142,8 +148,6 @@ def _optimise(
     except Interrupted as stop:
         folder.write_checkpoint(problem, stop.state)
         raise KeyboardInterrupt from None
-    finally:
-        progress.close()
 
 
 def _finish(
