@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from optics.commands.design_figures import DesignFigures
 from optics.commands.notes import Notes
 from optics.commands.outcome import Outcome
-from optics.commands.progress import DesignProgress
+from optics.commands.progress import DesignProgress, Size
 from optics.optimisation import Interrupted, earlier_state, stages
 from optics.problem import limit_checks
 from optics.results import ResultFolder, ResultWriter, read_checkpoint, write_checkpoint
@@ -31,9 +31,10 @@ LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder 
 
 
 class _Clock:
-    """Wall time by phase."""
+    """Wall time by phase, and the progress that is told of it."""
 
-    def __init__(self) -> None:
+    def __init__(self, progress: DesignProgress) -> None:
+        self.progress = progress
         self._start = self._mark = perf_counter()
         self.phases: dict[str, float] = {}
 
@@ -41,6 +42,7 @@ class _Clock:
         now = perf_counter()
         self.phases[name] = now - self._mark
         self._mark = now
+        self.progress.over(name)
 
     def total(self) -> dict[str, float]:
         return {**self.phases, "total": perf_counter() - self._start}
@@ -58,7 +60,7 @@ class _Run:
 
 def design(options: Namespace) -> Outcome:
     """Shape the lens of a problem file and write the result folder."""
-    clock = _Clock()
+    clock = _Clock(DesignProgress())
     if options.resume and options.earlier:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
@@ -79,7 +81,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
     from optics.prediction import resolved
     from optics.runtime import load_backend
 
-    with second_process() as beside:
+    with run.clock.progress, second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         backend = load_backend(run.asked.run.precision, run.asked.run.threads)
         system, start = resolved(system, backend)
@@ -91,6 +93,8 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         if options.earlier:
             state = earlier_state(system, ResultFolder(options.earlier).read_lens())
         figures = DesignFigures(beside, system)
+        moved = state.moved if state else system.problem.optimizer.start == "transport"
+        run.clock.progress.planned(Size.of(system), stages(system, moved))
         run.clock.lap("setup")
         lens, state = _optimised(run, system, backend, state, start)
         run.clock.lap("optimise")
@@ -126,14 +130,11 @@ def _optimised(
     def keep(state: State) -> None:
         write_checkpoint(run.folder.checkpoint, run.asked, system.problem, state, run.notes)
 
-    progress = DesignProgress()
     try:
-        return shape(system, backend, state, progress, keep, run.notes, start)
+        return shape(system, backend, state, run.clock.progress, keep, run.notes, start)
     except Interrupted as stop:
         keep(stop.state)
         raise KeyboardInterrupt from None
-    finally:
-        progress.close()
 
 
 def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figures: DesignFigures) -> Outcome:

@@ -19,7 +19,7 @@ from optics.optimisation.indicators import (
 )
 from optics.optimisation.objective import Objective
 from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
-from optics.optimisation.stage_plan import last_level
+from optics.optimisation.stage_plan import PROBES, last_level
 from optics.optimisation.symmetry import Mirrors
 from optics.problem import per_level
 from optics.sources import Rays, mirror_half
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from optics.target import Window
     from thbcad.lens import Lens
 
-PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
 LIMITS_WEIGHT = 100.0  # charge for the mean square of relative violations
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide

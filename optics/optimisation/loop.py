@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
+StageProgress = Callable[["Sequence[Stage]", "Stage", int, "Row | None"], None]
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
 
 
@@ -69,7 +70,7 @@ def design(
     system: OpticalSystem,
     backend: Backend,
     state: State | None = None,
-    progress: Callable[[Sequence[Stage], Stage, Row], None] | None = None,
+    progress: StageProgress | None = None,
     checkpoint: Callable[[State], None] | None = None,
     note: Callable[[str], None] | None = None,
     start: TransportStart | None = None,
@@ -77,7 +78,8 @@ def design(
     """Optimise the free surfaces of a system's lens and return (Lens, State).
 
     state : to go on from, or None.
-    progress : called with (every Stage, this Stage, Row) after every evaluation.
+    progress : called with (every Stage, this Stage, its degrees of freedom, None) when a stage begins, and
+        with its Row in place of None after every evaluation.
     checkpoint : called with the State after every stage.
     note : called with a sentence where the problem itself limits the result.
     start : of the system, where it is known already.
@@ -95,11 +97,13 @@ def design(
     guide = start if state.moved else None
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
+        if progress:
+            progress(plan, stage, state.dof, None)
         lens = _with_sags(system.lens, state.sags)
         target = _asked(system, backend, lens, stage, flux)
         if stage.iterations:
             objective = stage_objective(system, lens, stage, target, backend, axes)
-            report = progress and partial(progress, plan)
+            report = progress and partial(progress, plan, stage, state.dof)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
             lens = _optimised(lens, recorder, stage, note)
             if stage is plan[-1] and recorder.fall > FALLING:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from optics.optimisation.bounded_variables import BoundedVariables
-from optics.optimisation.level_objective import PROBES
+from optics.optimisation.stage_plan import PROBES
 from optics.optimisation.state import Row, State
 from optics.runtime import NumericalError
 from thbcad.surfaces import THBSurface
@@ -39,7 +39,7 @@ class Recorder:
     """A stage's objective by the optimiser's variables; call it with weights.
 
     state : that the stage starts from.  axes : directions of mirror symmetry that is kept.
-    clock : `perf_counter()` at the start of the run.  progress : called with (Stage, Row) after every call.
+    clock : `perf_counter()` at the start of the run.  progress : called with the Row after every call.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Recorder:
         state: State,
         axes: Sequence[int],
         clock: float,
-        progress: Callable[[Stage, Row], None] | None = None,
+        progress: Callable[[Row], None] | None = None,
     ) -> None:
         self._problem, self._objective, self._stage = system.problem, objective, stage
         self._variables = BoundedVariables(state.sags, [f.freedom for f in system.freeforms], axes)
@@ -144,7 +144,7 @@ class Recorder:
         )
         self._rows.append(row)
         if self._progress:
-            self._progress(self._stage, row)
+            self._progress(row)
         return evaluation
 
     def _precondition(self) -> None:

@@ -47,6 +47,11 @@ class State:
     history: tuple[Row, ...] = ()
 
     @property
+    def dof(self) -> int:
+        """Degrees of freedom of all sags."""
+        return sum(sag.space.dim for sag in self.sags)
+
+    @property
     def evaluations(self) -> int:
         return self.history[-1].evaluation if self.history else 0
 

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
         check_lines as check_lines,
         note as note,
     )
+    from optics.runtime.progress import (
+        Moment as Moment,
+        Phase as Phase,
+        Progress as Progress,
+    )
     from optics.runtime.quoted_numbers import (
         marked_numbers as marked_numbers,
         refreshed as refreshed,
@@ -96,6 +101,11 @@ _FILES = {
     "messages": (
         "check_lines",
         "note",
+    ),
+    "progress": (
+        "Moment",
+        "Phase",
+        "Progress",
     ),
     "quoted_numbers": (
         "marked_numbers",

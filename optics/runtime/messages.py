@@ -9,8 +9,14 @@ from optics.runtime.errors import printable
 
 
 def note(sentence: str) -> None:
-    """Print a note on stderr."""
-    print(f"thbcad: note: {printable(sentence)}", file=sys.stderr)
+    """Print a note on stderr, above a bar of progress where there is one."""
+    line = f"thbcad: note: {printable(sentence)}"
+    if "tqdm" in sys.modules:
+        from tqdm import tqdm
+
+        tqdm.write(line, file=sys.stderr)
+    else:
+        print(line, file=sys.stderr)
 
 
 def check_lines(checked: dict[str, Any]) -> list[str]:

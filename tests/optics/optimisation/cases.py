@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from optics.optimisation.level_objective import PROBES
 from optics.optimisation.loop import design
 from optics.optimisation.objective import Objective
+from optics.optimisation.stage_plan import PROBES
 from optics.problem import load_problem
 from optics.sources import Profile, collimated_beam, lambertian_parts
 from optics.system import OpticalSystem
@@ -34,9 +34,9 @@ def run(folder, backend, changes):
     system = loaded(folder, changes)
     calls, checkpoints, plans, notes = [], [], [], []
 
-    def progress(plan, stage, row):
+    def progress(plan, stage, dof, row):
         plans.append(plan)
-        calls.append((stage, row))
+        calls.append((stage, dof, row))
 
     lens, state = design(system, backend, None, progress, checkpoints.append, notes.append)
     assert all(plan is plans[0] for plan in plans)

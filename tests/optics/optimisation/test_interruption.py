@@ -70,8 +70,8 @@ def test_a_run_taken_up_after_a_level_equals_the_run_in_one_go(repeated, start):
 def interrupted_at(done, backend, evaluation):
     """Return the State that a run leaves when Ctrl-C comes right after an evaluation."""
 
-    def stop(plan, stage, row):
-        if row.evaluation == evaluation:
+    def stop(plan, stage, dof, row):
+        if row and row.evaluation == evaluation:
             raise KeyboardInterrupt
 
     with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
@@ -100,7 +100,9 @@ def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backen
     system = loaded(tmp_path, FLAT | {"optimizer.iterations": [40]})
     best = {}
 
-    def stop(plan, stage, row):
+    def stop(plan, stage, dof, row):
+        if row is None:
+            return
         if row.loss > best.setdefault(row.level, row.loss):
             raise KeyboardInterrupt
         best[row.level] = row.loss

@@ -7,10 +7,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from optics.optimisation.level_objective import PROBES, _vertices, stage_window
+from optics.optimisation.level_objective import _vertices, stage_window
 from optics.optimisation.loop import design
 from optics.optimisation.recorder import Interrupted
-from optics.optimisation.stage_plan import stages
+from optics.optimisation.stage_plan import PROBES, stages
 from optics.optimisation.state import State
 from optics.runtime import UserError
 from tests.optics.optimisation.cases import FLAT, check_counts, loaded, rows_of, run
@@ -103,9 +103,10 @@ def test_the_surface_is_the_best_one_seen(small, backend):
     """Started again from the result, the last level's first loss is the lowest in its history."""
     seen = []
 
-    def stop(plan, stage, row):
-        seen.append(row.loss)
-        raise KeyboardInterrupt
+    def stop(plan, stage, dof, row):
+        if row:
+            seen.append(row.loss)
+            raise KeyboardInterrupt
 
     with pytest.raises(Interrupted):
         design(small.system, backend, State(False, 2, small.lens.sags), stop)
@@ -124,9 +125,11 @@ def test_the_history_counts_evaluations_and_time(either):
     )
 
 
-def test_progress_hears_of_every_evaluation_and_checkpoints_of_every_level(either):
-    assert tuple(row for _, row in either.calls) == either.state.history
-    assert all(stage.level == row.level for stage, row in either.calls)
+def test_progress_hears_of_every_stage_and_evaluation_and_checkpoints_of_every_level(either):
+    assert tuple(row for *_, row in either.calls if row) == either.state.history
+    assert [stage for stage, _, row in either.calls if row is None] == list(either.plan)
+    assert all((stage.level, dof) == (row.level, row.dof) for stage, dof, row in either.calls if row)
+    assert all(either.plan[row.stage] is stage for stage, _, row in either.calls if row)
     assert [state.stage for state in either.checkpoints] == list(range(1, len(either.plan) + 1))
 
 

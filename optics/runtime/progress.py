@@ -1,0 +1,122 @@
+"""How far a job of several phases is, and how long it will still take.
+
+Nothing is drawn here: a function that is called with every `Moment` does that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from threading import RLock
+from time import perf_counter
+
+# of all work: so much counts as done at the expected speed before anything is measured
+PRIOR = 0.005
+# of a phase: so much of it counts as done at the speed of the phases before, which steadies its first moments
+STEADY = 0.05
+OVERDUE = 0.1  # of its time so far: what is left of a phase that takes longer than expected
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a job.
+
+    work : expected seconds on some machine; how fast this one is turns out
+    """
+
+    name: str
+    work: float
+
+
+@dataclass(frozen=True)
+class Moment:
+    """How far a job is.
+
+    phase : its name.  seconds : that the phase has taken so far.  detail : of it, in words.
+    fraction : of the time of the whole job, 0 to 1.  left : estimated seconds until the end of the job.
+    """
+
+    phase: str
+    seconds: float
+    detail: str
+    fraction: float
+    left: float
+
+
+class Progress:
+    """The phases of a job, one after the other.
+
+    Time left: what the present phase needs by its own speed, and what the phases ahead need by the speed of
+    all phases so far.  The fraction never falls.
+
+    show : called with a Moment when a phase begins and goes on, and at the end.  clock : seconds.
+    """
+
+    def __init__(
+        self,
+        phases: Sequence[Phase],
+        show: Callable[[Moment], None],
+        clock: Callable[[], float] = perf_counter,
+    ) -> None:
+        self._show, self._clock = show, clock
+        self._now, *self._ahead = phases
+        self._begun = self._since = clock()
+        self._done = 0.0  # work
+        self._part, self._told = 0.0, 0.0  # of the present phase, and its seconds when it last said so
+        self._detail = ""
+        self._fraction = 0.0
+        self._lock = RLock()
+
+    def expect(self, phases: Sequence[Phase]) -> None:
+        """Replace the phases ahead; where the first one is the present one, its work is replaced too."""
+        with self._lock:
+            if phases and phases[0].name == self._now.name:
+                self._now, *phases = phases
+            self._ahead = list(phases)
+
+    def begin(self, name: str) -> None:
+        """End the present phase and begin another one that is expected; those before it are left out.
+
+        Raises
+        ------
+        ValueError : it is not expected.
+        """
+        with self._lock:
+            at = [phase.name for phase in self._ahead].index(name)
+            self.tell()
+            self._done += self._now.work
+            self._now, *self._ahead = self._ahead[at:]
+            self._since, self._part, self._told, self._detail = self._clock(), 0.0, 0.0, ""
+            self.tell()
+
+    def advance(self, part: float, detail: str = "") -> None:
+        """Say how much of the present phase is done, 0 to 1."""
+        with self._lock:
+            self._part, self._told = min(max(part, self._part), 1.0), self._clock() - self._since
+            self._detail = detail
+            self.tell()
+
+    def tell(self) -> None:
+        """Show how far the job is by now."""
+        with self._lock:
+            left, whole = self._times()
+            self._fraction = max(self._fraction, 1 - left / whole)
+            seconds = self._clock() - self._since
+            self._show(Moment(self._now.name, seconds, self._detail, self._fraction, left))
+
+    def finish(self) -> None:
+        """Say that the job is over."""
+        with self._lock:
+            self._fraction = 1.0
+            self._show(Moment(self._now.name, self._clock() - self._since, self._detail, 1.0, 0.0))
+
+    def _times(self) -> tuple[float, float]:
+        """Return the estimated seconds that are left, and those of the whole job at the speed so far."""
+        elapsed, now = self._clock() - self._since, self._now.work
+        ahead = sum(phase.work for phase in self._ahead)
+        work, seconds = self._done + self._part * now, self._since - self._begun + self._told
+        prior = PRIOR * (self._done + now + ahead)
+        speed = (seconds + prior) / (work + prior)  # seconds per expected second
+        whole = (self._told + STEADY * speed * now) / (self._part + STEADY)  # of the present phase
+        left = max(whole - elapsed, OVERDUE * (1 - self._part) * elapsed) + speed * ahead
+        return left, speed * (self._done + now + ahead)
