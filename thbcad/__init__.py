@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         Samples as Samples,
         Underdetermined as Underdetermined,
         fit as fit,
+        height_field_samples as height_field_samples,
         least_squares as least_squares,
         quasi_interpolate as quasi_interpolate,
     )
@@ -96,6 +97,7 @@ _FILES = {
         "Samples",
         "Underdetermined",
         "fit",
+        "height_field_samples",
         "least_squares",
         "quasi_interpolate",
     ),

@@ -9,10 +9,16 @@ if TYPE_CHECKING:
         Fit as Fit,
         fit as fit,
     )
+    from thbcad.fitting.height_fields import (
+        height_field_samples as height_field_samples,
+    )
     from thbcad.fitting.least_squares_fit import (
         Samples as Samples,
-        Underdetermined as Underdetermined,
         least_squares as least_squares,
+        robust_weights as robust_weights,
+    )
+    from thbcad.fitting.normal_equations import (
+        Underdetermined as Underdetermined,
     )
     from thbcad.fitting.quasi_interpolant import (
         quasi_interpolate as quasi_interpolate,
@@ -29,11 +35,13 @@ _FILES = {
         "Fit",
         "fit",
     ),
+    "height_fields": ("height_field_samples",),
     "least_squares_fit": (
         "Samples",
-        "Underdetermined",
         "least_squares",
+        "robust_weights",
     ),
+    "normal_equations": ("Underdetermined",),
     "quasi_interpolant": (
         "quasi_interpolate",
         "quasi_interpolation",

@@ -6,54 +6,75 @@ Adaptive CAD model (re-)construction with THB-splines, Graphical Models 76 (2014
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import Floats, Integers, require_integer, require_number, require_type
-from thbcad.fitting.cell_samples import cell_points, gauss_points
-from thbcad.fitting.least_squares_fit import Samples, Underdetermined, least_squares
+from thbcad.checks import Integers, require_integer, require_number, require_type
+from thbcad.fitting.fit_targets import HELD_OUT, OfFunction, OfSamples
+from thbcad.fitting.least_squares_fit import Samples, require_smoothing
+from thbcad.fitting.normal_equations import Underdetermined
+from thbcad.fitting.smoothing_choice import Smoothing
 from thbcad.hierarchy import MAX_LEVEL, THBSpace
-from thbcad.splines import Function, evaluate
+from thbcad.splines import Function
 from thbcad.surfaces import THBSurface
 
+WORTH = 0.99  # one per cent less: refinement takes that much from the rms of noise by chance
 PATIENCE = 3  # refinements without a smaller error: the cells at fault are then 8 times smaller
-HELD_OUT = 3  # one sample in three
 MOST_FUNCTIONS = 300_000
 
-Outcome = Literal["reached", "max level", "no progress", "too few samples", "too large"]
+Outcome = Literal[
+    "reached", "noise", "max level", "no progress", "too few samples", "too large", "smallest cells"
+]
 
 
 class Step(NamedTuple):
-    """Degrees of freedom and error of one fit."""
+    """Degrees of freedom, greatest error, and root mean square error at points beside the fitted ones."""
 
     dim: int
     error: float
+    rms: float
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The fit of least error, and how the search ended.
+    """The best fit, and how the search ended.
 
-    outcome : "reached" (error <= tolerance), "max level" (no cell above the tolerance may be refined
-        further, or cells would be too short for float64), "no progress" (three refinements did not lower the
-        error of the cells that may be refined: noise, a jump), "too few samples" (they do not determine a
-        spline of the next space) or "too large" (the next space has more than 300,000 functions).
+    error : greatest error of the surface where it was measured.
+    rms : root mean square of the error at points that it was not fitted to: samples held out; for a function
+        the points of the error, weighted by area.
+    outcome : how the search ended.
+
+        - "reached": the error is at most the tolerance.
+        - "noise": neighbouring samples differ independently from the surface, and the last refinement lowered
+          the rms by less than 1 %.  What is left is noise, or finer than the samples.
+        - "max level": no cell above the tolerance may be refined further.
+        - "no progress": three refinements lowered the error (of samples: the rms) by less than 1 %.  Seen at
+          jumps, and with too much smoothing.
+        - "too few samples": the next space has more functions than samples that are fitted, or they do not
+          determine it.
+        - "too large": the next space has more than 300,000 functions.
+        - "smallest cells": float64 cannot halve the cells above the tolerance.
+
     history : one Step for every fit, coarsest first.
     """
 
     surface: THBSurface
     error: float
+    rms: float
     outcome: Outcome
     history: tuple[Step, ...]
 
 
 def fit(
-    space: THBSpace, target: Function | Samples, tolerance: float, max_level: int = 6, smoothing: float = 0.0
+    space: THBSpace,
+    target: Function | Samples,
+    tolerance: float,
+    max_level: int = 6,
+    smoothing: Smoothing = 0.0,
+    robust: bool = False,
 ) -> Fit:
     """Return a spline of this space, refined where needed, that differs from the target by at most
     `tolerance`.
@@ -64,14 +85,18 @@ def fit(
     A function is sampled for the fit at (p + 1)(q + 1) Gauss points of every leaf cell, weighted by
     area (the L2 projection), and for the error at (p + 2)(q + 2) other points.  Of given samples of
     positive weight a random third (the same in every call) is held out of the fit; the error is measured
-    at all of them.  It is no bound: what lies between the points is not seen.
+    at all of them, but not at the outliers of a robust fit: those where `robust_weights` is 0 and that lie
+    beyond the values of all their neighbours.  It is no bound: what lies between the points is not seen.
+
+    If the tolerance is not reached, the best fit is that of least error for a function, and for samples that
+    of least rms.
 
     Parameters
     ----------
     target : a function of u and v, (n,) float each, that returns (n,) or (n, d); or samples
     tolerance : greatest distance |s - target|, in the unit of the target
     max_level : cells of this level are not refined, 0 to 24
-    smoothing : as in `least_squares`
+    smoothing, robust : as in `least_squares`; chosen smoothing and robust weights need samples
 
     Raises
     ------
@@ -82,77 +107,66 @@ def fit(
     require_type("space", space, THBSpace)
     require_number("tolerance", tolerance, above=0)
     require_integer("max_level", max_level, 0, MAX_LEVEL)
+    require_smoothing(smoothing)
+    require_type("robust", robust, bool)
     if isinstance(target, Samples):
         target = target[target.weights > 0]
         if len(target) < HELD_OUT:
             raise ValueError(f"a fit needs at least {HELD_OUT} samples of positive weight, got {len(target)}")
-        approximate = partial(least_squares, samples=target[~held_out(len(target))], smoothing=smoothing)
-        measure = partial(_sample_errors, samples=target)
-    else:
-        approximate = partial(_projected, function=target, smoothing=smoothing)
-        measure = partial(_function_errors, function=target)
-    return _refined(space, approximate, measure, tolerance, max_level)
+        return _refined(space, OfSamples(target, smoothing, robust), tolerance, max_level)
+    if robust or isinstance(smoothing, str):
+        raise ValueError("a function has no noise: chosen smoothing and robust weights need samples")
+    return _refined(space, OfFunction(target, smoothing), tolerance, max_level)
 
 
-def held_out(count: int) -> NDArray[np.bool_]:
-    """Return which of so many samples a fit does not see, (count,) bool: a random third, always the same."""
-    chosen = np.zeros(count, dtype=bool)
-    chosen[np.random.default_rng(0).permutation(count)[: count // HELD_OUT]] = True
-    return chosen
-
-
-def _refined(
-    space: THBSpace,
-    approximate: Callable[[THBSpace], THBSurface],
-    measure: Callable[[THBSurface], Floats],
-    tolerance: float,
-    max_level: int,
-) -> Fit:
+def _refined(space: THBSpace, target: OfFunction | OfSamples, tolerance: float, max_level: int) -> Fit:
     """Return the fit: approximate, measure the error of every leaf cell, refine, until there is an
     outcome."""
-    best = surface = approximate(space)
-    history = []
-    below = []
+    surface = target.fit(space)
+    history: list[Step] = []
+    ranks: list[float] = []
+    below: list[float] = []
     while True:
-        errors = measure(surface)
-        history.append(Step(space.dim, float(errors.max())))
-        least = min(step.error for step in history)
-        best = surface if history[-1].error == least else best
+        check = target.check(surface)
+        step = Step(space.dim, float(check.errors.max()), check.rms)
+        history.append(step)
+        ranks.append(target.rank(check))
+        if step.error <= tolerance or ranks[-1] == min(ranks):
+            best, least = surface, step
         coarse = space.cells[:, 0] < max_level
-        below.append(float(errors[coarse].max(initial=0)))
-        outcome = _outcome(least, below, tolerance)
-        if outcome is None:
-            finer = _finer(space, space.cells[coarse & (errors > tolerance)])
-            if finer is None:
-                outcome = "max level"
-            elif finer.dim > MOST_FUNCTIONS:
-                outcome = "too large"
-            else:
-                try:
-                    space, surface = finer, approximate(finer)
-                except Underdetermined:
-                    outcome = "too few samples"
-        if outcome is not None:
-            return Fit(best, least, outcome, tuple(history))
+        below.append(target.loss(check, coarse))
+        above = coarse & (check.errors > tolerance)
+        outcome = _outcome(step.error <= tolerance, check.noise, bool(above.any()), below)
+        finer = outcome or _finer(space, above, target.samples_seen)
+        try:
+            if isinstance(finer, THBSpace):
+                space, surface = finer, target.fit(finer)
+                continue
+        except Underdetermined:
+            finer = "too few samples"
+        return Fit(best, least.error, least.rms, finer, tuple(history))
 
 
-def _finer(space: THBSpace, cells: Integers) -> THBSpace | None:
-    """Return the space with the surroundings of the cells refined; None where they would be too short for
-    float64."""
+def _finer(space: THBSpace, above: NDArray[np.bool_], samples: float) -> THBSpace | Outcome:
+    """Return the space with the surroundings of the given cells refined, or why there is none."""
     try:
-        return space.refine(surroundings(space, cells))
+        finer = space.refine(surroundings(space, space.cells[above]))
     except ValueError:
-        return None
+        return "smallest cells"
+    if finer.dim > samples:
+        return "too few samples"
+    return "too large" if finer.dim > MOST_FUNCTIONS else finer
 
 
-def _outcome(error: float, below: list[float], tolerance: float) -> Outcome | None:
-    """Return the outcome, or None to go on; below : the error of every fit on the cells that may be
-    refined."""
-    if error <= tolerance:
+def _outcome(reached: bool, noise: bool, refinable: bool, below: list[float]) -> Outcome | None:
+    """Return the outcome, or None to go on; below : what refinement is to lower, of every fit."""
+    if reached:
         return "reached"
-    if below[-1] <= tolerance:
+    if noise and len(below) > 1 and below[-1] > WORTH * min(below[:-1]):
+        return "noise"
+    if not refinable:
         return "max level"
-    if len(below) > PATIENCE and min(below[-PATIENCE:]) >= min(below[:-PATIENCE]):
+    if len(below) > PATIENCE and min(below[-PATIENCE:]) > WORTH * min(below[:-PATIENCE]):
         return "no progress"
     return None
 
@@ -177,32 +191,3 @@ def surroundings(space: THBSpace, cells: Integers) -> dict[int, Integers]:
         chosen.append(leaves[leaves[:, 0] <= level])
     leaves = np.unique(np.concatenate(chosen), axis=0)
     return {level: leaves[leaves[:, 0] == level, 1:] for level in np.unique(leaves[:, 0]).tolist()}
-
-
-def _projected(space: THBSpace, function: Function, smoothing: float) -> THBSurface:
-    """Return the L2 projection of a function, by Gauss quadrature on the leaf cells."""
-    u, v, weights = gauss_points(space)
-    return least_squares(space, Samples(u, v, evaluate(function, u, v), weights), smoothing)
-
-
-def _function_errors(surface: THBSurface, function: Function) -> Floats:
-    """Return the greatest error on every leaf cell, (cells,)."""
-    space = surface.space
-    fractions = ((np.arange(kv.degree + 2) + 0.5) / (kv.degree + 2) for kv in (space.kv_u, space.kv_v))
-    u, v = cell_points(space, *fractions)
-    difference = surface(u.ravel(), v.ravel()) - evaluate(function, u.ravel(), v.ravel())
-    result: Floats = _distance(difference).reshape(u.shape).max(axis=1)
-    return result
-
-
-def _sample_errors(surface: THBSurface, samples: Samples) -> Floats:
-    """Return the greatest error at the samples in every leaf cell, (cells,), 0 where there is none."""
-    errors = np.zeros(len(surface.space.cells))
-    distance = _distance(surface(samples.u, samples.v) - samples.values)
-    np.maximum.at(errors, surface.space.locate(samples.u, samples.v), distance)
-    return errors
-
-
-def _distance(difference: Floats) -> Floats:
-    result: Floats = np.linalg.norm(difference.reshape(len(difference), -1), axis=1)
-    return result

@@ -1,12 +1,4 @@
-"""Least squares in a THB space, with thin-plate smoothing.
-
-The normal equations N c = A^T W z, N = A^T W A + smoothing E, are scaled to a unit diagonal
-(condition 2e3 instead of 3e5 for bicubic THB-splines of six levels), factorised, and solved again for the
-residual as long as that correction shrinks, which brings back the digits that forming A^T W A loses.
-
-Source: A. Bjoerck, Numerical Methods for Least Squares Problems, sections 2.9 and 6.6.5; C. de Boor,
-A Practical Guide to Splines, chapter 14.
-"""
+"""Least squares in a THB space, with thin-plate smoothing and weights against outliers."""
 
 from __future__ import annotations
 
@@ -14,11 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_array, csr_array, diags_array, eye_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse import csr_array
 
 from thbcad.checks import (
-    EPS,
     Floats,
     Integers,
     floats,
@@ -27,17 +17,16 @@ from thbcad.checks import (
     require_number,
     require_type,
 )
-from thbcad.fitting.cell_samples import gauss_points
+from thbcad.fitting.normal_equations import NormalEquations, thin_plate
+from thbcad.fitting.residual_statistics import AROUND, kept_share, neighbours, tukey_weights
+from thbcad.fitting.smoothing_choice import RULES, Smoothing, chosen_smoothing
 from thbcad.hierarchy import THBSpace
 from thbcad.surfaces import THBSurface
 
+MOST_REWEIGHTINGS = 20  # three to six are usual
+SETTLED = 0.01  # change of a weight that no longer moves the fit
+ROUNDING = 1e-12  # of the greatest value: smaller residuals are those of the arithmetic
 EQUAL: Floats = read_only(1.0)  # weights that are left out: all 1
-GREATEST_VALUE = 1e150  # its square is finite
-MOST_SOLVES = 6  # two are enough for degree 3, degree 10 takes five
-
-
-class Underdetermined(ValueError):
-    """The samples do not determine every coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +37,7 @@ class Samples:
 
     Raises
     ------
-    ValueError : shapes that do not agree, numbers not finite or masked, values beyond 1e150, negative
+    ValueError : shapes that do not agree, numbers not finite or masked, negative
         weights.
     """
 
@@ -80,8 +69,6 @@ class Samples:
             if bad.any():
                 raise ValueError(f"{name}[{int(np.nonzero(bad)[0][0])}] is not finite")
             object.__setattr__(self, name, array)
-        if self.values.size and abs(self.values).max() > GREATEST_VALUE:
-            raise ValueError(f"values must not exceed {GREATEST_VALUE:g} in size: scale them")
         if (self.weights < 0).any():
             k = int(np.argmax(self.weights < 0))
             raise ValueError(f"weights must not be negative, got weights[{k}] = {self.weights[k]}")
@@ -109,11 +96,19 @@ class Samples:
         return len(self.u)
 
 
-def least_squares(space: THBSpace, samples: Samples, smoothing: float = 0.0) -> THBSurface:
+def least_squares(
+    space: THBSpace, samples: Samples, smoothing: Smoothing = 0.0, robust: bool = False
+) -> THBSurface:
     """Return the spline s of the space with the least weighted sum of squares plus thin-plate energy.
 
-    Minimises  sum_k w_k |s(u_k, v_k) - z_k|^2 + smoothing * integral of (s_uu^2 + 2 s_uv^2 + s_vv^2) du dv,
-    so that `smoothing` has the unit of a length squared in the parameters.
+    Minimises  sum_k w_k t_k |s(u_k, v_k) - z_k|^2 + smoothing * integral of (s_uu^2 + 2 s_uv^2 + s_vv^2)
+    du dv, so that `smoothing` has the unit of a length squared in the parameters.
+
+    smoothing : a number; "auto" (the least of generalised cross-validation: weights are the inverse variances
+        of the samples up to a factor); "discrepancy" (as much that the sum of squares is the number of sample
+        values: weights are the inverse variances themselves).
+    robust : t_k are Tukey's biweights (`robust_weights`) over their mean effect on normally distributed
+        noise, found by reweighting until they settle; otherwise 1.
 
     Raises
     ------
@@ -122,66 +117,97 @@ def least_squares(space: THBSpace, samples: Samples, smoothing: float = 0.0) -> 
     """
     require_type("space", space, THBSpace)
     require_type("samples", samples, Samples)
-    require_number("smoothing", smoothing, least=0, finite=True)
-    a = space.collocation(samples.u, samples.v)
-    weighted = csr_array((diags_array(samples.weights) @ a).T)
-    energy = smoothing * thin_plate(space) if smoothing else csr_array((space.dim, space.dim))
-    normal = weighted @ a + energy
-    lu, scale = _factorised(normal, space, smoothing)
-    coefficients = np.zeros((space.dim, *samples.values.shape[1:]))
-    least = float("inf")
-    for _ in range(MOST_SOLVES):
-        gradient = weighted @ (samples.values - a @ coefficients) - energy @ coefficients
-        correction = (scale * lu.solve((scale * gradient.T).T).T).T
-        size = float(np.linalg.norm(correction))
-        if size >= least:
-            break
-        coefficients = coefficients + correction
-        least = size
-    return THBSurface(space, coefficients)
+    require_type("robust", robust, bool)
+    require_smoothing(smoothing)
+    problem = _Problem.of(space, samples, with_energy=smoothing != 0)
+    if robust:
+        return _robust(problem, smoothing)
+    equal = np.ones(len(samples))
+    return problem.fit(equal, problem.smoothing(equal, smoothing))
 
 
-def thin_plate(space: THBSpace) -> csr_array:
-    """Return the energy matrix E, csr_array (dim, dim), with c^T E c = integral of (s_uu^2 + 2 s_uv^2 +
-    s_vv^2) du dv.
+def require_smoothing(smoothing: object) -> None:
+    """Raise ValueError unless it is "auto", "discrepancy", or a finite number that is not negative."""
+    if isinstance(smoothing, str):
+        if smoothing not in RULES:
+            raise ValueError(f"smoothing must be a number or one of {RULES}, got {smoothing!r}")
+    else:
+        require_number("smoothing", smoothing, least=0, finite=True)
 
-    Gauss quadrature with p + 1 and q + 1 points on every leaf cell, which is exact.
+
+def robust_weights(surface: THBSurface, samples: Samples) -> Floats:
+    """Return Tukey's biweights of the samples of a robust fit, (n,) from 0 to 1: 0 for outliers.
+
+    An outlier differs from the surface by much more than its twelve nearest samples do, and than these differ
+    from each other (`tukey_weights`).  Detail that the surface lacks is none where several samples show it.
+    Samples of weight 0 are left out, and get 0.
     """
-    u, v, weights = gauss_points(space)
-    total = csr_array((space.dim, space.dim))
-    for derivative, factor in (((2, 0), 1), ((1, 1), 2), ((0, 2), 1)):
-        d = space.collocation(u, v, derivative)
-        total = total + d.T @ (diags_array(factor * weights) @ d)
-    return csr_array(total)
+    residuals = samples.values - surface(samples.u, samples.v)
+    return _biweights(residuals, samples, _neighbourhoods(samples))
 
 
-def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> tuple[SuperLU, Floats]:
-    """Return (lu, s): the factors of S N S with unit diagonal, S = diag(s); refuse a singular matrix."""
-    diagonal = normal.diagonal()
-    if (diagonal == 0).any():
-        empty = np.flatnonzero(diagonal == 0)
-        raise Underdetermined(
-            f"{len(empty)} of {space.dim} functions have no sample in their support, the first is function "
-            f"{empty[0]} (level, i, j) = {tuple(space.functions[empty[0]].tolist())}; add samples there, "
-            "refine less, or smooth"
-        )
-    scale = 1 / np.sqrt(diagonal)
-    rounding = space.dim * EPS
-    # the shift keeps the pivots of a singular matrix from being exactly zero; the second solve makes up for
-    # it
-    scaled = csc_array(diags_array(scale) @ normal @ diags_array(scale) + rounding * eye_array(space.dim))
-    lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    weak = np.random.default_rng(0).standard_normal(space.dim)
-    for _ in range(
-        2
-    ):  # inverse iteration: towards the eigenvector of the least eigenvalue, which is 1 / |weak|
-        weak = lu.solve(weak / np.linalg.norm(weak))
-    if np.linalg.norm(weak) * 2 * rounding >= 1:
-        k = int(np.argmax(np.abs(weak)))
-        advice = f"choose another smoothing than {smoothing:g}" if smoothing else "smooth"
-        raise Underdetermined(
-            f"the samples do not determine function {k} (level, i, j) = "
-            f"{tuple(space.functions[k].tolist())} apart from "
-            f"its neighbours; add samples near it, refine less, or {advice}"
-        )
-    return lu, scale
+def _neighbourhoods(samples: Samples) -> Integers:
+    used = samples.weights > 0
+    return neighbours(samples.u[used], samples.v[used], AROUND)
+
+
+def _biweights(residuals: Floats, samples: Samples, near: Integers) -> Floats:
+    """Return the biweights of residuals, (n,) or (n, d), for neighbourhoods among the samples in use."""
+    used = samples.weights > 0
+    height = float(np.abs(samples.values).max()) or 1.0
+    roots = np.sqrt(samples.weights[used] / samples.weights.max(initial=0))
+    relative = roots[:, None] * (residuals[used] / height).reshape(len(roots), -1)
+    out = np.zeros(len(samples))
+    out[used] = tukey_weights(relative, near, ROUNDING)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Least squares in a space; their weights are those of the samples times given factors."""
+
+    space: THBSpace
+    samples: Samples
+    collocation: csr_array
+    energy: csr_array
+
+    @classmethod
+    def of(cls, space: THBSpace, samples: Samples, with_energy: bool) -> _Problem:
+        energy = thin_plate(space) if with_energy else csr_array((space.dim, space.dim))
+        return cls(space, samples, space.collocation(samples.u, samples.v), energy)
+
+    def equations(self, factors: Floats) -> NormalEquations:
+        weights = self.samples.weights * factors
+        return NormalEquations.of(self.space, self.collocation, self.energy, self.samples.values, weights)
+
+    def smoothing(self, factors: Floats, wanted: Smoothing) -> float:
+        """Return the smoothing as a number."""
+        return chosen_smoothing(self.equations(factors), wanted) if isinstance(wanted, str) else wanted
+
+    def fit(self, factors: Floats, smoothing: float) -> THBSurface:
+        equations = self.equations(factors)
+        return THBSurface(self.space, equations.height * equations.solution(smoothing))
+
+    def residuals(self, surface: THBSurface) -> Floats:
+        values: Floats = self.collocation @ surface.coefficients
+        return self.samples.values - values
+
+
+def _robust(problem: _Problem, wanted: Smoothing) -> THBSurface:
+    """Return the fit whose weights belong to its own residuals.
+
+    The first weights are those of the values themselves: a fit with equal weights may pass through an outlier
+    that lies alone at the border.  The smoothing is chosen with them, and again when they have settled.
+    """
+    samples, near = problem.samples, _neighbourhoods(problem.samples)
+    share = kept_share(samples.values[0].size)
+    weights = _biweights(samples.values, samples, near)
+    smoothing = problem.smoothing(weights / share, wanted)
+    for _ in range(MOST_REWEIGHTINGS):
+        surface = problem.fit(weights / share, smoothing)
+        before, weights = weights, _biweights(problem.residuals(surface), samples, near)
+        if np.abs(weights - before).max() <= SETTLED:
+            break
+    if isinstance(wanted, str):
+        surface = problem.fit(weights / share, problem.smoothing(weights / share, wanted))
+    return surface

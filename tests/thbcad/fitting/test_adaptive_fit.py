@@ -10,8 +10,10 @@ from tests.cases import EXAMPLES
 from tests.thbcad.cases import knot_vectors, seeds
 from tests.thbcad.fitting.cases import everywhere, refined, smooth, tensor
 from thbcad.fitting import adaptive_fit as adaptive
-from thbcad.fitting.adaptive_fit import fit, held_out, surroundings
-from thbcad.fitting.least_squares_fit import Samples, Underdetermined
+from thbcad.fitting.adaptive_fit import fit, surroundings
+from thbcad.fitting.fit_targets import held_out
+from thbcad.fitting.least_squares_fit import Samples, robust_weights
+from thbcad.fitting.normal_equations import Underdetermined
 from thbcad.fitting.quasi_interpolant import quasi_interpolate
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
@@ -114,7 +116,7 @@ def test_refinement_that_float64_refuses_ends_the_fit():
     kv = KnotVector.uniform(1, 1, 1.0, 1.0 + 2.0**-50)
     space = THBSpace(kv, KnotVector.uniform(1, 1))
     found = fit(space, lambda u, v: np.where(v > 0.3, 1.0, 0.0), 1e-3, max_level=24)
-    assert found.outcome == "max level"
+    assert found.outcome == "smallest cells"
     assert (found.surface.space.levels, found.history[-1].dim) == (2, 25)
 
 
@@ -126,13 +128,109 @@ def test_a_fit_that_grows_too_large_ends(monkeypatch):
     assert found.error == min(step.error for step in found.history)
 
 
-def test_noise_makes_no_progress():
-    """Fitting noise lowers the residual of the fit, not the error of what is held out."""
-    g = np.linspace(0, 1, 61)
-    noisy = smooth(g[:, None], g) + 0.01 * np.random.default_rng(0).normal(size=(61, 61))
-    found = fit(tensor(3, 4), Samples.grid(g, g, noisy), 1e-3, smoothing=1e-9)
+GRID = np.linspace(0, 1, 61)
+NOISE = 0.01 * np.random.default_rng(0).normal(size=(61, 61))
+
+
+def grid(function, noise=0.0):
+    return Samples.grid(GRID, GRID, function(GRID[:, None], GRID) + noise)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 1e-9, "auto"])
+@pytest.mark.parametrize("max_level", [1, 6])
+def test_noise_ends_a_fit_as_soon_as_refinement_no_longer_helps(smoothing, max_level):
+    found = fit(tensor(3, 4), grid(smooth, NOISE), 1e-3, max_level, smoothing)
+    assert found.outcome == "noise"
+    assert len(found.history) == 2
+    assert found.rms == pytest.approx(0.01, rel=0.05)  # the noise of 1240 samples held out, to 2 %
+    assert abs(found.surface.grid(GRID, GRID) - smooth(GRID[:, None], GRID)).max() <= 0.01
+
+
+def test_detail_below_the_noise_is_still_refined():
+    """Its greatest error never falls below that of the noise."""
+    found = fit(tensor(3, 2), grid(lambda u, v: 0.02 * np.sin(20 * u), NOISE), 1e-3, smoothing="auto")
+    assert found.outcome == "noise"
+    assert found.surface.space.levels > 2
+    assert abs(found.surface.grid(GRID, GRID) - 0.02 * np.sin(20 * GRID[:, None])).max() <= 0.01
+
+
+def test_the_greatest_level_is_named_where_detail_is_left():
+    for noise in (0.0, NOISE):
+        assert fit(tensor(3, 4), grid(bump, noise), 1e-3, max_level=1).outcome == "max level"
+    assert fit(tensor(3, 4), grid(smooth, NOISE), 1e-3, max_level=0).outcome == "max level"  # untried
+
+
+def test_too_much_smoothing_makes_no_progress():
+    found = fit(tensor(3, 4), grid(smooth, NOISE), 1e-3, smoothing=1e3)
     assert found.outcome == "no progress"
-    assert abs(found.surface.grid(g, g) - smooth(g[:, None], g)).max() <= 0.01
+    assert len(found.history) <= 5
+
+
+def test_a_space_of_more_functions_than_samples_is_not_fitted():
+    """Smoothing would determine it."""
+    samples = grid(lambda u, v: np.where(u + 0.3 * v > 0.5, 1.0, 0.0))
+    found = fit(tensor(3, 8), samples[::9], 1e-3, smoothing=1e-6)
+    assert found.outcome == "too few samples"
+    assert found.history[-1].dim <= np.count_nonzero(~held_out(len(samples[::9])))
+
+
+def test_the_rms_is_that_of_samples_held_out():
+    samples = grid(bump, NOISE)
+    found = fit(tensor(3, 8), samples, 1e-3)
+    hidden = samples[held_out(len(samples))]
+    apart = found.surface(hidden.u, hidden.v) - hidden.values
+    assert found.rms == pytest.approx(np.sqrt(np.mean(apart**2)), rel=1e-12)
+    assert found.rms == min(step.rms for step in found.history)
+    assert (found.error, found.rms) in [(step.error, step.rms) for step in found.history]
+
+
+def test_the_rms_of_a_function_is_that_of_its_area():
+    found = fit(tensor(3, 4), bump, 1e-3)
+    u, v = everywhere(np.random.default_rng(0), 40000)
+    apart = np.sqrt(np.mean((found.surface(u, v) - bump(u, v)) ** 2))
+    assert found.rms == pytest.approx(apart, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def spiked():
+    """A bump, and the same with noise and 0.5 % outliers as high as the bump."""
+    clean = grid(bump)
+    values = clean.values + NOISE.ravel() / 10
+    outliers = np.arange(7, len(values), 200)
+    values[outliers] += np.random.default_rng(0).choice([-1, 1], len(outliers))
+    return clean, Samples(clean.u, clean.v, values), outliers
+
+
+def test_a_robust_fit_reaches_the_tolerance_beside_outliers(spiked):
+    clean, bad, outliers = spiked
+    found = fit(tensor(3, 8), bad, 5e-2, robust=True)
+    assert found.outcome == "reached"
+    assert abs(found.surface(clean.u, clean.v) - clean.values).max() <= 6e-2
+    assert (robust_weights(found.surface, bad)[outliers] == 0).all()
+    plain = fit(tensor(3, 8), bad, 5e-2)
+    assert plain.outcome != "reached"
+    assert plain.error > 0.5
+
+
+@pytest.mark.parametrize("tolerance", [3e-2, 1e-2, 3e-3])
+def test_a_robust_fit_that_is_wild_in_a_gap_has_reached_nothing(spiked, tolerance):
+    """Where a cell is left with hardly a sample the surface may differ from good samples by far."""
+    clean, bad, _ = spiked
+    found = fit(tensor(3, 8), bad, tolerance, robust=True)
+    truth = abs(found.surface(clean.u, clean.v) - clean.values).max()
+    assert truth <= found.error + 5e-3  # 5 standard deviations of the noise
+
+
+@pytest.mark.parametrize("size", [2.0**-700, 2.0**600])
+def test_a_fit_of_great_values_is_the_fit_of_small_ones(size):
+    """Squares of these are 0 or infinite in float64."""
+    small = grid(bump, NOISE)
+    found = fit(tensor(3, 4), small, 0.1, smoothing=1e-5, robust=True)
+    great = Samples(small.u, small.v, size * small.values)
+    scaled = fit(tensor(3, 4), great, 0.1 * size, smoothing=1e-5, robust=True)
+    assert np.array_equal(scaled.surface.coefficients, size * found.surface.coefficients)
+    assert (scaled.outcome, scaled.error) == (found.outcome, size * found.error)
+    assert scaled.rms == pytest.approx(size * found.rms, rel=1e-12)
 
 
 def test_too_few_samples_end_the_fit():
@@ -180,6 +278,9 @@ def test_bad_input_is_refused():
     for two in (samples[:2], few):
         with pytest.raises(ValueError, match="at least 3 samples of positive weight, got 2"):
             fit(tensor(2, 3), two, 1e-3)
+    for keywords in ({"smoothing": "auto"}, {"robust": True}):
+        with pytest.raises(ValueError, match="chosen smoothing and robust weights need samples"):
+            fit(tensor(2, 3), bump, 1e-3, **keywords)
 
 
 # ---- the example ----

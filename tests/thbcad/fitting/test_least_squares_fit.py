@@ -12,7 +12,8 @@ from tests.thbcad.cases import knot_vectors, seeds, spaces
 from tests.thbcad.fitting.cases import everywhere, refined, smooth, tensor
 from thbcad.fitting.adaptive_fit import fit
 from thbcad.fitting.cell_samples import gauss_points
-from thbcad.fitting.least_squares_fit import Samples, Underdetermined, least_squares, thin_plate
+from thbcad.fitting.least_squares_fit import Samples, least_squares
+from thbcad.fitting.normal_equations import Underdetermined, thin_plate
 from thbcad.fitting.quasi_interpolant import quasi_interpolate
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector, interpolate
@@ -197,6 +198,19 @@ def test_great_smoothing_gives_the_least_squares_plane():
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(10, rel=0.02)
 
 
+@pytest.mark.parametrize("size", [2.0**-900, 2.0**600, 2.0**1000])
+def test_values_and_weights_of_any_size_give_the_same_digits(size):
+    space, rng = refined(3), np.random.default_rng(0)
+    u, v = everywhere(rng, 1000)
+    samples = Samples(u, v, rng.uniform(-1, 1, 1000), rng.uniform(0.5, 1, 1000))
+    for smoothing in (0.0, 1e-3):
+        found = least_squares(space, samples, smoothing).coefficients
+        great = Samples(u, v, size * samples.values, samples.weights)
+        assert np.array_equal(least_squares(space, great, smoothing).coefficients, size * found)
+        heavy = Samples(u, v, samples.values, size * samples.weights)
+        assert np.array_equal(least_squares(space, heavy, size * smoothing).coefficients, found)
+
+
 # ---- samples that do not determine the spline ----
 
 
@@ -295,7 +309,7 @@ def test_other_bad_input_is_refused():
         Samples.grid(g, g, np.zeros((9, 8)))
     with pytest.raises(ValueError, match=r"parameter 1\.5 lies outside the domain"):
         least_squares(space, Samples([0.1, 1.5], [0.1, 0.2], [0.0, 0.0]))
-    for smoothing in (-1.0, np.nan, np.inf):
+    for smoothing in (-1.0, np.nan, np.inf, None):
         with pytest.raises(ValueError, match="smoothing must be a finite number of at least 0"):
             least_squares(space, samples, smoothing)
 
