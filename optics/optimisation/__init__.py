@@ -5,9 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.optimisation.auto_level import (
-        resolved as resolved,
-    )
     from optics.optimisation.indicators import (
         mark as mark,
         summed_over_cells as summed_over_cells,
@@ -38,6 +35,7 @@ if TYPE_CHECKING:
     from optics.optimisation.stage_plan import (
         MARGIN as MARGIN,
         Stage as Stage,
+        resolved as resolved,
         stages as stages,
     )
     from optics.optimisation.state import (
@@ -54,7 +52,6 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "auto_level": ("resolved",),
     "indicators": (
         "mark",
         "summed_over_cells",
@@ -81,6 +78,7 @@ _FILES = {
     "stage_plan": (
         "MARGIN",
         "Stage",
+        "resolved",
         "stages",
     ),
     "state": (

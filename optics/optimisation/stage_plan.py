@@ -1,20 +1,24 @@
-"""The plan of a design: levels with their pixels and rays."""
+"""The plan of a design: levels, also those left to the program, with their pixels and rays."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from optics.problem import per_level
+from optics.optimisation.transport_start import TransportStart
+from optics.problem import AUTO, FINEST_AUTO, Freeform, per_level
 from optics.runtime import UserError
-from optics.system import freeforms
+from optics.system import OpticalSystem, freeforms
 
 if TYPE_CHECKING:
     from optics.problem import Problem
-    from optics.system import OpticalSystem
+    from optics.runtime import Backend
     from optics.target import Screen
 
+Surface = TypeVar("Surface", Freeform, Freeform | None)
+
+LEAST_AUTO = 3  # level: the optimiser mends what the transport map's own cells leave
 MOST_RAYS = 40_000_000  # at once
 MARGIN = 8  # dark pixels around the target
 PIXELS_PER_SPAN = 4  # a level's pixels are merged while this many remain per knot span
@@ -52,6 +56,28 @@ class Stage:
     def work(self) -> int:
         """Expected cost, in rays traced."""
         return self.evaluations * self.rays[0] * self.rays[1]
+
+
+def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, TransportStart | None]:
+    """Return the system with numbers for its levels, and its transport start where that told them.
+
+    A level is taken from the detail of the transport map (`TransportStart.level`).
+    """
+    if all(freeform.max_level != AUTO for freeform in system.freeforms):
+        return system, None
+    start = TransportStart(system, backend)
+    level = start.level(LEAST_AUTO, FINEST_AUTO)
+    spec = system.problem.lens
+    front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
+    rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
+    lens = replace(spec, front=front, rear=rear)
+    return OpticalSystem(replace(system.problem, lens=lens)), start
+
+
+def _with_level(freeform: Surface, level: int) -> Surface:
+    if freeform is None or freeform.max_level != AUTO:
+        return freeform
+    return replace(freeform, max_level=level)
 
 
 def first_level(problem: Problem, moved: bool) -> int:

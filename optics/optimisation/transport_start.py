@@ -8,19 +8,19 @@ shape that is looked for.  They are traced again on each new shape, a few times.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from optics.optimisation.indicators import summed_over_cells
+from optics.optimisation.rear_light import DARK, LEAST_WEIGHT, RearLight, centres, traced_light
 from optics.system import target_irradiance
-from optics.target import BSplineWindow, Screen, Splat, lit_part
-from optics.tracing import Tracer
-from optics.transport import height_from_slopes, transport_map
+from optics.target import Screen, lit_part
+from optics.transport import height_from_slopes, prewarped, refracted, refracting_slopes, transport_map
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
@@ -29,14 +29,13 @@ if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.lens import FreeformSurface
 
 SNELL_STEPS = 4
 TRACED_STEPS = 3  # of tracing to a shape and computing the next
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
-MOST_TRACED = 256  # cells where the rays are traced, RAYS_PER_CELL in each direction
-RAYS_PER_CELL = 4
+MOST_TRACED = 256  # cells where the rays are traced
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
 INSIDE = 0.97  # of z_freedom
 # of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
@@ -44,27 +43,9 @@ INSIDE = 0.97  # of z_freedom
 MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
-DARK = 1e-3  # of the greatest irradiance: nothing is sent there
-LEAST_WEIGHT = 1e-3  # of cells without light
-STEEPEST = 0.15  # least z of the normal's vector: steeper slopes are not asked for
+CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class RearLight:
-    """Light of one direction at every point of the rear surface, on a grid of cells.
-
-    x, y : (nx,), (ny,) cell centres, mm.  direction : three arrays (nx, ny), unit vectors inside the lens.
-    emitted : called with (nx, ny), returns the density of flux on such a grid.  weight : (nx, ny), of the
-        slopes in a fit.
-    """
-
-    x: Floats
-    y: Floats
-    direction: Sequence[Floats]
-    emitted: Callable[[tuple[int, ...]], Floats]
-    weight: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,16 +166,50 @@ class TransportStart:
             s, t = (r * ((2 * np.arange(n) + 1) / n - 1) for n, r in zip(grid, relative))
             return source.profile(s[:, None], t[None, :])
 
-        x, y = _centres(half, self._cells)
+        x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
         light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
-        arrival = self._arrival(light, half)
-        height = base = lens.thickness + lens.rear.conic(x[:, None], y[None, :])
-        for _ in range(SNELL_STEPS):
-            slopes, _ = self._snell(light, arrival, height)
-            above = _above_conic(light, lens.rear, slopes)
-            height = base + _height(light, above)
+        arrival = self._arrival(light, half, self._lit)
+        above = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
+        picture = self._prewarped(light, arrival, above)
+        if picture is not None:
+            arrival = self._arrival(light, half, picture)
+            above = self._above(light, arrival, _height(light, above), 1)
         return light, above
+
+    def _above(self, light: RearLight, arrival: Sequence[Floats], sag: Floats, steps: int) -> list[Floats]:
+        """Return the slopes of the sag that sends parallel light to its arrival, in steps from a sag, mm."""
+        base = self._lens.thickness + self._lens.rear.conic(light.x[:, None], light.y[None, :])
+        for _ in range(steps):
+            slopes, _ = self._snell(light, arrival, base + sag)
+            above = _above_conic(light, self._lens.rear, slopes)
+            sag = _height(light, above)
+        return above
+
+    def _prewarped(
+        self, light: RearLight, arrival: Sequence[Floats], above: Sequence[Floats]
+    ) -> Floats | None:
+        """Return the picture to ask for, so that the one that is wanted arrives.
+
+        None where it would hardly be another one.
+        """
+        sag, (x, y), rear = _height(light, above), (light.x[:, None], light.y[None, :]), self._lens.rear
+        slopes = [
+            a + rear.conic(x, y, d) for a, d in zip(np.gradient(sag, *_spacing(light)), ((1, 0), (0, 1)))
+        ]
+        dx, dy, dz = refracted(self._lens.index, light.direction, slopes)
+        if self._system.target.far_field:
+            landing = [np.degrees(np.arctan2(d, dz)) for d in (dx, dy)]
+        else:
+            down = (self._system.target.z - self._lens.thickness - rear.conic(x, y) - sag) / dz
+            landing = [x + dx * down, y + dy * down]
+        sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self._half)]
+        beside = [(q - a) / h for q, a, h in zip(landing, arrival, self._half)]
+        wanted = self._density(self._lit, self._cells)
+        asked = prewarped(wanted, sent, beside, light.emitted(self._cells))
+        change = np.linalg.norm(asked / asked.mean() - wanted / wanted.mean())
+        much = change > CHANGE * np.linalg.norm(wanted / wanted.mean())
+        return asked.T[::-1] if much else None
 
     def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
         """Return light, slopes and fit for rays that spread inside the lens.
@@ -208,8 +223,8 @@ class TransportStart:
         sag = THBSurface(space, np.zeros(space.dim))
         for _ in range(TRACED_STEPS):
             lens = lens.with_rear(lens.rear.with_sag(sag))
-            light = _traced_light(self._backend, self._system, lens, self._cells)
-            arrival = self._arrival(light, lens.rear.half_width)
+            light = traced_light(self._backend, self._system, lens, self._cells)
+            arrival = self._arrival(light, lens.rear.half_width, self._lit)
             slopes, gentle = self._snell(light, arrival, lens.thickness + lens.rear.grid(light.x, light.y))
             gentle &= light.weight > LEAST_WEIGHT
             wanted = [np.where(gentle, s, 0.0) for s in _above_conic(light, lens.rear, slopes)]
@@ -218,23 +233,21 @@ class TransportStart:
             sag = fit.sag
         return light, wanted, fit
 
-    def _arrival(self, light: RearLight, half: Sequence[float]) -> tuple[Floats, Floats]:
+    def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
+        """Return a picture of the lit rectangle as cell means, (nx, ny)."""
+        return target_irradiance(picture, Screen(self._half, grid), "stretch", 1.0)[::-1].T
+
+    def _arrival(self, light: RearLight, half: Sequence[float], picture: Floats) -> tuple[Floats, Floats]:
         """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
-
-        def density(grid: tuple[int, int]) -> Floats:
-            return target_irradiance(self._lit, Screen(self._half, grid), "stretch", 1.0)[::-1].T
-
         aspect = np.sqrt(half[0] * self._half[0] / (half[1] * self._half[1]))
+        density = partial(self._density, picture)
         plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
         return self._centre[0] + self._half[0] * plan.tx, self._centre[1] + self._half[1] * plan.ty
 
     def _snell(
         self, light: RearLight, arrival: Sequence[Floats], height: Floats
     ) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
-        """Return the slopes (zx, zy) that refract the light to the arrival points, and where they are gentle.
-
-        The normal lies along n d_in - d_out.  STEEPEST says what is gentle.
-        """
+        """Return the slopes (zx, zy) that send light to its arrival, and where they are gentle."""
         if self._system.target.far_field:
             dx, dy = (np.tan(np.radians(a)) for a in arrival)
             dz = np.ones_like(dx)
@@ -242,11 +255,7 @@ class TransportStart:
             dx = arrival[0] - light.x[:, None]
             dy = arrival[1] - light.y[None, :]
             dz = self._system.target.z - height
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        normal = [self._lens.index * a - d / length for a, d in zip(light.direction, (dx, dy, dz))]
-        gentle = normal[2] > STEEPEST
-        across = np.where(gentle, normal[2], 1.0)
-        return (-normal[0] / across, -normal[1] / across), gentle
+        return refracting_slopes(self._lens.index, light.direction, (dx, dy, dz))
 
 
 def _above_conic(light: RearLight, rear: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
@@ -255,42 +264,15 @@ def _above_conic(light: RearLight, rear: FreeformSurface, slopes: Sequence[Float
     return [s - rear.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1)))]
 
 
-def _traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Sequence[int]) -> RearLight:
-    """Return the light of the system's source, taken without extent, as it meets a lens's rear."""
-    rays = system.source.without_extent().rays([RAYS_PER_CELL * n + 1 for n in cells])
-    with backend.dr.suspend_grad():
-        hits, direction, flux = Tracer(backend, lens, rays, system.target.z).at_rear(
-            [sag.coefficients for sag in lens.sags]
-        )
-
-    def density(grid: Sequence[int], carried: object) -> Floats:
-        screen = Screen(lens.rear.half_width, (grid[0], grid[1]))
-        image = Splat(backend, screen, BSplineWindow(2))(hits.x, hits.y, carried).numpy()
-        return image.reshape(screen.shape, order="F")[::-1].T
-
-    emitted = density(cells, flux)
-    dark = emitted <= DARK * emitted.mean()
-    nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
-    mean = [(density(cells, flux * d) / np.where(dark, 1.0, emitted))[nearest] for d in direction]
-    weight = np.where(dark, 0.0, np.minimum(emitted / emitted.mean(), 1.0))
-    return RearLight(
-        *_centres(lens.rear.half_width, cells),
-        mean,
-        lambda grid: density(grid, flux),
-        np.maximum(weight, LEAST_WEIGHT),
-    )
-
-
-def _centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:
-    x, y = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(half, cells))
-    return x, y
-
-
 def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
     """Return the sag with about these slopes, whose greatest and least value are opposite, (nx, ny), mm.
 
     That is the constant which `fit_slopes` chooses, as far as coefficients are values.
     """
     zx, zy = slopes
-    sag = height_from_slopes(zx, zy, [row[1] - row[0] for row in (light.x, light.y)])
+    sag = height_from_slopes(zx, zy, _spacing(light))
     return sag - (sag.max() + sag.min()) / 2
+
+
+def _spacing(light: RearLight) -> list[float]:
+    return [float(row[1] - row[0]) for row in (light.x, light.y)]

@@ -1,0 +1,73 @@
+"""The light that meets the rear surface, on a grid of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from optics.target import BSplineWindow, Screen, Splat
+from optics.tracing import Tracer
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from thbcad.lens import Lens
+
+RAYS_PER_CELL = 4  # in each direction
+DARK = 1e-3  # of the greatest irradiance: nothing is sent there
+LEAST_WEIGHT = 1e-3  # of cells without light
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RearLight:
+    """Light of one direction at every point of the rear surface, on a grid of cells.
+
+    x, y : (nx,), (ny,) cell centres, mm.  direction : three arrays (nx, ny), unit vectors inside the lens.
+    emitted : called with (nx, ny), returns the density of flux on such a grid.  weight : (nx, ny), of the
+        slopes in a fit.
+    """
+
+    x: Floats
+    y: Floats
+    direction: Sequence[Floats]
+    emitted: Callable[[tuple[int, ...]], Floats]
+    weight: Floats
+
+
+def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Sequence[int]) -> RearLight:
+    """Return the light of the system's source, taken without extent, as it meets a lens's rear."""
+    rays = system.source.without_extent().rays([RAYS_PER_CELL * n + 1 for n in cells])
+    with backend.dr.suspend_grad():
+        hits, direction, flux = Tracer(backend, lens, rays, system.target.z).at_rear(
+            [sag.coefficients for sag in lens.sags]
+        )
+
+    def density(grid: Sequence[int], carried: object) -> Floats:
+        screen = Screen(lens.rear.half_width, (grid[0], grid[1]))
+        image = Splat(backend, screen, BSplineWindow(2))(hits.x, hits.y, carried).numpy()
+        return image.reshape(screen.shape, order="F")[::-1].T
+
+    emitted = density(cells, flux)
+    dark = emitted <= DARK * emitted.mean()
+    nearest = tuple(distance_transform_edt(dark, return_distances=False, return_indices=True))
+    mean = [(density(cells, flux * d) / np.where(dark, 1.0, emitted))[nearest] for d in direction]
+    weight = np.where(dark, 0.0, np.minimum(emitted / emitted.mean(), 1.0))
+    return RearLight(
+        *centres(lens.rear.half_width, cells),
+        mean,
+        lambda grid: density(grid, flux),
+        np.maximum(weight, LEAST_WEIGHT),
+    )
+
+
+def centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:
+    """Return x and y of the centres of (nx, ny) cells of a rectangle around 0 with these half-widths."""
+    x, y = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(half, cells))
+    return x, y
