@@ -1,4 +1,4 @@
-"""Light of one direction at every point of the rear surface."""
+"""The light that meets the rear surface, on a grid of cells."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
-RAYS_PER_CELL = 4
-DARK = 1e-3  # of the mean light of the cells: no direction is taken from there
+RAYS_PER_CELL = 4  # in each direction
+DARK = 1e-3  # of the greatest irradiance: nothing is sent there
 LEAST_WEIGHT = 1e-3  # of cells without light
 
 Floats = NDArray[np.float64]
@@ -68,5 +68,6 @@ def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Seq
 
 
 def centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:
+    """Return x and y of the centres of (nx, ny) cells of a rectangle around 0 with these half-widths."""
     x, y = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(half, cells))
     return x, y

@@ -10,16 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.optimisation.indicators import summed_over_cells
-from optics.optimisation.rear_light import LEAST_WEIGHT, RearLight, centres, traced_light
+from optics.optimisation.rear_light import DARK, LEAST_WEIGHT, RearLight, centres, traced_light
 from optics.system import target_irradiance
 from optics.target import Screen, lit_part
-from optics.transport import height_from_slopes, transport_map
+from optics.transport import height_from_slopes, prewarped, refracted, refracting_slopes, transport_map
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
@@ -42,8 +43,7 @@ INSIDE = 0.97  # of z_freedom
 MOST_CUT = 0.05
 # at most, of a sag that crosses the front: the gap is linear in the sag and positive without it
 HALVINGS = 20
-DARK = 1e-3  # of the greatest irradiance: nothing is sent there
-STEEPEST = 0.15  # least z of the normal's vector: steeper slopes are not asked for
+CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay
 
 Floats = NDArray[np.float64]
 
@@ -179,14 +179,48 @@ class TransportStart:
         x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
         light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
-        arrival = self._arrival(light, half)
-        height = base = lens.thickness + lens.rear.conic(x[:, None], y[None, :])
-        for _ in range(SNELL_STEPS):
-            slopes, _, refracts = self._snell(light, arrival, height)
-            above = _above_conic(light, lens.rear, slopes)
-            height = base + _height(light, above)
-        self.bent = float(np.average(refracts, weights=emitted(self._cells)))
+        arrival = self._arrival(light, half, self._lit)
+        above = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
+        picture = self._prewarped(light, arrival, above)
+        if picture is not None:
+            arrival = self._arrival(light, half, picture)
+            above = self._above(light, arrival, _height(light, above), 1)
         return light, above
+
+    def _above(self, light: RearLight, arrival: Sequence[Floats], sag: Floats, steps: int) -> list[Floats]:
+        """Return the slopes of the sag that sends parallel light to its arrival, in steps from a sag, mm."""
+        base = self._lens.thickness + self._lens.rear.conic(light.x[:, None], light.y[None, :])
+        for _ in range(steps):
+            slopes, _, refracts = self._snell(light, arrival, base + sag)
+            above = _above_conic(light, self._lens.rear, slopes)
+            sag = _height(light, above)
+        self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
+        return above
+
+    def _prewarped(
+        self, light: RearLight, arrival: Sequence[Floats], above: Sequence[Floats]
+    ) -> Floats | None:
+        """Return the picture to ask for, so that the one that is wanted arrives.
+
+        None where it would hardly be another one.
+        """
+        sag, (x, y), rear = _height(light, above), (light.x[:, None], light.y[None, :]), self._lens.rear
+        slopes = [
+            a + rear.conic(x, y, d) for a, d in zip(np.gradient(sag, *_spacing(light)), ((1, 0), (0, 1)))
+        ]
+        dx, dy, dz = refracted(self._lens.index, light.direction, slopes)
+        if self._system.target.far_field:
+            landing = [np.degrees(np.arctan2(d, dz)) for d in (dx, dy)]
+        else:
+            down = (self._system.target.z - self._lens.thickness - rear.conic(x, y) - sag) / dz
+            landing = [x + dx * down, y + dy * down]
+        sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self._half)]
+        beside = [(q - a) / h for q, a, h in zip(landing, arrival, self._half)]
+        wanted = self._density(self._lit, self._cells)
+        asked = prewarped(wanted, sent, beside, light.emitted(self._cells))
+        change = np.linalg.norm(asked / asked.mean() - wanted / wanted.mean())
+        much = change > CHANGE * np.linalg.norm(wanted / wanted.mean())
+        return asked.T[::-1] if much else None
 
     def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
         """Return light, slopes and fit for rays that spread inside the lens.
@@ -201,7 +235,7 @@ class TransportStart:
         for _ in range(TRACED_STEPS):
             lens = lens.with_rear(lens.rear.with_sag(sag))
             light = traced_light(self._backend, self._system, lens, self._cells)
-            arrival = self._arrival(light, lens.rear.half_width)
+            arrival = self._arrival(light, lens.rear.half_width, self._lit)
             height = lens.thickness + lens.rear.grid(light.x, light.y)
             slopes, gentle, refracts = self._snell(light, arrival, height)
             self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
@@ -212,24 +246,22 @@ class TransportStart:
             sag = fit.sag
         return light, wanted, fit
 
-    def _arrival(self, light: RearLight, half: Sequence[float]) -> tuple[Floats, Floats]:
+    def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
+        """Return a picture of the lit rectangle as cell means, (nx, ny)."""
+        return target_irradiance(picture, Screen(self._half, grid), "stretch", 1.0)[::-1].T
+
+    def _arrival(self, light: RearLight, half: Sequence[float], picture: Floats) -> tuple[Floats, Floats]:
         """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
-
-        def density(grid: tuple[int, int]) -> Floats:
-            return target_irradiance(self._lit, Screen(self._half, grid), "stretch", 1.0)[::-1].T
-
         aspect = np.sqrt(half[0] * self._half[0] / (half[1] * self._half[1]))
+        density = partial(self._density, picture)
         plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
         return self._centre[0] + self._half[0] * plan.tx, self._centre[1] + self._half[1] * plan.ty
 
     def _snell(
         self, light: RearLight, arrival: Sequence[Floats], height: Floats
     ) -> tuple[tuple[Floats, Floats], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return the slopes (zx, zy) that refract the light to the arrival points, where they are gentle, and
-        where they refract.
-
-        The normal lies along n d_in - d_out.  STEEPEST says what is gentle.  A surface turns light by less
-        than arccos(1 / n): n d_in . d_out > 1.
+        """Return the slopes (zx, zy) that send light to its arrival, where they are gentle, and where light
+        refracts so far.
         """
         if self._system.target.far_field:
             dx, dy = (np.tan(np.radians(a)) for a in arrival)
@@ -238,13 +270,7 @@ class TransportStart:
             dx = arrival[0] - light.x[:, None]
             dy = arrival[1] - light.y[None, :]
             dz = self._system.target.z - height
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        out = [d / length for d in (dx, dy, dz)]
-        normal = [self._lens.index * a - d for a, d in zip(light.direction, out)]
-        refracts = self._lens.index * sum(a * d for a, d in zip(light.direction, out)) > 1
-        gentle = normal[2] > STEEPEST
-        across = np.where(gentle, normal[2], 1.0)
-        return (-normal[0] / across, -normal[1] / across), gentle, refracts
+        return refracting_slopes(self._lens.index, light.direction, (dx, dy, dz))
 
 
 def _above_conic(light: RearLight, rear: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
@@ -259,5 +285,9 @@ def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:
     That is the constant which `fit_slopes` chooses, as far as coefficients are values.
     """
     zx, zy = slopes
-    sag = height_from_slopes(zx, zy, [row[1] - row[0] for row in (light.x, light.y)])
+    sag = height_from_slopes(zx, zy, _spacing(light))
     return sag - (sag.max() + sag.min()) / 2
+
+
+def _spacing(light: RearLight) -> list[float]:
+    return [float(row[1] - row[0]) for row in (light.x, light.y)]

@@ -1,4 +1,4 @@
-"""Optimal transport: the map that carries one density of light over a rectangle into another."""
+"""Optimal transport: maps that carry one density of light into another, and slopes that follow them."""
 
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,13 @@ if TYPE_CHECKING:
     from optics.transport.poisson import (
         height_from_slopes as height_from_slopes,
     )
+    from optics.transport.prewarp import (
+        prewarped as prewarped,
+    )
+    from optics.transport.surface_slopes import (
+        refracted as refracted,
+        refracting_slopes as refracting_slopes,
+    )
 
 _FILES = {
     "back_and_forth": (
@@ -19,5 +26,10 @@ _FILES = {
         "transport_map",
     ),
     "poisson": ("height_from_slopes",),
+    "prewarp": ("prewarped",),
+    "surface_slopes": (
+        "refracted",
+        "refracting_slopes",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -99,7 +99,7 @@ def replayed(kept, monkeypatch):
     for function in ("_measured", "_checks", "load_system"):
         monkeypatch.setattr(design_command, function, lambda *_, value=kept.values[function]: value)
     monkeypatch.setattr("optics.report.scene_paths", lambda *_: [])
-    monkeypatch.setattr("optics.optimisation.resolved", lambda system, backend: (system, None))
+    monkeypatch.setattr("optics.prediction.resolved", lambda system, backend: (system, None))
     return lambda out, *options: main(["design", str(kept.problem), "--out", str(out), "--json", *options])
 
 

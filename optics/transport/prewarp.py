@@ -1,0 +1,62 @@
+"""Light that lands beside its place: the density to ask for, so that the one that is wanted arrives.
+
+The slopes that would send all light to its place are those of no surface, where light goes far aside.  The
+surface with the nearest slopes moves the light that is sent to y on to y + d(y).  This d hardly changes where
+light is sent a little elsewhere.  So a map to
+
+    g(y) = T(y + d(y)) det(1 + Dd(y))
+
+brings the density T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
+
+Floats = NDArray[np.float64]
+
+CELLS_PER_BIN = 8  # in each direction: d is averaged in bins, since it is smooth but for cracks of the map
+FEW = 1e-3  # of the mean light of a bin: with less its d is that of the nearest other
+SAMPLES = 2  # of a cell in each direction
+
+
+def prewarped(wanted: Floats, sent: Sequence[Floats], beside: Sequence[Floats], light: Floats) -> Floats:
+    """Return the density to ask for, (nx, ny), of any scale.
+
+    wanted : T, (nx, ny), its cell means over the target.
+    sent : two arrays (mx, my), where the light of source cells is sent, the target being [-1, 1]^2.
+    beside : two such arrays, d.  light : (mx, my), flux of the source cells.
+    """
+    bins = [-(-n // CELLS_PER_BIN) for n in wanted.shape]
+    fine = [SAMPLES * n for n in wanted.shape]
+    cells = [
+        zoom(d, [m / k for m, k in zip(fine, bins)], order=1, mode="nearest", grid_mode=True) * (n / 2)
+        for d, n in zip(_binned(sent, beside, light, bins), fine)
+    ]
+    row, column = (np.floor(d + k + 0.5).astype(int) // SAMPLES for d, k in zip(cells, np.indices(fine)))
+    on_target = (row >= 0) & (row < wanted.shape[0]) & (column >= 0) & (column < wanted.shape[1])
+    arriving = np.where(on_target, wanted[np.where(on_target, row, 0), np.where(on_target, column, 0)], 0.0)
+    (xx, xy), (yx, yy) = (np.gradient(d) for d in cells)
+    asked = arriving * np.maximum((1 + xx) * (1 + yy) - xy * yx, 0.0)
+    return np.asarray(asked.reshape(wanted.shape[0], SAMPLES, wanted.shape[1], SAMPLES).mean(axis=(1, 3)))
+
+
+def _binned(
+    sent: Sequence[Floats], beside: Sequence[Floats], light: Floats, bins: Sequence[int]
+) -> list[Floats]:
+    """Return d on bins of the target, where light is sent to and else that of the nearest bin."""
+    i, j = (np.clip((t + 1) * (n / 2), 0, n - 1).astype(int) for t, n in zip(sent, bins))
+    which = (i * bins[1] + j).ravel()
+
+    def gathered(values: Floats) -> Floats:
+        total = np.bincount(which, values.ravel(), bins[0] * bins[1]).reshape(bins)
+        return np.asarray(gaussian_filter(total, 1.0, mode="nearest"))
+
+    flux = gathered(light)
+    few = flux <= FEW * flux.mean()
+    nearest = tuple(distance_transform_edt(few, return_distances=False, return_indices=True))
+    return [(gathered(light * d) / np.where(few, 1.0, flux))[nearest] for d in beside]
