@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from optics.commands.outcome import Outcome
 from optics.commands.progress import DesignProgress, Size
 from optics.optimisation import Interrupted, ResultFolder, earlier_state, stages
-from optics.problem import limit_checks, load_problem, problem_to_toml
+from optics.problem import limit_checks, load_problem
 from optics.runtime import UserError, check_lines, note, peak_mb, second_process
 from optics.system import OpticalSystem, advice, solvable_system
 
@@ -192,7 +192,7 @@ def _finish(
         pictures=pictures,
         limit=limit,
     )
-    write_text(folder.path / "report.html", report_html(page, problem_to_toml(folder.read_problem())))
+    write_text(folder.path / "report.html", report_html(page, folder.problem.read_text("utf-8")))
     folder.drop_checkpoint()
     lines = [*_design_lines(folder, metrics, checked), *([limit] if limit else [])]
     data = {"folder": str(folder.path), "metrics": metrics, "verify": checked}
