@@ -189,17 +189,20 @@ def _claimed(
     from optics.report import Report, report_html
     from optics.runtime import verification
 
-    says = {"verdict": verdict(checks), "notes": list(run.notes)}
+    says: dict[str, Any] = {"verdict": verdict(checks), "notes": list(run.notes)}
     writer.write_claims("manufacture.json", as_data(product))
     checked = writer.write_claims("verify.json", verification(checks) | {"left_out": [LEFT_OUT]})
-    metrics = writer.write_claims("metrics.json", metrics | says)
     page = Report(
         problem=system.problem,
         metrics=metrics,
         verification=checked,
         manufacture=manufacture_rows(product, system.problem.source.wavelength),
         pictures=pictures,
+        verdict=says["verdict"],
+        notes=says["notes"],
+        run=writer.run,
     )
+    metrics = writer.write_claims("metrics.json", metrics | says)
     writer.write("report.html", report_html(page, writer.problem_text).encode())
     writer.finish(run.asked, {"ok": checked["ok"], **says})
     run.folder.checkpoint.unlink(missing_ok=True)

@@ -28,12 +28,17 @@ def time_words(seconds: float) -> str:
 
 
 class Lines:
-    """A line for every phase that is over, and for every tenth of the whole inside a phase."""
+    """A line for every phase that is over, and for every tenth of the whole inside a phase.
+
+    The first line waits for the second, so that a problem that is refused at once gets one sentence only.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._last: Moment | None = None
         self._said = 0.0
+        self._first = True
+        self._waiting: list[str] = []
 
     def __call__(self, moment: Moment) -> None:
         last, self._last = self._last, moment
@@ -53,7 +58,13 @@ class Lines:
         self._said = now.fraction
         detail = f": {of.detail}" if of.detail else ""
         left = f", about {time_words(now.left)} left" if now.fraction < 1 else ""
-        print(f"{of.phase}{detail}{seconds} ({now.fraction:.0%} done{left})", file=self._stream, flush=True)
+        line = f"{of.phase}{detail}{seconds} ({now.fraction:.0%} done{left})"
+        if self._first:
+            self._first = False
+            self._waiting.append(line)
+            return
+        print(*self._waiting, line, sep="\n", file=self._stream, flush=True)
+        self._waiting.clear()
 
 
 class Bar:

@@ -49,13 +49,18 @@ def as_data(metrics: Manufacturability) -> dict[str, Any]:
 
 def position(extreme: Enclosure) -> str:
     """Return where an extreme lies."""
-    return f"at x = {extreme.u:.4g}, y = {extreme.v:.4g} mm"
+    return f"at x = {_length(extreme.u)}, y = {_length(extreme.v)} mm"
 
 
 def positions(heights: HeightRange) -> str:
     """Return where the least and the greatest height lie."""
-    low, high = heights.least, heights.greatest
-    return f"between x = {low.u:.4g}, y = {low.v:.4g} and x = {high.u:.4g}, y = {high.v:.4g} mm"
+    low, high = ((_length(at.u), _length(at.v)) for at in (heights.least, heights.greatest))
+    return f"between x = {low[0]}, y = {low[1]} and x = {high[0]}, y = {high[1]} mm"
+
+
+def _length(value: float) -> str:
+    """Return a length in mm as text, rounding left out: 0 for 1e-15."""
+    return f"{round(value, 9) + 0.0:.4g}"
 
 
 def _surface_rows(name: str, surface: SurfaceMetrics, wavelength: float) -> Iterator[Row]:

@@ -1,29 +1,44 @@
-"""The report: one self-contained HTML file with figures and tables."""
+"""The report: one HTML file that holds its figures, tables and links to the files beside it."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from optics.analysis import NEGLIGIBLE
-from optics.tracing import SENTENCES
+from optics.report.limit_words import failure_text
+from optics.report.metric_words import PERCENT, metric_rows, number_text
 
 if TYPE_CHECKING:
     from optics.problem import Problem
 
 STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}
+body{font:15px/1.5 system-ui,sans-serif;max-width:88rem;margin:2rem auto;padding:0 1rem;color:#222}
 h1{font-weight:600} table{border-collapse:collapse;margin:1rem 0}
+p,li{max-width:70rem}
 td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}
 td.n{text-align:right;font-variant-numeric:tabular-nums}
 .bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
-.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(24rem,1fr));gap:1rem}
-figure{margin:0} img{width:100%}
+.banner{padding:.8rem 1rem;border-left:.4rem solid;font-weight:600;background:#f6f6f6}
+.figures{display:flex;flex-wrap:wrap;gap:1.5rem}
+figure{margin:0;width:min-content;max-width:100%} img{max-width:100%}
 figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overflow:auto}
 """
+FILES = {
+    "lens.step": "the closed solid, for CAD",
+    "lens.json": "the exact surfaces",
+    "problem.toml": "the problem with every default",
+    "metrics.json": "the metrics below with every digit",
+    "verify.json": "the checks below",
+    "manufacture.json": "the numbers for manufacturing with their bounds",
+    "history.csv": "every evaluation of the optimiser",
+    "irradiance.npz": "irradiance and target as arrays with axes",
+    "irradiance_16bit.png": "the irradiance, linear grey, pixel by pixel",
+}
 
 
 @dataclass(frozen=True)
@@ -34,7 +49,8 @@ class Report:
     verification : as `optics.runtime.verification`
     manufacture : rows (name, value, unit, position)
     pictures : (caption, PNG bytes) by name
-    limit : a sentence on what etendue allows
+    verdict : a sentence on the design as a whole, for the banner; "" for none.  notes : sentences below it
+    run : the run and the solid that the page speaks of: hashes by name
     """
 
     problem: Problem
@@ -42,11 +58,13 @@ class Report:
     verification: dict[str, Any]
     manufacture: Sequence[tuple[str, float, str, str]]
     pictures: Mapping[str, tuple[str, bytes]]
-    limit: str | None = None
+    verdict: str = ""
+    notes: Sequence[str] = ()
+    run: Mapping[str, str] = MappingProxyType({})
 
 
 def report_html(report: Report, problem_text: str) -> str:
-    """Return the report as one HTML page without outside references."""
+    """Return the report as one HTML page, whose only references are names of files beside it."""
     title, metrics, verification = escape(report.problem.title), report.metrics, report.verification
     figures = "".join(
         f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
@@ -60,18 +78,38 @@ def report_html(report: Report, problem_text: str) -> str:
     )
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
-        f"<h1>{title}</h1><p>{_summary(metrics)}{_limit_sentence(report.limit)}</p>"
-        f'<div class="grid">{figures}</div>'
-        f"<h2>Metrics</h2>{_metric_table(metrics)}"
+        f"<h1>{title}</h1>{_banner(report)}"
+        f"<p>{_summary(metrics)}</p>"
+        f'<div class="figures">{figures}</div>'
+        f"<h2>Files</h2>{_file_list()}{_list((f'{name}: {value}' for name, value in report.run.items()), 'run')}"
+        f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics))}"
         f"<h2>Manufacture</h2>{_manufacture_table(report.manufacture)}"
         f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
         f"<h2>Problem</h2><pre>{escape(problem_text)}</pre></html>\n"
     )
 
 
+def _banner(report: Report) -> str:
+    """Return the verdict, the checks that failed, and the notes."""
+    colour = "good" if report.verification["ok"] else "bad"
+    verdict = f'<p class="banner {colour}">{escape(report.verdict)}</p>' if report.verdict else ""
+    failed = [failure_text(c, report.problem) for c in report.verification["checks"] if not c["ok"]]
+    return verdict + _list(failed, "bad") + _list(report.notes, "notes")
+
+
+def _list(sentences: Iterable[str], name: str) -> str:
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f'<ul class="{name}">{items}</ul>' if items else ""
+
+
+def _file_list() -> str:
+    items = (f'<li><a href="{name}">{name}</a>: {words}</li>' for name, words in FILES.items())
+    return f"<ul>{''.join(items)}</ul>"
+
+
 def _summary(metrics: dict[str, Any]) -> str:
     return (
-        f"Relative error {metrics['rel_l2']:.1%}, "
+        f"Relative error {number_text(metrics['rel_l2'], PERCENT)} %, "
         f"{metrics['efficiency']:.1%} of the source flux inside the target "
         f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), "
         f"{metrics['stray']:.2%} stray; "
@@ -79,10 +117,6 @@ def _summary(metrics: dict[str, Any]) -> str:
         f"{metrics['wall_s']['total']:.1f} s."
         f"{_other_paths(metrics.get('nonsequential'))}"
     )
-
-
-def _limit_sentence(limit: str | None) -> str:
-    return f" {escape(limit)}." if limit else ""
 
 
 def _other_paths(fluxes: dict[str, Any] | None) -> str:
@@ -100,40 +134,30 @@ def _other_paths(fluxes: dict[str, Any] | None) -> str:
     )
 
 
-def _metric_table(metrics: dict[str, Any]) -> str:
-    cells = (
-        f'<tr><td>{escape(label)}</td><td class="n">{escape(shown)}</td></tr>'
-        for label, shown in _labelled(metrics)
-    )
-    return f"<table>{''.join(cells)}</table>"
-
-
-def _labelled(metrics: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield (label, number as text) of metrics, those of a group behind its name; fates as sentences."""
-    for name, value in metrics.items():
-        label = f"{prefix}light that {SENTENCES[name]}, W" if name in SENTENCES else f"{prefix}{name}"
-        if isinstance(value, Mapping):
-            yield from _labelled(value, f"{label}: ")
-        else:
-            yield label, f"{value:.6g}" if isinstance(value, float) else str(value)
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table whose second column holds numbers."""
+    lines = ["<tr>" + "".join(f"<th>{escape(name)}</th>" for name in head) + "</tr>"]
+    for row in rows:
+        cells = (
+            f'<td class="n">{escape(text)}</td>' if column == 1 else f"<td>{escape(text)}</td>"
+            for column, text in enumerate(row)
+        )
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    return f"<table>{''.join(lines)}</table>"
 
 
 def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
-    cells = (
-        f'<tr><td>{escape(name)}</td><td class="n">{value:.6g}</td>'
-        f"<td>{escape(unit)}</td><td>{escape(position)}</td></tr>"
-        for name, value, unit, position in rows
-    )
-    return f"<table>{''.join(cells)}</table>"
+    texts = ((name, number_text(value), unit, position) for name, value, unit, position in rows)
+    return _table(("quantity", "value", "unit", "where"), texts)
 
 
 def _check_table(verification: dict[str, Any]) -> str:
-    rows = ["<tr><th>check</th><th>value</th><th>limit</th><th>unit</th><th></th></tr>"]
+    rows = ["<tr><th>check</th><th>got</th><th>at most</th><th>unit</th><th></th></tr>"]
     for check in verification["checks"]:
         mark = '<td class="good">passed</td>' if check["ok"] else '<td class="bad">failed</td>'
         rows.append(
             f'<tr><td>{escape(check["name"])}</td><td class="n">{check["value"]:.3g}</td>'
-            f'<td class="n">{check["limit"]:g}</td><td>{check["unit"]}</td>{mark}</tr>'
+            f'<td class="n">{check["limit"]:g}</td><td>{escape(check["unit"])}</td>{mark}</tr>'
         )
     left_out = "".join(f"<p>Left out: {escape(text)}.</p>" for text in verification.get("left_out", ()))
     return f"<table>{''.join(rows)}</table>{left_out}"

@@ -94,8 +94,10 @@ def test_a_step_file_that_cannot_be_written_is_one_sentence(tmp_path, capsys, mo
         return system.lens, State(False, 0, system.lens.sags)
 
     monkeypatch.setattr("optics.optimisation.design", designed)
-    message = refused(capsys, "design", write_problem(tmp_path, QUICK), "--out", tmp_path / "out")
-    assert "cannot write or read" in message
+    assert main(["design", str(write_problem(tmp_path, QUICK)), "--out", str(tmp_path / "out")]) == 2
+    *progress, message = capsys.readouterr().err.splitlines()
+    assert all("% done" in line for line in progress)
+    assert message.startswith("thbcad: cannot write or read")
     assert "directory" in message
 
 

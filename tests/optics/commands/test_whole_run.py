@@ -136,11 +136,16 @@ def test_the_report_is_self_contained(golden):
     text = (golden.path / "report.html").read_text("utf-8")
     page = References()
     page.feed(text)
-    assert len(page.links) == len(FIGURES)
-    assert all(link.startswith("data:image/png;base64,") for link in page.links)
+    pictures = [link for link in page.links if link.startswith("data:image/png;base64,")]
+    assert len(pictures) == len(FIGURES)
+    files = [link for link in page.links if link not in pictures]
+    assert {"lens.step", "irradiance.npz", "verify.json"} <= set(files)
+    for name in files:
+        assert (golden.path / name).is_file()
     assert not {"script", "link", "iframe", "object"} & set(page.tags)
     without_pictures = re.sub(r"data:image/png;base64,[A-Za-z0-9+/=]+", "", text)
     assert not re.search(r"https?:|//|url\(|@import", without_pictures)
+    assert str(golden.path.parent) not in text
 
 
 def test_the_report_shows_figures_checks_and_problem_with_names_escaped(golden):

@@ -1,9 +1,14 @@
-"""The report's summary: efficiency beside its bound, and whether the sequential tracer suffices."""
+"""The report: its summary, numbers with units, the verdict, and what was got where more was wanted."""
+
+import re
 
 import pytest
 
 from optics.problem import load_problem
 from optics.report.html import Report, report_html
+from optics.report.limit_words import REMEDIES, failure_text
+from optics.report.metric_words import metric_rows, number_text
+from optics.runtime import Check, verification
 
 METRICS = {
     "rel_l2": 0.1,
@@ -41,3 +46,98 @@ def test_the_sequential_tracer_suffices_up_to_a_hundredth(page, direct, words):
 @pytest.mark.parametrize("more", [{}, {"nonsequential": {"lit_w": 0.0, "lit_direct_w": 0.0}}])
 def test_nothing_is_said_of_what_was_not_traced_or_is_dark(page, more):
     assert "suffice" not in page(more)
+
+
+def judged(problem_file, changes, *checks, **more):
+    """Return the page of a report with these checks."""
+    problem = load_problem(problem_file(changes))
+    return report_html(Report(problem, METRICS, verification(checks), [], {}, **more), "")
+
+
+def test_the_verdict_and_the_notes_stand_first_and_are_escaped(problem_file):
+    page = judged(problem_file, None, verdict="rel_l2 < 0.5 & lit", notes=["<b>dark</b>", "second"])
+    assert '<p class="banner good">rel_l2 &lt; 0.5 &amp; lit</p>' in page
+    assert "<li>&lt;b&gt;dark&lt;/b&gt;</li><li>second</li>" in page
+    assert page.index("banner good") < page.index("source flux inside the target")
+    failed = judged(problem_file, None, Check("free edges", 2, 0, ""), verdict="no")
+    assert '<p class="banner bad">no</p>' in failed
+
+
+def test_without_a_verdict_there_is_no_banner(problem_file):
+    assert '<p class="banner' not in judged(problem_file, None)
+
+
+LIMITS = {
+    "limits.concave_radius": 6.0,
+    "limits.slope": 20.0,
+    "limits.mass": 5.0,
+    "lens.density": 2.5,
+}
+
+
+@pytest.mark.parametrize(
+    ("check", "words"),
+    [
+        (
+            Check(
+                "concave radius of the rear short of limits.concave_radius, at x = 1, y = 2", 3.58, 0, "mm"
+            ),
+            "concave radius of the rear: got 2.42 mm at x = 1, y = 2, wanted at least 6 mm; lower",
+        ),
+        (
+            Check("slope of the rear beyond limits.slope, at x = 1, y = 2", 1.5, 0, "degrees"),
+            "slope of the rear: got 21.5 degrees at x = 1, y = 2, wanted at most 20 degrees; lower",
+        ),
+        (
+            Check("mass beyond limits.mass", 0.25, 0, "g"),
+            "mass: got 5.25 g, wanted at most 5 g; lower lens.thickness",
+        ),
+        (Check("free edges", 2, 0, ""), "free edges: got 2, wanted at most 0"),
+    ],
+)
+def test_a_failed_check_says_what_was_got_and_wanted_and_a_failed_limit_what_may_help(
+    problem_file, check, words
+):
+    page = judged(problem_file, LIMITS, check)
+    assert f"<li>{words}" in page
+    assert words not in judged(problem_file, LIMITS, Check(check.name, 0.0, 0, check.unit))
+
+
+def test_every_limit_of_the_problem_file_has_a_remedy(problem_file):
+    problem = load_problem(problem_file())
+    assert set(REMEDIES) == set(vars(problem.limits))
+    for key in REMEDIES:
+        check = {"name": f"quantity short of limits.{key}", "value": 1.0, "limit": 0, "unit": "mm"}
+        assert f"or allow it by limits.{key}" in failure_text(check, problem)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.000875993, "%", "0.0876"),
+        (0.9215385, "%", "92.2"),
+        (63.648761, "dB", "63.65"),
+        (5.6e-14, "W", "0"),
+        (0.038461445, "W", "0.03846"),
+        (265300.123, "mm^3", "265300"),
+        (1.5e12, "mm", "1.5e+12"),
+        (float("inf"), "mm", "infinite"),
+        (None, "dB", "not defined"),
+        (961, "", "961"),
+        ("cells", "", "cells"),
+    ],
+)
+def test_numbers_have_the_digits_that_mean_something(value, unit, text):
+    assert number_text(value, unit) == text
+
+
+def test_every_metric_has_its_unit_and_its_meaning(problem_file):
+    fates = {"on_target": 0.8, "off_target": 0.1}
+    rows = {name: rest for name, *rest in metric_rows(METRICS | {"fates_w": fates, "psnr_db": None})}
+    assert rows["rel_l2"][:2] == ["10", "%"]
+    assert rows["psnr_db"][:2] == ["not defined", ""]
+    assert rows["wall_s total"] == ["1", "s", "wall time of the phase"]
+    value, unit, meaning = rows["fates_w on_target"]
+    assert (value, unit) == ("0.8", "W")
+    assert re.match("light that .*; traced through front and rear", meaning)
+    assert all(meaning for *_, meaning in rows.values())

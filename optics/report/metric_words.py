@@ -1,0 +1,67 @@
+"""The numbers of a report in words: with a unit, three or four digits, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import isinf
+from typing import Any
+
+from optics.tracing import SENTENCES
+
+PERCENT = "%"
+LONGEST = 1e9  # numbers from here on have a power of ten
+NONE = 1e-9  # W of 1 W: less is rounding
+# unit and meaning of the metrics by name; those of a group by its name
+WORDS = {
+    "rel_l2": (PERCENT, "difference from the light asked for, ||E - T|| / ||T||, both scaled to mean 1"),
+    "psnr_db": ("dB", "peak signal-to-noise ratio; the peak is the brightest pixel asked for"),
+    "ssim": ("", "structural similarity, 1 for equal pictures"),
+    "rel_l2_floor": (PERCENT, "error of the measurement itself, as part of rel_l2"),
+    "estimator": ("", "what was traced: cells between rays, or single rays"),
+    "efficiency": (PERCENT, "of the source flux arrives inside the target"),
+    "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
+    "stray": (PERCENT, "of the source flux leaves the lens and misses the target"),
+    "efficiency_bound": (PERCENT, "of the source flux passes two uncoated faces at most"),
+    "fates_w": ("W", "traced through front and rear"),
+    "nonsequential": ("W", "traced with all reflections at all six faces"),
+    "dof": ("", "degrees of freedom of the free surfaces"),
+    "levels": ("", "levels of the finest mesh"),
+    "evaluations": ("", "evaluations of loss and gradient"),
+    "wall_s": ("s", "wall time of the phase"),
+    "peak_mb": ("MB", "most memory of both processes together"),
+}
+
+
+def number_text(value: Any, unit: str = "") -> str:
+    """Return a value with four digits, fractions of one in percent with three."""
+    if value is None:
+        return "not defined"
+    if not isinstance(value, float):
+        return str(value)
+    if isinf(value):
+        return "infinite"
+    if unit == PERCENT:
+        return f"{100 * value:.3g}"
+    if unit == "W" and abs(value) < NONE:
+        return "0"
+    text = f"{value:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < LONGEST else text
+
+
+def metric_rows(metrics: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+    """Yield (name, value, unit, meaning) of metrics; those of a group have its name before theirs."""
+    for name, value in metrics.items():
+        unit, meaning = WORDS.get(name, ("", ""))
+        for part, number in _parts(value):
+            words = f"light that {SENTENCES[part]}; {meaning}" if part in SENTENCES else meaning
+            row_name = f"{name} {part}".rstrip()
+            yield row_name, number_text(number, unit), unit if number is not None else "", words
+
+
+def _parts(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values of a group by their names, or the one value by no name."""
+    if not isinstance(value, Mapping):
+        yield name, value
+        return
+    for part, inner in value.items():
+        yield from _parts(inner, part)
