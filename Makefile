@@ -53,6 +53,7 @@ QUICK = \
 	tests/optics/problem/test_toml_text.py \
 	tests/optics/report/test_html.py \
 	tests/optics/runtime \
+	tests/optics/shape \
 	tests/optics/sources \
 	tests/optics/system/test_lens.py \
 	tests/optics/target/test_picture.py \

@@ -20,7 +20,11 @@ from thbcad.surfaces import THBSurface
 if TYPE_CHECKING:
     from optics.optimisation.objective import Evaluation, Objective
     from optics.optimisation.stage_plan import Stage
+    from optics.shape import ShapePenalty
     from optics.system import OpticalSystem
+
+
+FLAT = 2.2e-9  # of the loss: a decrease that ends a run which starts near a minimum
 
 
 class Interrupted(Exception):
@@ -55,32 +59,60 @@ class Recorder:
         self._evaluations = state.evaluations
         self._best = np.inf, [sag.coefficients for sag in state.sags]
         self._first: Evaluation | None = None
+        self._scaled = False
+        self._gone_on = False
 
     @property
     def history(self) -> tuple[Row, ...]:
         """The rows of this stage behind those of the stages before."""
         return tuple(self._rows)
 
-    def minimized(self) -> tuple[THBSurface, ...]:
+    @property
+    def variables(self) -> BoundedVariables:
+        """The variables around the sags that `minimized` starts from."""
+        return self._variables
+
+    @property
+    def shape(self) -> ShapePenalty | None:
+        """What the objective charges the shape for."""
+        return self._objective.shape
+
+    @property
+    def stopped(self) -> Interrupted:
+        """What is raised on Ctrl-C."""
+        return Interrupted(replace(self._state, sags=self._best_sags(), history=self.history))
+
+    def go_on(self, sags: Sequence[THBSurface], shape: ShapePenalty | None) -> None:
+        """Start the next `minimized` from other sags, with other charges for the shape."""
+        self._objective = self._objective.charging(shape)
+        self._variables = self._variables.around(sags)
+        self._best = np.inf, [sag.coefficients for sag in sags]
+        self._first = None
+        self._gone_on = True
+
+    def minimized(self, iterations: int = 0) -> tuple[THBSurface, ...]:
         """Return the best sags that L-BFGS finds.
 
         Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.
+
+        iterations : 0 for those of the stage.
 
         Raises
         ------
         Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
-        iterations, memory = self._stage.iterations, self._problem.optimizer.memory
+        iterations, memory = iterations or self._stage.iterations, self._problem.optimizer.memory
         options = {"maxiter": iterations, "maxcor": memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
         try:
             start, _ = self._variables.coefficients(self._variables.zeros())
             self._first = first = self._evaluated(start)
-            if 2 * first.fit**2 > first.loss:
-                self._precondition()
+            if not self._scaled and 2 * first.fit**2 > first.loss:
+                self.precondition()
+            if self._gone_on:
+                options["ftol"] = FLAT * first.loss  # which scipy compares with 1
             minimize(self, self._variables.zeros(), jac=True, method="L-BFGS-B", options=options)
         except KeyboardInterrupt:
-            stopped = replace(self._state, sags=self._best_sags(), history=self.history)
-            raise Interrupted(stopped) from None
+            raise self.stopped from None
         return self._best_sags()
 
     def __call__(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
@@ -115,10 +147,12 @@ class Recorder:
             self._progress(self._stage, row)
         return evaluation
 
-    def _precondition(self) -> None:
+    def precondition(self) -> None:
+        """Scale the variables by the fit's curvature at the best sags so far."""
         vectors = self._objective.curvature(self._best[1], PROBES, self._problem.run.seed)
         self._evaluations += PROBES
         self._variables = self._variables.preconditioned(vectors)
+        self._scaled = True
 
     def _best_sags(self) -> tuple[THBSurface, ...]:
         return tuple(THBSurface(sag.space, c) for sag, c in zip(self._state.sags, self._best[1]))
