@@ -54,6 +54,7 @@ QUICK = \
 	tests/optics/report/test_html.py \
 	tests/optics/results \
 	tests/optics/runtime \
+	tests/optics/shape \
 	tests/optics/sources \
 	tests/optics/system/test_lens.py \
 	tests/optics/target/test_picture.py \

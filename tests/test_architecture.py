@@ -32,7 +32,7 @@ FLOORS = [
     ["thbcad"],
     ["optics.runtime"],
     ["optics.problem", "optics.sources", "optics.target", "optics.transport"],
-    ["optics.tracing", "optics.system"],
+    ["optics.tracing", "optics.system", "optics.shape"],
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
     ["optics.results"],
     ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],

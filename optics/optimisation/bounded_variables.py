@@ -43,6 +43,12 @@ class BoundedVariables:
         self._ends = np.cumsum([part.basis.size for part in self._parts])
         self._scale = np.ones(self._ends[-1])
 
+    def around(self, sags: Sequence[THBSurface]) -> BoundedVariables:
+        """Return the variables around other sags of the same spaces, with the same scale."""
+        other = copy(self)
+        other._parts = [part.around(sag) for part, sag in zip(self._parts, sags)]
+        return other
+
     def zeros(self) -> Floats:
         """Return the weights of the start."""
         return np.zeros(self._ends[-1])
@@ -80,8 +86,18 @@ class _Part:
         self.basis = MultilevelBasis(sag.space)
         self._bound = bound
         self._mirrors = mirrors
-        ratio = np.clip(sag.coefficients / bound, -INSIDE, INSIDE)
-        self._start = ratio / (1 - np.abs(ratio) ** SHARPNESS) ** (1 / SHARPNESS)
+        self._start = self._unsquashed(sag)
+
+    def around(self, sag: THBSurface) -> _Part:
+        """Return the map around another sag of the same space."""
+        other = copy(self)
+        other._start = self._unsquashed(sag)
+        return other
+
+    def _unsquashed(self, sag: THBSurface) -> Floats:
+        ratio = np.clip(sag.coefficients / self._bound, -INSIDE, INSIDE)
+        result: Floats = ratio / (1 - np.abs(ratio) ** SHARPNESS) ** (1 / SHARPNESS)
+        return result
 
     def coefficients(self, weights: Floats) -> tuple[Floats, Floats]:
         """Return (c, S' at c)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import gcd
 from typing import TYPE_CHECKING
 
@@ -18,10 +18,10 @@ from optics.optimisation.indicators import (
     vertex_knots,
 )
 from optics.optimisation.objective import Objective
-from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
 from optics.optimisation.stage_plan import PROBES, last_level
 from optics.optimisation.symmetry import Mirrors
-from optics.problem import per_level
+from optics.problem import feature_levels, per_level
+from optics.shape import shape_penalty
 from optics.sources import Rays, mirror_half
 from optics.target import BSplineWindow, GaussianWindow, MappedCells, PixelWindow
 from optics.tracing import Tracer
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from optics.target import Window
     from thbcad.lens import Lens
 
-LIMITS_WEIGHT = 100.0  # charge for the mean square of relative violations
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
@@ -77,11 +76,9 @@ def stage_objective(
     rays, window, mirrors = _measured_rays(system, stage, axes, backend)
     options, limits = system.problem.optimizer, system.problem.limits
     tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False, fresnel=options.fresnel)
-    thickness = limits.thickness
-    if not thickness and surfaces_can_cross(system):
-        thickness = THINNEST * lens.thickness
-    weights = ShapeWeights(options.roughness_weight, LIMITS_WEIGHT, limits.radius, thickness)
-    shape = ShapePenalty(lens, weights) if weights.any else None
+    if not limits.thickness and surfaces_can_cross(system):
+        limits = replace(limits, thickness=THINNEST * lens.thickness)
+    shape = shape_penalty(lens, limits, system.problem.lens.density, options.roughness_weight)
     return Objective(
         backend,
         tracer,
@@ -114,13 +111,13 @@ def marked_cells(
     system: OpticalSystem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: Indicators
 ) -> list[dict[int, NDArray[np.int64]]]:
     """Return the cells of every free surface to refine after a level ({} after the last)."""
-    problem, settings = system.problem, system.freeforms
+    problem = system.problem
     if stage.level == last_level(problem):
-        return [{}] * len(settings)
+        return [{}] * len(lens.sags)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
-    for sag, freeform, indicator in zip(lens.sags, settings, indicators(lens, stage)):
+    for sag, finest, indicator in zip(lens.sags, feature_levels(problem), indicators(lens, stage)):
         indicator = Mirrors(sag.space, axes).of_cells(indicator)
-        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, freeform.finest)))
+        out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, finest)))
     return out
 
 

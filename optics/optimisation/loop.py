@@ -20,14 +20,16 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from optics.optimisation.level_objective import Indicators, marked_cells, stage_objective
+from optics.optimisation.limit_keeper import LimitKeeper
 from optics.optimisation.recorder import Interrupted, Recorder
 from optics.optimisation.stage_plan import stages
 from optics.optimisation.state import Row, State, first_sags
 from optics.optimisation.symmetry import mirror_axes
 from optics.optimisation.transport_start import TransportFit, TransportStart
+from optics.problem import Limits, limit_sentences
 from optics.runtime import NumericalError, UserError
 from optics.tracing import Tracer
-from thbcad.lens import require_sound
+from thbcad.lens import manufacturability, require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
@@ -105,7 +107,8 @@ def design(
             objective = stage_objective(system, lens, stage, target, backend, axes)
             report = progress and partial(progress, plan, stage, state.dof)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
-            lens = _optimised(lens, recorder, stage, note)
+            keeper = LimitKeeper(system, lens) if stage is plan[-1] else None
+            lens = _optimised(lens, recorder, stage, note, keeper)
             if stage is plan[-1] and recorder.fall > FALLING:
                 note(
                     f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
@@ -122,7 +125,12 @@ def design(
             checkpoint(state)
     if start and fit and not start.within(fit):
         note(start.note(fit))
-    return _with_sags(system.lens, state.sags), state
+    lens = _with_sags(system.lens, state.sags)
+    problem = system.problem
+    if problem.limits != Limits():
+        for sentence in limit_sentences(problem, manufacturability(lens, problem.lens.density or None)):
+            note(sentence)
+    return lens, state
 
 
 def _asked(
@@ -211,10 +219,20 @@ def _refined(
     return following, None
 
 
-def _optimised(lens: Lens, recorder: Recorder, stage: Stage, note: Callable[[str], None]) -> Lens:
-    """Return the lens with the sags that the optimiser finds, or the nearest one that can exist."""
+def _optimised(
+    lens: Lens,
+    recorder: Recorder,
+    stage: Stage,
+    note: Callable[[str], None],
+    keeper: LimitKeeper | None = None,
+) -> Lens:
+    """Return the lens with the sags that the optimiser finds, or the nearest one that can exist.
+
+    keeper : of the limits, where the lens must end within them.
+    """
     try:
-        lens, wrong = nearest_lens(lens, recorder.minimized())
+        sags = keeper.minimized(recorder, stage.iterations) if keeper else recorder.minimized()
+        lens, wrong = nearest_lens(lens, sags)
     except Interrupted as stop:
         sags = nearest_lens(lens, stop.state.sags)[0].sags
         raise Interrupted(replace(stop.state, sags=sags)) from None

@@ -13,6 +13,7 @@ half-width.  The third charges light that misses the pixels where T > 0, whereve
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +23,8 @@ from numpy.typing import NDArray
 from optics.target import MappedCells, Splat, filter_image
 
 if TYPE_CHECKING:
-    from optics.optimisation.shape_penalty import ShapePenalty
     from optics.runtime import Backend, DrArray
+    from optics.shape import ShapePenalty
     from optics.target import Screen, Window
     from optics.tracing import Landing, RayTracer
     from thbcad.splines import KnotVector
@@ -90,6 +91,17 @@ class Objective:
             return Evaluation(loss, gradients, fit)
         more, slopes = self._shape(coefficients)
         return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit)
+
+    @property
+    def shape(self) -> ShapePenalty | None:
+        """What the shape is charged for."""
+        return self._shape
+
+    def charging(self, shape: ShapePenalty | None) -> Objective:
+        """Return the objective with other charges for the shape."""
+        other = copy(self)
+        other._shape = shape
+        return other
 
     def image(self, coefficients: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the measured irradiance on the target's pixels, W/mm^2."""

@@ -20,11 +20,13 @@ from thbcad.surfaces import THBSurface
 if TYPE_CHECKING:
     from optics.optimisation.objective import Evaluation, Objective
     from optics.optimisation.stage_plan import Stage
+    from optics.shape import ShapePenalty
     from optics.system import OpticalSystem
 
 
 STEPS = 10  # over which the fall of the misfit is looked at
 FLAT = 1e-4  # fall per step, relative: below it more steps are not worth their time
+LEAST_DECREASE = 2.2e-9  # of the loss: it ends a run that starts near a minimum
 
 
 class Interrupted(Exception):
@@ -61,13 +63,39 @@ class Recorder:
         self._first: Evaluation | None = None
         self._bests: list[float] = []  # least loss after every step of the optimiser
         self.fall = 0.0
+        self._scaled = False
+        self._gone_on = False
 
     @property
     def history(self) -> tuple[Row, ...]:
         """The rows of this stage behind those of the stages before."""
         return tuple(self._rows)
 
-    def minimized(self) -> tuple[THBSurface, ...]:
+    @property
+    def variables(self) -> BoundedVariables:
+        """The variables around the sags that `minimized` starts from."""
+        return self._variables
+
+    @property
+    def shape(self) -> ShapePenalty | None:
+        """What the objective charges the shape for."""
+        return self._objective.shape
+
+    @property
+    def stopped(self) -> Interrupted:
+        """What is raised on Ctrl-C."""
+        return Interrupted(replace(self._state, sags=self._best_sags(), history=self.history))
+
+    def go_on(self, sags: Sequence[THBSurface], shape: ShapePenalty | None) -> None:
+        """Start the next `minimized` from other sags, with other charges for the shape."""
+        self._objective = self._objective.charging(shape)
+        self._variables = self._variables.around(sags)
+        self._best = np.inf, [sag.coefficients for sag in sags]
+        self._first = None
+        self._gone_on = True
+        self._bests, self.fall = [], 0.0
+
+    def minimized(self, iterations: int = 0) -> tuple[THBSurface, ...]:
         """Return the best sags that L-BFGS finds.
 
         Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.  It
@@ -75,17 +103,21 @@ class Recorder:
         what it fell per step where it was stopped by the number of iterations, or else 0.  After fewer steps
         nothing is said.
 
+        iterations : 0 for those of the stage.
+
         Raises
         ------
         Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
-        iterations, memory = self._stage.iterations, self._problem.optimizer.memory
+        iterations, memory = iterations or self._stage.iterations, self._problem.optimizer.memory
         options = {"maxiter": iterations, "maxcor": memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
         try:
             start, _ = self._variables.coefficients(self._variables.zeros())
             self._first = first = self._evaluated(start)
-            if 2 * first.fit**2 > first.loss:
-                self._precondition()
+            if not self._scaled and 2 * first.fit**2 > first.loss:
+                self.precondition()
+            if self._gone_on:
+                options["ftol"] = LEAST_DECREASE * first.loss  # which scipy compares with 1
             result = minimize(
                 self,
                 self._variables.zeros(),
@@ -97,8 +129,7 @@ class Recorder:
             if result.nit >= iterations:
                 self.fall = self._fall_per_step()
         except KeyboardInterrupt:
-            stopped = replace(self._state, sags=self._best_sags(), history=self.history)
-            raise Interrupted(stopped) from None
+            raise self.stopped from None
         return self._best_sags()
 
     def _stop_where_flat(self, _: NDArray[np.float64]) -> None:
@@ -147,10 +178,12 @@ class Recorder:
             self._progress(row)
         return evaluation
 
-    def _precondition(self) -> None:
+    def precondition(self) -> None:
+        """Scale the variables by the fit's curvature at the best sags so far."""
         vectors = self._objective.curvature(self._best[1], PROBES, self._problem.run.seed)
         self._evaluations += PROBES
         self._variables = self._variables.preconditioned(vectors)
+        self._scaled = True
 
     def _best_sags(self) -> tuple[THBSurface, ...]:
         return tuple(THBSurface(sag.space, c) for sag, c in zip(self._state.sags, self._best[1]))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.optimisation.stage_plan import first_level, stages
+from optics.problem import feature_levels
 from optics.runtime import UserError
 from thbcad.surfaces import THBSurface
 
@@ -63,8 +64,8 @@ class State:
 def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     sags = []
-    for sag, freeform in zip(system.lens.sags, system.freeforms):
-        for level in range(min(first_level(system.problem, moved), freeform.finest)):
+    for sag, finest in zip(system.lens.sags, feature_levels(system.problem)):
+        for level in range(min(first_level(system.problem, moved), finest)):
             sag = sag.refine({level: sag.space.cells[:, 1:]})
         sags.append(sag)
     return tuple(sags)

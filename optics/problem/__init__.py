@@ -5,13 +5,19 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.problem.limit_remedies import (
+        limit_sentences as limit_sentences,
+    )
     from optics.problem.manufacture_text import (
         as_data as as_data,
         manufacture_rows as manufacture_rows,
     )
     from optics.problem.manufacturing_limits import (
+        Miss as Miss,
+        feature_levels as feature_levels,
         limit_advice as limit_advice,
         limit_checks as limit_checks,
+        limit_misses as limit_misses,
         require_limits as require_limits,
     )
     from optics.problem.problem_file import (
@@ -42,13 +48,17 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "limit_remedies": ("limit_sentences",),
     "manufacture_text": (
         "as_data",
         "manufacture_rows",
     ),
     "manufacturing_limits": (
+        "Miss",
+        "feature_levels",
         "limit_advice",
         "limit_checks",
+        "limit_misses",
         "require_limits",
     ),
     "problem_file": ("load_problem",),

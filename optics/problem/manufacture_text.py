@@ -23,6 +23,7 @@ def manufacture_rows(metrics: Manufacturability, wavelength: float) -> list[Row]
         ("centre thickness", metrics.centre_thickness.value, "mm", position(metrics.centre_thickness)),
         ("edge thickness", metrics.edge_thickness.value, "mm", position(metrics.edge_thickness)),
         ("least thickness", metrics.thickness.value, "mm", position(metrics.thickness)),
+        ("greatest thickness", metrics.greatest_thickness.value, "mm", position(metrics.greatest_thickness)),
     ]
     for name, surface in metrics.surfaces.items():
         rows += _surface_rows(name, surface, wavelength)
@@ -36,7 +37,7 @@ def as_data(metrics: Manufacturability) -> dict[str, Any]:
     """Return the metrics as plain data for JSON; an infinite number is None."""
     thicknesses = {
         name: _bound_data(getattr(metrics, name))
-        for name in ("thickness", "centre_thickness", "edge_thickness")
+        for name in ("thickness", "centre_thickness", "edge_thickness", "greatest_thickness")
     }
     return {
         **{f"{name}_mm": data for name, data in thicknesses.items()},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import floor, isfinite, log2
+from math import floor, inf, isfinite, log2, nextafter
 from typing import TYPE_CHECKING
 
 from optics.problem.manufacture_text import position, positions
@@ -12,7 +12,7 @@ from optics.runtime import Check, UserError
 from thbcad.lens import NM_PER_MM, Lens, manufacturability, mass
 
 if TYPE_CHECKING:
-    from optics.problem.schema import Limits, Problem
+    from optics.problem.schema import Freeform, Limits, Problem
     from thbcad.certified import Enclosure
     from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
 
@@ -29,20 +29,45 @@ class Miss:
 
     Both are 0 within the limit.
 
-    side : "short of" or "beyond".
+    wanted : the limit.  beyond : the limit is an upper one.  surface : "front", "rear", or "" for the lens.
     """
 
     quantity: str
-    side: str
     key: str
+    wanted: float
     most: float
     least: float
     unit: str
+    beyond: bool = False
+    surface: str = ""
     where: str = ""
+
+    @property
+    def side(self) -> str:
+        return "beyond" if self.beyond else "short of"
+
+    @property
+    def got(self) -> float:
+        """The certified number that is compared with the limit, where that is missed."""
+        return self.wanted + self.most if self.beyond else self.wanted - self.most
 
 
 def require_limits(problem: Problem) -> None:
-    """Raise UserError where a limit needs a key that is missing."""
+    """Raise UserError where a limit needs a key that is missing, or contradicts another limit."""
+    limits = problem.limits
+    for key in THICKNESSES:
+        if getattr(limits, key) > limits.greatest_thickness:
+            raise UserError(
+                f"limits.{key} of {getattr(limits, key):g} mm is more than limits.greatest_thickness of "
+                f"{limits.greatest_thickness:g} mm; lower the one or raise the other"
+            )
+    low, high = limits.envelope
+    least = max(limits.thickness, limits.centre_thickness, limits.edge_thickness)
+    if high - low <= least:
+        raise UserError(
+            f"limits.envelope from z = {low:g} to {high:g} mm must be higher than the least thickness, "
+            f"which is {least:g} mm; list the lower end first, and widen it"
+        )
     if isfinite(problem.limits.mass) and not problem.lens.density:
         raise UserError(
             f"limits.mass of {problem.limits.mass:g} g needs lens.density, the density in g/cm^3, "
@@ -57,7 +82,7 @@ def limit_checks(problem: Problem, metrics: Manufacturability) -> list[Check]:
     """
     return [
         Check(f"{m.quantity} {m.side} limits.{m.key}{m.where}", m.most, 0, m.unit)
-        for m in _misses(problem, metrics)
+        for m in limit_misses(problem, metrics)
     ]
 
 
@@ -69,7 +94,7 @@ def limit_advice(problem: Problem, lens: Lens) -> list[str]:
     if problem.limits == type(problem.limits)():
         return []
     bare = Lens(replace(lens.front, sag=None), replace(lens.rear, sag=None), lens.thickness, lens.index)
-    missed = [m for m in _misses(problem, manufacturability(bare)) if m.least > 0]
+    missed = [m for m in limit_misses(problem, manufacturability(bare)) if m.least > 0]
     sentences = [
         f"before optimisation the {m.quantity} is {m.least:.4g} {m.unit} {m.side} limits.{m.key}{m.where}"
         for m in missed
@@ -77,38 +102,59 @@ def limit_advice(problem: Problem, lens: Lens) -> list[str]:
     return sentences + list(_feature_advice(problem))
 
 
-def _misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
+def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
+    """Yield the Miss of every limit that is set, also of those that are kept."""
     limits, free = problem.limits, {"front": problem.lens.front.freeform is not None, "rear": True}
     for key, quantity in THICKNESSES.items():
         if getattr(limits, key):
             yield _short(quantity, key, getattr(limits, key), getattr(metrics, key))
+    if isfinite(limits.greatest_thickness):
+        bound = metrics.greatest_thickness
+        limit = limits.greatest_thickness
+        yield _beyond("thickness", "greatest_thickness", limit, bound, "mm", position(bound))
+    yield from _envelope_misses(problem, metrics)
     for name, surface in metrics.surfaces.items():
         if free[name]:
             yield from _free_misses(name, surface, limits, problem.source.wavelength)
         yield from _height_misses(name, surface, limits)
     if isfinite(limits.mass):
         amount = max(0.0, mass(metrics.volume, problem.lens.density) - limits.mass)
-        yield Miss("mass", side="beyond", key="mass", most=amount, least=amount, unit="g")
+        yield Miss("mass", "mass", limits.mass, most=amount, least=amount, unit="g", beyond=True)
+
+
+def _envelope_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
+    """Yield how far the solid leaves its range of z: the front is its lower end, the rear its upper one."""
+    low, high = problem.limits.envelope
+    bottom, top = metrics.front.heights.least, metrics.rear.heights.greatest
+    if isfinite(low):
+        miss = _short("least z of the front", "envelope", low, bottom)
+        yield replace(miss, surface="front")
+    if isfinite(high):
+        z = problem.lens.thickness
+        top = replace(top, lower=z + top.lower, upper=float(nextafter(z + top.upper, inf)))
+        miss = _beyond("greatest z of the rear", "envelope", high, top, "mm", position(top))
+        yield replace(miss, surface="rear")
 
 
 def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength: float) -> Iterator[Miss]:
     """Yield the limits that hold for free surfaces."""
     if limits.radius:
         least = min((surface.concave, surface.convex), key=lambda radius: radius.lower)
-        yield _short(f"radius of the {name}", "radius", limits.radius, least)
+        yield replace(_short(f"radius of the {name}", "radius", limits.radius, least), surface=name)
     if limits.concave_radius:
-        yield _short(
-            f"concave radius of the {name}", "concave_radius", limits.concave_radius, surface.concave
-        )
+        quantity = f"concave radius of the {name}"
+        miss = _short(quantity, "concave_radius", limits.concave_radius, surface.concave)
+        yield replace(miss, surface=name)
     if limits.feature and surface.feature is not None:
         amount = max(0.0, limits.feature - surface.feature.wavelengths(wavelength))
         yield Miss(
             quantity=f"smallest feature of the {name}",
-            side="short of",
             key="feature",
+            wanted=limits.feature,
             most=amount,
             least=amount,
             unit="wavelengths",
+            surface=name,
             where=f", on level {surface.feature.level}",
         )
 
@@ -116,46 +162,63 @@ def _free_misses(name: str, surface: SurfaceMetrics, limits: Limits, wavelength:
 def _height_misses(name: str, surface: SurfaceMetrics, limits: Limits) -> Iterator[Miss]:
     """Yield the limits that hold for every surface."""
     if limits.slope < 90:
-        yield _beyond(
-            f"slope of the {name}", "slope", limits.slope, surface.slope, "degrees", position(surface.slope)
-        )
+        quantity, where = f"slope of the {name}", position(surface.slope)
+        miss = _beyond(quantity, "slope", limits.slope, surface.slope, "degrees", where)
+        yield replace(miss, surface=name)
     if isfinite(limits.sag_range):
-        where = positions(surface.heights)
-        yield _beyond(
-            f"range of heights of the {name}", "sag_range", limits.sag_range, surface.heights, "mm", where
-        )
+        quantity, where = f"range of heights of the {name}", positions(surface.heights)
+        miss = _beyond(quantity, "sag_range", limits.sag_range, surface.heights, "mm", where)
+        yield replace(miss, surface=name)
 
 
 def _short(quantity: str, key: str, limit: float, bound: Enclosure) -> Miss:
     most, least = (max(0.0, limit - number) for number in (bound.lower, bound.upper))
     where = f", {position(bound)}" if isfinite(bound.value) else ""
-    return Miss(quantity, side="short of", key=key, most=most, least=least, unit="mm", where=where)
+    return Miss(quantity, key, wanted=limit, most=most, least=least, unit="mm", where=where)
 
 
 def _beyond(
     quantity: str, key: str, limit: float, bound: Enclosure | HeightRange, unit: str, where: str
 ) -> Miss:
     most, least = (max(0.0, number - limit) for number in (bound.upper, bound.lower))
-    return Miss(quantity, side="beyond", key=key, most=most, least=least, unit=unit, where=f", {where}")
+    where = f", {where}"
+    return Miss(quantity, key, wanted=limit, most=most, least=least, unit=unit, beyond=True, where=where)
+
+
+def feature_levels(problem: Problem) -> list[int]:
+    """Return the finest level of every free surface, front first, that limits.feature leaves of max_level.
+
+    It is 0 where even level 0 has smaller features.
+    """
+    return [
+        max(0, min(free.finest, floor(log2(size / problem.limits.feature))))
+        if problem.limits.feature
+        else free.finest
+        for _, free, size in _features(problem)
+    ]
+
+
+def _features(problem: Problem) -> Iterator[tuple[str, Freeform, float]]:
+    """Yield name, settings and the smallest feature of level 0 in wavelengths of every free surface."""
+    lens = problem.lens
+    for name, spec in (("front", lens.front), ("rear", lens.rear)):
+        free = spec.freeform
+        if free is not None:
+            smallest = min(free.degree * 2 * h / n for h, n in zip(spec.half_width, free.spans))
+            yield name, free, smallest * NM_PER_MM / problem.source.wavelength
 
 
 def _feature_advice(problem: Problem) -> Iterator[str]:
     """Yield a sentence for every free surface whose finest level would break limits.feature."""
-    limit, lens = problem.limits.feature, problem.lens
-    for name, spec in (("front", lens.front), ("rear", lens.rear)):
-        free = spec.freeform
-        if not limit or free is None:
-            continue
-        smallest = min(free.degree * 2 * h / n for h, n in zip(spec.half_width, free.spans))
-        coarsest = smallest * NM_PER_MM / problem.source.wavelength
+    limit, levels = problem.limits.feature, feature_levels(problem)
+    for (name, free, coarsest), level in zip(_features(problem), levels):
         if coarsest < limit:
             yield (
                 f"limits.feature is {limit:g} wavelengths, but level 0 of lens.{name}.freeform has "
                 f"{coarsest:.4g}: take fewer spans"
             )
-        elif coarsest / 2**free.finest < limit:
-            most = floor(log2(coarsest / limit))
+        elif level < free.finest:
             yield (
-                f"limits.feature holds up to level {most}, but lens.{name}.freeform.max_level is "
-                f"{free.finest}"
+                f"limits.feature holds up to level {level}, but lens.{name}.freeform.max_level is "
+                f"{free.max_level}: the mesh stays at level {level}"
             )

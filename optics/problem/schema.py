@@ -228,6 +228,15 @@ class Limits:
     thickness: float = option(0.0, low=0, note="mm, least thickness of the lens; 0 is none")
     centre_thickness: float = option(0.0, low=0, note="mm, least thickness on the axis; 0 is none")
     edge_thickness: float = option(0.0, low=0, note="mm, least thickness at the rim; 0 is none")
+    greatest_thickness: float = option(
+        math.inf, above=0, infinite=True, note="mm, greatest thickness anywhere; inf is none"
+    )
+    envelope: tuple[float, float] = option(
+        (-math.inf, math.inf),
+        infinite=True,
+        zero=True,
+        note="mm, least and greatest z of the solid; the vertex of the front is 0; inf is none",
+    )
     radius: float = option(0.0, low=0, note="mm, least radius of curvature of the free surfaces; 0 is none")
     concave_radius: float = option(
         0.0, low=0, note="mm, the same where they are hollow, as the tool must fit in; 0 is none"

@@ -34,11 +34,13 @@ def option(
     infinite: bool = False,
     picture: bool = False,
     auto: bool = False,
+    zero: bool = False,
 ) -> Any:
     """Return a field with its limits and a note; a key without a default is required.
 
     size : limits of the absolute value.  infinite : inf is allowed too.
     picture : the value is the path of a picture.  auto : the number may be left to the program.
+    zero : a number that may be infinite may be 0 too.
     """
     limits = {
         "choices": choices,
@@ -50,6 +52,7 @@ def option(
         "infinite": infinite,
         "picture": picture,
         "auto": auto,
+        "zero": zero,
     }
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
@@ -141,7 +144,7 @@ def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
     ):
         if limits[name] is not None and broken(value, limits[name]):
             raise UserError(f"{key} must be {word} {limits[name]:.7g}, got {value!r}")
-    if limits["infinite"] and value == 0:  # of a surface: a target has its own limit
+    if limits["infinite"] and not limits["zero"] and value == 0:  # of a surface: a target has its own limit
         raise UserError(f"{key} must not be 0; inf is a plane")
     if limits["size"] and not limits["size"][0] <= abs(value) <= limits["size"][1]:
         low, high = limits["size"]

@@ -81,7 +81,7 @@ def report_html(report: Report, problem_text: str) -> str:
         f"<h1>{title}</h1>{_banner(report)}"
         f"<p>{_summary(metrics)}</p>"
         f'<div class="figures">{figures}</div>'
-        f"<h2>Files</h2>{_file_list()}{_list((f'{name}: {value}' for name, value in report.run.items()), 'run')}"
+        f"<h2>Files</h2>{_file_list()}{_list(map(': '.join, report.run.items()), 'run')}"
         f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics))}"
         f"<h2>Manufacture</h2>{_manufacture_table(report.manufacture)}"
         f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"

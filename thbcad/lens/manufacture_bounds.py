@@ -107,12 +107,14 @@ class Manufacturability:
     position on the rear.
 
     thickness : the least anywhere.  edge_thickness : the least at the rim.  centre_thickness : at x = y = 0
+    greatest_thickness : the greatest anywhere
     volume : mm^3.  density : g/cm^3 or None
     """
 
     thickness: Enclosure
     centre_thickness: Enclosure
     edge_thickness: Enclosure
+    greatest_thickness: Enclosure
     front: SurfaceMetrics
     rear: SurfaceMetrics
     volume: float
@@ -151,10 +153,12 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
         require_number("density", density, above=0, finite=True)
     front, rear = lens.graphs()
     gap = gap_graph(front, rear, lens.thickness)
+    least, most = value_range(gap, tolerance=HEIGHT)
     return Manufacturability(
-        thickness=minimum(gap, tolerance=HEIGHT),
+        thickness=least,
         centre_thickness=_at_centre(gap),
         edge_thickness=_at_rim(gap),
+        greatest_thickness=most,
         front=_metrics(lens.front, front, air_above=False),
         rear=_metrics(lens.rear, rear, air_above=True),
         volume=lens.volume(),

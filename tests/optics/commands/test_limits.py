@@ -17,6 +17,7 @@ from optics.problem import (
     as_data,
     limit_advice,
     limit_checks,
+    limit_sentences,
     load_problem,
     manufacture_rows,
     require_limits,
@@ -62,6 +63,7 @@ def bounds_of(found):
         "thickness": (found.thickness.lower, True, "mm"),
         "centre_thickness": (found.centre_thickness.lower, True, "mm"),
         "edge_thickness": (found.edge_thickness.lower, True, "mm"),
+        "greatest_thickness": (found.greatest_thickness.upper, False, "mm"),
         "radius": (min(found.rear.concave.lower, found.rear.convex.lower), True, "mm"),
         "concave_radius": (found.rear.concave.lower, True, "mm"),
         "slope": (max(s.slope.upper for s in surfaces), False, "degrees"),
@@ -71,7 +73,7 @@ def bounds_of(found):
     }
 
 
-KEYS = [field.name for field in fields(Limits)]
+KEYS = [field.name for field in fields(Limits) if field.name != "envelope"]
 
 
 def test_every_key_of_the_table_is_checked(tmp_path):
@@ -90,6 +92,19 @@ def test_a_limit_is_kept_up_to_the_certified_bound_and_no_further(tmp_path, key)
     assert worst.value == pytest.approx(bound * (0.25 if at_least else 0.2), rel=1e-12)
     assert (worst.limit, worst.unit) == (0, unit)
     assert f"{'short of' if at_least else 'beyond'} limits.{key}" in worst.name
+
+
+def test_the_envelope_is_kept_up_to_the_certified_ends_and_no_further(tmp_path):
+    """The front is a plane at z = 0, the rear's vertex lies at z = 6 mm."""
+    problem, lens, found = designed(tmp_path)
+    top = np.nextafter(lens.thickness + found.rear.heights.greatest.upper, inf)
+    assert all(c.ok for c in checks_of(problem, found, envelope=(-1e-12, top)))
+    low, high = checks_of(problem, found, envelope=(0.5, top - 0.25))
+    assert (low.value, low.unit) == (pytest.approx(0.5, abs=1e-12), "mm")
+    assert low.name.startswith("least z of the front short of limits.envelope, at x = ")
+    assert high.value == pytest.approx(0.25, rel=1e-12)
+    assert high.name.startswith("greatest z of the rear beyond limits.envelope, at x = ")
+    assert len(checks_of(problem, found, envelope=(-inf, 9.0))) == 1
 
 
 def test_names_say_where(tmp_path):
@@ -155,6 +170,78 @@ def test_a_mass_needs_a_density(tmp_path):
         require_limits(load_problem(path))
     require_limits(load_problem(write_problem(tmp_path, {"limits.mass": 5.0, "lens.density": DENSITY})))
     require_limits(load_problem(write_problem(tmp_path)))
+
+
+@pytest.mark.parametrize("key", ["thickness", "centre_thickness", "edge_thickness"])
+def test_limits_of_thickness_that_contradict_each_other_are_refused(tmp_path, key):
+    path = write_problem(tmp_path, {f"limits.{key}": 7.0, "limits.greatest_thickness": 6.5})
+    with pytest.raises(
+        UserError, match=rf"limits\.{key} of 7 mm is more than limits\.greatest_thickness of 6\.5"
+    ):
+        require_limits(load_problem(path))
+
+
+@pytest.mark.parametrize(("ends", "thickness"), [([3.0, 3.0], 0.0), ([5.0, -1.0], 0.0), ([0.0, 4.0], 4.0)])
+def test_an_envelope_must_hold_the_lens(tmp_path, ends, thickness):
+    path = write_problem(tmp_path, {"limits.envelope": ends, "limits.thickness": thickness})
+    with pytest.raises(
+        UserError, match=r"limits\.envelope from z = .* must be higher than the least thickness"
+    ):
+        require_limits(load_problem(path))
+
+
+# Remedies
+
+
+def test_a_missed_limit_is_told_with_what_came_what_was_wanted_and_a_remedy(tmp_path):
+    """The rear's paraboloid of 40 mm over 10 x 10 mm: 2.5 mm high, 6 mm thick in the middle."""
+    problem, _, found = designed(tmp_path, height=0.0)
+
+    def told(**limits):
+        (sentence,) = limit_sentences(limited(problem, **limits), found)
+        return sentence
+
+    assert limit_sentences(problem, found) == []
+    assert limit_sentences(limited(problem, thickness=5.9, mass=9.0), found) == []
+    assert told(concave_radius=50.0) == (
+        "concave radius of the rear: got 40 mm, wanted at least 50 mm, at x = 0, y = 0 mm: "
+        "take fewer lens.rear.freeform.spans, or allow limits.concave_radius = 39.99"
+    )
+    assert told(thickness=6.5).endswith(
+        "raise lens.thickness by 0.5001 mm, or z_freedom of the free surfaces, "
+        "or allow limits.thickness = 5.999"
+    )
+    assert told(greatest_thickness=8.0).endswith(
+        "lower lens.thickness by 0.5001 mm, or raise z_freedom of the free surfaces, "
+        "or allow limits.greatest_thickness = 8.501"
+    )
+    assert told(mass=3.0) == (  # 3.2527 g, and 0.476 g for each mm
+        "mass: got 3.253 g, wanted at most 3 g: lower lens.thickness by about 0.53 mm, "
+        "or allow limits.mass = 3.253"
+    )
+    assert "got 8.5 mm, wanted at most 8 mm" in told(envelope=(-1.0, 8.0))
+    assert told(envelope=(-1.0, 8.0)).endswith("or allow limits.envelope = [-1, 8.501]")
+    assert "change lens.front.radius, or allow limits.envelope = [0, 9]" in told(envelope=(0.1, 9.0))
+    assert "raise target.distance or lens.rear.freeform.z_freedom" in told(slope=10.0)
+
+
+def test_a_mesh_too_fine_is_told_its_level(tmp_path):
+    problem, lens, _ = designed(tmp_path, height=0.0)
+    (sag,) = lens.sags
+    refined = lens.with_sags([sag.refine({0: sag.space.cells[:, 1:]})])
+    limits = limited(problem, feature=2e4, concave_radius=50.0)
+    for sentence in limit_sentences(limits, manufacturability(refined)):
+        assert "set lens.rear.freeform.max_level = 0" in sentence
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_limit_that_is_told_to_be_allowed_is_kept(tmp_path, key):
+    problem, _, found = designed(tmp_path)
+    bound, at_least, _ = bounds_of(found)[key]
+    sentences = limit_sentences(limited(problem, **{key: bound * (1.3 if at_least else 0.7)}), found)
+    numbers = [float(sentence.rpartition(" = ")[2]) for sentence in sentences]
+    allowed = (min if at_least else max)(numbers)
+    assert limit_sentences(limited(problem, **{key: allowed}), found) == []
 
 
 # Advice
@@ -224,7 +311,9 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
     """Level 0 has spans of 5 mm: features of 15 mm are 27273 wavelengths, those of level 2 6818."""
     assert advice(tmp_path, {"limits.feature": 6800.0}) == []
     (sentence,) = advice(tmp_path, {"limits.feature": 6900.0})
-    assert sentence == "limits.feature holds up to level 1, but lens.rear.freeform.max_level is 2"
+    assert sentence == (
+        "limits.feature holds up to level 1, but lens.rear.freeform.max_level is 2: the mesh stays at level 1"
+    )
     (sentence,) = advice(tmp_path, {"limits.feature": 30000.0})
     assert (
         sentence
@@ -232,8 +321,9 @@ def test_advice_on_levels_too_fine_for_the_features(tmp_path):
         "fewer spans"
     )
     assert advice(tmp_path, {"limits.feature": 20000.0} | FREE_FRONT) == [
-        "limits.feature holds up to level 0, but lens.front.freeform.max_level is 1",
-        "limits.feature holds up to level 0, but lens.rear.freeform.max_level is 2",
+        f"limits.feature holds up to level 0, but lens.{name}.freeform.max_level is {level}: "
+        "the mesh stays at level 0"
+        for name, level in (("front", 1), ("rear", 2))
     ]
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from optics.optimisation.objective import Objective
-from optics.optimisation.shape_penalty import ShapePenalty, ShapeWeights
+from optics.problem import Limits
+from optics.shape import shape_penalty
 from optics.sources import Profile, beam_cells, cone_cells
 from optics.target import MappedCells, Screen
 from optics.tracing import Tracer
@@ -55,7 +56,7 @@ def made_objective(backend, case, charges):
     tracer = Tracer(backend, lens, rays, target_z, 0.02, sure=False)
     target = asked_for(screen)
     target[: screen.shape[0] // 4] = 0.0  # what is dark there is charged
-    shape = ShapePenalty(lens, ShapeWeights(0.1, 100.0, 20.0, 1.0)) if shaped else None
+    shape = shape_penalty(lens, Limits(radius=20.0, thickness=1.0), roughness=0.1) if shaped else None
     mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
     return Objective(backend, tracer, screen, mapped, target, lost, dark, shape), tracer
 

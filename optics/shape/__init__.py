@@ -1,0 +1,21 @@
+"""What the shape of a lens adds to the loss: roughness, and limits that it exceeds."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.shape.charges import (
+        ROOM as ROOM,
+        ShapePenalty as ShapePenalty,
+        shape_penalty as shape_penalty,
+    )
+
+_FILES = {
+    "charges": (
+        "ROOM",
+        "ShapePenalty",
+        "shape_penalty",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
