@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         vertex_knots as vertex_knots,
     )
     from optics.optimisation.level_objective import (
+        PROBES as PROBES,
         SOFT_RIM as SOFT_RIM,
         stage_objective as stage_objective,
         stage_window as stage_window,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from optics.optimisation.stage_plan import (
         MARGIN as MARGIN,
         Stage as Stage,
+        last_level as last_level,
         stages as stages,
     )
     from optics.optimisation.state import (
@@ -60,6 +62,7 @@ _FILES = {
         "vertex_knots",
     ),
     "level_objective": (
+        "PROBES",
         "SOFT_RIM",
         "stage_objective",
         "stage_window",
@@ -81,6 +84,7 @@ _FILES = {
     "stage_plan": (
         "MARGIN",
         "Stage",
+        "last_level",
         "stages",
     ),
     "state": (
