@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         Row as Row,
         State as State,
         earlier_state as earlier_state,
+        first_sags as first_sags,
     )
     from optics.optimisation.symmetry import (
         Mirrors as Mirrors,
@@ -91,6 +92,7 @@ _FILES = {
         "Row",
         "State",
         "earlier_state",
+        "first_sags",
     ),
     "symmetry": (
         "Mirrors",

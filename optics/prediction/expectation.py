@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from optics.analysis import cell_irradiance, rel_l2
 from optics.etendue import image_half_width, throughput
-from optics.optimisation import TransportStart, last_level, stages, transmitted_flux
+from optics.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
 from optics.prediction.cost import memory_mb, seconds
 from optics.prediction.picture_error import predicted_rel_l2
 from optics.prediction.sensitivity import Sensitivity, sensitivity
@@ -46,7 +46,9 @@ class Expectation:
     efficiency, stray : of the transport start, share of the source's flux on the target and beside it.
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
-    rel_l2 : predicted, None where nothing tells it.  start_rel_l2 : of the transport start, None likewise.
+    moved : the design starts from the whole transport map.
+    rel_l2 : predicted, None where nothing tells it: without the whole map, or where rays spread in the lens.
+    start_rel_l2 : of the transport start, None where the source has extent.
     seconds, memory_mb : of the design.
     """
 
@@ -61,6 +63,7 @@ class Expectation:
     pixel: float
     net: float
     blur: float | None
+    moved: bool
     rel_l2: float | None
     start_rel_l2: float | None
     seconds: float
@@ -77,8 +80,9 @@ def expected(
 
     Raises
     ------
-    UserError : (almost) nothing passes the lens.
+    UserError : the design would take too much memory, (almost) nothing passes the lens.
     """
+    stages(system, moved=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
     start = start or TransportStart(system, backend)
     fit = start.fit(_start_space(system))
@@ -102,7 +106,8 @@ def expected(
         pixel=max(system.target.screen().pitch),
         net=_net(system, light),
         blur=_blur(system),
-        rel_l2=None if error is None or not moved else predicted_rel_l2(_lit(system), error),
+        moved=moved,
+        rel_l2=predicted_rel_l2(_lit(system), error) if error and moved and system.path.parallel else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),
         memory_mb=memory_mb(system, plan),
@@ -127,7 +132,7 @@ def _moves(system: OpticalSystem, start: TransportStart) -> bool:
         return False
     if start.traced is not None and not start.within(start.traced):
         return False
-    return start.follows(start.fit(system.lens.sags[-1].space))
+    return start.follows(start.fit(first_sags(system, moved=True)[-1].space))
 
 
 def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[SequentialFates, float | None]:

@@ -51,8 +51,10 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if system.source.extended:
         return "rel_l2: not predicted for a source with extent; the notes have its bound by etendue"
     start = f"the start has {expected.start_rel_l2:.2g}"
-    if expected.rel_l2 is None:
+    if not expected.moved:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
+    if expected.rel_l2 is None:
+        return f"rel_l2: not predicted where rays spread in the lens; {start}"
     if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:
         basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 60 iterations"
         return f"rel_l2: about {expected.rel_l2:.2g}, {basis}; {start}"
