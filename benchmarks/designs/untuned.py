@@ -17,8 +17,10 @@ from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import run_design
+from optics.prediction import expected
 from optics.problem import AUTO, Optimizer, load_problem, problem_to_toml
-from optics.runtime import Row
+from optics.runtime import Row, load_backend
+from optics.system import OpticalSystem
 
 PEARL = EXAMPLES / "pearl.toml"
 Z_FREEDOM = 19.0  # mm: busy pictures ask for more sag than the pearl
@@ -52,6 +54,7 @@ def rows() -> list[Row]:
             out.append(Row(f"{name}: psnr", metrics["psnr_db"], "dB"))
             out.append(Row(f"{name}: efficiency", metrics["efficiency"]))
             out.append(Row(f"{name}: wall time without imports", metrics["wall_s"]["total"], "s"))
+            out += _predictions(Path(folder), name, metrics)
     return out
 
 
@@ -75,6 +78,19 @@ def pictures() -> Iterator[tuple[str, NDArray[np.uint8]]]:
     folder = Path(skimage.__file__).parent / "data"
     for name in BUNDLED:
         yield name.split(".")[0].replace("_", " "), io.imread(folder / name)
+
+
+def _predictions(folder: Path, name: str, metrics: dict[str, Any]) -> list[Row]:
+    """Return what `thbcad check` says of the design, over what came: 1 is exact."""
+    system, backend = OpticalSystem(load_problem(folder / name / "problem.toml")), load_backend("double")
+    said, _ = expected(system, backend)
+    assert said.rel_l2 is not None
+    ratios = {
+        "rel_l2": said.rel_l2 / metrics["rel_l2"],
+        "seconds": said.seconds / metrics["wall_s"]["total"],
+        "memory": said.memory_mb / metrics["peak_mb"],
+    }
+    return [Row(f"{name}: predicted {what} / measured", ratio) for what, ratio in ratios.items()]
 
 
 def _design(folder: Path, name: str, picture: NDArray[np.uint8]) -> dict[str, Any]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         Measurement as Measurement,
         dark_fraction as dark_fraction,
         measure as measure,
+        rel_l2 as rel_l2,
     )
 
 _FILES = {
@@ -54,6 +55,7 @@ _FILES = {
         "Measurement",
         "dark_fraction",
         "measure",
+        "rel_l2",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -143,10 +143,18 @@ def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dic
     similarity = structural_similarity(e, t, data_range=peak, win_size=window) if window >= 3 else None
     error = float(np.mean((e - t) ** 2))
     return {
-        "rel_l2": float(np.linalg.norm(e - t) / np.linalg.norm(t)),
+        "rel_l2": rel_l2(irradiance, target),
         "psnr_db": float(10 * np.log10(peak**2 / error)) if error else None,
         "ssim": None if similarity is None else float(similarity),
     }
+
+
+def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> float:
+    """Return ||E - T|| / ||T|| of two images, both scaled to unit mean; 1 of a dark one."""
+    if irradiance.sum() <= 0:
+        return 1.0
+    e, t = irradiance / irradiance.mean(), target / target.mean()
+    return float(np.linalg.norm(e - t) / np.linalg.norm(t))
 
 
 def dark_fraction(target: NDArray[np.float64]) -> float:

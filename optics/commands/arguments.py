@@ -60,6 +60,13 @@ def _design_options(command: argparse.ArgumentParser) -> None:
     )
 
 
+def _check_options(command: argparse.ArgumentParser) -> None:
+    _problem_options(command)
+    command.add_argument(
+        "--explain", action="store_true", help="also list what tracing skips on this problem, and why"
+    )
+
+
 def _no_options(command: argparse.ArgumentParser) -> None:
     """Add nothing."""
 
@@ -160,7 +167,7 @@ def _bench_options(command: argparse.ArgumentParser) -> None:
 COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "design": ("shape the lens, write the STEP solid, verify it, report", _design_options),
     "new": ("print a commented problem file to start from", _no_options),
-    "check": ("read the problem and say what would be done, without tracing", _problem_options),
+    "check": ("read the problem and say what lens to expect, without optimising", _check_options),
     "verify": (
         "check the STEP file of a result folder against its lens, or a STEP file by itself",
         _verify_options,

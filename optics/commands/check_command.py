@@ -1,40 +1,68 @@
-"""`thbcad check`: what a problem asks for, and what would be done, without tracing."""
+"""`thbcad check`: what a problem asks for, what would be done, and what lens to expect."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from optics.analysis import dark_fraction
 from optics.commands.outcome import Outcome
 from optics.etendue import etendue_note
-from optics.optimisation import stages, surfaces_can_cross
-from optics.runtime import speaking_of
-from optics.system import OpticalSystem, advice, load_system, skip_lines
+from optics.optimisation import surfaces_can_cross
+from optics.prediction import expectation_lines, expected, resolved
+from optics.runtime import load_backend, speaking_of
+from optics.system import advice, load_system, skip_lines
+
+if TYPE_CHECKING:
+    from optics.optimisation import Stage
+    from optics.prediction import Expectation
+    from optics.system import OpticalSystem
 
 
 def check(options: Namespace) -> Outcome:
-    """Read a problem without tracing."""
+    """Read a problem and say what to expect of its lens, without optimising."""
     system = load_system(options.problem)
     with speaking_of(options.problem):
-        return _checked(system)
+        return _checked(system, options.explain)
 
 
-def _checked(system: OpticalSystem) -> Outcome:
-    problem = system.problem
-    picture, screen = system.target.light, system.target.screen()
-    dark = dark_fraction(system.target.irradiance(screen, problem.source.flux))
-    least, volume = system.lens.least_thickness(), system.lens.volume()
-    plan = stages(system, problem.optimizer.start == "transport")
-    data = {
-        "title": problem.title,
-        "picture_pixels": list(picture.shape[::-1]),
+def _checked(system: OpticalSystem, explain: bool) -> Outcome:
+    backend = load_backend("double", system.problem.run.threads)
+    system, start = resolved(system, backend)
+    expectation, plan = expected(system, backend, start)
+    data = _data(system, plan) | {"expected": asdict(expectation)}
+    picture, least = system.target.light, system.lens.least_thickness()
+    lines = [
+        f"{system.problem.title}: the problem is valid",
+        f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
+        f"{data['dark_share']:.0%} of them dark",
+        "before optimisation: "
+        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm",
+        *expectation_lines(system, expectation),
+    ]
+    lines += [
+        f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
+        for s in plan
+    ]
+    if explain:
+        lines += skip_lines(system.skips)
+    lines += [f"note: {sentence}" for sentence in _notes(system, expectation)]
+    return Outcome(data, lines)
+
+
+def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
+    """Return what is certain before a design."""
+    screen, least = system.target.screen(), system.lens.least_thickness()
+    return {
+        "title": system.problem.title,
+        "picture_pixels": list(system.target.light.shape[::-1]),
         "target_pixels": list(screen.pixels),
-        "dark_share": dark,
+        "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.source.flux)),
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
-        "volume_mm3": volume,
+        "volume_mm3": system.lens.volume(),
         "skips": [asdict(skip) for skip in system.skips],
         "levels": [
             {
@@ -46,23 +74,16 @@ def _checked(system: OpticalSystem) -> Outcome:
             for s in plan
         ],
     }
-    lines = [
-        f"{problem.title}: the problem is valid",
-        f"picture {_by(picture.shape[::-1])}, target {_by(screen.pixels)} pixels, {dark:.0%} of them dark",
-        f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm; "
-        f"volume {volume:.6g} mm^3",
-    ]
-    lines += [
-        f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
-        for s in plan
-    ]
+
+
+def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
+    """Return sentences about what does not suit the problem."""
+    notes = [expectation.note] if expectation.note else []
     if surfaces_can_cross(system):
-        lines.append(
-            "note: z_freedom is larger than the least thickness; a design that uses it fully would be refused"
+        notes.append(
+            "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
-    lines += skip_lines(system.skips)
-    lines += [f"note: {sentence}" for sentence in [*advice(system), *etendue_note(system)]]
-    return Outcome(data, lines)
+    return [*notes, *advice(system), *etendue_note(system)]
 
 
 def _by(size: Sequence[int]) -> str:

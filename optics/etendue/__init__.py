@@ -17,6 +17,9 @@ if TYPE_CHECKING:
         per_column_sum as per_column_sum,
         scaled_bound as scaled_bound,
     )
+    from optics.etendue.image_size import (
+        image_half_width as image_half_width,
+    )
     from optics.etendue.kernel import (
         Kernel as Kernel,
         Real as Real,
@@ -62,6 +65,7 @@ _FILES = {
         "per_column_sum",
         "scaled_bound",
     ),
+    "image_size": ("image_half_width",),
     "kernel": (
         "Kernel",
         "Real",

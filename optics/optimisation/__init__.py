@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         vertex_knots as vertex_knots,
     )
     from optics.optimisation.level_objective import (
+        PROBES as PROBES,
         SOFT_RIM as SOFT_RIM,
         stage_objective as stage_objective,
         stage_window as stage_window,
@@ -32,12 +33,14 @@ if TYPE_CHECKING:
     from optics.optimisation.stage_plan import (
         MARGIN as MARGIN,
         Stage as Stage,
+        last_level as last_level,
         stages as stages,
     )
     from optics.optimisation.state import (
         Row as Row,
         State as State,
         earlier_state as earlier_state,
+        first_sags as first_sags,
     )
     from optics.optimisation.symmetry import (
         Mirrors as Mirrors,
@@ -54,6 +57,7 @@ _FILES = {
         "vertex_knots",
     ),
     "level_objective": (
+        "PROBES",
         "SOFT_RIM",
         "stage_objective",
         "stage_window",
@@ -69,12 +73,14 @@ _FILES = {
     "stage_plan": (
         "MARGIN",
         "Stage",
+        "last_level",
         "stages",
     ),
     "state": (
         "Row",
         "State",
         "earlier_state",
+        "first_sags",
     ),
     "symmetry": (
         "Mirrors",

@@ -8,8 +8,20 @@ if TYPE_CHECKING:
     from optics.prediction.automatic import (
         resolved as resolved,
     )
+    from optics.prediction.expectation import (
+        Expectation as Expectation,
+        expected as expected,
+    )
+    from optics.prediction.expectation_text import (
+        expectation_lines as expectation_lines,
+    )
 
 _FILES = {
     "automatic": ("resolved",),
+    "expectation": (
+        "Expectation",
+        "expected",
+    ),
+    "expectation_text": ("expectation_lines",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

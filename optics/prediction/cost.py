@@ -1,0 +1,58 @@
+"""Seconds and memory that a design will take, from its plan alone.
+
+    seconds = START + RAY * rays of all evaluations + FUNCTION * functions of the finest mesh
+
+RAY depends on how rays meet the rear.  START, RAY and FUNCTION were fitted to stored designs on two cores.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from optics.optimisation import PROBES, last_level, mirror_axes
+
+if TYPE_CHECKING:
+    from optics.optimisation import Stage
+    from optics.system import OpticalSystem
+
+# fitted to every second picture of docs/data/untuned.json and the designs of overview.json; the other
+# pictures are within 1.3 times
+START = 4.5  # s, for start, STEP file, measurement, checks and figures
+RAY = 0.137e-6  # s per ray and evaluation, where parallel rays meet the rear at known positions
+FUNCTION = 22e-6  # s per function of the finest mesh, in files and checks
+SEARCHED, BOTH_FREE = 1.4, 1.7  # times RAY, where rays are searched for; through two free surfaces
+# the peaks of overview.json within 1.1 times; those of spreading light, measured on point and extended.toml,
+# within 1.4 times
+BASE_MB = 1020.0
+BYTES = 560  # per ray
+CELL_BYTES = 2000  # the same for cells whose rays are searched for
+
+
+def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
+    """Return the seconds of a design on two cores, from the start of the process to the verified result."""
+    work = sum((s.iterations + 1 + PROBES) * _rays(system, s) for s in plan if s.iterations)
+    kind = 1.0 if system.path.parallel else SEARCHED
+    if len(system.freeforms) > 1:
+        kind = BOTH_FREE
+    functions = 1
+    for axis in (0, 1):
+        functions *= max(f.spans[axis] << min(f.finest, last_level(system.problem)) for f in system.freeforms)
+    return START + RAY * kind * work + FUNCTION * functions
+
+
+def memory_mb(system: OpticalSystem, plan: Sequence[Stage]) -> float:
+    """Return the peak memory of a design and its second process, MB."""
+
+    def bytes_of(stage: Stage) -> float:
+        each = CELL_BYTES if stage.exact and not system.path.parallel else BYTES
+        return each * _rays(system, stage)
+
+    return BASE_MB + max((bytes_of(s) for s in plan if s.iterations), default=0.0) / 1e6
+
+
+def _rays(system: OpticalSystem, stage: Stage) -> float:
+    """Return the rays that one evaluation traces: a mirror image needs none."""
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    halves = 2 ** len(mirror_axes(target, system.source.profile))
+    return stage.rays[0] * stage.rays[1] / (halves if stage.exact or system.source.extended else 1)

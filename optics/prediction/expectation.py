@@ -1,0 +1,192 @@
+"""What to expect of a lens before it is designed: size, light, detail, error, time and sensitivity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import prod, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.analysis import cell_irradiance, rel_l2
+from optics.etendue import image_half_width, throughput
+from optics.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
+from optics.prediction.cost import memory_mb, seconds
+from optics.prediction.picture_error import predicted_rel_l2
+from optics.prediction.sensitivity import Sensitivity, sensitivity
+from optics.target import lit_part
+from optics.tracing import Tracer
+from thbcad.lens import mass
+
+if TYPE_CHECKING:
+    from optics.optimisation import RearLight, Stage
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from optics.tracing import SequentialFates
+    from thbcad.hierarchy import THBSpace
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+
+MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: the map has 512 cells
+CELLS_PER_PIXEL, MOST_CELLS = 4, 2048  # of the source in each direction
+RAYS = 1 << 17  # of an extended source
+SAMPLES = 129  # of the surfaces in each direction, for the lens's depth
+DARK = 1e-3  # of the greatest irradiance, as the transport start has it
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What to expect of a lens.  Lengths on the target are mm, in the far field degrees.
+
+    size : width, height and depth, mm.  volume : mm^3.  mass : g, None without a density.
+    sag : mm, the greatest |c| that the map asks for.  freedom : mm, z_freedom.  note : about them, or "".
+    efficiency, stray : of the transport start, share of the source's flux on the target and beside it.
+    pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
+        (None without extent).
+    moved : the design starts from the whole transport map.
+    rel_l2 : predicted, None where nothing tells it: without the whole map, or where rays spread in the lens.
+    start_rel_l2 : of the transport start, None where the source has extent.
+    seconds, memory_mb : of the design.
+    """
+
+    size: tuple[float, float, float]
+    volume: float
+    mass: float | None
+    sag: float
+    freedom: float
+    note: str
+    efficiency: float
+    stray: float
+    pixel: float
+    net: float
+    blur: float | None
+    moved: bool
+    rel_l2: float | None
+    start_rel_l2: float | None
+    seconds: float
+    memory_mb: float
+    sensitivity: Sensitivity
+
+
+def expected(
+    system: OpticalSystem, backend: Backend, start: TransportStart | None = None
+) -> tuple[Expectation, list[Stage]]:
+    """Return what to expect of a system whose numbers are all known, and the plan of its design.
+
+    start : of the system, where it is known already.
+
+    Raises
+    ------
+    UserError : the design would take too much memory, (almost) nothing passes the lens.
+    """
+    stages(system, moved=True)  # refuses sizes before any memory is taken
+    transmitted_flux(system, backend)
+    start = start or TransportStart(system, backend)
+    fit = start.fit(_start_space(system))
+    lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
+    moved = _moves(system, start)
+    plan = stages(system, moved)
+    fates, error = _traced(system, lens, backend)
+    flux = system.problem.source.flux
+    light, slopes = start.rear_slopes()
+    density = system.problem.lens.density
+    volume = lens.volume()
+    return Expectation(
+        size=_size(lens),
+        volume=volume,
+        mass=mass(volume, density) if density else None,
+        sag=fit.asked,
+        freedom=system.freeforms[-1].freedom,
+        note=start.note(fit),
+        efficiency=fates.on_target / flux,
+        stray=fates.off_target / flux,
+        pixel=max(system.target.screen().pitch),
+        net=_net(system, light),
+        blur=_blur(system),
+        moved=moved,
+        rel_l2=predicted_rel_l2(_lit(system), error) if error and moved and system.path.parallel else None,
+        start_rel_l2=error,
+        seconds=seconds(system, plan),
+        memory_mb=memory_mb(system, plan),
+        sensitivity=sensitivity(system, light, slopes),
+    ), plan
+
+
+def _start_space(system: OpticalSystem) -> THBSpace:
+    """Return the mesh on which the start is traced: that of the finest level, or the last before it that is
+    quick."""
+    space, spans = system.lens.sags[-1].space, system.freeforms[-1].spans
+    for level in range(last_level(system.problem)):
+        if max(spans) << (level + 1) > MOST_SPANS:
+            break
+        space = space.refine({level: space.cells[:, 1:]})
+    return space
+
+
+def _moves(system: OpticalSystem, start: TransportStart) -> bool:
+    """Return whether the design starts from the whole transport map."""
+    if system.problem.optimizer.start == "flat":
+        return False
+    if start.traced is not None and not start.within(start.traced):
+        return False
+    return start.follows(start.fit(first_sags(system, moved=True)[-1].space))
+
+
+def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[SequentialFates, float | None]:
+    """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent."""
+    screen = system.target.screen()
+    if system.source.extended:
+        side = round(sqrt(RAYS))
+        tracer = Tracer(backend, lens, system.source.rays((side, side)), system.target.z)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+        return tracer.fates(landing, screen.half_width), None
+    counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
+    irradiance, fates = cell_irradiance(system, lens, screen, counts, backend)
+    shown = screen.projection()  # in the far field intensities are compared
+    return fates, rel_l2(irradiance / shown, system.target.irradiance(screen, 1.0) / shown)
+
+
+def _size(lens: Lens) -> tuple[float, float, float]:
+    """Return width, height and depth, mm."""
+    wide, high = (2 * max(h) for h in zip(lens.front.half_width, lens.rear.half_width))
+    heights = []
+    for surface in (lens.front, lens.rear):
+        x, y = (np.linspace(-h, h, SAMPLES) for h in surface.half_width)
+        heights.append(surface.grid(x, y))
+    front, rear = heights
+    return wide, high, float(lens.thickness + rear.max() - front.min())
+
+
+def _lit(system: OpticalSystem) -> Floats:
+    """Return the lit part of the target irradiance."""
+    screen = system.target.screen()
+    return lit_part(system.target.irradiance(screen, 1.0), screen, DARK)[0]
+
+
+def _net(system: OpticalSystem, light: RearLight) -> float:
+    """Return the mean size on the target of a knot span of the finest mesh."""
+    screen = system.target.screen()
+    _, _, half = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
+    lens, rear = system.lens.rear, system.freeforms[-1]
+    magnification = sqrt(prod(half) / prod(_half_lit(light)))
+    span = max(2 * h / (n << rear.finest) for h, n in zip(lens.half_width, rear.spans))
+    return span * magnification
+
+
+def _half_lit(light: RearLight) -> Sequence[float]:
+    """Return half of the width and the height of the light on the rear, mm."""
+    lit = light.weight > light.weight.max() / 10
+    seen = light.x[lit.any(axis=1)], light.y[lit.any(axis=0)]
+    return [float(np.ptp(a) + cell[1] - cell[0]) / 2 for a, cell in zip(seen, (light.x, light.y))]
+
+
+def _blur(system: OpticalSystem) -> float | None:
+    """Return the least width of the images of the source, None where it has no extent."""
+    if not system.source.extended:
+        return None
+    efficiency = throughput(system).picture / system.problem.source.flux
+    return 2 * max(image_half_width(system, system.lens, efficiency, 1.0))

@@ -1,0 +1,81 @@
+"""What to expect of a lens, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from optics.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
+
+if TYPE_CHECKING:
+    from optics.prediction.expectation import Expectation
+    from optics.system import OpticalSystem
+
+LEAST_ERROR = 0.01  # smaller predictions say no more than that
+MM3_PER_CM3 = 1000
+
+
+def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+    """Return one line for each thing to expect."""
+    wide, high, deep = expected.size
+    heavy = "" if expected.mass is None else f", {expected.mass:.3g} g"
+    rear = system.lens.rear.conic
+    return [
+        f"expected lens: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
+        f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; rear with {_conic(rear.radius, rear.constant)}",
+        f"sag: the transport map asks for +-{expected.sag:.3g} mm, "
+        f"z_freedom allows +-{expected.freedom:.3g} mm",
+        f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
+        f"{expected.stray:.1%} beside it",
+        _detail_line(system, expected),
+        _error_line(system, expected),
+        f"cost: about {expected.seconds:.2g} s on two cores as in docs/benchmarks.md, "
+        f"about {expected.memory_mb / 1000:.2g} GB of memory",
+        *_sensitivity_lines(system, expected),
+    ]
+
+
+def _conic(radius: float, constant: float) -> str:
+    return f"radius {radius:.4g} mm, K {constant:.3g}"
+
+
+def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
+    sizes = {"a pixel": expected.pixel, "a knot span of the finest mesh": expected.net}
+    if expected.blur is not None:
+        sizes["the image of the source"] = expected.blur
+    what = max(sizes, key=lambda name: sizes[name])
+    others = ", ".join(f"{name} {_length(system, size)}" for name, size in sizes.items() if name != what)
+    return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others})"
+
+
+def _error_line(system: OpticalSystem, expected: Expectation) -> str:
+    if system.source.extended:
+        return "rel_l2: not predicted for a source with extent; the notes have its bound by etendue"
+    start = f"the start has {expected.start_rel_l2:.2g}"
+    if not expected.moved:
+        return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
+    if expected.rel_l2 is None:
+        return f"rel_l2: not predicted where rays spread in the lens; {start}"
+    if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:
+        basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 60 iterations"
+        return f"rel_l2: about {expected.rel_l2:.2g}, {basis}; {start}"
+    return f"rel_l2: below {max(expected.rel_l2, LEAST_ERROR):.2g}; {start}"
+
+
+def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+    shifts = expected.sensitivity
+    whose = "the source" if system.path.spreading else "the lens"
+    return [
+        f"{INDEX:g} of index shifts the light by {_shift(system, expected, shifts.index)} on average, "
+        f"by {_length(system, shifts.index_most)} at most",
+        f"{RIPPLE * 1000:g} um of ripple with a period of {PERIOD:g} mm shifts it by "
+        f"{_shift(system, expected, shifts.ripple)}",
+        f"{DECENTRE:g} mm of decentre of {whose} shifts it by {_shift(system, expected, shifts.decentre)}",
+    ]
+
+
+def _shift(system: OpticalSystem, expected: Expectation, size: float) -> str:
+    return f"{_length(system, size)} ({size / expected.pixel:.2g} pixels)"
+
+
+def _length(system: OpticalSystem, size: float) -> str:
+    return f"{size:.2g} {'degrees' if system.target.far_field else 'mm'}"

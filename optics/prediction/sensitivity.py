@@ -1,0 +1,70 @@
+"""How far small errors of making and mounting move the light, to first order.
+
+With the throw D to the target, the angle i of incidence and r of refraction at the rear:
+
+    index       D dr/dn dn = D sin i / cos r dn
+    ripple      D (n - 1) 2 pi a / p              of amplitude a and period p on the rear
+    decentre    D d / s                           of the source, at the optical distance s before the rear;
+                d                                 of a lens in parallel light, with which the light moves
+
+In the far field D is 1, and the result is in degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from optics.optimisation import RearLight
+    from optics.system import OpticalSystem
+
+Floats = NDArray[np.float64]
+
+INDEX = 0.001
+RIPPLE, PERIOD = 1e-3, 3.0  # mm
+DECENTRE = 0.1  # mm
+LIT = 0.01  # weight of cells that count as lit
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Shifts of the light on the target, mm, in the far field degrees.
+
+    index, index_most : by INDEX, mean and greatest.  ripple : by RIPPLE of period PERIOD.  decentre : by
+    DECENTRE of the source against the lens.
+    """
+
+    index: float
+    index_most: float
+    ripple: float
+    decentre: float
+
+
+def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> Sensitivity:
+    """Return the Sensitivity of a lens whose rear has these slopes (zx, zy), (nx, ny) each, in this light."""
+    spec, source, target = system.problem.lens, system.problem.source, system.problem.target
+    far = system.target.far_field
+    throw = degrees(1.0) if far else target.distance
+    length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
+    dx, dy, dz = light.direction
+    cosine = np.clip((dz - dx * slopes[0] - dy * slopes[1]) / length, 0, 1)
+    sine = np.sqrt(1 - cosine**2)
+    passes = spec.index * sine < 1
+    turn = np.where(passes, sine / np.sqrt(np.where(passes, 1 - (spec.index * sine) ** 2, 1)), 0)
+    lit = light.weight > LIT
+    if source.kind == "collimated":
+        decentre = 0.0 if far else DECENTRE
+    else:
+        decentre = throw * DECENTRE / (source.distance + spec.thickness / spec.index)
+    return Sensitivity(
+        index=float(throw * INDEX * np.average(turn, weights=light.weight)),
+        index_most=float(throw * INDEX * turn[lit].max()),
+        ripple=throw * (spec.index - 1) * 2 * pi * RIPPLE / PERIOD,
+        decentre=decentre,
+    )
