@@ -1,4 +1,4 @@
-"""The same problem gives the same bytes in any language, time zone and folder, and under any Python option."""
+"""The same problem gives the same bytes in any language, time zone and folder, and under `python -O`."""
 
 from __future__ import annotations
 
