@@ -341,6 +341,21 @@ def test_files_are_data(path):
     assert not called & {"eval", "exec", "compile"}
 
 
+def test_only_commands_set_signal_handlers():
+    """A script that imports the library keeps its own; `serve` is the main function of a second process."""
+    setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
+    found = {
+        path: [node.lineno for node in calls(path, *setters)]
+        for path in PACKAGE_FILES
+        if not name(path).startswith("optics/commands/")
+    }
+    second = ROOT / "optics/runtime/helper_process.py"
+    (serve,) = (n for n in nodes(second) if isinstance(n, ast.FunctionDef) and n.name == "serve")
+    assert [name(path) for path, lines in found.items() if lines] == [name(second)]
+    assert all(serve.lineno < line <= serve.end_lineno for line in found[second])
+    assert [name(path) for path in PACKAGE_FILES if list(calls(path, "serve"))] == []
+
+
 def test_import_thbcad_loads_nothing_heavy():
     done = run(
         "-c",

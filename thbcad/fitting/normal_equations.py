@@ -147,14 +147,12 @@ def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> Factors
         )
     scale = 1 / np.sqrt(diagonal)
     rounding = space.dim * EPS
-    # the shift keeps the pivots of a singular matrix from being exactly zero; the second solve makes up for
-    # it
+    # the shift keeps the pivots of a singular matrix from being exactly zero; further solves make up for it
     scaled = csc_array(diags_array(scale) @ normal @ diags_array(scale) + rounding * eye_array(space.dim))
     lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    # inverse iteration: towards the eigenvector of the least eigenvalue, which is 1 / |weak|
     weak = np.random.default_rng(0).standard_normal(space.dim)
-    for _ in range(
-        2
-    ):  # inverse iteration: towards the eigenvector of the least eigenvalue, which is 1 / |weak|
+    for _ in range(2):
         weak = lu.solve(weak / np.linalg.norm(weak))
     if not np.linalg.norm(weak) * 2 * rounding < 1:
         k = int(np.argmax(np.abs(weak)))

@@ -33,9 +33,9 @@ from thbcad.surfaces import THBSurface
 def quasi_interpolate(space: THBSpace, function: Function) -> THBSurface:
     """Return the hierarchical quasi-interpolant of a function: equal to it if it lies in the space.
 
-    A coefficient has a rounding error of about 1e-16 times the norm of its functional: where a
-    function keeps only one leaf cell of its own level, 3e3 for degree 3 and 5e8 for degree 5 (uniform knots).
-     From degree 7 on, `least_squares` is the more accurate.
+    A coefficient has a rounding error of about 1e-16 times the norm of its functional: where a function keeps
+    only one leaf cell of its own level, 3e3 for degree 3 and 5e8 for degree 5 (uniform knots).  From degree 7
+    on, `least_squares` is the more accurate.
 
     Parameters
     ----------

@@ -42,6 +42,8 @@ def tukey_weights(residuals: Floats, near: Integers, least: float) -> Floats:
     all |r_k - m_k|, and C = 6.95 (4.685 standard deviations of one normal component).  Because of S_k a slope
     or a peak that the fit lacks is no outlier.
     """
+    if not near.size:
+        return np.ones(len(residuals))
     around = residuals[near]
     centre = np.median(around, axis=1)
     apart = np.linalg.norm(residuals - centre, axis=1)

@@ -102,8 +102,9 @@ def _probes(equations: NormalEquations) -> tuple[Floats, Floats]:
     """Return (L, R), (dim, m) each, with tr H = sum of L * (N^-1 R)."""
     if equations.space.dim <= EXACT:
         return equations.gram.toarray(), np.eye(equations.space.dim)
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], (len(equations.weights), PROBES))
-    seen = equations.collocation.T @ (np.sqrt(equations.weights)[:, None] * signs)
+    rng, roots = np.random.default_rng(0), np.sqrt(equations.weights)
+    signs = (rng.choice([-1.0, 1.0], len(roots)) for _ in range(PROBES))
+    seen = np.column_stack([equations.collocation.T @ (roots * z) for z in signs])
     return seen / PROBES, seen
 
 

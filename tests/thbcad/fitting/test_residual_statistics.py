@@ -7,6 +7,7 @@ from scipy import stats
 from tests.thbcad.fitting.cases import everywhere, smooth, tensor
 from thbcad.fitting.least_squares_fit import Samples, least_squares, robust_weights
 from thbcad.fitting.residual_statistics import are_noise, kept_share, neighbours, tukey_weights
+from thbcad.surfaces import THBSurface
 
 FINE = np.linspace(0, 1, 41)
 SIGMA = 0.01
@@ -122,3 +123,11 @@ def test_detail_below_the_noise_is_not_called_noise():
     u, v = everywhere(np.random.default_rng(0), 2000)
     detail = 0.5 * np.sin(20 * u) + np.random.default_rng(1).normal(size=2000)
     assert not are_noise(detail[:, None], neighbours(u, v, 4))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_hardly_any_samples_hold_no_outlier(n):
+    space = tensor(1, 1)
+    u, v = everywhere(np.random.default_rng(0), n)
+    surface = THBSurface(space, np.zeros(space.dim))
+    assert robust_weights(surface, Samples(u, v, np.zeros(n))).tolist() == [1.0] * n
