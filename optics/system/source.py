@@ -67,11 +67,16 @@ class LightSource:
         """Whether light comes from every point of an area in many directions, so that cells have no image."""
         return self.settings.kind == "lambertian"
 
-    def cells(self, counts: Sequence[int]) -> SourceCells:
-        """Return (nx, ny) cells of a source that is not extended."""
+    def cells(self, counts: Sequence[int], aperture: Sequence[float] | None = None) -> SourceCells:
+        """Return (nx, ny) cells of a source that is not extended.
+
+        aperture : half-widths of the rectangle at which those of a collimated beam end, mm; left out, the
+            aperture that the source lights.
+        """
         source = self.settings
         if self.collimated:
-            return beam_cells(source.half_width, source.flux, self.aperture, counts, self.profile)
+            ends = aperture or self.aperture
+            return beam_cells(source.half_width, source.flux, ends, counts, self.profile)
         return cone_cells(source.distance, source.flux, source.half_angle, source.exponent, counts)
 
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
