@@ -43,8 +43,7 @@ if TYPE_CHECKING:
 
 LEAST_AREA = 1e-9  # square pixels: what lies on a caustic, or is folded there
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
-SQUARE = 1e-300  # square pixels, of an edge without length
-END = 1e-12  # of an edge: where the width of a triangle rises or falls at once
+LEAST = 1e-300  # what is divided by where edges, square pixels, or their parts have no length
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,13 +195,15 @@ class MappedCells:
 
         (ua, ub), (va, vb), (wa, wb) = (chosen(k) for k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)))
         da, db = va - ua, vb - ub
-        square = dr.maximum(da * da + db * db, SQUARE)
-        widest = dr.clip(((wa - ua) * da + (wb - ub) * db) / square, END, 1 - END)
+        square = dr.maximum(da * da + db * db, LEAST)
+        widest = dr.clip(((wa - ua) * da + (wb - ub) * db) / square, 0, 1)
 
         def up_to(t: DrArray) -> DrArray:
             """Return the part of the flux from the start of the edge: the width rises and falls linearly."""
+            t = dr.clip(t, 0, 1)
             rest = 1 - t
-            return dr.select(t < widest, t * t / widest, 1 - rest * rest / (1 - widest))
+            falling = 1 - rest * rest / dr.maximum(1 - widest, LEAST)
+            return dr.select(t < widest, t * t / dr.maximum(widest, LEAST), falling)
 
         def lay(numbers: Numbers, piece: Pieces) -> Numbers:
             half = 0.5 * piece.length
