@@ -95,9 +95,14 @@ def stage_objective(
 def _measured_rays(
     system: OpticalSystem, stage: Stage, axes: Sequence[int], backend: Backend
 ) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
-    """Return the rays of a stage, how they are measured, and in which directions they are one half."""
+    """Return the rays of a stage, how they are measured, and in which directions they are one half.
+
+    Cells of light that stays parallel up to the rear end at its rim, so that no cell is cut.
+    """
     if stage.exact:
-        cells = system.source.cells([n - 1 for n in stage.rays]).half(axes)
+        front, rear = (s.half_width for s in (system.lens.front, system.lens.rear))
+        lit = [min(pair) for pair in zip(front, rear)] if system.path.parallel else front
+        cells = system.source.cells([n - 1 for n in stage.rays], lit).half(axes)
         rays = cells.rays()
         return rays, MappedCells(backend, stage.screen, cells.emitted, rays.flux), axes
     rays = system.source.rays(stage.rays)

@@ -71,12 +71,28 @@ class LightSource:
         """Whether light comes from every point of an area in many directions, so that cells have no image."""
         return self.settings.kind == "lambertian"
 
-    def cells(self, counts: Sequence[int]) -> SourceCells:
-        """Return (nx, ny) cells of a source that is not extended."""
+    @property
+    def _cone(self) -> dict[str, float]:
+        """The light of a point, as `cone_cells` and `point_rays` take it."""
+        source = self.settings
+        return {
+            "distance": source.distance,
+            "flux": source.flux,
+            "half_angle": source.half_angle,
+            "exponent": source.exponent,
+        }
+
+    def cells(self, counts: Sequence[int], aperture: Sequence[float] | None = None) -> SourceCells:
+        """Return (nx, ny) cells of a source that is not extended.
+
+        aperture : half-widths of the rectangle at which those of a collimated beam end, mm; left out, the
+            aperture that the source lights.
+        """
         source = self.settings
         if self.collimated:
-            return beam_cells(source.half_width, source.flux, self.aperture, counts, self.profile)
-        return cone_cells(source.distance, source.flux, source.half_angle, source.exponent, counts)
+            ends = aperture or self.aperture
+            return beam_cells(source.half_width, source.flux, ends, counts, self.profile)
+        return cone_cells(**self._cone, counts=counts)
 
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
         """Return rays of the source, those of a collimated one only where they meet the aperture.
@@ -96,15 +112,7 @@ class LightSource:
             beam = collimated_beam(source.half_width, source.flux, self.aperture, counts, shift, profile)
             yield from beam.slices(most)
         elif source.kind == "point":
-            cone = point_rays(
-                distance=source.distance,
-                flux=source.flux,
-                half_angle=source.half_angle,
-                exponent=source.exponent,
-                counts=counts,
-                shift=shift,
-            )
-            yield from cone.slices(most)
+            yield from point_rays(**self._cone, counts=counts, shift=shift).slices(most)
         else:
             count = 1 << max(2, round(log2(counts[0] * counts[1])))
             seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))

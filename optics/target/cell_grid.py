@@ -26,7 +26,7 @@ class CellGrid:
     def __init__(self, backend: Backend, shape: tuple[int, int]) -> None:
         self._backend = backend
         self.size = shape[0] * shape[1]
-        self._last, self._step = (backend.dr.opaque(backend.Index, k) for k in (self.size, shape[1]))
+        self._count, self._step = (backend.dr.opaque(backend.Index, k) for k in (self.size, shape[1]))
 
     def at(self, values: DrArray, index: DrArray, exists: DrArray | bool = True) -> DrArray:
         """Return the values at numbers, 0 where they do not exist."""
@@ -36,9 +36,9 @@ class CellGrid:
         """Return of every triangle whether it is the second of its cell, the cell, and whether it exists."""
         dr = self._backend.dr
         triangle = dr.arange(self._backend.Index, 2 * self.size)
-        second = triangle >= self._last
-        cell = dr.select(second, triangle - self._last, triangle)
-        return second, cell, cell + self._step + 1 < self._last
+        second = triangle >= self._count
+        cell = dr.select(second, triangle - self._count, triangle)
+        return second, cell, cell + self._step + 1 < self._count
 
     def triangle_corners(self, a: DrArray, b: DrArray) -> tuple[tuple[DrArray, DrArray], ...]:
         """Return the three points (a, b) of every triangle."""
@@ -64,23 +64,23 @@ class CellGrid:
     def edge_sums(self, values: DrArray) -> DrArray:
         """Return the sum of the values of the edges around every triangle, with the signs of its turn."""
         second, cell, exists = self.triangles()
-        last = self._last
-        diagonal = self.at(values, cell + 2 * last, exists)
-        first = self.at(values, cell + last, exists) + self.at(values, cell + self._step, exists) - diagonal
-        other = diagonal - self.at(values, cell + 1 + last, exists) - self.at(values, cell, exists)
+        count = self._count
+        diagonal = self.at(values, cell + 2 * count, exists)
+        first = self.at(values, cell + count, exists) + self.at(values, cell + self._step, exists) - diagonal
+        other = diagonal - self.at(values, cell + 1 + count, exists) - self.at(values, cell, exists)
         return self._backend.dr.select(second, other, first)
 
     def edges(self, a: DrArray, b: DrArray, density: DrArray) -> tuple[Edges, DrArray]:
         """Return the edges, and the densities of the triangles left of them less those on their right."""
-        dr, Index, last, step = self._backend.dr, self._backend.Index, self._last, self._step
+        dr, Index, count, step = self._backend.dr, self._backend.Index, self._count, self._step
         edge = dr.arange(Index, 3 * self.size)
-        across, diagonal = edge < last, edge >= 2 * last
+        across, diagonal = edge < count, edge >= 2 * count
         along = ~across & ~diagonal
-        start = dr.select(across, edge, dr.select(along, edge - last, edge - 2 * last))
+        start = dr.select(across, edge, dr.select(along, edge - count, edge - 2 * count))
         end = start + dr.select(across, Index(1), dr.select(along, step, step + 1))
-        exists = end < last
-        left = dr.select(across, start - step, dr.select(along, start, start + last))
-        right = dr.select(across, start + last, dr.select(along, start - 1 + last, start))
+        exists = end < count
+        left = dr.select(across, start - step, dr.select(along, start, start + count))
+        right = dr.select(across, start + count, dr.select(along, start - 1 + count, start))
         difference = self.at(density, left, exists & (~across | (start >= step)))
         difference -= self.at(density, right, exists & (~along | (start >= 1)))
         ua, ub = self.at(a, start, exists), self.at(b, start, exists)
@@ -91,20 +91,22 @@ class CellGrid:
     ) -> tuple[DrArray, DrArray]:
         """Return the derivatives by a and b, of the six edges and six triangles around every corner.
 
-        starts, ends : of the edges, per db and -da there.  turned : of the triangles, per dA / 2.
+        starts, ends : of the edges.  They add starts (db, -da) where an edge starts, ends (db, -da) where it
+            ends.
+        turned : of the triangles, per 2 A.  Of a triangle p q r it adds turned (b_q - b_r, a_r - a_q) at p.
         """
-        dr, last, step = self._backend.dr, self._last, self._step
+        dr, count, step = self._backend.dr, self._count, self._step
         corner = dr.arange(self._backend.Index, self.size)
         around = {}
         for name, by in (("j", 1), ("i", step), ("ij", step + 1)):
-            around[name] = corner + by, corner + by < last
+            around[name] = corner + by, corner + by < count
             around["-" + name] = corner - by, corner >= by
         points = {name: (self.at(a, *where), self.at(b, *where)) for name, where in around.items()}
         by_a, by_b = dr.zeros(type(a), self.size), dr.zeros(type(a), self.size)
         for family, name in enumerate(("j", "i", "ij")):
             index, exists = around["-" + name]
-            out = self.at(starts, corner + family * last, around[name][1])
-            back = self.at(ends, index + family * last, exists)
+            out = self.at(starts, corner + family * count, around[name][1])
+            back = self.at(ends, index + family * count, exists)
             (na, nb), (oa, ob) = points[name], points["-" + name]
             by_a += out * (nb - b) + back * (b - ob)
             by_b -= out * (na - a) + back * (a - oa)
@@ -117,17 +119,17 @@ class CellGrid:
             ("-ij", 1, "-i", "-ij"),
         ):
             index, exists = around[cell] if cell else (corner, around["ij"][1])
-            part = self.at(turned, index + half * last, exists)
+            part = self.at(turned, index + half * count, exists)
             by_a += part * (points[q][1] - points[r][1])
             by_b += part * (points[r][0] - points[q][0])
         return by_a, by_b
 
     def around_corners(self, values: DrArray) -> DrArray:
         """Return the sum of the triangles' values over the cells around every corner."""
-        dr, last, step = self._backend.dr, self._last, self._step
+        dr, count, step = self._backend.dr, self._count, self._step
         corner = dr.arange(self._backend.Index, self.size)
         total = dr.zeros(self._backend.Float, self.size)
         for by in (self._backend.Index(0), self._backend.Index(1), step, step + 1):
             cell, exists = corner - by, corner >= by
-            total += self.at(values, cell, exists) + self.at(values, cell + last, exists)
+            total += self.at(values, cell, exists) + self.at(values, cell + count, exists)
         return total

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from optics.target.screen import Screen
 
 LEAST_AREA = 1e-9  # square pixels: what lies on a caustic, or is folded there
-SQUARE = 1e-300  # square pixels, of an edge without length
-END = 1e-12  # of an edge: where the width of a triangle rises or falls at once
+SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
+LEAST = 1e-300  # what is divided by where edges, square pixels, or their parts have no length
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,14 +158,14 @@ class MappedCells:
         mean = self._means(triangles, j0, values, stride)
         turned = -0.5 * triangles.density * mean
         dr.eval(mean, turned)
-        by_flux = 0.125 * self._grid.around_corners(mean * self._grid.of_cells(self._cells))
+        by_flux = SHARE * self._grid.around_corners(mean * self._grid.of_cells(self._cells))
         return *self._grid.by_corners(a, b, starts, ends, turned), self._inverse * by_flux
 
     def _triangles(self, a: DrArray, b: DrArray, passing: DrArray) -> _Triangles:
         """Return the triangles; those that are dark or meet no pixel have no flux."""
         dr = self._backend.dr
         corners = self._grid.triangle_corners(a, b)
-        flux = 0.125 * self._grid.of_cells(self._cells) * self._grid.corner_sums(passing)
+        flux = SHARE * self._grid.of_cells(self._cells) * self._grid.corner_sums(passing)
         lit = flux > 0  # not where a corner is not sound
         for along, count in zip(zip(*corners), self._counts):  # what meets no pixel would leave its rounding
             least, most = (reduce(extreme, along) for extreme in (dr.minimum, dr.maximum))
@@ -190,18 +190,20 @@ class MappedCells:
         third = ~second & (squares[2] > squares[0])
 
         def chosen(order: tuple[int, int, int]) -> list[DrArray]:
-            rows = (corners[k] for k in order)
-            return [dr.select(third, z, dr.select(second, y, x)) for x, y, z in zip(*rows)]
+            points = (corners[k] for k in order)
+            return [dr.select(third, z, dr.select(second, y, x)) for x, y, z in zip(*points)]
 
         (ua, ub), (va, vb), (wa, wb) = (chosen(k) for k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)))
         da, db = va - ua, vb - ub
-        square = dr.maximum(da * da + db * db, SQUARE)
-        widest = dr.clip(((wa - ua) * da + (wb - ub) * db) / square, END, 1 - END)
+        square = dr.maximum(da * da + db * db, LEAST)
+        widest = dr.clip(((wa - ua) * da + (wb - ub) * db) / square, 0, 1)
 
         def up_to(t: DrArray) -> DrArray:
             """Return the part of the flux from the start of the edge: the width rises and falls linearly."""
+            t = dr.clip(t, 0, 1)
             rest = 1 - t
-            return dr.select(t < widest, t * t / widest, 1 - rest * rest / (1 - widest))
+            falling = 1 - rest * rest / dr.maximum(1 - widest, LEAST)
+            return dr.select(t < widest, t * t / dr.maximum(widest, LEAST), falling)
 
         def lay(numbers: Numbers, piece: Pieces) -> Numbers:
             half = 0.5 * piece.length

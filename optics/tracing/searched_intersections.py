@@ -207,7 +207,9 @@ class SearchedHits:
         """Return Hits that carry the derivatives by the leaves and by the rays.
 
         They come from one more Newton step, whose length is zero but whose derivatives are not: implicit
-        differentiation.
+        differentiation.  Beyond the rim the step leads to the plane that touches the surface in `point`,
+        where the ray passes the rim, so that meeting points leave the surface without a jump.  Derivatives
+        by the rays leave out that the plane turns as this point moves.
         """
         dr = self._backend.dr
         z, zx, zy, zxx, zxy, zyy = jet
@@ -218,9 +220,13 @@ class SearchedHits:
         dz = ray_z - point_z
         dx, dy = x - point[0], y - point[1]
         rate = dr.select(speed > 0, speed, 1)  # no ray enters along the surface
-        dt = (leaf_z - z + zx * dx + zy * dy - dz) / rate
+        beyond = leaf_z + leaf_zx * dx + leaf_zy * dy - ray_z
+        fall = direction[2] - leaf_zx * direction[0] - leaf_zy * direction[1]
+        dt = dr.select(
+            hit, (leaf_z - z + zx * dx + zy * dy - dz) / rate, beyond / dr.select(speed > 0, fall, 1)
+        )
         x, y = x + direction[0] * dt, y + direction[1] * dt
-        dx, dy = x - point[0], y - point[1]
+        dx, dy = (dr.select(hit, a - b, 0) for a, b in zip((x, y), point))
         return Hits(
             x=x,
             y=y,

@@ -121,7 +121,9 @@ def test_the_loss_is_the_formula(backend):
 
 
 def test_the_gradient_holds_where_light_misses_the_rear(backend):
-    """A rear that light overfills, whose rim fades softly: cells there hold what their corners do."""
+    """A rear that light overfills, whose rim fades softly: corners of cells beyond the rim meet the plane
+    that touches the surface there, so that the loss is as smooth as elsewhere, and the tolerance that of
+    `test_the_gradient_is_that_of_the_loss`."""
     lens = small_lens(Conic(-25.0), SPHEROID, rear_half_width=(8.0, 8.0))
     case = lens, beam_cells((9.5, 9.5), 1.0, (10.0, 10.0), (61, 59)), TARGET_Z, LARGE
     objective, tracer = made_objective(backend, case, (100.0, 0.0, False))
@@ -130,6 +132,4 @@ def test_the_gradient_holds_where_light_misses_the_rear(backend):
     assert 0.2 < hits.hit.numpy().mean() < 0.9
     function = of_vector(objective, lens)
     _, gradient = function(at)
-    # a corner beyond the rim has a place, which moves with the rim, but the tracer's derivative of it is not
-    # that of this place; the soft rim leaves the cells there a thousandth of the gradient
-    assert worst(function, at, gradient, 1e-6) < 1e-3
+    assert worst(function, at, gradient, 1e-5) < 1e-6

@@ -33,6 +33,12 @@ def test_pixels_hold_the_light_of_shuffled_cells(backend, made):
     assert_exact(made, backend)
 
 
+@pytest.mark.parametrize("height", [2.0, -2.0])
+def test_a_cell_without_area_is_laid_to_the_last_digit(backend, height):
+    """One corner away from three: the width falls from its most at one end to nothing at the other."""
+    assert_exact(sheet(SCREEN, np.zeros((2, 2)), [[0.0, height], [0.0, 0.0]]), backend)
+
+
 @given(made=shuffled(sound=False))
 def test_cells_with_a_corner_that_is_not_sound_are_dark(backend, made):
     """Wherever these corners are said to be."""
