@@ -43,6 +43,7 @@ def solvable_system(problem: Problem) -> OpticalSystem:
     system = OpticalSystem(problem)
     _ = system.target.light, system.lens, system.source.profile  # built now, so that errors come now
     require_room(system)
+    require_light(system)
     require_reachable(system)
     return system
 
@@ -73,6 +74,24 @@ def require_reachable(system: OpticalSystem) -> None:
             f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
             f"{lens.index:g} bends rays by less than {most:.1f} degrees; "
             "make target.half_width smaller or target.distance larger"
+        )
+
+
+def require_light(system: OpticalSystem) -> None:
+    """Refuse a beam whose picture is dark wherever it meets the front.
+
+    Raises
+    ------
+    UserError : names the picture and the half-widths.
+    """
+    source, front = system.problem.source, system.lens.front
+    if not system.source.collimated:
+        return
+    met = (np.array([-1.0, 1.0]) * min(1.0, f / s) for s, f in zip(source.half_width, front.half_width))
+    if not system.source.profile.shares(*met).any():
+        raise UserError(
+            "source.image is dark wherever it meets the lens; make source.half_width smaller or "
+            "lens.front.half_width larger"
         )
 
 

@@ -83,8 +83,8 @@ class Conic:
         ValueError : an order that is not a non-negative integer.
         """
         derivative = require_orders(derivative)
-        for row in (x, y):
-            require_unmasked(row)
+        for a in (x, y):
+            require_unmasked(a)
         # arrays of other libraries stay what they are, and complex ones: the formulas are analytic
         x, y = (floats(a) if isinstance(a, list | tuple) else a for a in (x, y))
         c = 1.0 / self.radius

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from optics.problem import load_problem
 from optics.runtime import UserError
@@ -76,6 +78,21 @@ def test_conics_that_step_holds_as_splines_are_weighed_against_the_limit_of_land
 def test_missed_limits_are_part_of_the_advice(tmp_path):
     (sentence,) = advised(tmp_path, {"limits.thickness": 7.0})
     assert sentence.startswith("before optimisation the thickness is 1 mm short of limits.thickness")
+
+
+@pytest.mark.parametrize("half_width", [19.0, 21.0])
+def test_a_beam_that_is_dark_before_the_lens_is_refused(tmp_path, half_width):
+    """The outer quarters of the picture glow: beyond 9.5 mm, before 10 mm of lens, or beyond 10.5 mm."""
+    glow = np.full((8, 8), 255, dtype=np.uint8)
+    glow[2:6, 2:6] = 0
+    Image.fromarray(glow).save(tmp_path / "glow.png")
+    changes = {"source.profile": "image", "source.image": "glow.png", "source.half_width": [half_width] * 2}
+    problem = load_problem(write_problem(tmp_path, changes))
+    if half_width == 19.0:
+        assert solvable_system(problem)
+    else:
+        with pytest.raises(UserError, match=r"source\.image is dark wherever it meets the lens"):
+            solvable_system(problem)
 
 
 @pytest.mark.parametrize(
