@@ -17,13 +17,13 @@ if TYPE_CHECKING:
         trace_step as trace_step,
     )
     from optics.verification.step_checks import (
-        ExportedStep as ExportedStep,
         differing_numbers as differing_numbers,
         exported_step as exported_step,
         surface_deviation as surface_deviation,
         verify as verify,
     )
     from optics.verification.step_file import (
+        ExportedStep as ExportedStep,
         StepFile as StepFile,
     )
     from optics.verification.text_volume import (
@@ -44,13 +44,15 @@ _FILES = {
     ),
     "reference_tracer": ("trace_step",),
     "step_checks": (
-        "ExportedStep",
         "differing_numbers",
         "exported_step",
         "surface_deviation",
         "verify",
     ),
-    "step_file": ("StepFile",),
+    "step_file": (
+        "ExportedStep",
+        "StepFile",
+    ),
     "text_volume": ("text_volume_check",),
     "traced_light": ("light_checks",),
 }

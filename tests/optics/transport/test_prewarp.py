@@ -32,8 +32,8 @@ def error(image, wanted):
 def test_the_density_is_that_beyond_the_offset():
     """g(y) = T(y + d) det(1 + Dd).
 
-    What is known of T are means of cells: d, 1.3 cells long on average, is rounded to half cells, by 0.14 cells
-    in each direction.
+    Means of cells are known of T: d, 1.3 cells long on average, is rounded to half cells, by 0.14 cells in
+    each direction.
     """
     x, y = centres(GRID)
     dx, dy = beside(x, y)

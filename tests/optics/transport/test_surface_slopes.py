@@ -36,5 +36,5 @@ def test_angles_keep_the_law_of_sines():
 
 
 def test_light_leaves_along_a_surface_that_would_reflect_it():
-    x, y, z = refracted(1.5, (0.0, 0.0, 1.0), (np.array(2.0), np.array(0.0)))
+    x, _, z = refracted(1.5, (0.0, 0.0, 1.0), (np.array(2.0), np.array(0.0)))
     assert x * 2.0 - z == pytest.approx(0.0, abs=1e-12)
