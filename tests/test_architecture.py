@@ -408,7 +408,7 @@ def test_unknown_names_are_attribute_errors():
 
 def test_what_a_second_process_exported_is_read_without_opencascade():
     program = (
-        "import sys; from optics.verification import ExportedStep, StepFile, light_checks, text_volume_check; "
+        "import sys; from optics.verification import ExportedStep, light_checks, text_volume_check; "
         "print(ExportedStep.__module__, *{m.split('.')[0] for m in sys.modules})"
     )
     loaded = run("-c", program).stdout.split()
