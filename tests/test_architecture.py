@@ -421,3 +421,13 @@ def test_unknown_names_are_attribute_errors():
         _ = thbcad.Mesh
     with pytest.raises(ImportError, match="Mesh"):
         exec("from thbcad import Mesh")
+
+
+def test_what_a_second_process_exported_is_read_without_opencascade():
+    program = (
+        "import sys; from optics.verification import ExportedStep, light_checks, text_volume_check; "
+        "print(ExportedStep.__module__, *{m.split('.')[0] for m in sys.modules})"
+    )
+    loaded = run("-c", program).stdout.split()
+    assert "numpy" in loaded
+    assert not {"OCP", "matplotlib"} & set(loaded)

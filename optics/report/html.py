@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from optics.analysis import NEGLIGIBLE
-from optics.report.limit_words import failure_text
 from optics.report.metric_words import PERCENT, metric_rows, number_text
 
 if TYPE_CHECKING:
@@ -90,11 +89,20 @@ def report_html(report: Report, problem_text: str) -> str:
 
 
 def _banner(report: Report) -> str:
-    """Return the verdict, the checks that failed, and the notes."""
+    """Return the verdict, the checks that failed, and the notes; of missed limits a note says more."""
     colour = "good" if report.verification["ok"] else "bad"
     verdict = f'<p class="banner {colour}">{escape(report.verdict)}</p>' if report.verdict else ""
-    failed = [failure_text(c, report.problem) for c in report.verification["checks"] if not c["ok"]]
+    failed = [
+        failure_text(c) for c in report.verification["checks"] if not (c["ok"] or " limits." in c["name"])
+    ]
     return verdict + _list(failed, "bad") + _list(report.notes, "notes")
+
+
+def _failure(check: dict[str, Any]) -> str:
+    """Return "quantity: got ..., wanted ..." of a failed check, as in `optics.runtime.verification`."""
+    unit = f" {check['unit']}".rstrip()
+    got, wanted = number_text(float(check["value"])), number_text(float(check["limit"]))
+    return f"{check['name']}: got {got}{unit}, wanted at most {wanted}{unit}"
 
 
 def _list(sentences: Iterable[str], name: str) -> str:

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
         trace_step as trace_step,
     )
     from optics.verification.step_checks import (
-        ExportedStep as ExportedStep,
         differing_numbers as differing_numbers,
         exported_step as exported_step,
         surface_deviation as surface_deviation,
         verify as verify,
     )
     from optics.verification.step_file import (
+        ExportedStep as ExportedStep,
         StepFile as StepFile,
     )
     from optics.verification.text_comparison import (
@@ -55,13 +55,15 @@ _FILES = {
     "prescription": ("prescription_checks",),
     "reference_tracer": ("trace_step",),
     "step_checks": (
-        "ExportedStep",
         "differing_numbers",
         "exported_step",
         "surface_deviation",
         "verify",
     ),
-    "step_file": ("StepFile",),
+    "step_file": (
+        "ExportedStep",
+        "StepFile",
+    ),
     "text_comparison": ("fresh_export_checks",),
     "text_volume": ("text_volume_check",),
     "traced_light": ("light_checks",),

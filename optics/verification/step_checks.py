@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from optics.runtime import Check
 from optics.verification.solid_text import FINE_VOLUME
-from optics.verification.step_file import StepFile
+from optics.verification.step_file import ExportedStep, StepFile
 from optics.verification.traced_light import light_checks
 from thbcad.cad.exchange import solid_volume, step_bytes
 from thbcad.io import write_bytes
@@ -27,18 +26,6 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-6  # mm
 SURFACE_SAMPLES = 6  # per knot span and direction
-
-
-@dataclass(frozen=True, eq=False)
-class ExportedStep:
-    """A STEP file as it was written, and read back by OCCT.
-
-    checks : of the solid.  front, rear : the optical faces in the file, poles (x, y, z) in mm.
-    """
-
-    checks: list[Check]
-    front: BSplineSurface
-    rear: BSplineSurface
 
 
 def exported_step(system: OpticalSystem, lens: Lens, path: Path) -> ExportedStep:

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from optics.runtime import Check
     from thbcad.cad.exchange import SolidFile, SolidState
     from thbcad.io import Brep
+    from thbcad.splines import BSplineSurface
 
 
 @dataclass(frozen=True)
@@ -56,3 +58,17 @@ class StepFile:
         from thbcad.cad.exchange import read_step
 
         return read_step(self.path)
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedStep:
+    """A STEP file as it was written, and read back by OCCT.
+
+    Another process can return it without loading OCCT in this one.
+
+    checks : of the solid.  front, rear : the optical faces in the file, poles (x, y, z) in mm.
+    """
+
+    checks: list[Check]
+    front: BSplineSurface
+    rear: BSplineSurface
