@@ -92,10 +92,8 @@ def _banner(report: Report) -> str:
     """Return the verdict, the checks that failed, and the notes; of missed limits a note says more."""
     colour = "good" if report.verification["ok"] else "bad"
     verdict = f'<p class="banner {colour}">{escape(report.verdict)}</p>' if report.verdict else ""
-    failed = [
-        failure_text(c) for c in report.verification["checks"] if not (c["ok"] or " limits." in c["name"])
-    ]
-    return verdict + _list(failed, "bad") + _list(report.notes, "notes")
+    failed = [c for c in report.verification["checks"] if not c["ok"] and " limits." not in c["name"]]
+    return verdict + _list(map(_failure, failed), "bad") + _list(report.notes, "notes")
 
 
 def _failure(check: dict[str, Any]) -> str:
