@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from optics.analysis import NEGLIGIBLE
@@ -59,7 +58,7 @@ class Report:
     pictures: Mapping[str, tuple[str, bytes]]
     verdict: str = ""
     notes: Sequence[str] = ()
-    run: Mapping[str, str] = MappingProxyType({})
+    run: Mapping[str, str] = field(default_factory=dict)
 
 
 def report_html(report: Report, problem_text: str) -> str:
