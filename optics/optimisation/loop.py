@@ -102,7 +102,7 @@ def design(
             objective = stage_objective(system, lens, stage, target, backend, axes)
             report = progress and partial(progress, plan)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
-            keeper = LimitKeeper(system, lens) if stage is plan[-1] else None
+            keeper = LimitKeeper(system, lens, note) if stage is plan[-1] else None
             lens = _optimised(lens, recorder, stage, note, keeper)
             state = replace(state, sags=lens.sags, history=recorder.history)
         try:

@@ -95,6 +95,14 @@ def test_a_limit_that_no_sag_can_keep_is_told_with_a_remedy(tmp_path, backend):
     assert len(done.state.history) <= len(rounds) * (2 * 8 + 10)  # no passes for what cannot be
 
 
+def test_a_bound_that_cuts_off_the_sag_is_told(tmp_path, backend):
+    """The map's lens has 5.9 mm in the centre, where 7 mm are wanted: 1.1 mm of at most 1.2 mm."""
+    done = designed(tmp_path, backend, {"limits.centre_thickness": 7.0, "lens.rear.freeform.z_freedom": 1.2})
+    (sentence,) = [note for note in done.notes if "to keep the limits" in note]
+    assert "change lens.thickness by +1.1 mm" in sentence
+    assert [c for c in limit_checks(done.problem, found_in(done)) if not c.ok] == []
+
+
 def test_the_mesh_stays_at_the_level_that_the_smallest_feature_allows(tmp_path, backend):
     """Level 0 has features of 15 mm, level 1 of 7.5 mm or 13636 wavelengths of 550 nm."""
     done = designed(tmp_path, backend, {"limits.feature": 13700.0})
