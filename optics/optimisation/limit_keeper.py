@@ -2,7 +2,8 @@
 
 Limits are charged at points, and certified everywhere.  Where a start or a minimum exceeds a limit:
 
-1. the start is moved within the limits, as far as the charges see them;
+1. the start is moved within the limits, as far as the charges see them; limits that no start is found for
+   are charged no more;
 2. the minimum is improved in a few passes of the augmented Lagrangian (`ShapePenalty.tightened`);
 3. the result is moved within the limits at denser points, with more room until the limits are certified.
 
@@ -40,6 +41,7 @@ MORE_ROOM = 3.0
 LIFTS = 20  # iterations that find the heights of surfaces
 FLAT = 1e-6  # of the charges: what heights do not change, as they change no curvature but for rounding
 MOVES = 100  # iterations of a move
+TRIES = 60  # lengths of a step: charges of curvature begin suddenly, far below the first length
 CUTS = 6  # halvings of a move's length, which then is 1.6 % too long at most
 INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
@@ -70,37 +72,55 @@ class LimitKeeper:
         if self._dense is None or shape is None:
             return recorder.minimized()
         try:
-            passes = PASSES
             if shape.exceeded(_coefficients(self._lens.sags)):
                 recorder.precondition()
-                charges = shape.with_rooms({})
-                start = self._moved(self._lens.sags, charges, recorder.variables)
-                if start:
-                    recorder.go_on(start, shape)
-                    self._note_cut(charges)
-                else:
-                    passes = 0  # multipliers of what cannot be met would grow without end
+                start, keys = self._start(shape.with_rooms({}), recorder.variables)
+                shape = shape.only(keys)
+                recorder.go_on(start, shape)
             sags = recorder.minimized()
-            for _ in range(passes):
+            for _ in range(PASSES):
                 if not shape.exceeded(_coefficients(sags)):
                     break
                 shape = shape.tightened(_coefficients(sags))
                 recorder.go_on(sags, shape)
                 sags = recorder.minimized(ceil(SHORTER * iterations))
-            return self._certified(sags, recorder.variables.around(sags))
+            return self._certified(sags, recorder.variables.around(sags), shape.keys)
         except KeyboardInterrupt:
             raise recorder.stopped from None
 
-    def _certified(self, sags: tuple[THBSurface, ...], variables: BoundedVariables) -> tuple[THBSurface, ...]:
-        """Return the sags moved within the certified limits; unchanged where that cannot be."""
+    def _start(
+        self, charges: ShapePenalty, variables: BoundedVariables
+    ) -> tuple[Sequence[THBSurface], tuple[str, ...]]:
+        """Return the start moved within the limits, and those that it keeps: all, or as many as are found
+        one after the other.
+
+        A limit that no sag can keep would spoil the light, and the other limits, for nothing.
+        """
+        start = self._moved(self._lens.sags, charges, variables)
+        if start:
+            self._note_cut(charges)
+            return start, charges.keys
+        best: Sequence[THBSurface] = self._lens.sags
+        keys: tuple[str, ...] = ()
+        for key in charges.keys:
+            start = self._moved(self._lens.sags, charges.only((*keys, key)), variables)
+            if start:
+                best, keys = start, (*keys, key)
+        return best, keys
+
+    def _certified(
+        self, sags: tuple[THBSurface, ...], variables: BoundedVariables, keys: Sequence[str]
+    ) -> tuple[THBSurface, ...]:
+        """Return the sags moved within the certified limits of these keys; unchanged where that cannot be."""
         assert self._dense is not None
-        found, rooms = sags, dict[str, float]()
+        dense, found, rooms = self._dense.only(keys), sags, dict[str, float]()
         for _ in range(ROOMS):
-            missed = {m.key for m in chargeable_misses(self._system.problem, self._lens.with_sags(found))}
+            misses = chargeable_misses(self._system.problem, self._lens.with_sags(found))
+            missed = {m.key for m in misses}.intersection(keys)
             if not missed:
                 return found
             rooms |= {key: MORE_ROOM * rooms[key] if key in rooms else ROOM for key in missed}
-            moved = self._moved(sags, self._dense.with_rooms(rooms), variables)
+            moved = self._moved(sags, dense.with_rooms(rooms), variables)
             if not moved:
                 break
             found = moved
@@ -188,7 +208,7 @@ def _bent(variables: BoundedVariables, charges: ShapePenalty) -> list[Floats]:
         if charges.cleared(at(weights)):
             raise StopIteration
 
-    options = {"maxiter": MOVES, "gtol": 0.0, "ftol": 0.0}
+    options = {"maxiter": MOVES, "maxls": TRIES, "gtol": 0.0, "ftol": 0.0}
     zeros = variables.zeros()
     found = minimize(charge, zeros, jac=True, method="L-BFGS-B", callback=stop, options=options).x
     if charges.cleared(at(found)):
