@@ -2,7 +2,8 @@
 
 Limits are charged at points, and certified everywhere.  Where a start or a minimum exceeds a limit:
 
-1. the start is moved within the limits, as far as the charges see them;
+1. the start is moved within the limits, as far as the charges see them; limits that no start is found for
+   are charged no more;
 2. the minimum is improved in a few passes of the augmented Lagrangian (`ShapePenalty.tightened`);
 3. the result is moved within the limits at denser points, with more room until the limits are certified.
 
@@ -12,7 +13,7 @@ over the optimiser's variables, which are scaled by what light feels; of the way
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -37,20 +38,28 @@ PASSES = 3  # of the augmented Lagrangian at most
 SHORTER = 0.5  # of the stage's iterations, in every pass
 ROOMS = 6  # that are tried, of a limit: 0.001, 0.003, ... 0.24
 MORE_ROOM = 3.0
+LIFTS = 20  # iterations that find the heights of surfaces
+FLAT = 1e-6  # of the charges: what heights do not change, as they change no curvature but for rounding
 MOVES = 100  # iterations of a move
+TRIES = 60  # lengths of a step: charges of curvature begin suddenly, far below the first length
 CUTS = 6  # halvings of a move's length, which then is 1.6 % too long at most
 INSIDE = 0.99  # of z_freedom
+CUT = 0.01  # of z_freedom: less is not worth a sentence
 
 Floats = NDArray[np.float64]
 
 
 class LimitKeeper:
-    """Minimises the objective of a stage within the limits of a system's problem."""
+    """Minimises the objective of a stage within the limits of a system's problem.
 
-    def __init__(self, system: OpticalSystem, lens: Lens) -> None:
-        self._system, self._lens = system, lens
+    note : called with a sentence where z_freedom is in the way.
+    """
+
+    def __init__(self, system: OpticalSystem, lens: Lens, note: Callable[[str], None]) -> None:
+        self._system, self._lens, self._note = system, lens, note
         problem = system.problem
         self._dense = shape_penalty(lens, problem.limits, problem.lens.density, fine=True)
+        self._bounds = [freeform.freedom for freeform in system.freeforms]
 
     def minimized(self, recorder: Recorder, iterations: int) -> tuple[THBSurface, ...]:
         """Return the best sags that are found, within the limits where that can be.
@@ -63,35 +72,55 @@ class LimitKeeper:
         if self._dense is None or shape is None:
             return recorder.minimized()
         try:
-            passes = PASSES
             if shape.exceeded(_coefficients(self._lens.sags)):
                 recorder.precondition()
-                start = self._moved(self._lens.sags, shape.with_rooms({}), recorder.variables)
-                if start:
-                    recorder.go_on(start, shape)
-                else:
-                    passes = 0  # multipliers of what cannot be met would grow without end
+                start, keys = self._start(shape.with_rooms({}), recorder.variables)
+                shape = shape.only(keys)
+                recorder.go_on(start, shape)
             sags = recorder.minimized()
-            for _ in range(passes):
+            for _ in range(PASSES):
                 if not shape.exceeded(_coefficients(sags)):
                     break
                 shape = shape.tightened(_coefficients(sags))
                 recorder.go_on(sags, shape)
                 sags = recorder.minimized(ceil(SHORTER * iterations))
-            return self._certified(sags, recorder.variables.around(sags))
+            return self._certified(sags, recorder.variables.around(sags), shape.keys)
         except KeyboardInterrupt:
             raise recorder.stopped from None
 
-    def _certified(self, sags: tuple[THBSurface, ...], variables: BoundedVariables) -> tuple[THBSurface, ...]:
-        """Return the sags moved within the certified limits; unchanged where that cannot be."""
+    def _start(
+        self, charges: ShapePenalty, variables: BoundedVariables
+    ) -> tuple[Sequence[THBSurface], tuple[str, ...]]:
+        """Return the start moved within the limits, and those that it keeps: all, or as many as are found
+        one after the other.
+
+        A limit that no sag can keep would spoil the light, and the other limits, for nothing.
+        """
+        start = self._moved(self._lens.sags, charges, variables)
+        if start:
+            self._note_cut(charges)
+            return start, charges.keys
+        best: Sequence[THBSurface] = self._lens.sags
+        keys: tuple[str, ...] = ()
+        for key in charges.keys:
+            start = self._moved(self._lens.sags, charges.only((*keys, key)), variables)
+            if start:
+                best, keys = start, (*keys, key)
+        return best, keys
+
+    def _certified(
+        self, sags: tuple[THBSurface, ...], variables: BoundedVariables, keys: Sequence[str]
+    ) -> tuple[THBSurface, ...]:
+        """Return the sags moved within the certified limits of these keys; unchanged where that cannot be."""
         assert self._dense is not None
-        found, rooms = sags, dict[str, float]()
+        dense, found, rooms = self._dense.only(keys), sags, dict[str, float]()
         for _ in range(ROOMS):
-            missed = {m.key for m in chargeable_misses(self._system.problem, self._lens.with_sags(found))}
+            misses = chargeable_misses(self._system.problem, self._lens.with_sags(found))
+            missed = {m.key for m in misses}.intersection(keys)
             if not missed:
                 return found
             rooms |= {key: MORE_ROOM * rooms[key] if key in rooms else ROOM for key in missed}
-            moved = self._moved(sags, self._dense.with_rooms(rooms), variables)
+            moved = self._moved(sags, dense.with_rooms(rooms), variables)
             if not moved:
                 break
             found = moved
@@ -101,15 +130,34 @@ class LimitKeeper:
         self, sags: Sequence[THBSurface], charges: ShapePenalty, variables: BoundedVariables
     ) -> tuple[THBSurface, ...] | None:
         """Return sags near others that leave half the room of every charge; None where none are found."""
-        before = _coefficients(sags)
-        bounds = [INSIDE * freeform.freedom for freeform in self._system.freeforms]
-        coefficients = _lifted(before, bounds, charges)
+        coefficients, _, _ = self._lifted(sags, charges)
         if not charges.cleared(coefficients):
             lifted = tuple(THBSurface(s.space, c) for s, c in zip(sags, coefficients))
             coefficients = _bent(variables.around(lifted), charges)
         if not charges.cleared(coefficients):
             return None
         return tuple(THBSurface(sag.space, c) for sag, c in zip(sags, coefficients))
+
+    def _lifted(
+        self, sags: Sequence[THBSurface], charges: ShapePenalty
+    ) -> tuple[list[Floats], Floats, float]:
+        """Return coefficients with the heights that keep most of the limits, the heights, and what is cut
+        off, mm."""
+        before, bounds = _coefficients(sags), [INSIDE * bound for bound in self._bounds]
+        heights = _heights(before, bounds, charges)
+        lifted = [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
+        cut = max(float(np.abs(c + h - d).max()) for c, h, d in zip(before, heights, lifted))
+        return lifted, heights, cut if heights.any() else 0.0
+
+    def _note_cut(self, charges: ShapePenalty) -> None:
+        """Tell where z_freedom cuts off much of a start that is moved within the limits."""
+        _, heights, cut = self._lifted(self._lens.sags, charges)
+        if cut > CUT * min(self._bounds):
+            self._note(
+                f"to keep the limits the rear moves by {heights[-1]:.2g} mm along z, and z_freedom cuts off "
+                f"{cut:.2g} mm of the sag: raise z_freedom by as much, or change lens.thickness by "
+                f"{heights[-1]:+.2g} mm, for better light"
+            )
 
 
 def chargeable_misses(problem: Problem, lens: Lens) -> list[Miss]:
@@ -124,20 +172,23 @@ def _coefficients(sags: Sequence[THBSurface]) -> list[Floats]:
     return [sag.coefficients for sag in sags]
 
 
-def _lifted(before: list[Floats], bounds: Sequence[float], charges: ShapePenalty) -> list[Floats]:
-    """Return coefficients with a height added to every surface, which makes the charges least."""
-
-    def lifted(heights: Floats) -> list[Floats]:
-        return [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
+def _heights(before: list[Floats], bounds: Sequence[float], charges: ShapePenalty) -> Floats:
+    """Return the heights that make the charges least when they are added to the surfaces, mm."""
 
     def charge(heights: Floats) -> tuple[float, Floats]:
-        coefficients = lifted(heights)
+        coefficients = [np.clip(c + h, -b, b) for c, h, b in zip(before, heights, bounds)]
         loss, gradients = charges(coefficients)
         free = zip(gradients, coefficients, bounds)
         return loss, np.array([g[np.abs(c) < b].sum() for g, c, b in free])
 
-    least = minimize(charge, np.zeros(len(before)), jac=True, method="BFGS", options={"gtol": 0.0})
-    return lifted(least.x) if least.fun < charges(before)[0] else before
+    start = np.zeros(len(before))
+    loss, slope = charge(start)
+    if np.abs(slope * bounds).max() <= FLAT * loss:
+        return start
+    options = {"maxiter": LIFTS, "gtol": FLAT * loss / max(bounds)}
+    least = minimize(charge, start, jac=True, method="BFGS", options=options)
+    result: Floats = least.x if least.fun < loss else start
+    return result
 
 
 def _bent(variables: BoundedVariables, charges: ShapePenalty) -> list[Floats]:
@@ -157,7 +208,7 @@ def _bent(variables: BoundedVariables, charges: ShapePenalty) -> list[Floats]:
         if charges.cleared(at(weights)):
             raise StopIteration
 
-    options = {"maxiter": MOVES, "gtol": 0.0, "ftol": 0.0}
+    options = {"maxiter": MOVES, "maxls": TRIES, "gtol": 0.0, "ftol": 0.0}
     zeros = variables.zeros()
     found = minimize(charge, zeros, jac=True, method="L-BFGS-B", callback=stop, options=options).x
     if charges.cleared(at(found)):

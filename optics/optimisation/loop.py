@@ -107,7 +107,7 @@ def design(
             objective = stage_objective(system, lens, stage, target, backend, axes)
             report = progress and partial(progress, plan, stage, state.dof)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
-            keeper = LimitKeeper(system, lens) if stage is plan[-1] else None
+            keeper = LimitKeeper(system, lens, note) if stage is plan[-1] else None
             lens = _optimised(lens, recorder, stage, note, keeper)
             if stage is plan[-1] and recorder.fall > FALLING:
                 note(

@@ -35,7 +35,6 @@ SNELL_STEPS = 4
 TRACED_STEPS = 3  # of tracing to a shape and computing the next
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
-MOST_TRACED = 256  # cells where the rays are traced
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
 INSIDE = 0.97  # of z_freedom
 # of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
@@ -87,7 +86,6 @@ class TransportStart:
         if system.path.parallel:
             self._light, self._slopes = self._shape_parallel()
         else:
-            self._cells = min(nx, MOST_TRACED), min(ny, MOST_TRACED)
             self._light, self._slopes, self.traced = self._shape_traced()
 
     def fit(self, space: THBSpace) -> TransportFit:
@@ -240,7 +238,9 @@ class TransportStart:
             slopes, gentle, refracts = self._snell(light, arrival, height)
             self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
             gentle &= light.weight > LEAST_WEIGHT
-            wanted = [np.where(gentle, s, 0.0) for s in _above_conic(light, lens.rear, slopes)]
+            # where no light is, the slopes go on: fits of all levels then agree along the border of the light
+            own = [sag.grid(light.x, light.y, d) for d in ((1, 0), (0, 1))]
+            wanted = [np.where(gentle, s, o) for s, o in zip(_above_conic(light, lens.rear, slopes), own)]
             light = replace(light, weight=np.where(gentle, light.weight, LEAST_WEIGHT))
             fit = self._fit(space, light, wanted)
             sag = fit.sag

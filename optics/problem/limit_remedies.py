@@ -37,7 +37,7 @@ def _remedy(problem: Problem, metrics: Manufacturability, miss: Miss) -> str:
     distance = f"raise target.distance or lens.{miss.surface}.freeform.z_freedom"
     bent = distance if free else f"change lens.{miss.surface}.radius"
     if miss.key in ("radius", "concave_radius", "feature"):
-        return _coarser(metrics, miss.surface)
+        return _flatter(problem, miss) or _coarser(metrics, miss.surface)
     if miss.key == "mass":
         x, y = problem.lens.rear.half_width
         per_mm = mass(4 * x * y, problem.lens.density)
@@ -47,6 +47,16 @@ def _remedy(problem: Problem, metrics: Manufacturability, miss: Miss) -> str:
     if miss.beyond:
         return f"lower {change.replace(', or ', ', or raise ')}"
     return f"raise {change}"
+
+
+def _flatter(problem: Problem, miss: Miss) -> str:
+    """Return the setting of a conic that is itself too curved, or ""."""
+    radius = getattr(problem.lens, miss.surface).radius
+    hollow = radius > 0 if miss.surface == "rear" else radius < 0
+    if miss.key == "feature" or abs(radius) >= miss.wanted or (miss.key == "concave_radius" and not hollow):
+        return ""
+    conic = f"lens.{miss.surface}.radius = {'-' if radius < 0 else ''}{miss.wanted:g}"
+    return f"set {conic}, or raise lens.{miss.surface}.freeform.z_freedom"
 
 
 def _coarser(metrics: Manufacturability, surface: str) -> str:

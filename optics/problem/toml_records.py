@@ -133,7 +133,7 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
 
 
 def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
-    if limits["infinite"] and math.isinf(value) and (value > 0 or limits["size"]):
+    if limits["infinite"] and math.isinf(value) and (value > 0 or limits["size"] or limits["zero"]):
         return
     if not math.isfinite(value):
         raise UserError(f"{key} must be a finite number, got {value!r}")

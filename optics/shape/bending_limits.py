@@ -55,7 +55,10 @@ class SlopeExcess:
 
 
 class RadiusExcess:
-    """The excess of a surface's curvatures of the given signs; 1 is towards +z."""
+    """The excess of a surface's curvatures of the given signs; 1 is towards +z.
+
+    No curvature exceeds the norm of A: where R |A| - 1 is not positive it stands for the excess.
+    """
 
     def __init__(self, key: str, samples: SurfaceSamples, radius: float, signs: Sequence[int]) -> None:
         self.key, self._samples, self._radius, self._signs = key, samples, radius, signs
@@ -64,15 +67,22 @@ class RadiusExcess:
 
     def __call__(self, nets: Sequence[Floats], shift: Floats) -> tuple[Floats, Pull]:
         net = nets[self._samples.number]
-        bent = Curvatures(*(c + self._samples.sag(net, d) for c, d in zip(self._conic, DERIVATIVES)))
+        parts = [c + self._samples.sag(net, d) for c, d in zip(self._conic, DERIVATIVES)]
+        r, s, t = parts[2:]
+        bound = self._radius * np.sqrt(r * r + 2 * s * s + t * t) - 1 + shift
+        near = bound > 0
+        bent = Curvatures(*(part[near] for part in parts))
         factors = [self._radius * sign for sign in self._signs]
-        excess = np.concatenate([np.stack([f * bent.greater, f * bent.lesser]) - 1 + shift for f in factors])
+        excess = np.broadcast_to(bound, (2 * len(factors), *bound.shape)).copy()
+        for k, f in enumerate(factors):
+            excess[2 * k : 2 * k + 2, near] = np.stack([f * bent.greater, f * bent.lesser]) - 1 + shift[near]
 
         def pull(bar: Floats, slopes: Sequence[Floats]) -> None:
-            pairs = zip(factors, bar[::2], bar[1::2])
-            bars = np.sum([f * np.stack([greater, lesser]) for f, greater, lesser in pairs], axis=0)
+            bars = sum((f * bar[2 * k : 2 * k + 2, near] for k, f in enumerate(factors)), np.zeros(1))
             for part, d in zip(bent.pulled(*bars), DERIVATIVES):
-                slopes[self._samples.number][...] += self._samples.pulled(part, d)
+                spread = np.zeros_like(bound)
+                spread[near] = part
+                slopes[self._samples.number][...] += self._samples.pulled(spread, d)
 
         return excess, pull
 

@@ -64,6 +64,18 @@ class ShapePenalty:
                 pull(2 * self._weight * excess.mean * charged, slopes)
         return loss, [e.adjoint(slope) for e, slope in zip(self._embeddings, slopes)]
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The limits that are charged."""
+        return tuple(dict.fromkeys(excess.key for excess in self._excesses))
+
+    def only(self, keys: Sequence[str]) -> ShapePenalty:
+        """Return the penalty without the charges for other limits."""
+        other, kept = copy(self), [k for k, e in enumerate(self._excesses) if e.key in keys]
+        other._excesses = [self._excesses[k] for k in kept]
+        other._shifts = [self._shifts[k] for k in kept]
+        return other
+
     def exceeded(self, coefficients: Sequence[Floats]) -> bool:
         """Return whether a limit is exceeded at a point."""
         nets = self._nets(coefficients)

@@ -205,7 +205,8 @@ def test_a_missed_limit_is_told_with_what_came_what_was_wanted_and_a_remedy(tmp_
     assert limit_sentences(limited(problem, thickness=5.9, mass=9.0), found) == []
     assert told(concave_radius=50.0) == (
         "concave radius of the rear: got 40 mm, wanted at least 50 mm, at x = 0, y = 0 mm: "
-        "take fewer lens.rear.freeform.spans, or allow limits.concave_radius = 39.99"
+        "set lens.rear.radius = 50, or raise lens.rear.freeform.z_freedom, "
+        "or allow limits.concave_radius = 39.99"
     )
     assert told(thickness=6.5).endswith(
         "raise lens.thickness by 0.5001 mm, or z_freedom of the free surfaces, "
@@ -226,12 +227,15 @@ def test_a_missed_limit_is_told_with_what_came_what_was_wanted_and_a_remedy(tmp_
 
 
 def test_a_mesh_too_fine_is_told_its_level(tmp_path):
-    problem, lens, _ = designed(tmp_path, height=0.0)
+    problem, lens, found = designed(tmp_path, height=0.5)
     (sag,) = lens.sags
     refined = lens.with_sags([sag.refine({0: sag.space.cells[:, 1:]})])
-    limits = limited(problem, feature=2e4, concave_radius=50.0)
-    for sentence in limit_sentences(limits, manufacturability(refined)):
+    limits = limited(problem, feature=2e4, concave_radius=30.0)
+    feature, radius = limit_sentences(limits, manufacturability(refined))[::-1]
+    for sentence in (feature, radius):
         assert "set lens.rear.freeform.max_level = 0" in sentence
+    (radius,) = limit_sentences(limits, found)
+    assert "take fewer lens.rear.freeform.spans" in radius
 
 
 @pytest.mark.parametrize("key", KEYS)

@@ -85,14 +85,27 @@ def test_a_limit_that_is_far_changes_nothing(unlimited, tmp_path, backend):
     assert done.state.evaluations == unlimited.state.evaluations
 
 
-def test_a_limit_that_no_sag_can_keep_is_told_with_a_remedy(tmp_path, backend):
-    """2 mm of freedom cannot take 3.2 g below 1 g, which 6 mm of thickness make."""
-    done = designed(tmp_path, backend, {"limits.mass": 1.0, "lens.rear.freeform.max_level": 0})
+def test_a_limit_that_no_sag_can_keep_is_told_and_spoils_neither_light_nor_other_limits(
+    unlimited, tmp_path, backend
+):
+    """2 mm of freedom cannot take 3.2 g below 1 g, which 6 mm of thickness make; others are kept as ever."""
+    found = found_in(unlimited)
+    changes = {"limits.mass": 1.0, "limits.radius": beyond(found)["radius"]}
+    done = designed(tmp_path, backend, changes)
     (sentence,) = [note for note in done.notes if "wanted at" in note]
     got = found_in(done).mass
     assert sentence.startswith(f"mass: got {got:.4g} g, wanted at most 1 g: lower lens.thickness by about ")
-    rounds = {row.level for row in done.state.history}
-    assert len(done.state.history) <= len(rounds) * (2 * 8 + 10)  # no passes for what cannot be
+    missed = [c.name for c in limit_checks(done.problem, found_in(done)) if not c.ok]
+    assert missed == ["mass beyond limits.mass"]
+    assert done.state.history[-1].fit < 2 * unlimited.state.history[-1].fit
+
+
+def test_a_bound_that_cuts_off_the_sag_is_told(tmp_path, backend):
+    """The map's lens has 5.9 mm in the centre, where 7 mm are wanted: 1.1 mm of at most 1.2 mm."""
+    done = designed(tmp_path, backend, {"limits.centre_thickness": 7.0, "lens.rear.freeform.z_freedom": 1.2})
+    (sentence,) = [note for note in done.notes if "to keep the limits" in note]
+    assert "change lens.thickness by +1.1 mm" in sentence
+    assert [c for c in limit_checks(done.problem, found_in(done)) if not c.ok] == []
 
 
 def test_the_mesh_stays_at_the_level_that_the_smallest_feature_allows(tmp_path, backend):

@@ -274,6 +274,16 @@ def test_a_mass_is_exceeded_by_what_the_volume_says():
     assert loss == pytest.approx(WEIGHT * (0.5 + ROOM) ** 2, rel=1e-10)
 
 
+def test_charges_of_some_limits_alone_are_part_of_all():
+    at = coefficients(BOTH)
+    every, few = charges(BOTH, **TIGHT), ("radius", "mass")
+    rest = [key for key in TIGHT if key not in few]
+    assert set(every.keys) == set(TIGHT)
+    assert set(every.only(few).keys) == set(few)
+    assert every.only(few)(at)[0] + every.only(rest)(at)[0] == pytest.approx(every(at)[0], rel=1e-12)
+    assert every.only(())(at)[0] == 0
+
+
 # Gradients
 
 
