@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from functools import cache
 
 import numpy as np
 import pytest
@@ -72,20 +71,14 @@ class Made:
         return image.sum() * self.screen.pixel_area
 
 
-@pytest.fixture(scope="module")
-def made_of(tmp_path_factory, backend):
-    """A function from names to what is Made of them, once each: a steep base lens takes seconds to prove."""
-    return cache(lambda name: Made(tmp_path_factory.mktemp("made"), (WHOLE | CUT)[name], backend))
+@pytest.fixture(params=WHOLE.values(), ids=WHOLE.keys())
+def whole(request, tmp_path, backend):
+    return Made(tmp_path, request.param, backend)
 
 
-@pytest.fixture(params=WHOLE)
-def whole(request, made_of):
-    return made_of(request.param)
-
-
-@pytest.fixture(params=CUT)
-def cut(request, made_of):
-    return made_of(request.param)
+@pytest.fixture(params=CUT.values(), ids=CUT.keys())
+def cut(request, tmp_path, backend):
+    return Made(tmp_path, request.param, backend)
 
 
 def test_the_error_falls_with_the_square_of_the_cells_size(whole):
@@ -125,21 +118,21 @@ def test_a_rim_keeps_all_flux(cut):
     ("name", "order", "scale"),
     [("small rear", 2, 1.0), ("wide cone", 2, 1.0), ("total reflection", 1.5, 2.0)],
 )
-def test_what_arrives_does_not_depend_on_the_cells(made_of, name, order, scale):
+def test_what_arrives_does_not_depend_on_the_cells(tmp_path, backend, name, order, scale):
     """Cells interpolate what passes, and err by the square of their size; so do split ones at a rim.
 
     At total reflection it falls as the root of the distance: the cells there, n^-1 of all, err by n^-1/2.
     """
-    made = made_of(name)
+    made = Made(tmp_path, CUT[name], backend)
     few, many = (made.light(n, n + 4)[1].transmitted for n in (37, 101))
     assert few == pytest.approx(many, abs=scale * 37**-order * made.system.problem.source.flux)
     assert few != many
 
 
 @pytest.mark.parametrize("name", ["point", "small rear", "total reflection", "far field"])
-def test_rays_land_where_the_light_of_cells_is(made_of, backend, name):
+def test_rays_land_where_the_light_of_cells_is(tmp_path, backend, name):
     """Rays on a grid of n^2 in a pixel: sqrt(4 n) or so count for the wrong side of its borders."""
-    made = made_of(name)
+    made = Made(tmp_path, (WHOLE | CUT)[name], backend)
     expected, fates = made.light(131, 137)
     rays = 1001
     image, by_rays, _ = sequential(made.system, made.lens, backend, rays)
@@ -151,8 +144,8 @@ def test_rays_land_where_the_light_of_cells_is(made_of, backend, name):
 
 
 @pytest.mark.parametrize("name", ["beam", "point", "wide cone", "small rear"])
-def test_strips_of_cells_make_up_the_image(made_of, monkeypatch, name):
-    made = made_of(name)
+def test_strips_of_cells_make_up_the_image(tmp_path, backend, monkeypatch, name):
+    made = Made(tmp_path, (WHOLE | CUT)[name], backend)
     image, fates = made.light(41, 43)
     monkeypatch.setattr(light_of_cells, "CORNERS_AT_ONCE", 200)  # strips of three or four rows of cells
     strips, by_strips = made.light(41, 43)
@@ -163,12 +156,12 @@ def test_strips_of_cells_make_up_the_image(made_of, monkeypatch, name):
 @pytest.mark.parametrize(
     ("name", "within"), [("beam", 0.2), ("curved front", 0.2), ("point", 0.3), ("far field", 0.3)]
 )
-def test_the_error_that_is_told_is_the_error(made_of, backend, name, within):
+def test_the_error_that_is_told_is_the_error(tmp_path, backend, name, within):
     """Within 20 %, against four times as many cells in each direction.
 
     How cells lie to the pixels moves either error by a tenth; in the far field, by more.
     """
-    made = made_of(name)
+    made = Made(tmp_path, WHOLE[name], backend)
     result = measure(made.system, made.lens, backend)
     counts = [4 * n + 1 for n in (401, 401)]
     exact = made.light(*counts)[0] / made.screen.projection()
