@@ -64,6 +64,7 @@ def test_an_extended_problem_ends_well_too(extended):
     assert page.count("data:image/png;base64,") == len(FIGURES) + 2
 
 
+@pytest.mark.slow
 def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tmp_path, capsys):
     """The folder holds all that its problem file names."""
     assert main(["verify", str(extended.path)]) == 0
@@ -74,6 +75,7 @@ def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tm
     assert main(["verify", str(moved), "--no-optiland"]) == 0
 
 
+@pytest.mark.slow
 def test_an_extended_run_starts_from_an_earlier_design(extended, tmp_path, capsys):
     out = tmp_path / "out"
     assert (

@@ -105,6 +105,7 @@ def test_other_sources_and_the_far_field(hollow):
     assert any("no uniform rectangle" in line for line in lines)
 
 
+@pytest.mark.slow
 def test_the_notes_are_quick_bounds(hollow):
     """They are below the careful bound, since merged pixels and a coarser solution cost sharpness only."""
     problem = load_problem(hollow({"target.pixels": [96, 96]}))
@@ -130,7 +131,7 @@ def test_an_efficiency_out_of_range_is_refused(hollow, efficiency):
         run(hollow(), efficiency)
 
 
-@pytest.mark.parametrize("name", ["extended", "extended_two"])
+@pytest.mark.parametrize("name", [pytest.param("extended", marks=pytest.mark.slow), "extended_two"])
 def test_the_bound_lies_below_the_designs_at_hand(name):
     problem = load_problem(ROOT / "examples" / f"{name}.toml")
     metrics = json.loads((ROOT / "exports" / "curated" / name / "metrics.json").read_text("utf-8"))

@@ -49,6 +49,7 @@ def test_ctrl_c_ends_with_130_and_leaves_a_checkpoint(stopped):
     assert len(strict_json((stopped.folder / "out" / "checkpoint.json").read_text())["history"]) > 0
 
 
+@pytest.mark.slow
 def test_resume_finishes_what_ctrl_c_stopped(stopped_copy, capsys):
     """The last level ends by itself when L-BFGS converges."""
     problem, out = stopped_copy

@@ -160,6 +160,7 @@ def test_the_report_shows_figures_checks_and_problem_with_names_escaped(golden):
     assert "z_freedom = 1.0" in text
 
 
+@pytest.mark.slow
 def test_the_result_can_be_designed_again_from_its_own_problem_file(golden, tmp_path, capsys):
     again = tmp_path / "again"
     assert main(["design", str(golden.path / "problem.toml"), "--out", str(again)]) == 0
@@ -172,6 +173,7 @@ def test_the_result_can_be_designed_again_from_its_own_problem_file(golden, tmp_
     )
 
 
+@pytest.mark.slow
 def test_text_for_people_names_the_files(tmp_path, capsys):
     problem = write_problem(tmp_path, QUICK | {"lens.rear.freeform.max_level": 0})
     assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == 0

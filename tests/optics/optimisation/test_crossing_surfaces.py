@@ -75,6 +75,7 @@ def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path,
     assert "0.5 are kept; lower z_freedom" in notes[0]
 
 
+@pytest.mark.slow
 def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypatch):
     changes = {
         "optimizer.start": "flat",

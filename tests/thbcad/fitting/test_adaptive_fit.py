@@ -286,6 +286,7 @@ def test_bad_input_is_refused():
 # ---- the example ----
 
 
+@pytest.mark.slow
 def test_the_height_map_example(tmp_path):
     spec = importlib.util.spec_from_file_location("height_map", EXAMPLE)
     example = importlib.util.module_from_spec(spec)

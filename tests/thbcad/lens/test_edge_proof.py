@@ -155,7 +155,7 @@ def quartic(half_width, height, axis):
 
 
 # every value at least once; the rest of the product is slow
-OFTEN = {(0, "front", 1.0), (1, "rear", 1.0), (0, "rear", 0.75), (1, "front", 1.25)}
+OFTEN = {(0, "front", 1.0), (1, "rear", 0.75), (1, "front", 1.25)}
 
 
 @pytest.mark.parametrize(
