@@ -117,6 +117,7 @@ def design(options: Namespace) -> Outcome:
         clock.lap("setup")
         try:
             lens, state = _optimise(system, backend, folder, state, start)
+            backend.release()
             clock.lap("optimise")
             return _finish(system, lens, state, folder, clock, figures)
         except KeyboardInterrupt:
