@@ -97,6 +97,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         run.clock.progress.planned(Size.of(system), stages(system, moved))
         run.clock.lap("setup")
         lens, state = _optimised(run, system, backend, state, start)
+        backend.release()
         run.clock.lap("optimise")
         return _finished(run, system, lens, state, figures)
 

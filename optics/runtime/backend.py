@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optics.runtime.garbage import give_back_memory
 from optics.runtime.llvm import llvm_library
 from thbcad.doors import loaded
 
@@ -71,6 +72,11 @@ class Backend:
         row = buffer[start : start + len(flat)]
         row[:] = flat
         return self.Float(row)
+
+    def release(self) -> None:
+        """Give memory back to the system that Dr.Jit keeps for arrays to come."""
+        self.dr.flush_malloc_cache()
+        give_back_memory()
 
 
 def load_backend(precision: str = "double", threads: int = 0) -> Backend:

@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 from resource import RUSAGE_SELF, getrusage
 from typing import Any
 
-from optics.runtime.garbage import collect_rarely
+from optics.runtime.garbage import collect_and_give_back, collect_rarely
 
 PROGRAM = "from optics.runtime import serve; serve()"
 PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
@@ -104,6 +104,7 @@ def serve() -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while True:
             pipe.send(_called(*pipe.recv()))
+            collect_and_give_back()
     os._exit(0)  # to take the loaded packages down takes longer than some requests
 
 

@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import zoom
-from scipy.signal import savgol_filter
 
 from optics.transport.c_transform import c_transform
 from optics.transport.poisson import solved_poisson
@@ -46,6 +45,9 @@ FOUND = 0.25, 0.75  # of the promised gain: sigma falls below the first and rise
 CHANGE = 0.8  # of sigma
 DARK = -1e6  # potential of a cell without light: below all others, in the squared width of the rectangle
 ROUNDING = 1e-15  # of a gain, in the same unit
+# of five cells: the slope at each of the parabola that fits them; of three: the value of the line that does
+PARABOLA = np.array([[k / 10 + x * (k * k - 2) / 7 for k in range(-2, 3)] for x in range(-2, 3)])
+LINE = np.array([[1 / 3 + x * k / 2 for k in range(-1, 2)] for x in range(-1, 2)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +138,23 @@ class _Dual:
 def _gradient(psi: Floats, spacing: Sequence[float]) -> list[Floats]:
     """Return the slopes of psi, smoothed by about a cell, which takes out the staircase of c-transforms.
 
-    Along a direction the slope of the parabola that fits five cells, across it the mean of three.  Both weigh
-    differences of psi positively, so the map stays monotone.  The parabola also serves at the border: psi has
-    a slope across it where the target is dark at its own.
+    Along a direction the slope of the parabola that fits five cells, across it the line that fits three: both
+    weigh differences of psi positively, so the map stays monotone.  The outermost go on to the border: psi
+    has a slope across it where the target is dark at its own.
     """
-    return [
-        savgol_filter(savgol_filter(psi, 5, 2, deriv=1, delta=h, axis=axis), 3, 1, axis=1 - axis)
-        for axis, h in enumerate(spacing)
-    ]
+    slope_x, slope_y = (_fitted(psi, axis, PARABOLA, h) for axis, h in enumerate(spacing))
+    return [_fitted(slope_x, 1, LINE), _fitted(slope_y, 0, LINE)]
+
+
+def _fitted(values: Floats, axis: int, weights: Floats, unit: float = 1.0) -> Floats:
+    """Return sums of neighbours along an axis, divided by `unit`.
+
+    weights : one row for every cell of a window of odd length; the middle row is taken wherever it fits.
+    """
+    rows, middle = np.moveaxis(values, axis, 0), len(weights) // 2
+    out = np.empty_like(rows)
+    inner = len(rows) - 2 * middle
+    out[middle:-middle] = sum(w * rows[k : k + inner] for k, w in enumerate(weights[middle]))
+    out[:middle] = np.tensordot(weights[:middle], rows[: len(weights)], 1)
+    out[-middle:] = np.tensordot(weights[-middle:], rows[-len(weights) :], 1)
+    return np.moveaxis(out / unit, 0, axis)

@@ -19,7 +19,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
 
 Floats = NDArray[np.float64]
 
-CELLS_PER_BIN = 8  # in each direction: d is averaged in bins, since it is smooth but for cracks of the map
+CELLS_PER_BIN = 4  # in each direction: d is averaged in bins, since it is smooth but for cracks of the map
 FEW = 1e-3  # of the mean light of a bin: with less its d is that of the nearest other
 SAMPLES = 2  # of a cell in each direction
 

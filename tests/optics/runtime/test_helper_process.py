@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -46,6 +47,21 @@ def test_it_is_another_process_that_answers_in_the_order_of_the_questions(proces
     assert pid != os.getpid()
     assert rest == [1, 1, 2, 6, 24]
     assert process.ask("optics.runtime", "peak_mb").result() > 10
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no /proc")
+def test_it_keeps_no_memory_of_what_it_has_answered(process):
+    """80 MB, in a list that holds itself."""
+    pid = process.ask("os", "getpid").result()
+    process.ask("numpy", "ones", 1).result()
+
+    def held():
+        process.ask("os", "getpid").result()  # the one before is tidied up by then
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    before = held()
+    process.ask("builtins", "exec", "import numpy; row = [numpy.ones(10**7)]; row.append(row)").result()
+    assert held() < before + 20
 
 
 def test_what_it_is_asked_travels_whole_however_long(process):

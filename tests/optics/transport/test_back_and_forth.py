@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.signal import savgol_filter
 from scipy.special import erf
 
 from optics.runtime import load_backend
 from optics.sources import Profile
 from optics.transport import transport_map
+from optics.transport.back_and_forth import _gradient
 
 
 def by_cells(cdf_x, cdf_y):
@@ -204,3 +206,12 @@ def test_single_precision_of_the_run_does_not_change_the_map(backend):
     single = transport_map(load_backend("single", 1), islands, (64, 64), 1.0)
     double = transport_map(backend, islands, (64, 64), 1.0)
     np.testing.assert_array_equal(single.tx, double.tx)
+
+
+@pytest.mark.parametrize("shape", [(5, 9), (40, 31)])
+def test_slopes_of_potentials_are_those_of_fitted_parabolas(shape):
+    """Against scipy's filter of Savitzky and Golay, at the border too."""
+    psi, spacing = np.random.default_rng(2).standard_normal(shape), (0.3, 0.7)
+    for axis, found in enumerate(_gradient(psi, spacing)):
+        slope = savgol_filter(psi, 5, 2, deriv=1, delta=spacing[axis], axis=axis)
+        np.testing.assert_allclose(found, savgol_filter(slope, 3, 1, axis=1 - axis), rtol=0, atol=1e-13)
