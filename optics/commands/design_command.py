@@ -141,7 +141,6 @@ def _optimised(
 def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figures: DesignFigures) -> Outcome:
     """Export, measure and verify a designed lens; then write what can be claimed of it."""
     from optics.etendue import limit_sentence
-    from optics.problem import limit_sentences
     from optics.report import light_files
     from optics.runtime import load_backend
     from thbcad.lens import manufacturability
@@ -161,8 +160,6 @@ def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figure
         run.notes(limit)
     clock.lap("measure")
     product = manufacturability(lens, problem.lens.density or None)
-    for sentence in limit_sentences(problem, product):
-        run.notes(sentence)
     step = exported.result()
     writer.place_step()
     checks = _checks(run, system, lens, product, step, exact, measurement)

@@ -155,7 +155,7 @@ def test_the_report_shows_figures_checks_and_problem_with_names_escaped(golden):
     assert "every check passed" in text
     for check in strict_json((golden.path / "verify.json").read_text())["checks"]:
         assert check["name"] in text
-    for name in strict_json((golden.path / "metrics.json").read_text()):
+    for name in set(strict_json((golden.path / "metrics.json").read_text())) - {"verdict", "notes"}:
         assert name in text
     assert "z_freedom = 1.0" in text
 

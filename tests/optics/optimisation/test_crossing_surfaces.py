@@ -88,9 +88,7 @@ def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypat
     path = write_problem(tmp_path, changes)
     crossing(OpticalSystem(load_problem(path)), monkeypatch)
     assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 0
-    captured = capsys.readouterr()
-    assert "the optimised lens cannot exist" in captured.err
-    assert "FAILED" not in captured.out
+    assert "FAILED" not in capsys.readouterr().out
     assert main(["verify", str(tmp_path / "out"), "--no-optiland"]) == 0
     capsys.readouterr()
 
