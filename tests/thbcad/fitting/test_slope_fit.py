@@ -91,3 +91,16 @@ def test_cells_of_little_weight_do_not_count():
     found = fit_slopes(space, x, y, zx, zy, weight)
     off = (found.grid(x, y, (1, 0)) - zx)[30:]
     assert np.sqrt(np.mean(off**2)) < 0.05 * np.sqrt(np.mean(zx[30:] ** 2))
+
+
+def test_nearly_as_many_functions_as_samples_do_not_spoil_the_fit():
+    """115 functions on 128 samples, whose slopes jump where the weight does."""
+    n = 128
+    kv = KnotVector.uniform(3, 112, -1.0, 1.0)
+    space, x = THBSpace(kv, kv), (2 * np.arange(n) + 1) / n - 1
+    lit = np.hypot(x[:, None], x[None, :]) < 0.9
+    zx = np.where(lit, np.sin(3 * x)[:, None], 0.0)
+    zy = np.where(lit, 0.5 * np.cos(2 * x)[None, :], 0.0)
+    found = fit_slopes(space, x, x, zx, zy, np.where(lit, 1.0, 1e-3))
+    off = np.hypot(found.grid(x, x, (1, 0)) - zx, found.grid(x, x, (0, 1)) - zy)[lit]
+    assert np.sqrt((off**2).mean()) < 0.01
