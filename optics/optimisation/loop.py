@@ -19,6 +19,8 @@ from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from optics.optimisation.level_objective import Indicators, marked_cells, stage_objective
 from optics.optimisation.recorder import Interrupted, Recorder
 from optics.optimisation.stage_plan import stages
@@ -31,7 +33,6 @@ from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from optics.optimisation.stage_plan import Stage
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
+FRESH = 1  # what makes the draw of fresh rays another than that of the measurement
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
 
 
@@ -100,7 +102,10 @@ def design(
             objective = stage_objective(system, lens, stage, target, backend, axes)
             report = progress and partial(progress, plan)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
-            lens = _optimised(lens, recorder, stage, note)
+            begun, lens = lens, _optimised(lens, recorder, stage, note)
+            if system.source.extended:
+                fresh = np.random.default_rng((system.problem.run.seed, FRESH))
+                recorder.measure_afresh(stage_objective(system, begun, stage, target, backend, axes, fresh))
             state = replace(state, sags=lens.sags, history=recorder.history)
         try:
             marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, guide))

@@ -131,8 +131,9 @@ class ResultFolder:
     def write_history(self, history: Sequence[Row]) -> None:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["level", "dof", "evaluation", "loss", "fit", "seconds"])
-        writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, f"{r.seconds:.4f}"] for r in history)
+        writer.writerow(["level", "dof", "evaluation", "loss", "fit", "seconds", "fresh_fit"])
+        for r in history:
+            writer.writerow([r.level, r.dof, r.evaluation, r.loss, r.fit, f"{r.seconds:.4f}", r.fresh_fit])
         write_text(self.path / "history.csv", text.getvalue())
 
     def write_checkpoint(self, problem: Problem, state: State) -> None:
@@ -197,7 +198,8 @@ def _state(data: dict[str, Any]) -> State:
     if type(moved) is not bool or type(stage) is not int:
         raise ValueError("moved must be true or false and stage a whole number")
     for row in history:
-        if not all(type(v) in (int, float) for v in asdict(row).values()):
+        numbers = [v for name, v in asdict(row).items() if v is not None or name != "fresh_fit"]
+        if not all(type(v) in (int, float) for v in numbers):
             raise ValueError("the history must hold numbers")
     return State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)
 

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Row:
-    """One evaluation in the history; those that only estimate curvature are counted but have no row."""
+    """One evaluation in the history; those that only estimate curvature are counted but have no row.
+
+    fit : on the rays of the optimiser.
+    fresh_fit : on others, where the row is the result of a stage with an extended source.
+    """
 
     level: int
     dof: int
@@ -26,6 +30,7 @@ class Row:
     loss: float
     fit: float
     seconds: float
+    fresh_fit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,11 @@ class State:
     @property
     def evaluations(self) -> int:
         return self.history[-1].evaluation if self.history else 0
+
+    @property
+    def result(self) -> Row | None:
+        """The row of the last stage's result, where it was measured with other rays."""
+        return next((row for row in reversed(self.history) if row.fresh_fit is not None), None)
 
     @property
     def seconds(self) -> float:

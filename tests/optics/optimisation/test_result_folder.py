@@ -29,7 +29,7 @@ FREE_FRONT = {"lens.front.freeform.spans": [4, 4], "lens.front.freeform.max_leve
 
 def some_state(stage=1, sags=1):
     space = small_space()
-    history = Row(0, 49, 1, 0.1, 0.3, 0.25), Row(0, 49, 2, 1 / 3, 1e-17, 1.5)
+    history = Row(0, 49, 1, 0.1, 0.3, 0.25), Row(0, 49, 2, 1 / 3, 1e-17, 1.5, 0.7)
     surfaces = tuple(THBSurface(space, rough(space, seed=seed)) for seed in range(sags))
     return State(True, stage, surfaces, history)
 
@@ -150,5 +150,6 @@ def test_nothing_is_left_where_a_folder_cannot_be_made(tmp_path):
 def test_the_history_is_written_with_every_digit(folder):
     folder.write_history(some_state().history)
     lines = (folder.path / "history.csv").read_text().splitlines()
-    assert lines[0] == "level,dof,evaluation,loss,fit,seconds"
-    assert [float(v) for v in lines[2].split(",")] == [0, 49, 2, 1 / 3, 1e-17, 1.5]
+    assert lines[0] == "level,dof,evaluation,loss,fit,seconds,fresh_fit"
+    assert lines[1].endswith(",")
+    assert [float(v) for v in lines[2].split(",")] == [0, 49, 2, 1 / 3, 1e-17, 1.5, 0.7]
