@@ -217,6 +217,7 @@ def _run_metrics(lens: Lens, state: State, run: _Run, figures: DesignFigures) ->
         "dof": sum(sag.space.dim for sag in lens.sags),
         "levels": max(sag.space.levels for sag in lens.sags),
         "evaluations": state.evaluations,
+        **({"fit": state.result.fit, "fresh_fit": state.result.fresh_fit} if state.result else {}),
         "wall_s": run.clock.total(),
         "peak_mb": peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result(),
     }
@@ -272,8 +273,12 @@ def _shown(value: float | None, form: str) -> str:
 
 
 def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any]) -> list[str]:
+    fit = []
+    if "fresh_fit" in metrics:
+        fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
     return [
         *check_lines(checked),
+        *fit,
         f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   "
         f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
         f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "

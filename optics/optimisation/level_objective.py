@@ -67,13 +67,15 @@ def stage_objective(
     target: NDArray[np.float64],
     backend: Backend,
     axes: Sequence[int] = (),
+    fresh: np.random.Generator | None = None,
 ) -> Objective:
     """Return the Objective of a stage: its rays, screen, window and target, and the problem's charges.
 
     axes : directions of mirror symmetry, in which half of the rays may do.
+    fresh : draws other rays than those of the optimiser; cells are always the same.
     """
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
-    rays, window, mirrors = _measured_rays(system, stage, axes, backend)
+    rays, window, mirrors = _measured_rays(system, stage, axes, backend, fresh)
     options, limits = system.problem.optimizer, system.problem.limits
     tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False, fresnel=options.fresnel)
     if not limits.thickness and surfaces_can_cross(system):
@@ -93,7 +95,11 @@ def stage_objective(
 
 
 def _measured_rays(
-    system: OpticalSystem, stage: Stage, axes: Sequence[int], backend: Backend
+    system: OpticalSystem,
+    stage: Stage,
+    axes: Sequence[int],
+    backend: Backend,
+    fresh: np.random.Generator | None,
 ) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
     """Return the rays of a stage, how they are measured, and in which directions they are one half.
 
@@ -105,7 +111,7 @@ def _measured_rays(
         cells = system.source.cells([n - 1 for n in stage.rays], lit).half(axes)
         rays = cells.rays()
         return rays, MappedCells(backend, stage.screen, cells.emitted, rays.flux), axes
-    rays = system.source.rays(stage.rays)
+    rays = system.source.rays(stage.rays, fresh)
     window = BSplineWindow(FINISH_DEGREE) if stage.finish else stage_window(system.problem, stage.final)
     if system.source.extended and isinstance(rays, Rays):
         return mirror_half(rays, axes), window, axes

@@ -19,6 +19,8 @@ from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from optics.optimisation.level_objective import Indicators, marked_cells, stage_objective
 from optics.optimisation.limit_keeper import LimitKeeper
 from optics.optimisation.recorder import Interrupted, Recorder
@@ -33,7 +35,6 @@ from thbcad.lens import manufacturability, require_sound
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from optics.optimisation.stage_plan import Stage
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
 StageProgress = Callable[["Sequence[Stage]", "Stage", int, "Row | None"], None]
+FRESH = 1  # what makes the draw of fresh rays another than that of the measurement
 LEAST_FRACTION = 1e-3  # of a level's changes; below it they are not worth keeping
 
 
@@ -108,7 +110,10 @@ def design(
             report = progress and partial(progress, plan, stage, state.dof)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
             keeper = LimitKeeper(system, lens, note) if stage is plan[-1] else None
-            lens = _optimised(lens, recorder, stage, note, keeper)
+            begun, lens = lens, _optimised(lens, recorder, stage, note, keeper)
+            if system.source.extended:
+                fresh = np.random.default_rng((system.problem.run.seed, FRESH))
+                recorder.measure_afresh(stage_objective(system, begun, stage, target, backend, axes, fresh))
             if stage is plan[-1] and recorder.fall > FALLING:
                 note(
                     f"stopped by its {stage.iterations} iterations, while the misfit still fell by "

@@ -60,6 +60,7 @@ class Recorder:
         self._rows = list(state.history)
         self._evaluations = state.evaluations
         self._best = np.inf, [sag.coefficients for sag in state.sags]
+        self._best_row = 0
         self._first: Evaluation | None = None
         self._bests: list[float] = []  # least loss after every step of the optimiser
         self.fall = 0.0
@@ -132,6 +133,14 @@ class Recorder:
             raise self.stopped from None
         return self._best_sags()
 
+    def measure_afresh(self, objective: Objective) -> None:
+        """Note the fit of the result on the rays of another objective.
+
+        The optimiser fits the noise of its own rays too.
+        """
+        fresh_fit = objective(self._best[1]).fit
+        self._rows[self._best_row] = replace(self._rows[self._best_row], fresh_fit=fresh_fit)
+
     def _stop_where_flat(self, _: NDArray[np.float64]) -> None:
         """Keep the least loss after a step of the optimiser, and end its work where that is flat."""
         self._bests.append(self._best[0])
@@ -162,7 +171,7 @@ class Recorder:
                 "lower z_freedom or check the prescription"
             )
         if evaluation.loss < self._best[0]:
-            self._best = evaluation.loss, coefficients
+            self._best, self._best_row = (evaluation.loss, coefficients), len(self._rows)
         self._evaluations += 1
         row = Row(
             level=self._stage.level,

@@ -22,6 +22,8 @@ class Row:
     """One evaluation in the history; those that only estimate curvature are counted but have no row.
 
     stage : index in the plan
+    fit : on the rays of the optimiser.
+    fresh_fit : on others, where the row is the result of a stage with an extended source.
     """
 
     level: int
@@ -31,6 +33,7 @@ class Row:
     fit: float
     seconds: float
     stage: int
+    fresh_fit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,11 @@ class State:
     @property
     def evaluations(self) -> int:
         return self.history[-1].evaluation if self.history else 0
+
+    @property
+    def result(self) -> Row | None:
+        """The row of the last stage's result, where it was measured with other rays."""
+        return next((row for row in reversed(self.history) if row.fresh_fit is not None), None)
 
     @property
     def seconds(self) -> float:

@@ -110,6 +110,7 @@ def _state(data: dict[str, Any]) -> State:
     if type(moved) is not bool or type(stage) is not int:
         raise ValueError("moved must be true or false and stage a whole number")
     for row in history:
-        if not all(type(v) in (int, float) for v in asdict(row).values()):
+        numbers = [v for name, v in asdict(row).items() if v is not None or name != "fresh_fit"]
+        if not all(type(v) in (int, float) for v in numbers):
             raise ValueError("the history must hold numbers")
     return State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)

@@ -104,6 +104,6 @@ class ResultWriter:
 def _history_text(history: Sequence[Row]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage"])
-    writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage] for r in history)
+    writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"])
+    writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage, r.fresh_fit] for r in history)
     return text.getvalue()

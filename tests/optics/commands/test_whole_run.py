@@ -101,7 +101,7 @@ def test_a_design_measures_the_volume_by_the_text_and_says_what_it_leaves_out(go
 def test_the_history_is_a_table(golden):
     with (golden.path / "history.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == ["level", "dof", "evaluation", "loss", "fit", "stage"]
+    assert list(rows[0]) == ["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"]
     metrics = strict_json((golden.path / "metrics.json").read_text())
     assert int(rows[-1]["evaluation"]) == metrics["evaluations"]
     assert int(rows[-1]["dof"]) == metrics["dof"]

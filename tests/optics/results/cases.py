@@ -14,7 +14,7 @@ GLOW = {"source.profile": "image", "source.image": "glow.png"}
 
 def some_state(stage=1, sags=1):
     space = small_space()
-    history = Row(0, 49, 1, 0.1, 0.3, 0.25, 0), Row(0, 49, 2, 1 / 3, 1e-17, 1.5, 0)
+    history = Row(0, 49, 1, 0.1, 0.3, 0.25, 0), Row(0, 49, 2, 1 / 3, 1e-17, 1.5, 0, 0.7)
     surfaces = tuple(THBSurface(space, rough(space, seed=seed)) for seed in range(sags))
     return State(True, stage, surfaces, history)
 

@@ -184,8 +184,9 @@ def test_the_stored_problem_brings_its_pictures(tmp_path, problem_file):
 
 def test_the_history_is_written_with_every_digit(folder):
     lines = (folder.path / "history.csv").read_text().splitlines()
-    assert lines[0] == "level,dof,evaluation,loss,fit,stage"
-    assert [float(v) for v in lines[2].split(",")] == [0, 49, 2, 1 / 3, 1e-17, 0]
+    assert lines[0] == "level,dof,evaluation,loss,fit,stage,fresh_fit"
+    assert lines[1].endswith(",")
+    assert [float(v) for v in lines[2].split(",")] == [0, 49, 2, 1 / 3, 1e-17, 0, 0.7]
 
 
 def test_what_only_an_earlier_run_had_goes_away(folder, problem):
