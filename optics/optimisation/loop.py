@@ -94,7 +94,7 @@ def design(
     """
     clock = perf_counter() - (state.seconds if state else 0.0)
     flux = transmitted_flux(system, backend)
-    note = note or _no_note
+    note = _no_note if note is None else note
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
     start = _transport_start(system, backend, state, note, start)
     state, fit = (state, None) if state else _first_state(system, start, flux, backend)

@@ -288,3 +288,21 @@ def test_verify_works_without_the_picture(copy):
     """The picture is not needed to check a solid."""
     (copy / "target.png").unlink()
     assert main(["verify", str(copy), "--no-optiland"]) == 0
+
+
+def test_a_design_that_misses_says_so_everywhere_and_ends_with_1(tmp_path, capsys):
+    """With hardly any freedom the lens throws a bright square; the map's note and the verdict say why."""
+    changes = QUICK | {"lens.rear.freeform.max_level": 0, "lens.rear.freeform.z_freedom": 0.01}
+    problem = write_problem(tmp_path, changes | {"verify.rel_l2": 0.2})
+    assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == 1
+    captured = capsys.readouterr()
+    metrics = strict_json((tmp_path / "out" / "metrics.json").read_text())
+    record = strict_json((tmp_path / "out" / "result.json").read_text())
+    assert metrics["verdict"].startswith("the design misses rel_l2")
+    (asked,) = [sentence for sentence in metrics["notes"] if "the transport map asks for a sag" in sentence]
+    assert asked in captured.err
+    assert metrics["verdict"] in captured.out
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert metrics["verdict"] in page
+    assert asked in page
+    assert (record["ok"], record["verdict"], record["notes"]) == (False, metrics["verdict"], metrics["notes"])
