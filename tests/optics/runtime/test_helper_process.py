@@ -64,6 +64,14 @@ def test_it_keeps_no_memory_of_what_it_has_answered(process):
     assert held() < before + 20
 
 
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc")
+def test_its_peak_memory_is_not_that_of_the_process_that_started_it():
+    program = "from optics.runtime import peak_mb; print(peak_mb())"
+    held = b"x" * 200_000_000
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True, capture_output=True)
+    assert len(held) / 1e6 > 2 * float(done.stdout) > 10
+
+
 def test_what_it_is_asked_travels_whole_however_long(process):
     """Longer than a pipe holds, in both directions."""
     text = bytes(range(256)) * 10_000
