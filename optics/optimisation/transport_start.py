@@ -178,22 +178,25 @@ class TransportStart:
         along = np.zeros(self._cells)
         light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
         arrival = self._arrival(light, half, self._lit)
-        above = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
+        above, self.bent = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
         picture = self._prewarped(light, arrival, above)
         if picture is not None:
             arrival = self._arrival(light, half, picture)
-            above = self._above(light, arrival, _height(light, above), 1)
+            above, _ = self._above(light, arrival, _height(light, above), 1)
         return light, above
 
-    def _above(self, light: RearLight, arrival: Sequence[Floats], sag: Floats, steps: int) -> list[Floats]:
-        """Return the slopes of the sag that sends parallel light to its arrival, in steps from a sag, mm."""
+    def _above(
+        self, light: RearLight, arrival: Sequence[Floats], sag: Floats, steps: int
+    ) -> tuple[list[Floats], float]:
+        """Return the slopes of the sag that sends parallel light to its arrival, in steps from a sag, mm, and
+        the share of the light that slopes can send there.
+        """
         base = self._lens.thickness + self._lens.rear.conic(light.x[:, None], light.y[None, :])
         for _ in range(steps):
             slopes, _, refracts = self._snell(light, arrival, base + sag)
             above = _above_conic(light, self._lens.rear, slopes)
             sag = _height(light, above)
-        self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
-        return above
+        return above, float(np.average(refracts, weights=light.emitted(self._cells)))
 
     def _prewarped(
         self, light: RearLight, arrival: Sequence[Floats], above: Sequence[Floats]

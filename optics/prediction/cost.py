@@ -24,7 +24,7 @@ FUNCTION = 22e-6  # s per function of the finest mesh, in files and checks
 SEARCHED, BOTH_FREE = 1.4, 1.7  # times RAY, where rays are searched for; through two free surfaces
 # the peaks of overview.json within 1.1 times; those of spreading light, measured on point and extended.toml,
 # within 1.4 times
-BASE_MB = 1020.0
+BASE_MB = 640.0
 BYTES = 560  # per ray
 CELL_BYTES = 2000  # the same for cells whose rays are searched for
 
