@@ -4,8 +4,8 @@
 
 T is the target irradiance, G a Gaussian of WIDE pixels, max_3 and min_3 are over 3 x 3 pixels, and e is the
 rel_l2 of the transport start.  The quotient says how wide the detail is compared with the jumps from pixel to
-pixel.  SCALE and POWER are a regression over every second picture of `thbcad bench untuned`.  The other ten
-pictures end within 1.35 times, and 18 of all twenty within 1.5 times (the others 1.6 and 1.9).
+pixel.  SCALE and POWER are a regression over every second picture of `thbcad bench untuned`.  Of all twenty
+18 end within 1.5 times (the others 1.6 and 1.8).
 """
 
 from __future__ import annotations
