@@ -110,6 +110,7 @@ def test_restriction_inverts_prolongation(degree):
 # ---- walks ----
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.integers(1, 3), st.integers(1, 3), seeds())
 def test_short_walks(p, q, rng):

@@ -117,6 +117,7 @@ def test_resume_without_a_checkpoint_is_refused(tmp_path, capsys):
     assert "nothing to resume" in message
 
 
+@pytest.mark.slow
 def test_a_finished_result_goes_on_with_more_iterations(copy, golden, capsys):
     before = strict_json((copy / "metrics.json").read_text())
     problem = str(golden.problem)

@@ -44,6 +44,7 @@ def test_beta_functions_are_areas_of_the_density():
     assert_allclose(basis[:, 2 * 3 + 1], [quad(density, i / 8, (i + 1) / 8)[0] for i in range(8)], atol=1e-10)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(kernels(), targets())
 def test_deltas_are_the_general_problem(kernel, target):

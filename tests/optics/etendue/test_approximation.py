@@ -43,6 +43,7 @@ def test_the_bound_holds_for_any_residual(kernel, target, seed):
         assert 0 <= lower_bound(kernel, target, residual) <= best + ROUNDING
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(kernels(), targets())
 def test_the_certificate_is_tight_at_the_optimum(kernel, target):

@@ -62,6 +62,7 @@ def test_surfaces_that_are_not_compact_are_evaluated_by_cells():
     )
 
 
+@pytest.mark.slow
 def test_cost_is_in_proportion_to_cells_not_to_the_grid():
     """Level 12 along the diagonal: the finest grid has 1e9 cells, the hierarchy half a million."""
     counts = []

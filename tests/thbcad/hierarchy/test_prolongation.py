@@ -22,6 +22,7 @@ def refined_at_random(space, rng, levels):
     return chain, steps
 
 
+@pytest.mark.slow
 @given(
     knot_vectors(max_degree=5, max_spans=4),
     knot_vectors(max_degree=5, max_spans=4),

@@ -261,6 +261,7 @@ def test_a_lens_without_sags_is_the_lens_of_six_faces():
     assert text == part_step(lens_part(lens), Product())
 
 
+@pytest.mark.slow
 @given(thick_lenses())
 @settings(max_examples=25)
 def test_random_lenses_are_closed(lens):
