@@ -69,11 +69,11 @@ def design(options: Namespace) -> Outcome:
     problem = system.problem
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     run = _Run(problem, folder, clock)
-    with folder.taken(problem, options.force or options.resume):
+    with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
         try:
             return _designed(run, system, options)
         except KeyboardInterrupt:
-            run.notes(_what_is_kept(folder))
+            run.notes(_what_is_kept(run))
             raise
 
 
@@ -117,9 +117,9 @@ def _with_iterations(system: OpticalSystem, iterations: int) -> OpticalSystem:
     return OpticalSystem(replace(system.problem, optimizer=optimizer))
 
 
-def _what_is_kept(folder: ResultFolder) -> str:
-    if folder.checkpoint.exists():
-        return f"the same command with --resume goes on from {folder.checkpoint}"
+def _what_is_kept(run: _Run) -> str:
+    if run.folder.has_run_of(run.asked):
+        return f"the same command with --resume goes on from {run.folder.checkpoint}"
     return "nothing was kept, since no level had begun; the same command starts again"
 
 

@@ -77,7 +77,7 @@ class TransportStart:
     def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
         self._system, self._lens, self._backend = system, system.lens, backend
         screen = system.target.screen()
-        self._lit, self._centre, self._half = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
+        self.lit, self._centre, self.half_lit = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
         nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
         self._cells = nx, ny
         self._bound = INSIDE * system.problem.lens.rear.freeform.freedom
@@ -177,7 +177,7 @@ class TransportStart:
         x, y = centres(half, self._cells)
         along = np.zeros(self._cells)
         light = RearLight(x, y, (along, along, along + 1), emitted, np.ones(self._cells))
-        arrival = self._arrival(light, half, self._lit)
+        arrival = self._arrival(light, half, self.lit)
         above, self.bent = self._above(light, arrival, np.zeros(self._cells), SNELL_STEPS)
         picture = self._prewarped(light, arrival, above)
         if picture is not None:
@@ -215,9 +215,9 @@ class TransportStart:
         else:
             down = (self._system.target.z - self._lens.thickness - rear.conic(x, y) - sag) / dz
             landing = [x + dx * down, y + dy * down]
-        sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self._half)]
-        beside = [(q - a) / h for q, a, h in zip(landing, arrival, self._half)]
-        wanted = self._density(self._lit, self._cells)
+        sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self.half_lit)]
+        beside = [(q - a) / h for q, a, h in zip(landing, arrival, self.half_lit)]
+        wanted = self._density(self.lit, self._cells)
         asked = prewarped(wanted, sent, beside, light.emitted(self._cells))
         change = np.linalg.norm(asked / asked.mean() - wanted / wanted.mean())
         much = change > CHANGE * np.linalg.norm(wanted / wanted.mean())
@@ -236,7 +236,7 @@ class TransportStart:
         for _ in range(TRACED_STEPS):
             lens = lens.with_rear(lens.rear.with_sag(sag))
             light = traced_light(self._backend, self._system, lens, self._cells)
-            arrival = self._arrival(light, lens.rear.half_width, self._lit)
+            arrival = self._arrival(light, lens.rear.half_width, self.lit)
             height = lens.thickness + lens.rear.grid(light.x, light.y)
             slopes, gentle, refracts = self._snell(light, arrival, height)
             self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
@@ -251,14 +251,14 @@ class TransportStart:
 
     def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
         """Return a picture of the lit rectangle as cell means, (nx, ny)."""
-        return target_irradiance(picture, Screen(self._half, grid), "stretch", 1.0)[::-1].T
+        return target_irradiance(picture, Screen(self.half_lit, grid), "stretch", 1.0)[::-1].T
 
     def _arrival(self, light: RearLight, half: Sequence[float], picture: Floats) -> tuple[Floats, Floats]:
         """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
-        aspect = np.sqrt(half[0] * self._half[0] / (half[1] * self._half[1]))
+        aspect = np.sqrt(half[0] * self.half_lit[0] / (half[1] * self.half_lit[1]))
         density = partial(self._density, picture)
         plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
-        return self._centre[0] + self._half[0] * plan.tx, self._centre[1] + self._half[1] * plan.ty
+        return self._centre[0] + self.half_lit[0] * plan.tx, self._centre[1] + self.half_lit[1] * plan.ty
 
     def _snell(
         self, light: RearLight, arrival: Sequence[Floats], height: Floats

@@ -16,7 +16,6 @@ from optics.optimisation import TransportStart, first_sags, last_level, stages, 
 from optics.prediction.cost import memory_mb, seconds
 from optics.prediction.picture_error import predicted_rel_l2
 from optics.prediction.sensitivity import Sensitivity, sensitivity
-from optics.target import lit_part
 from optics.tracing import Tracer
 from thbcad.lens import mass
 
@@ -34,7 +33,6 @@ MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: th
 CELLS_PER_PIXEL, MOST_CELLS = 4, 2048  # of the source in each direction
 RAYS = 1 << 17  # of an extended source
 SAMPLES = 129  # of the surfaces in each direction, for the lens's depth
-DARK = 1e-3  # of the greatest irradiance, as the transport start has it
 
 
 @dataclass(frozen=True)
@@ -104,10 +102,10 @@ def expected(
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         pixel=max(system.target.screen().pitch),
-        net=_net(system, light),
+        net=_net(system, start.half_lit, light),
         blur=_blur(system),
         moved=moved,
-        rel_l2=predicted_rel_l2(_lit(system), error) if error and moved and system.path.parallel else None,
+        rel_l2=predicted_rel_l2(start.lit, error) if error and moved and system.path.parallel else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),
         memory_mb=memory_mb(system, plan),
@@ -161,16 +159,11 @@ def _size(lens: Lens) -> tuple[float, float, float]:
     return wide, high, float(lens.thickness + rear.max() - front.min())
 
 
-def _lit(system: OpticalSystem) -> Floats:
-    """Return the lit part of the target irradiance."""
-    screen = system.target.screen()
-    return lit_part(system.target.irradiance(screen, 1.0), screen, DARK)[0]
+def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> float:
+    """Return the mean size on the target of a knot span of the finest mesh.
 
-
-def _net(system: OpticalSystem, light: RearLight) -> float:
-    """Return the mean size on the target of a knot span of the finest mesh."""
-    screen = system.target.screen()
-    _, _, half = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
+    half : half-widths of the lit part of the target.
+    """
     lens, rear = system.lens.rear, system.freeforms[-1]
     magnification = sqrt(prod(half) / prod(_half_lit(light)))
     span = max(2 * h / (n << rear.finest) for h, n in zip(lens.half_width, rear.spans))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from optics.problem.toml_records import AUTO, option
 
@@ -79,19 +79,22 @@ class Freeform:
         return FINEST_AUTO if isinstance(self.max_level, str) else self.max_level
 
 
+def _radius(automatic: str) -> Any:
+    """Return the option of a surface's radius.  automatic : what "auto" stands for."""
+    note = f"mm, of the vertex; positive opens to +z, inf is a plane; {automatic}"
+    return option(math.inf, infinite=True, size=RADII, note=note, auto=True)
+
+
+def _conic() -> Any:
+    note = "conic constant K, -1 is a paraboloid, as auto is"
+    return option(0.0, size=(0, GREATEST_CONIC), note=note, auto=True)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Front:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
-    radius: float | str = option(
-        math.inf,
-        infinite=True,
-        size=RADII,
-        note="mm, of the vertex; positive opens to +z, inf is a plane; auto is a plane too",
-        auto=True,
-    )
-    conic: float | str = option(
-        0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid", auto=True
-    )
+    radius: float | str = _radius("auto is a plane too")
+    conic: float | str = _conic()
     freeform: Freeform | None = option(
         None, note="with the keys of lens.rear.freeform: a front that is free too"
     )
@@ -101,16 +104,8 @@ class Front:
 class Rear:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
     freeform: Freeform = option(Freeform())
-    radius: float | str = option(
-        math.inf,
-        infinite=True,
-        size=RADII,
-        note="mm, of the vertex; positive opens to +z, inf is a plane; auto takes it from the light",
-        auto=True,
-    )
-    conic: float | str = option(
-        0.0, size=(0, GREATEST_CONIC), note="conic constant K, -1 is a paraboloid", auto=True
-    )
+    radius: float | str = _radius("auto takes it from the light")
+    conic: float | str = _conic()
 
 
 def base_of(surface: Front | Rear) -> tuple[float, float]:

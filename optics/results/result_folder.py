@@ -115,11 +115,17 @@ class ResultFolder:
         except (UserError, OSError):
             return False
 
+    def has_run_of(self, problem: Problem) -> bool:
+        """Return whether an unfinished run of the problem lies here."""
+        owner = checkpoint_owner(self.checkpoint)
+        return owner is not None and fingerprint(problem) in owner.problems
+
     def _record(self) -> dict[str, Any]:
         path = self.path / RECORD
         try:
             record: dict[str, Any] = json.loads(path.read_text("utf-8"))
-            if not isinstance(record[HASHES], dict) or not isinstance(record["run_id"], str):
+            kinds = {HASHES: dict, "run_id": str, "ok": bool, "verdict": str}
+            if not all(isinstance(record[key], kind) for key, kind in kinds.items()):
                 raise ValueError
             return record
         except OSError as error:
@@ -167,10 +173,9 @@ class ResultFolder:
                 )
 
     def _require_nothing_lost(self, problem: Problem) -> None:
-        mine, owner = fingerprint(problem), checkpoint_owner(self.checkpoint)
-        if owner and mine in owner.problems:
+        if self.has_run_of(problem):
             return  # this was asked when that run began
-        if owner:
+        if owner := checkpoint_owner(self.checkpoint):
             raise UserError(
                 f"{self.path} holds an unfinished run of another problem, {owner.title!r}, which would be "
                 "lost: go on with it by its problem file and --resume, choose another --out, or drop it with "

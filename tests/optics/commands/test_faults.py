@@ -103,7 +103,7 @@ def replayed(kept, monkeypatch):
     return lambda out, *options: main(["design", str(kept.problem), "--out", str(out), "--json", *options])
 
 
-def stopped(replayed, capsys, folder, fault, at, old=None):
+def assert_nothing_false_when_stopped(replayed, capsys, folder, fault, at, old=None):
     """Stop a run at an operation, and check what lies there and how it goes on.
 
     old : an older result of another problem, over which it runs.
@@ -146,7 +146,7 @@ def test_a_run_stopped_at_some_file_operations_claims_nothing_false(
     golden, replayed, operations, capsys, tmp_path, fault
 ):
     for at in range(5 + 3 * list(EXPECTED).index(fault), operations + 1, operations // 5):
-        stopped(replayed, capsys, tmp_path / f"{at}", fault, at, golden.path)
+        assert_nothing_false_when_stopped(replayed, capsys, tmp_path / f"{at}", fault, at, golden.path)
 
 
 @pytest.mark.slow
@@ -156,4 +156,6 @@ def test_a_run_stopped_at_every_file_operation_claims_nothing_false(
     golden, replayed, operations, capsys, tmp_path, fault, over
 ):
     for at in range(1, operations + 1):
-        stopped(replayed, capsys, tmp_path / f"{at}", fault, at, golden.path if over else None)
+        assert_nothing_false_when_stopped(
+            replayed, capsys, tmp_path / f"{at}", fault, at, golden.path if over else None
+        )

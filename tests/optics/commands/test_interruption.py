@@ -134,3 +134,22 @@ def test_a_finished_result_goes_on_with_more_iterations(copy, golden, capsys):
 def test_more_iterations_need_a_run_to_resume(tmp_path, capsys, options):
     problem = write_problem(tmp_path)
     assert "--iterations" in refused(capsys, "design", problem, "--out", tmp_path / "out", *options)
+
+
+def test_going_on_from_a_finished_result_keeps_what_was_changed_since(copy, golden, capsys):
+    (copy / "problem.toml").write_text("# mine\n" + (copy / "problem.toml").read_text())
+    message = refused(capsys, "design", golden.problem, "--out", copy, "--resume", "--iterations", "9")
+    assert "problem.toml would be replaced" in message
+
+
+def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_resume(
+    stopped_copy, capsys, monkeypatch
+):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    problem, out = stopped_copy
+    write_problem(problem.parent, LONG | {"title": "other"})
+    monkeypatch.setattr("optics.optimisation.design", interrupted)
+    assert main(["design", str(problem), "--out", str(out), "--force"]) == 130
+    assert "nothing was kept" in capsys.readouterr().err

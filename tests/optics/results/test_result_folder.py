@@ -149,7 +149,10 @@ def test_claims_of_another_run_are_refused(folder, name, text):
         folder.read()
 
 
-@pytest.mark.parametrize("text", [None, "", "{", "[]", "{}", '{"sha256": []}', '{"sha256": {}, "run_id": 3}'])
+RECORDS = [None, "", "{", "[]", "{}", '{"sha256": []}', '{"sha256": {}, "run_id": 3}']
+
+
+@pytest.mark.parametrize("text", [*RECORDS, '{"sha256": {}, "run_id": "x", "ok": true}'])
 def test_a_folder_without_its_record_is_refused(folder, text):
     path = folder.path / "result.json"
     path.unlink()
@@ -221,9 +224,10 @@ def test_a_name_that_no_result_has_is_not_written(folder, problem):
 
 
 def test_the_same_problem_replaces_its_own_result(folder, problem, problem_file):
-    taken(folder, problem)
-    taken(folder, folder.read().problem)
-    taken(folder, load_problem(problem_file({"run.threads": 2})))
+    for same in (problem, folder.read().problem, load_problem(problem_file({"run.threads": 2}))):
+        with folder.taken(same, force=False):
+            write_all(folder, same, read_lens(folder.lens))
+        assert folder.read().record["ok"]
 
 
 def test_another_problems_result_is_kept(folder, problem_file):
@@ -268,6 +272,7 @@ def test_files_of_other_names_do_not_matter(tmp_path, problem):
     folder.path.mkdir()
     (folder.path / "notes.txt").write_text("x")
     taken(folder, problem)
+    assert names(folder) == ["notes.txt"]
 
 
 def test_another_problems_checkpoint_is_kept(tmp_path, problem, problem_file):
@@ -279,6 +284,8 @@ def test_another_problems_checkpoint_is_kept(tmp_path, problem, problem_file):
     with pytest.raises(UserError, match="unfinished run of another problem, 'small'"):
         taken(folder, other(problem_file))
     assert folder.checkpoint.read_bytes() == before
+    assert folder.has_run_of(problem)
+    assert not folder.has_run_of(other(problem_file))
     taken(folder, other(problem_file), force=True)
 
 
