@@ -33,6 +33,7 @@ FLOORS = [
     ["optics.runtime"],
     ["optics.problem", "optics.sources", "optics.target", "optics.transport"],
     ["optics.tracing", "optics.system", "optics.shape"],
+    ["optics.engines"],
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
     ["optics.results"],
     ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],

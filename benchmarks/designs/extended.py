@@ -16,6 +16,7 @@ from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import IRRADIANCE, LANDING, run_design
 from benchmarks.designs.thesis_method import adam_batches
 from optics.analysis import measure, nonsequential_metrics
+from optics.engines import ExactEngine
 from optics.optimisation import State, design
 from optics.problem import load_problem, problem_to_toml
 from optics.runtime import Backend, Row, load_backend
@@ -131,5 +132,5 @@ def _batches(system: OpticalSystem, backend: Backend, path: Path) -> list[Row]:
             )
         )
 
-    design(system, backend, checkpoint=check)
+    design(system, backend, ExactEngine(backend), checkpoint=check)
     return out

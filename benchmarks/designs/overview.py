@@ -19,6 +19,7 @@ from scipy.integrate import dblquad
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import LANDING, run_design
+from optics.engines import TracedModel
 from optics.optimisation import MARGIN, Objective
 from optics.problem import Optimizer, load_problem, problem_to_toml
 from optics.runtime import Backend, Row, load_backend, median_seconds
@@ -156,7 +157,9 @@ def _pearl_objective(
     screen = system.target.screen(1, MARGIN)
     tracer = Tracer(backend, lens, system.source.rays((449, 449)), system.target.z)
     target = system.target.irradiance(screen, 0.92)
-    return Objective(backend, tracer, screen, window, target, system.problem.optimizer.lost_flux_weight)
+    return Objective(
+        TracedModel(backend, tracer, screen, window), target, system.problem.optimizer.lost_flux_weight
+    )
 
 
 def _exact_objective(system: OpticalSystem, lens: Lens, backend: Backend) -> Objective:
@@ -165,7 +168,9 @@ def _exact_objective(system: OpticalSystem, lens: Lens, backend: Backend) -> Obj
     window = MappedCells(backend, screen, cells.emitted, rays.flux)
     tracer = Tracer(backend, lens, rays, system.target.z)
     target = system.target.irradiance(screen, 0.92)
-    return Objective(backend, tracer, screen, window, target, system.problem.optimizer.lost_flux_weight)
+    return Objective(
+        TracedModel(backend, tracer, screen, window), target, system.problem.optimizer.lost_flux_weight
+    )
 
 
 def _worst_difference(objective: Objective, c: NDArray[np.float64], step: float = STEP) -> float:

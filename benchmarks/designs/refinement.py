@@ -18,6 +18,7 @@ from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
 from optics.analysis import measure
+from optics.engines import ExactEngine
 from optics.optimisation import design
 from optics.problem import Freeform, Problem, Refinement, load_problem
 from optics.runtime import Backend, Row, load_backend
@@ -113,7 +114,7 @@ class _Run:
 def _run(name: str, problem: Problem, backend: Backend) -> _Run:
     """Design a lens and measure it."""
     system, start = OpticalSystem(problem), perf_counter()
-    lens, state = design(system, backend)
+    lens, state = design(system, backend, ExactEngine(backend))
     seconds = perf_counter() - start
     dof, loss = lens.rear.sag.space.dim, min(row.loss for row in state.history[-LAST:])
     error = measure(system, lens, backend).metrics["rel_l2"]

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from optics.engines import TracedModel
 from optics.optimisation import MARGIN, Objective, mark, summed_over_cells, transmitted_flux, vertex_knots
 from optics.runtime import Backend
 from optics.system import OpticalSystem
@@ -33,7 +34,7 @@ def adam_batches(system: OpticalSystem, backend: Backend) -> Iterator[Lens]:
     rays, freeform = system.source.rays(RAYS), system.problem.lens.rear.freeform
     for batch in range(BATCHES):
         tracer = Tracer(backend, lens, rays, system.target.z)
-        objective = Objective(backend, tracer, screen, GaussianWindow(1.0), target, 0.0)
+        objective = Objective(TracedModel(backend, tracer, screen, GaussianWindow(1.0)), target, 0.0)
         sag = _batch(backend, objective, lens.rear.sag, freeform.freedom, RATE * FALL**batch)
         lens = lens.with_sags([sag])
         yield lens

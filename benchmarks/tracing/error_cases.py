@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
+from optics.engines import ExactEngine
 from optics.optimisation import design
 from optics.problem import load_problem
 from optics.runtime import Backend, DrArray
@@ -71,7 +72,7 @@ def designed(name: str, backend: Backend) -> tuple[OpticalSystem, Lens]:
     if not path.exists():
         options = replace(problem.optimizer, iterations=(ITERATIONS[name],), finish=0, rays_per_pixel=4.0)
         brief = replace(problem, optimizer=options)
-        lens, _ = design(OpticalSystem(brief), backend)
+        lens, _ = design(OpticalSystem(brief), backend, ExactEngine(backend))
         STORE.mkdir(parents=True, exist_ok=True)
         write_lens(lens, path)
     return OpticalSystem(problem), read_lens(path)

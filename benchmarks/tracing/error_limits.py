@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
 from benchmarks.tracing.error_cases import WINDOW, designed
-from optics.optimisation import SOFT_RIM, Objective, stage_objective, stages
+from optics.engines import SOFT_RIM, ExactEngine, TracedModel
+from optics.optimisation import Objective, stage_objective, stages
 from optics.problem import load_problem
 from optics.runtime import Backend, Row, load_backend, median_seconds
 from optics.system import OpticalSystem
@@ -76,7 +77,7 @@ def fit(
     screen = system.target.screen()
     target = system.target.irradiance(screen, system.problem.source.flux)
     tracer = Tracer(backend, lens, system.source.rays(rays), system.target.z, soft_rim, sure=False)
-    return Objective(backend, tracer, screen, window, target, 0.0)
+    return Objective(TracedModel(backend, tracer, screen, window), target, 0.0)
 
 
 def seconds(objective: Objective, lens: Lens, repeats: int = REPEATS) -> float:
@@ -181,7 +182,7 @@ def first_gradient() -> float:
     system = OpticalSystem(load_problem(ROOT / "examples" / "pearl.toml"))
     lens, stage, backend = system.lens, stages(system, True)[-1], load_backend("double", 1)
     target = system.target.irradiance(stage.screen, 0.92 * system.problem.source.flux)
-    objective = stage_objective(system, lens, stage, target, backend)
+    objective = stage_objective(system, lens, stage, target, ExactEngine(backend))
     return objective([sag.coefficients for sag in lens.sags]).loss
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.tracing.error_cases import WINDOW, Case, Reference, grid_rays
+from optics.engines import TracedModel
 from optics.optimisation import Objective
 from optics.runtime import Backend, load_backend, median_seconds
 from optics.target import Splat, filter_image
@@ -211,7 +212,7 @@ def _point(
     """Return the point of a tracer whose rays are ready, with Splat and Objective."""
     screen = case.screen
     splat = Splat(backend, screen, WINDOW)
-    objective = Objective(backend, tracer, screen, WINDOW, case.target, 0.0)
+    objective = Objective(TracedModel(backend, tracer, screen, WINDOW), case.target, 0.0)
 
     def irradiance() -> Floats:
         with backend.dr.suspend_grad():

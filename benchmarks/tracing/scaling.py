@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.checkout import ROOT
+from optics.engines import TracedModel
 from optics.optimisation import Objective
 from optics.problem import load_problem
 from optics.runtime import Backend, Row, load_backend, median_seconds
@@ -83,7 +84,7 @@ def _seconds(system: OpticalSystem, lens: Lens, side: int, backend: Backend) -> 
     screen = system.target.screen()
     target = system.target.irradiance(screen, system.problem.source.flux)
     tracer = Tracer(backend, lens, system.source.rays((side, side)), system.target.z)
-    objective = Objective(backend, tracer, screen, PixelWindow(), target, 0.0)
+    objective = Objective(TracedModel(backend, tracer, screen, PixelWindow()), target, 0.0)
     at = [sag.coefficients for sag in lens.sags]
     return median_seconds(lambda: objective(at), REPEATS)
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.checkout import EXAMPLES
 from optics.analysis import measure
+from optics.engines import ExactEngine, TracedModel
 from optics.optimisation import MARGIN, Mirrors, Objective, design, mirror_axes, stage_objective, stages
 from optics.problem import load_problem
 from optics.runtime import Backend, DrArray, Row, load_backend, median_seconds
@@ -107,7 +108,7 @@ def _objective(
     options = system.problem.optimizer
     screen = system.target.screen(options.merge, MARGIN)
     target = system.target.irradiance(screen, system.problem.source.flux)
-    return Objective(backend, tracer, screen, window, target, options.lost_flux_weight)
+    return Objective(TracedModel(backend, tracer, screen, window), target, options.lost_flux_weight)
 
 
 def _evaluation(system: OpticalSystem, lens: Lens, backend: Backend, tracer: Tracer) -> Evaluate:
@@ -315,7 +316,7 @@ def _mirror(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
         loss, gradients = _loss_and_gradients(objective, c)
         return loss, [m.of_coefficients(g) for m, g in zip(mirrors, gradients)]
 
-    half, whole = (stage_objective(system, lens, stage, target, backend, a) for a in (axes, ()))
+    half, whole = (stage_objective(system, lens, stage, target, ExactEngine(backend), a) for a in (axes, ()))
     (loss, gradients), (other_loss, others) = evaluate(half), evaluate(whole)
     distance = max(np.linalg.norm(g - o) / np.linalg.norm(o) for g, o in zip(gradients, others))
     seconds = (median_seconds(lambda o=o: o(c), REPEATS) for o in (half, whole))
@@ -343,8 +344,8 @@ def _whole_design() -> list[Row]:
     for chosen, axes in ((lean, (0, 1)), (full, ())):
         system = OpticalSystem(chosen)
         with patch("optics.optimisation.loop.mirror_axes", return_value=axes):
-            seconds.append(median_seconds(lambda s=system: design(s, backend), 3))
-            lens, _ = design(system, backend)
+            seconds.append(median_seconds(lambda s=system: design(s, backend, ExactEngine(backend)), 3))
+            lens, _ = design(system, backend, ExactEngine(backend))
         errors.append(measure(OpticalSystem(problem), lens, backend).metrics["rel_l2"])
     return [
         Row("whole design of a top hat, all skips: optimisation", seconds[0], "s", f"rel_l2 {errors[0]:.4f}"),

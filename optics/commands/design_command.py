@@ -126,13 +126,14 @@ def _what_is_kept(run: _Run) -> str:
 def _optimised(
     run: _Run, system: OpticalSystem, backend: Backend, state: State | None, start: TransportStart | None
 ) -> tuple[Lens, State]:
+    from optics.engines import ExactEngine
     from optics.optimisation import design as shape
 
     def keep(state: State) -> None:
         write_checkpoint(run.folder.checkpoint, run.asked, system.problem, state, run.notes)
 
     try:
-        return shape(system, backend, state, run.clock.progress, keep, run.notes, start)
+        return shape(system, backend, ExactEngine(backend), state, run.clock.progress, keep, run.notes, start)
     except Interrupted as stop:
         keep(stop.state)
         raise KeyboardInterrupt from None

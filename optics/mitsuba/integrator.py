@@ -28,89 +28,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.engines import TracedModel
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.optimisation import stage_window
 from optics.results import ResultFolder
 from optics.system import OpticalSystem
-from optics.target import Splat
 from optics.tracing import Tracer
-from thbcad.lens import FreeformSurface
-from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend, DrArray
-    from optics.tracing import Hits
+    from optics.runtime import Backend
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 NAME = "thbcad"
-
-
-class ExactFilm:
-    """The irradiance of a problem's target on a film, and its derivatives by the coefficients of the sags.
-
-    The sags go front first.
-
-    pixels : (columns, rows).  spp : rays per pixel, about.
-    """
-
-    def __init__(
-        self, backend: Backend, system: OpticalSystem, lens: Lens, pixels: Sequence[int], spp: int
-    ) -> None:
-        columns, rows = (int(n) for n in pixels)
-        screen = replace(system.target.screen(), pixels=(columns, rows))
-        counts = [ceil(sqrt(spp) * n) for n in (columns, rows)]
-        self.shape = rows, columns
-        surfaces = (lens.front, lens.rear)
-        self._free = [(s.half_width, s.sag.space) for s in surfaces if s.sag is not None]
-        self._backend = backend
-        self._tracer = Tracer(backend, lens, system.source.rays(counts), system.target.z)
-        self._splat = Splat(backend, screen, stage_window(system.problem, final=True))
-
-    def image(self, coefficients: Sequence[Floats]) -> Floats:
-        """Return the irradiance, (rows, columns)."""
-        with self._backend.dr.suspend_grad():
-            _, image = self._trace(coefficients)
-        return self._picture(image)
-
-    def pull_back(self, coefficients: Sequence[Floats], gradient: Floats) -> list[Floats]:
-        """Return the derivative by the coefficients from that by the image, (rows, columns)."""
-        dr = self._backend.dr
-        with dr.resume_grad():
-            hits, image = self._trace(coefficients)
-            dr.backward(dr.sum(image * self._backend.array(gradient.T)))
-        return self._tracer.pull_back(hits)
-
-    def push_forward(self, coefficients: Sequence[Floats], directions: Sequence[Floats]) -> Floats:
-        """Return the derivative of the image, (rows, columns), along a direction in the coefficients."""
-        dr = self._backend.dr
-        with dr.resume_grad():
-            hits, image = self._trace(coefficients)
-            for hit, (half_width, space), direction in zip(hits, self._free, directions):
-                sag = FreeformSurface(half_width, sag=THBSurface(space, direction))
-                for leaf, slope in zip(hit.leaves, _jet_at(hit, sag)):
-                    dr.set_grad(leaf, self._backend.array(slope))
-            dr.enqueue(dr.ADMode.Forward, *(leaf for hit in hits for leaf in hit.leaves))
-            dr.traverse(dr.ADMode.Forward)
-            return self._picture(dr.grad(image))
-
-    def _trace(self, coefficients: Sequence[Floats]) -> tuple[list[Hits], DrArray]:
-        hits, landing = self._tracer.trace(coefficients)
-        return hits, self._splat(landing.x, landing.y, landing.flux)
-
-    def _picture(self, image: DrArray) -> Floats:
-        return image.numpy().reshape(self.shape, order="F")
-
-
-def _jet_at(hits: Hits, surface: FreeformSurface) -> list[Floats]:
-    """Return height and slopes of a surface at the x and y of meeting points, (n,) each; zeros for misses."""
-    dr = hits.dr
-    hit = np.broadcast_to(hits.hit.numpy(), dr.width(hits.x))
-    x, y = (dr.detach(a).numpy()[hit] for a in (hits.x, hits.y))
-    rows = [np.zeros(len(hit)) for _ in range(3)]
-    for row, derivative in zip(rows, ((0, 0), (1, 0), (0, 1))):
-        row[hit] = surface(x, y, derivative)
-    return rows
 
 
 class _Parameters:
@@ -125,7 +55,7 @@ class _Parameters:
             if sag is not None
         }
         self._key: tuple[int, ...] = ()
-        self._film: ExactFilm | None = None
+        self._film: TracedModel | None = None
 
     def values(self) -> list[Floats]:
         """Return the coefficients, (dim,) each."""
@@ -140,13 +70,18 @@ class _Parameters:
         for values, gradient in zip(self.named.values(), gradients):
             self._backend.dr.accum_grad(values, self._backend.array(gradient))
 
-    def film(self, scene: Any, sensor: Any, spp: int) -> ExactFilm:
-        """Return the film of a sensor; spp = 0 is what its sampler says."""
+    def film(self, scene: Any, sensor: Any, spp: int) -> TracedModel:
+        """Return the light model of a sensor's film; spp = 0 is what its sampler says."""
         sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-        key = *map(int, sensor.film().size()), spp or sensor.sampler().sample_count()
+        columns, rows = map(int, sensor.film().size())
+        key = columns, rows, spp or sensor.sampler().sample_count()
         if self._film is None or key != self._key:
-            self._key = key
-            self._film = ExactFilm(self._backend, self._system, self._lens, key[:2], key[2])
+            self._key, system = key, self._system
+            screen = replace(system.target.screen(), pixels=(columns, rows))
+            rays = system.source.rays([ceil(sqrt(key[2]) * n) for n in (columns, rows)])
+            tracer = Tracer(self._backend, self._lens, rays, system.target.z)
+            window = stage_window(system.problem, final=True)
+            self._film = TracedModel(self._backend, tracer, screen, window)
         return self._film
 
 
@@ -217,7 +152,7 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
             self, scene: Any, params: Any, grad_in: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
         ) -> None:
             p, gradient = self._parameters, np.array(grad_in, dtype=np.float64)[..., 0]
-            p.accumulate(p.film(scene, sensor, spp).pull_back(p.values(), gradient))
+            p.accumulate(p.film(scene, sensor, spp).light(p.values()).pull_back(gradient))
 
         def to_string(self) -> str:
             return f"{NAME}[{', '.join(self._parameters.named)}]"

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.engines import TracedModel
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.mitsuba.mesh import LensMesh
 from optics.optimisation import Objective
@@ -111,6 +112,15 @@ class MeshTracer:
             raise ValueError("a mesh has derivatives by the coefficients of its lens only")
         return [np.array(np.broadcast_to(leaf.grad.numpy(), len(leaf))) for leaf in leaves]
 
+    def set_directions(
+        self, leaves: Sequence[DrArray], directions: Sequence[NDArray[np.float64]]
+    ) -> list[DrArray]:
+        """Set the derivatives of the leaves to a direction in the coefficients; return them."""
+        double = mitsuba_backend(self._mitsuba)
+        for leaf, direction in zip(leaves, directions):
+            double.dr.set_grad(leaf, double.array(direction))
+        return list(leaves)
+
     def _through_front(self) -> tuple[Vector, Vector, DrArray, DrArray]:
         return self._through("front", self._origin, self._direction, self._flux)
 
@@ -174,4 +184,4 @@ def mesh_pipeline(
     tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.z)
     screen = system.target.screen(margin=margin)
     target = system.target.irradiance(screen, system.problem.source.flux)
-    return Objective(tracer.backend, tracer, screen, window, target, 0.0)
+    return Objective(TracedModel(tracer.backend, tracer, screen, window), target, 0.0)

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     )
     from optics.optimisation.level_objective import (
         PROBES as PROBES,
-        SOFT_RIM as SOFT_RIM,
+        charged_objective as charged_objective,
+        stage_film as stage_film,
         stage_objective as stage_objective,
         stage_window as stage_window,
         surfaces_can_cross as surfaces_can_cross,
@@ -58,7 +59,8 @@ _FILES = {
     ),
     "level_objective": (
         "PROBES",
-        "SOFT_RIM",
+        "charged_objective",
+        "stage_film",
         "stage_objective",
         "stage_window",
         "surfaces_can_cross",

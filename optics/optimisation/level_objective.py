@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.engines import Film
 from optics.optimisation.indicators import (
     mark,
     promised_decrease,
@@ -22,24 +23,19 @@ from optics.optimisation.stage_plan import PROBES, last_level
 from optics.optimisation.symmetry import Mirrors
 from optics.problem import feature_levels, per_level
 from optics.shape import shape_penalty
-from optics.sources import Rays, mirror_half
-from optics.target import BSplineWindow, GaussianWindow, MappedCells, PixelWindow
-from optics.tracing import Tracer
+from optics.target import BSplineWindow, GaussianWindow, PixelWindow
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
+    from optics.engines import Engine, LightModel
     from optics.optimisation.stage_plan import Stage
     from optics.optimisation.transport_start import TransportStart
     from optics.problem import Problem
-    from optics.runtime import Backend
-    from optics.sources import RayGrid
     from optics.system import OpticalSystem
-    from optics.target import Window
     from thbcad.lens import Lens
 
 THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
-SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 
 
 def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow | GaussianWindow:
@@ -60,62 +56,48 @@ def surfaces_can_cross(system: OpticalSystem) -> bool:
     return system.lens.least_thickness().lower <= sum(f.freedom for f in system.freeforms)
 
 
+def stage_film(system: OpticalSystem, stage: Stage) -> Film:
+    """Return what an engine is to measure on a stage."""
+    if stage.exact:
+        return Film(stage.screen, stage.rays)
+    window = BSplineWindow(FINISH_DEGREE) if stage.finish else stage_window(system.problem, stage.final)
+    return Film(stage.screen, stage.rays, window)
+
+
 def stage_objective(
     system: OpticalSystem,
     lens: Lens,
     stage: Stage,
     target: NDArray[np.float64],
-    backend: Backend,
+    engine: Engine,
     axes: Sequence[int] = (),
     fresh: np.random.Generator | None = None,
 ) -> Objective:
-    """Return the Objective of a stage: its rays, screen, window and target, and the problem's charges.
+    """Return the Objective of a stage: its light, its target, and the problem's charges.
 
     axes : directions of mirror symmetry, in which half of the rays may do.
     fresh : draws other rays than those of the optimiser; cells are always the same.
     """
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
-    rays, window, mirrors = _measured_rays(system, stage, axes, backend, fresh)
+    model = engine.model(system, lens, stage_film(system, stage), axes, fresh)
+    return charged_objective(system, lens, model, target)
+
+
+def charged_objective(
+    system: OpticalSystem, lens: Lens, model: LightModel, target: NDArray[np.float64]
+) -> Objective:
+    """Return the Objective of a light model with the charges of a problem."""
     options, limits = system.problem.optimizer, system.problem.limits
-    tracer = Tracer(backend, lens, rays, system.target.z, SOFT_RIM, sure=False, fresnel=options.fresnel)
     if not limits.thickness and surfaces_can_cross(system):
         limits = replace(limits, thickness=THINNEST * lens.thickness)
     shape = shape_penalty(lens, limits, system.problem.lens.density, options.roughness_weight)
     return Objective(
-        backend,
-        tracer,
-        stage.screen,
-        window,
+        model,
         target,
         lost_flux_weight=options.lost_flux_weight,
         dark_flux_weight=options.dark_flux_weight,
         shape=shape,
-        mirrors=mirrors,
     )
-
-
-def _measured_rays(
-    system: OpticalSystem,
-    stage: Stage,
-    axes: Sequence[int],
-    backend: Backend,
-    fresh: np.random.Generator | None,
-) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
-    """Return the rays of a stage, how they are measured, and in which directions they are one half.
-
-    Cells of light that stays parallel up to the rear end at its rim, so that no cell is cut.
-    """
-    if stage.exact:
-        front, rear = (s.half_width for s in (system.lens.front, system.lens.rear))
-        lit = [min(pair) for pair in zip(front, rear)] if system.path.parallel else front
-        cells = system.source.cells([n - 1 for n in stage.rays], lit).half(axes)
-        rays = cells.rays()
-        return rays, MappedCells(backend, stage.screen, cells.emitted, rays.flux), axes
-    rays = system.source.rays(stage.rays, fresh)
-    window = BSplineWindow(FINISH_DEGREE) if stage.finish else stage_window(system.problem, stage.final)
-    if system.source.extended and isinstance(rays, Rays):
-        return mirror_half(rays, axes), window, axes
-    return rays, window, ()
 
 
 def marked_cells(
@@ -141,7 +123,7 @@ class Indicators:
     """
 
     system: OpticalSystem
-    backend: Backend
+    engine: Engine
     target: NDArray[np.float64]
     start: TransportStart | None
 
@@ -161,7 +143,7 @@ class Indicators:
             vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])
             for h, row in zip(rectangles, spans)
         ]
-        objective = stage_objective(self.system, lens, stage, self.target, self.backend)
+        objective = stage_objective(self.system, lens, stage, self.target, self.engine)
         gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
         return [
             summed_over_cells(sag.space, kv_x.greville(), kv_y.greville(), gradient)
@@ -175,7 +157,7 @@ class Indicators:
             for sag, space in zip(lens.sags, spaces)
         ]
         refined = lens.with_sags(finer)
-        objective = stage_objective(self.system, refined, stage, self.target, self.backend)
+        objective = stage_objective(self.system, refined, stage, self.target, self.engine)
         coefficients = [sag.coefficients for sag in finer]
         gradients = objective(coefficients).gradients
         probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))

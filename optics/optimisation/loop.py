@@ -37,6 +37,7 @@ from thbcad.surfaces import THBSurface
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from optics.engines import Engine
     from optics.optimisation.stage_plan import Stage
     from optics.runtime import Backend
     from optics.system import OpticalSystem
@@ -73,6 +74,7 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
 def design(
     system: OpticalSystem,
     backend: Backend,
+    engine: Engine,
     state: State | None = None,
     progress: StageProgress | None = None,
     checkpoint: Callable[[State], None] | None = None,
@@ -81,6 +83,7 @@ def design(
 ) -> tuple[Lens, State]:
     """Optimise the free surfaces of a system's lens and return (Lens, State).
 
+    backend : of the exact tracer.  engine : what traces the light that is optimised.
     state : to go on from, or None.
     progress : called with (every Stage, this Stage, its degrees of freedom, None) when a stage begins, and
         with its Row in place of None after every evaluation.
@@ -97,7 +100,7 @@ def design(
     note = _no_note if note is None else note
     axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
     start = _transport_start(system, backend, state, note, start)
-    state, fit = (state, None) if state else _first_state(system, start, flux, backend)
+    state, fit = (state, None) if state else _first_state(system, start, flux, engine)
     guide = start if state.moved else None
     plan = stages(system, state.moved)
     for stage in plan[state.stage :]:
@@ -106,14 +109,14 @@ def design(
         lens = _with_sags(system.lens, state.sags)
         target = _asked(system, backend, lens, stage, flux)
         if stage.iterations:
-            objective = stage_objective(system, lens, stage, target, backend, axes)
+            objective = stage_objective(system, lens, stage, target, engine, axes)
             report = progress and partial(progress, plan, stage, state.dof)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
             keeper = LimitKeeper(system, lens, note) if stage is plan[-1] else None
             begun, lens = lens, _optimised(lens, recorder, stage, note, keeper)
             if system.source.extended:
                 fresh = np.random.default_rng((system.problem.run.seed, FRESH))
-                recorder.measure_afresh(stage_objective(system, begun, stage, target, backend, axes, fresh))
+                recorder.measure_afresh(stage_objective(system, begun, stage, target, engine, axes, fresh))
             if stage is plan[-1] and recorder.fall > FALLING:
                 note(
                     f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
@@ -121,7 +124,7 @@ def design(
                 )
             state = replace(state, sags=lens.sags, history=recorder.history)
         try:
-            marked = marked_cells(system, lens, stage, axes, Indicators(system, backend, target, guide))
+            marked = marked_cells(system, lens, stage, axes, Indicators(system, engine, target, guide))
             following, new_fit = _refined(state, plan, marked, guide)
         except KeyboardInterrupt:
             raise Interrupted(state) from None
@@ -152,7 +155,7 @@ def _asked(
 
 
 def _first_state(
-    system: OpticalSystem, start: TransportStart | None, flux: float, backend: Backend
+    system: OpticalSystem, start: TransportStart | None, flux: float, engine: Engine
 ) -> tuple[State, TransportFit | None]:
     """Return the state of a new run, and the fit of the transport map, if any.
 
@@ -169,7 +172,7 @@ def _first_state(
     target = system.target.irradiance(stage.screen, flux)
 
     def loss(state: State) -> float:
-        objective = stage_objective(system, _with_sags(system.lens, state.sags), stage, target, backend)
+        objective = stage_objective(system, _with_sags(system.lens, state.sags), stage, target, engine)
         return objective([sag.coefficients for sag in state.sags]).loss
 
     return min(cut, flat, key=loss), fit

@@ -9,12 +9,36 @@ end of lines must be dark.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optics.target.pixel_walk import Edges
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
+
+
+Corners = tuple[tuple["DrArray", "DrArray"], ...]  # three points (a, b) of every triangle
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Two triangles of every cell, the first ones before the second ones; (2 k,) Dr.Jit arrays.
+
+    flux, area : f and A.  density : f / A, 0 where the triangle is laid along an edge.
+    """
+
+    corners: Corners
+    flux: DrArray
+    area: DrArray
+    density: DrArray
+
+    def area_change(self, moves: Corners) -> DrArray:
+        """Return the rate at which the signed areas change as the corners move."""
+        (pa, pb), (qa, qb), (ra, rb) = self.corners
+        (ma, mb), (na, nb), (oa, ob) = moves
+        first = (na - ma) * (rb - pb) + (qa - pa) * (ob - mb)
+        return 0.5 * (first - (oa - ma) * (qb - pb) - (ra - pa) * (nb - mb))
 
 
 class CellGrid:
@@ -40,7 +64,7 @@ class CellGrid:
         cell = dr.select(second, triangle - self._count, triangle)
         return second, cell, cell + self._step + 1 < self._count
 
-    def triangle_corners(self, a: DrArray, b: DrArray) -> tuple[tuple[DrArray, DrArray], ...]:
+    def triangle_corners(self, a: DrArray, b: DrArray) -> Corners:
         """Return the three points (a, b) of every triangle."""
         second, cell, exists = self.triangles()
         opposite = cell + self._step + 1

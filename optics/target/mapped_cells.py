@@ -27,14 +27,14 @@ Source of the running sums: R. Levien, Inside the fastest font renderer in the w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache, reduce
-from typing import TYPE_CHECKING, Any
+from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.target.cell_grid import CellGrid
+from optics.target.cell_grid import CellGrid, Triangles
+from optics.target.cell_operation import cell_operation
 from optics.target.pixel_walk import Edges, Numbers, Pieces, walk
 
 if TYPE_CHECKING:
@@ -44,20 +44,6 @@ if TYPE_CHECKING:
 LEAST_AREA = 1e-9  # square pixels: what lies on a caustic, or is folded there
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
 LEAST = 1e-300  # what is divided by where edges, square pixels, or their parts have no length
-
-
-@dataclass(frozen=True, eq=False)
-class _Triangles:
-    """Two triangles of every cell, the first ones before the second ones; (2 k,) Dr.Jit arrays.
-
-    corners : three pairs (a, b).  flux, area : f and A.  density : f / A, 0 where the triangle is laid along
-    an edge.
-    """
-
-    corners: tuple[tuple[DrArray, DrArray], ...]
-    flux: DrArray
-    area: DrArray
-    density: DrArray
 
 
 class MappedCells:
@@ -94,7 +80,7 @@ class MappedCells:
         Float = self._backend.Float
         (sx, ox), (sy, oy) = self._screen.pixel_map()
         sx, ox, sy, oy = (self._backend.dr.opaque(Float, number) for number in (sx, ox, sy, oy))
-        operation = _operation(self._backend.dr.CustomOp)
+        operation = cell_operation(self._backend.dr.CustomOp)
         return self._backend.dr.custom(operation, self, y * sy + oy, x * sx + ox, flux, sound)
 
     def in_double(self, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> tuple[DrArray, ...]:
@@ -107,6 +93,14 @@ class MappedCells:
         sound = sound & dr.isfinite(a) & dr.isfinite(b)
         passing = dr.select(sound, Float(flux) * self._inverse, dr.nan)
         out = dr.select(sound, a, 0.0), dr.select(sound, b, 0.0), passing
+        dr.eval(out)
+        return out
+
+    def directions(self, passing: DrArray, *changes: DrArray) -> tuple[DrArray, ...]:
+        """Return changes of a, b and flux in double precision, 0 where corners are not sound."""
+        dr, Float = self._backend.dr, self._double.Float
+        sound = ~dr.isnan(passing)
+        out = tuple(dr.select(sound, Float(change), 0.0) for change in changes)
         dr.eval(out)
         return out
 
@@ -161,7 +155,46 @@ class MappedCells:
         by_flux = SHARE * self._grid.around_corners(mean * self._grid.of_cells(self._cells))
         return *self._grid.by_corners(a, b, starts, ends, turned), self._inverse * by_flux
 
-    def _triangles(self, a: DrArray, b: DrArray, passing: DrArray) -> _Triangles:
+    def tangent(
+        self,
+        a: DrArray,
+        b: DrArray,
+        passing: DrArray,
+        da: DrArray,
+        db: DrArray,
+        change: DrArray,
+    ) -> DrArray:
+        """Return the derivative of the image as corners move by (da, db) and their flux changes.
+
+        The transpose of `adjoint`: a moving edge sweeps J1 and J2, and densities f / A change.
+        """
+        dr, Float, half = self._backend.dr, self._double.Float, SHARE * self._grid.of_cells(self._cells)
+        differences = dr.zeros(Float, 2 * (self._rows + 2) * self._columns)
+        triangles = self._triangles(a, b, passing)
+        lit, spread = triangles.flux > 0, triangles.density != 0
+        flux = dr.select(lit, half * self._grid.corner_sums(change * self._inverse), 0.0)
+        area = triangles.area_change(self._grid.triangle_corners(da, db))
+        rates = dr.select(spread, (flux - triangles.density * area) / triangles.area, 0.0)
+        inside, row, column = self._middles(triangles)
+        at = column * self._backend.Index(self._counts[0] + 2) + row + 1
+        dr.scatter_reduce(dr.ReduceOp.Add, differences, self._double.Pair(flux, -flux), at, inside)
+        dr.eval(triangles.density, rates, differences)
+        edges, density = self._grid.edges(a, b, triangles.density)
+        moving, rate = self._grid.edges(da, db, rates)
+        at_start = edges.db * moving.a - edges.da * moving.b
+        at_end = at_start + edges.db * moving.da - edges.da * moving.db
+
+        def add(numbers: Numbers, piece: Pieces) -> Numbers:
+            within = dr.select(piece.i < 0, 1.0, edges.a + edges.da * piece.middle - Float(piece.i))
+            part = rate * (piece.length * edges.db)
+            swept = density * piece.length * (at_start + piece.middle * (at_end - at_start))
+            self._add(differences, piece, part * (within - 1) + swept, -part * within - swept)
+            return numbers
+
+        walk(dr, edges, (density != 0) | (rate != 0), self._counts, add)
+        return self._summed(differences)
+
+    def _triangles(self, a: DrArray, b: DrArray, passing: DrArray) -> Triangles:
         """Return the triangles; those that are dark or meet no pixel have no flux."""
         dr = self._backend.dr
         corners = self._grid.triangle_corners(a, b)
@@ -176,9 +209,9 @@ class MappedCells:
         one = (dr.floor(pa) == dr.floor(qa)) & (dr.floor(pa) == dr.floor(ra))
         one &= (dr.floor(pb) == dr.floor(qb)) & (dr.floor(pb) == dr.floor(rb))
         spread = (flux > 0) & ~one & (dr.abs(area) >= LEAST_AREA)
-        return _Triangles(corners, flux, area, dr.select(spread, flux / area, 0.0))
+        return Triangles(corners, flux, area, dr.select(spread, flux / area, 0.0))
 
-    def _lay(self, triangles: _Triangles, differences: DrArray) -> None:
+    def _lay(self, triangles: Triangles, differences: DrArray) -> None:
         """Lay the triangles without density along their longest edges."""
         dr, corners = self._backend.dr, triangles.corners
         rows = self._counts[0]
@@ -235,33 +268,19 @@ class MappedCells:
         np.cumsum(values[:, :-1], axis=1, out=sums[:, 1:])
         return self._double.array(values), self._double.array(sums)
 
-    def _means(self, triangles: _Triangles, j0: DrArray, values: DrArray, stride: DrArray) -> DrArray:
+    def _means(self, triangles: Triangles, j0: DrArray, values: DrArray, stride: DrArray) -> DrArray:
         """Return the mean of g over every triangle; of one that is laid along an edge g at its middle."""
-        dr, Index = self._backend.dr, self._backend.Index
         spread = triangles.density != 0
+        inside, row, column = self._middles(triangles)
+        dr = self._backend.dr
+        whole = self._grid.edge_sums(j0) / dr.select(spread, triangles.area, 1.0)
+        return dr.select(spread, whole, self._grid.at(values, column * stride + row, inside))
+
+    def _middles(self, triangles: Triangles) -> tuple[DrArray, DrArray, DrArray]:
+        """Return which triangles are laid with their middle on a pixel, and this pixel's row and column."""
+        dr, Index = self._backend.dr, self._backend.Index
         middle = [dr.floor(sum(coordinate) / 3) for coordinate in zip(*triangles.corners)]
-        inside = ~spread & (triangles.flux > 0)
+        inside = (triangles.density == 0) & (triangles.flux > 0)
         for along, count in zip(middle, self._counts):
             inside &= (along >= 0) & (along < type(along)(count))
-        at = Index(dr.select(inside, middle[1], 0)) * stride + Index(dr.select(inside, middle[0], 0))
-        whole = self._grid.edge_sums(j0) / dr.select(spread, triangles.area, 1.0)
-        return dr.select(spread, whole, self._grid.at(values, at, inside))
-
-
-@cache
-def _operation(base: type[Any]) -> type[Any]:
-    """Return `MappedCells.image` with its adjoint as a custom operation of Dr.Jit."""
-
-    class Mapped(base):
-        def eval(self, cells: MappedCells, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> DrArray:
-            self.cells, self.Float = cells, type(a)
-            self.corners = cells.in_double(a, b, flux, sound)
-            return self.Float(cells.image(*self.corners))
-
-        def backward(self) -> None:
-            a, b, passing = self.corners
-            slopes = self.cells.adjoint(a, b, passing, self.grad_out())
-            for name, slope in zip(("a", "b", "flux"), slopes):
-                self.set_grad_in(name, self.Float(slope))
-
-    return Mapped
+        return inside, *(Index(dr.select(inside, along, 0)) for along in middle)

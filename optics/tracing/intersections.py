@@ -86,11 +86,7 @@ class KnownHits:
 
     def meet(self, net: NDArray[np.float64]) -> Hits:
         """Return the Hits of the beam with a sag net."""
-        dr = self._backend.dr
-        (a0, a1), (b0, b1) = self._matrices
-        # y first: the net is much smaller than the grid, and only nets are transposed
-        values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
-        leaves = tuple(self._backend.array(s) for s in (a0 @ values, a1 @ values, a0 @ slopes))
+        dr, leaves = self._backend.dr, self._jet(net)
         dr.enable_grad(*leaves)
         z, zx, zy = (base + leaf for base, leaf in zip(self._base, leaves))
         return Hits(
@@ -105,6 +101,16 @@ class KnownHits:
             at=(self.x, self.y),
             dr=dr,
         )
+
+    def jet(self, hits: Hits, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
+        """Return z, zx, zy of a sag net alone at the meeting points."""
+        return self._jet(net)
+
+    def _jet(self, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
+        (a0, a1), (b0, b1) = self._matrices
+        # y first: the net is much smaller than the grid, and only nets are transposed
+        values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
+        return tuple(self._backend.array(s) for s in (a0 @ values, a1 @ values, a0 @ slopes))
 
     def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""

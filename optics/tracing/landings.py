@@ -82,3 +82,12 @@ class RayTracer(Protocol):
         """Return the derivative by each sag's coefficients, or by a net over other knots, after
         `dr.backward`."""
         ...
+
+    def set_directions(
+        self, traced: Sequence[Any], directions: Sequence[NDArray[np.float64]], /
+    ) -> list[DrArray]:
+        """Set the derivatives of what was traced to those along a direction in the coefficients.
+
+        Returned are the arrays from which they go forward.
+        """
+        ...

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.tracing.intersections import Hits
-from optics.tracing.spline_table import PolynomialTable
+from optics.tracing.spline_table import PolynomialTable, steepest_along
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -82,6 +82,13 @@ class SearchedHits:
         leaves = () if self._table is None else tuple(self._backend.Float(a) for a in jet[:3])
         dr.enable_grad(*leaves)
         return self._attached(origin, direction, t, (x, y), jet, speed, found, hit, leaves)
+
+    def jet(self, hits: Hits, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
+        """Return z, zx, zy of a sag net alone at the meeting points."""
+        if self._table is None:
+            raise ValueError("a surface without a sag has no net")
+        with self._backend.dr.suspend_grad():
+            return tuple(self._table(self._table.power(net), *hits.at)[:3])
 
     def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
@@ -247,15 +254,6 @@ class SearchedHits:
     def _surface(self, power: DrArray, x: DrArray, y: DrArray) -> list[DrArray]:
         base = conic_jet(self._backend, self._conic, x, y)
         return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(power, x, y))]
-
-
-def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:
-    """Return a bound of a spline's derivative along the first direction.
-
-    It is the greatest |p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1))|.
-    """
-    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
-    return float(np.abs(kv.degree * np.diff(net, axis=0) / widths[:, None]).max())
 
 
 def conic_distance(

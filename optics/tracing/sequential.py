@@ -111,14 +111,26 @@ class Tracer:
         """
         # of all surfaces together: they have most of the path in common
         self._backend.dr.eval([leaf.grad for h in hits for leaf in h.leaves])
-        changing: list[KnownHits | SearchedHits] = []
-        if self._lens.front.sag is not None:
-            changing.append(self._front)
-        if self._lens.rear.sag is not None:
-            changing.append(self._rear)
         if knots is not None:
-            return [s.pull_back(h, k) for s, h, k in zip(changing, hits, knots)]
-        return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, changing, hits)]
+            return [s.pull_back(h, k) for s, h, k in zip(self._changing, hits, knots)]
+        return [e.adjoint(s.pull_back(h)) for e, s, h in zip(self._embeddings, self._changing, hits)]
+
+    def set_directions(
+        self, hits: Sequence[Hits], directions: Sequence[NDArray[np.float64]]
+    ) -> list[DrArray]:
+        """Set the derivatives of all leaves to those along a direction in the coefficients; return them."""
+        nets = [e.coefficients(d) for e, d in zip(self._embeddings, directions)]
+        for surface, hit, net in zip(self._changing, hits, nets):
+            for leaf, slope in zip(hit.leaves, surface.jet(hit, net)):
+                self._backend.dr.set_grad(leaf, slope)
+        return [leaf for hit in hits for leaf in hit.leaves]
+
+    @property
+    def _changing(self) -> list[KnownHits | SearchedHits]:
+        """The surfaces that carry a sag, front first."""
+        front = [] if self._lens.front.sag is None else [self._front]
+        rear = [] if self._lens.rear.sag is None else [self._rear]
+        return [*front, *rear]
 
     def fates(self, landing: Landing, half_width: tuple[float, float]) -> SequentialFates:
         """Return the flux of a traced landing by fate, for a target rectangle."""

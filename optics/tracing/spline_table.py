@@ -174,3 +174,12 @@ def _power_map(kv: KnotVector) -> csr_array:
         values.append((basis * (half**k / factorial(k))[:, None]).ravel())
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
     return csr_array(entries, shape=(len(middle) * (p + 1), kv.dim))
+
+
+def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:
+    """Return a bound of a spline's derivative along the first direction.
+
+    It is the greatest |p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1))|.
+    """
+    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
+    return float(np.abs(kv.degree * np.diff(net, axis=0) / widths[:, None]).max())

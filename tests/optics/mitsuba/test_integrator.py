@@ -11,7 +11,8 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
-from optics.mitsuba.integrator import ExactFilm, exact_integrator, register
+from optics.engines import TracedModel
+from optics.mitsuba.integrator import exact_integrator, register
 from optics.mitsuba.loading import load_mitsuba
 from optics.optimisation import Objective
 from optics.problem import load_problem
@@ -70,6 +71,12 @@ def traced(backend, problem, lens):
     )
 
 
+def exact_film(backend, problem, lens):
+    """Return the light model of the exact tracer with 9 rays per pixel."""
+    screen = OpticalSystem(problem).target.screen()
+    return TracedModel(backend, traced(backend, problem, lens), screen, WINDOW)
+
+
 def asked_for(problem):
     return target_irradiance(
         OpticalSystem(problem).target.light,
@@ -111,14 +118,7 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
     )
     dr.backward(loss)
     gradients = [dr.grad(parameters[key]).numpy() for key in KEYS]
-    objective = Objective(
-        backend,
-        traced(backend, problem, lens),
-        OpticalSystem(problem).target.screen(),
-        WINDOW,
-        asked_for(problem),
-        0.0,
-    )
+    objective = Objective(exact_film(backend, problem, lens), asked_for(problem), 0.0)
     found = objective(coefficients(lens))
     value, wanted = found.loss, found.gradients
     assert float(loss.array[0]) == pytest.approx(value, rel=1e-5)
@@ -142,11 +142,13 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
 def test_forward_and_backward_are_adjoint(make, backend, changes):
     """Both run in double precision; w . (J d) == (J' w) . d but for the rounding of the sums."""
     problem, lens = make(changes)
-    film = ExactFilm(backend, OpticalSystem(problem), lens, PIXELS, 9)
+    film = TracedModel(
+        backend, traced(backend, problem, lens), OpticalSystem(problem).target.screen(), WINDOW
+    )
     rng, at = np.random.default_rng(4), coefficients(lens)
     directions, weights = [rng.standard_normal(len(c)) for c in at], rng.standard_normal(PIXELS[::-1])
     forward = film.push_forward(at, directions)
-    backward = film.pull_back(at, weights)
+    backward = film.light(at).pull_back(weights)
     assert np.vdot(forward, weights) == pytest.approx(
         sum(g @ d for g, d in zip(backward, directions)), rel=1e-10
     )
@@ -167,7 +169,10 @@ def test_forward_mode_through_mitsuba(mi, make, backend):
     parameters.update()
     dr.set_grad(values, mi.Float64(direction))
     change = np.array(dr.forward_to(mi.render(scene, parameters)))[..., 0]
-    h, film = 1e-5, ExactFilm(backend, OpticalSystem(problem), lens, PIXELS, 9)
+    h, film = (
+        1e-5,
+        TracedModel(backend, traced(backend, problem, lens), OpticalSystem(problem).target.screen(), WINDOW),
+    )
     wanted = (film.image([at + h * direction]) - film.image([at - h * direction])) / (2 * h)
     assert np.abs(change - wanted).max() < 1e-5 * np.abs(wanted).max()
 

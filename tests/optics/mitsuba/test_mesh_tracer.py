@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
+from optics.engines import TracedModel
 from optics.mitsuba.loading import load_mitsuba
 from optics.mitsuba.mesh import LensMesh
 from optics.mitsuba.mesh_tracer import MeshTracer, mesh_irradiance, mesh_pipeline
@@ -96,7 +97,7 @@ def test_loss_and_gradient_come_near_those_of_the_exact_tracer(backend, problem_
     screen = OpticalSystem(problem).target.screen()
     target = OpticalSystem(problem).target.irradiance(screen, problem.source.flux)
     tracer = Tracer(backend, lens, OpticalSystem(problem).source.rays((97, 97)), problem.target_z)
-    objective = Objective(backend, tracer, screen, WINDOW, target, 0.0)
+    objective = Objective(TracedModel(backend, tracer, screen, WINDOW), target, 0.0)
     at = [rough(sag.space, 0.02, k) for k, sag in enumerate(lens.sags)]
     exact = objective(at)
     losses, slopes = [], []

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from optics.engines import ExactEngine, TracedModel
 from optics.optimisation.loop import design
 from optics.optimisation.objective import Objective
 from optics.optimisation.stage_plan import PROBES
@@ -38,7 +39,9 @@ def run(folder, backend, changes):
         plans.append(plan)
         calls.append((stage, dof, row))
 
-    lens, state = design(system, backend, None, progress, checkpoints.append, notes.append)
+    lens, state = design(
+        system, backend, ExactEngine(backend), None, progress, checkpoints.append, notes.append
+    )
     assert all(plan is plans[0] for plan in plans)
     return SimpleNamespace(
         system=system,
@@ -69,7 +72,9 @@ def make_tracer(backend, front, space, rays=85, source=(9.5, 9.5)):
 
 def make_objective(backend, front, space, window=CUBIC, **options):
     return Objective(
-        backend, make_tracer(backend, front, space, **options), SCREEN, window, asked_for(), 100.0
+        TracedModel(backend, make_tracer(backend, front, space, **options), SCREEN, window),
+        asked_for(),
+        100.0,
     )
 
 

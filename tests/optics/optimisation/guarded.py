@@ -12,6 +12,8 @@ import os
 
 import numpy as np
 
+from optics.engines import TracedModel
+
 PAGE = mmap.PAGESIZE
 SET_HANDLER = 304  # PyDataMem_SetHandler in numpy's table of C functions
 
@@ -117,7 +119,9 @@ def main():
         (make_objective(backend, front, space, CUBIC, rays=21), [np.zeros(space.dim)], [vertices])
         for front in (PLANE, Conic(60.0))
     ]
-    far = Objective(backend, Tracer(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC, asked_for(ANGLES), 100.0)
+    far = Objective(
+        TracedModel(backend, Tracer(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC), asked_for(ANGLES), 100.0
+    )
     for objective, at, knots in [*cases, (far, coefficients(BOTH), hollow)]:
         found = objective(at)
         assert np.isfinite(found.loss)

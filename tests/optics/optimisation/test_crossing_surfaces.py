@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from optics.commands import main
+from optics.engines import ExactEngine
 from optics.optimisation.loop import design, nearest_lens
 from optics.optimisation.recorder import Interrupted, Recorder
 from optics.optimisation.state import State
@@ -67,7 +68,7 @@ def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path,
     system = solvable_system(load_problem(write_problem(tmp_path, changes)))
     crossing(system, monkeypatch)
     notes = []
-    lens, state = design(system, backend, note=notes.append)
+    lens, state = design(system, backend, ExactEngine(backend), note=notes.append)
     assert lens.least_thickness().lower > 0
     assert state.stage == 2
     assert len(notes) == 1
@@ -108,10 +109,10 @@ def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, 
 
     monkeypatch.setattr(Recorder, "minimized", stopped)
     with pytest.raises(Interrupted) as caught:
-        design(system, backend)
+        design(system, backend, ExactEngine(backend))
     monkeypatch.undo()
     state = caught.value.state
     np.testing.assert_array_equal(state.sags[0].coefficients, -3.5)
-    lens, state = design(system, backend, state)
+    lens, state = design(system, backend, ExactEngine(backend), state)
     assert lens.least_thickness().lower > 0
     assert state.stage == 1

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from optics.engines import TracedModel
 from optics.optimisation.bounded_variables import LEAST, BoundedVariables
 from optics.optimisation.objective import Objective
 from optics.sources import Profile, collimated_beam, lambertian_parts
@@ -54,7 +55,7 @@ def case(backend, kind):
         [(image(start + h * e) - image(start - h * e)) / (2 * h) for e in np.eye(len(start))], axis=1
     )
     return SimpleNamespace(
-        objective=Objective(backend, tracer, screen, WINDOW, target, 100.0, 0.5),
+        objective=Objective(TracedModel(backend, tracer, screen, WINDOW), target, 100.0, 0.5),
         start=at,
         jacobian=jacobian,
         lens=lens,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import Bounds, minimize
 
+from optics.engines import TracedModel
 from optics.optimisation.objective import Objective
 from optics.sources import Profile, collimated_beam, lambertian_parts, point_rays
 from optics.target import BSplineWindow, GaussianWindow, Screen, filter_image
@@ -124,7 +125,9 @@ def test_gradient_of_every_source_surface_and_target(backend, lens, rays, target
     hits, landing = tracer.trace(coefficients(lens))
     assert all(h.hit.numpy().all() for h in hits)
     assert (landing.flux.numpy() > 0).all()
-    objective = of_vector(Objective(backend, tracer, screen, CUBIC, asked_for(screen), 100.0), *spaces)
+    objective = of_vector(
+        Objective(TracedModel(backend, tracer, screen, CUBIC), asked_for(screen), 100.0), *spaces
+    )
     at = np.concatenate(coefficients(lens))
     _, gradient = objective(at)
     assert worst(objective, at, gradient, 1e-5) < 1e-6
@@ -145,7 +148,8 @@ def test_gradient_where_a_glowing_area_lights_rims_and_beside_the_target(backend
     assert not hits[-1].hit.numpy().all()
     screen = ANGLES if np.isinf(target_z) else WIDE
     objective = of_vector(
-        Objective(backend, tracer, screen, CUBIC, asked_for(screen), 1.0), *(sag.space for sag in lens.sags)
+        Objective(TracedModel(backend, tracer, screen, CUBIC), asked_for(screen), 1.0),
+        *(sag.space for sag in lens.sags),
     )
     at = np.concatenate(coefficients(lens))
     _, gradient = objective(at)
@@ -156,15 +160,17 @@ def test_vertex_gradients_of_both_surfaces(backend):
     """One number per vertex and surface, front first; with signs, hats and the sag's own functions sum to the
     same lift of a surface."""
     tracer = Tracer(backend, BOTH, GLOWING, 1005.0)
-    objective = Objective(backend, tracer, WIDE, CUBIC, asked_for(WIDE), 100.0)
+    objective = Objective(TracedModel(backend, tracer, WIDE, CUBIC), asked_for(WIDE), 100.0)
     knots = [
         tuple(KnotVector.uniform(1, n, -h, h) for n in counts) for counts, h in (((6, 7), 5.0), ((4, 9), 8.0))
     ]
     found = objective.vertex_gradients(coefficients(BOTH), knots)
     assert [g.shape for g in found] == [(7, 8), (5, 10)]
     gradients = objective(coefficients(BOTH)).gradients
-    _, _, hits, _ = objective._backward(coefficients(BOTH))
-    for g, signed, gradient in zip(found, tracer.pull_back(hits, knots), gradients, strict=True):
+    light = objective._model.light(coefficients(BOTH))
+    _, _, by_image = objective._charged(light)
+    both = light.vertex_gradients(by_image, objective._charge, knots)
+    for g, signed, gradient in zip(found, both, gradients, strict=True):
         # several threads add a vertex's rays in any order
         np.testing.assert_allclose(np.abs(signed), g, rtol=0, atol=1e-12 * g.max())
         assert signed.sum() == pytest.approx(gradient.sum(), abs=1e-10 * np.abs(gradient).sum())
@@ -185,7 +191,7 @@ def test_the_loss_is_the_formula(backend):
     space, window, screen = small_space(), BSplineWindow(3), Screen((14.0, 13.0), (40, 30), 12)
     tracer = make_tracer(backend, Conic(200.0), space, rays=33)
     at = rough(space, 0.02)
-    objective = Objective(backend, tracer, screen, window, asked_for(screen), 7.0)
+    objective = Objective(TracedModel(backend, tracer, screen, window), asked_for(screen), 7.0)
     found = objective([at])
     _, landing = tracer.trace([at])
     x, y, flux = landing.x.numpy(), landing.y.numpy(), landing.flux.numpy()
@@ -205,7 +211,7 @@ def test_the_loss_does_not_jump_where_a_ray_leaves_the_margin(backend):
     space = THBSpace(*[KnotVector.uniform(3, 1, -10.0, 10.0)] * 2)
     beam = collimated_beam((0.5, 0.5), 1.0, (10.0, 10.0), (2, 1))
     tracer = Tracer(backend, small_lens(rear=PLANE, space=space), beam, TARGET_Z)
-    objective = Objective(backend, tracer, SCREEN, BSplineWindow(3), asked_for(), 0.0)
+    objective = Objective(TracedModel(backend, tracer, SCREEN, BSplineWindow(3)), asked_for(), 0.0)
     tilt = np.repeat(space.kv_u.greville()[:, None], space.kv_v.dim, axis=1).ravel()
     losses = np.array(
         [objective([a * tilt]).loss for a in np.linspace(0.62, 0.72, 801)]
@@ -266,7 +272,9 @@ def test_vertex_gradients_are_the_change_of_the_loss_by_one_bilinear_hat(backend
     creased = lens.rear.with_sag(THBSurface(bilinear, np.zeros(bilinear.dim)))
     shaped = SimpleNamespace(front=lens.front, rear=creased, thickness=lens.thickness, index=lens.index)
     tracer = Tracer(backend, shaped, collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (41, 41)), TARGET_Z)
-    objective = of_vector(Objective(backend, tracer, SCREEN, CUBIC, asked_for(), 100.0), bilinear)
+    objective = of_vector(
+        Objective(TracedModel(backend, tracer, SCREEN, CUBIC), asked_for(), 100.0), bilinear
+    )
     rng = np.random.default_rng(2)
     chosen = rng.choice(bilinear.dim, 12, replace=False)
     differences = [

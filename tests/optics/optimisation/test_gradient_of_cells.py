@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optics.engines import TracedModel
 from optics.optimisation.objective import Objective
 from optics.problem import Limits
 from optics.shape import shape_penalty
@@ -58,7 +59,7 @@ def made_objective(backend, case, charges):
     target[: screen.shape[0] // 4] = 0.0  # what is dark there is charged
     shape = shape_penalty(lens, Limits(radius=20.0, thickness=1.0), roughness=0.1) if shaped else None
     mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
-    return Objective(backend, tracer, screen, mapped, target, lost, dark, shape), tracer
+    return Objective(TracedModel(backend, tracer, screen, mapped), target, lost, dark, shape), tracer
 
 
 def of_vector(objective, lens):

@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from optics.engines import ExactEngine
 from optics.optimisation.indicators import LEAST, promised_decrease, refined_once
 from optics.optimisation.loop import design
 from optics.runtime import UserError
@@ -172,7 +173,7 @@ def refined(folder, backend, start, indicator, place, more):
     )
     system = loaded(folder, changes, image=blob(*place))
     states = []
-    design(system, backend, None, None, states.append)
+    design(system, backend, ExactEngine(backend), None, None, states.append)
     return [sag.space.boxes[sag.space.cells[:, 0] == sag.space.levels - 1] for sag in states[0].sags]
 
 
@@ -228,5 +229,5 @@ def test_slopes_without_a_transport_start_or_with_a_free_front(tmp_path, backend
     """The design refines the rear, or one sentence says why not."""
     system = loaded(tmp_path, {"refinement.indicator": "slope", "target.pixels": [32, 32]} | more)
     with suppress(UserError):
-        lens, _ = design(system, backend)
+        lens, _ = design(system, backend, ExactEngine(backend))
         assert len(lens.rear.sag.space.cells) > 16

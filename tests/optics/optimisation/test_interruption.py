@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from optics.engines import ExactEngine
 from optics.optimisation.loop import design
 from optics.optimisation.recorder import Interrupted
 from optics.optimisation.stage_plan import stages
@@ -18,14 +19,15 @@ from tests.optics.optimisation.cases import FLAT, check_counts, loaded, rows_of
 ON_ONE_THREAD = """
 import sys
 from hashlib import sha256
+from optics.engines import ExactEngine
 from optics.runtime import load_backend
 from optics.optimisation import design
 from optics.problem import load_problem
 from optics.system import OpticalSystem
 for path in sys.argv[1:]:
     system, backend, checkpoints = OpticalSystem(load_problem(path)), load_backend("double", 1), []
-    whole, _ = design(system, backend, None, None, checkpoints.append)
-    resumed, _ = design(system, backend, checkpoints[0])
+    whole, _ = design(system, backend, ExactEngine(backend), None, None, checkpoints.append)
+    resumed, _ = design(system, backend, ExactEngine(backend), checkpoints[0])
     print(*(sha256(lens.rear.sag.coefficients.tobytes()).hexdigest() for lens in (whole, resumed)))
 """
 
@@ -75,7 +77,7 @@ def interrupted_at(done, backend, evaluation):
             raise KeyboardInterrupt
 
     with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
-        design(done.system, backend, None, stop)
+        design(done.system, backend, ExactEngine(backend), None, stop)
     assert caught.type is Interrupted, "Ctrl-C left no state"
     return caught.value.state
 
@@ -108,11 +110,11 @@ def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backen
         best[row.level] = row.loss
 
     with pytest.raises(Interrupted) as caught:
-        design(system, backend, None, stop)
+        design(system, backend, ExactEngine(backend), None, stop)
     state = caught.value.state
     before = len(state.history)
     assert state.history[-1].loss > best[state.stage]  # of a flat start, whose stages are the levels
-    _, final = design(system, backend, state)
+    _, final = design(system, backend, ExactEngine(backend), state)
     assert final.history[before].loss == pytest.approx(best[state.stage], rel=1e-11)
 
 
@@ -122,7 +124,7 @@ def test_ctrl_c_at_any_evaluation_leaves_a_state(either, backend, row):
     evaluation = either.state.history[row].evaluation
     state = interrupted_at(either, backend, evaluation)
     assert len(state.history) == row + 1
-    lens, _ = design(either.system, backend, state)
+    lens, _ = design(either.system, backend, ExactEngine(backend), state)
     assert lens.rear.sag.space.levels == 3
 
 
@@ -130,7 +132,7 @@ def check_going_on(done, backend, state):
     """Go on from an interrupted state and compare with what an interrupted run promises."""
     before = state.history
     best = min(row.loss for row in rows_of(before, done.plan[state.stage].level))
-    lens, final = design(done.system, backend, state)
+    lens, final = design(done.system, backend, ExactEngine(backend), state)
     assert check_counts(final.history) > check_counts(before)
     assert final.history[: len(before)] == before
     assert final.history[len(before)].loss == pytest.approx(
@@ -148,7 +150,7 @@ def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, 
     """Ctrl-C while the result is measured or drawn: the checkpoint says that every level is done."""
     last = either.checkpoints[-1]
     evaluations = len(last.history)
-    lens, state = design(either.system, backend, last)
+    lens, state = design(either.system, backend, ExactEngine(backend), last)
     x = np.linspace(-10, 10, 31)
     np.testing.assert_allclose(lens.rear.grid(x, x), either.lens.rear.grid(x, x), rtol=0, atol=1e-12)
     assert len(state.history) == evaluations
@@ -160,11 +162,11 @@ def test_levels_without_marked_cells_are_optimised_and_resumed_alike(tmp_path, b
     checkpoint holds it."""
     system = loaded(tmp_path, {"optimizer.start": start, "refinement.alpha": [1e9]})
     checkpoints = []
-    lens, state = design(system, backend, None, None, checkpoints.append)
+    lens, state = design(system, backend, ExactEngine(backend), None, None, checkpoints.append)
     evaluations = len(state.history)
     assert lens.rear.sag.space.levels == 1 + stages(system, start == "transport")[0].level
     assert min(row.loss for row in state.history) < state.history[0].loss
-    resumed, after = design(system, backend, checkpoints[-1])
+    resumed, after = design(system, backend, ExactEngine(backend), checkpoints[-1])
     assert len(after.history) == evaluations
     x = np.linspace(-10, 10, 31)
     np.testing.assert_allclose(resumed.rear.grid(x, x), lens.rear.grid(x, x), rtol=0, atol=1e-12)

@@ -8,6 +8,7 @@ from math import isfinite
 import numpy as np
 import pytest
 
+from optics.engines import ExactEngine
 from optics.optimisation.limit_keeper import PASSES
 from optics.optimisation.loop import design
 from optics.optimisation.recorder import Interrupted, Recorder
@@ -132,9 +133,9 @@ def test_what_is_stopped_between_passes_can_go_on(tmp_path, backend, monkeypatch
 
     monkeypatch.setattr(Recorder, "minimized", minimized)
     with pytest.raises(Interrupted) as caught:
-        design(system, backend)
+        design(system, backend, ExactEngine(backend))
     state = caught.value.state
     assert all(isfinite(row.loss) for row in state.history)
     monkeypatch.setattr(Recorder, "minimized", genuine)
-    lens, _ = design(system, backend, state)
+    lens, _ = design(system, backend, ExactEngine(backend), state)
     assert [c for c in limit_checks(system.problem, manufacturability(lens, DENSITY)) if not c.ok] == []

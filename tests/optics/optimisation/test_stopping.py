@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from optics.engines import ExactEngine
 from optics.optimisation.loop import design
 from optics.optimisation.objective import Evaluation
 from optics.optimisation.recorder import FLAT, STEPS, Recorder
@@ -51,7 +52,7 @@ def test_a_flat_loss_ends_the_work_early(small):
 def test_a_design_that_still_falls_says_how_it_goes_on(tmp_path, backend):
     system = loaded(tmp_path, FLAT_START | {"optimizer.iterations": [12], "lens.rear.freeform.max_level": 0})
     notes = []
-    design(system, backend, note=notes.append)
+    design(system, backend, ExactEngine(backend), note=notes.append)
     (sentence,) = notes
     assert "stopped by its 12 iterations, while the misfit still fell by" in sentence
     assert "--resume --iterations 48 goes on" in sentence

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from optics.engines import TracedModel
 from optics.optimisation import Objective, stage_window, stages
 from optics.problem import load_problem
 from optics.sources import single_rays
@@ -84,7 +85,9 @@ def test_known_meeting_points_change_nothing(backend, problem_file):
     screen = OpticalSystem(problem).target.screen()
     target = OpticalSystem(problem).target.irradiance(screen, 0.9)
     tracers = (Tracer(backend, lens, rays, problem.target_z) for rays in (beam, single_rays(beam, lens)))
-    found, by_search = (Objective(backend, t, screen, BSplineWindow(3), target, 1.0)(c) for t in tracers)
+    found, by_search = (
+        Objective(TracedModel(backend, t, screen, BSplineWindow(3)), target, 1.0)(c) for t in tracers
+    )
     (gradient,), (other,) = found.gradients, by_search.gradients
     (skip,) = [s for s in OpticalSystem(problem).skips if s.name == "meeting points"]
     assert found.loss == pytest.approx(by_search.loss, rel=skip.tolerance)

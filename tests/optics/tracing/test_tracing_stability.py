@@ -7,6 +7,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
+from optics.engines import TracedModel
 from optics.optimisation import Objective
 from optics.runtime import load_backend
 from optics.sources import Profile, Rays, collimated_beam, lambertian_parts
@@ -166,9 +167,8 @@ def test_parallel_rays_beside_the_rear_leave_numbers(backend, free_front):
     front = surfaces[0] if free_front else FreeformSurface((10.0, 10.0))
     lens = Lens(front, surfaces[1], 6.0, 1.5)
     tracer = Tracer(backend, lens, collimated_beam((9.5, 9.5), 1.0, (10, 10), (33, 33)), 66.0)
-    objective = Objective(
-        backend, tracer, Screen((20, 20), (24, 24), 4), BSplineWindow(3), np.ones((24, 24)) / 1600, 100.0
-    )
+    model = TracedModel(backend, tracer, Screen((20, 20), (24, 24), 4), BSplineWindow(3))
+    objective = Objective(model, np.ones((24, 24)) / 1600, 100.0)
     found = objective(coefficients(lens))
     assert np.isfinite(found.loss)
     assert all(np.isfinite(g).all() and g.any() for g in found.gradients)

@@ -1,0 +1,37 @@
+"""Engines: the light of a lens on a screen and its derivatives, and the protocols that every engine obeys."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.engines.exact_engine import (
+        SOFT_RIM as SOFT_RIM,
+        ExactEngine as ExactEngine,
+        measured_rays as measured_rays,
+    )
+    from optics.engines.light_model import (
+        Engine as Engine,
+        Film as Film,
+        Light as Light,
+        LightModel as LightModel,
+    )
+    from optics.engines.traced_model import (
+        TracedModel as TracedModel,
+    )
+
+_FILES = {
+    "exact_engine": (
+        "SOFT_RIM",
+        "ExactEngine",
+        "measured_rays",
+    ),
+    "light_model": (
+        "Engine",
+        "Film",
+        "Light",
+        "LightModel",
+    ),
+    "traced_model": ("TracedModel",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
