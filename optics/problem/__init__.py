@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.problem.key_changes import (
+        assignment as assignment,
+    )
     from optics.problem.limit_remedies import (
         limit_sentences as limit_sentences,
     )
@@ -23,31 +26,41 @@ if TYPE_CHECKING:
     from optics.problem.problem_file import (
         load_problem as load_problem,
     )
-    from optics.problem.schema import (
-        FINEST_AUTO as FINEST_AUTO,
+    from optics.problem.problem_record import (
+        Problem as Problem,
+    )
+    from optics.problem.run_schema import (
+        ENGINES as ENGINES,
         Export as Export,
-        Freeform as Freeform,
-        Front as Front,
         Limits as Limits,
         Optimizer as Optimizer,
-        Problem as Problem,
-        Rear as Rear,
         Refinement as Refinement,
+        Run as Run,
+        Verify as Verify,
+        per_level as per_level,
+    )
+    from optics.problem.schema import (
+        FINEST_AUTO as FINEST_AUTO,
+        Freeform as Freeform,
+        Front as Front,
+        LensSpec as LensSpec,
+        Rear as Rear,
         Source as Source,
         Target as Target,
-        Verify as Verify,
         base_of as base_of,
-        per_level as per_level,
+    )
+    from optics.problem.starting_problems import (
+        commented_problem as commented_problem,
     )
     from optics.problem.toml_records import (
         AUTO as AUTO,
     )
     from optics.problem.toml_text import (
-        commented_problem as commented_problem,
         problem_to_toml as problem_to_toml,
     )
 
 _FILES = {
+    "key_changes": ("assignment",),
     "limit_remedies": ("limit_sentences",),
     "manufacture_text": (
         "as_data",
@@ -62,26 +75,29 @@ _FILES = {
         "require_limits",
     ),
     "problem_file": ("load_problem",),
-    "schema": (
+    "problem_record": ("Problem",),
+    "run_schema": (
+        "ENGINES",
         "Export",
+        "Limits",
+        "Optimizer",
+        "Refinement",
+        "Run",
+        "Verify",
+        "per_level",
+    ),
+    "schema": (
         "FINEST_AUTO",
         "Freeform",
         "Front",
-        "Limits",
-        "Optimizer",
-        "Problem",
+        "LensSpec",
         "Rear",
-        "Refinement",
         "Source",
         "Target",
-        "Verify",
         "base_of",
-        "per_level",
     ),
+    "starting_problems": ("commented_problem",),
     "toml_records": ("AUTO",),
-    "toml_text": (
-        "commented_problem",
-        "problem_to_toml",
-    ),
+    "toml_text": ("problem_to_toml",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

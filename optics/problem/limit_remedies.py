@@ -10,7 +10,7 @@ from thbcad.lens import mass
 
 if TYPE_CHECKING:
     from optics.problem.manufacturing_limits import Miss
-    from optics.problem.schema import Problem
+    from optics.problem.problem_record import Problem
     from thbcad.lens import Manufacturability
 
 DIGITS = 4  # of the limit that would be kept

@@ -12,7 +12,9 @@ from optics.runtime import Check, UserError
 from thbcad.lens import NM_PER_MM, Lens, manufacturability, mass
 
 if TYPE_CHECKING:
-    from optics.problem.schema import Freeform, Limits, Problem
+    from optics.problem.problem_record import Problem
+    from optics.problem.run_schema import Limits
+    from optics.problem.schema import Freeform
     from thbcad.certified import Enclosure
     from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
 

@@ -1,4 +1,4 @@
-"""Records from TOML tables: every key and value checked.
+"""Records from tables, of TOML files or of code: every key and value checked.
 
 Unknown keys, wrong types and impossible numbers are UserErrors that name the key.
 """
@@ -6,12 +6,15 @@ Unknown keys, wrong types and impossible numbers are UserErrors that name the ke
 from __future__ import annotations
 
 import math
+import os
 import reprlib
 from collections.abc import Mapping
-from dataclasses import MISSING, field, fields, is_dataclass
+from dataclasses import MISSING, field, fields
+from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
+from optics.problem.dotted_keys import did_you_mean, hints_of, table_of
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
@@ -57,53 +60,72 @@ def option(
     return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
 
 
-def record(kind: type[Record], data: object, prefix: str, folder: Path) -> Record:
-    """Return a table as a record; every key and value is checked against the options of the record's fields.
+def record(kind: type[Record], data: object, folder: Path | None = None) -> Record:
+    """Return the tables of a problem as a record; every key and value is checked.
 
-    prefix : of its keys in messages, "" or "table.".  folder : what relative paths of pictures start from.
+    folder : see `checked_values`, which also raises.
+    """
+    return kind(**checked_values(kind, data, folder))
+
+
+def checked_values(
+    kind: type[Record],
+    data: object,
+    folder: Path | None = None,
+    prefix: str = "",
+    root: type[DataclassInstance] | None = None,
+) -> dict[str, Any]:
+    """Return the fields of a record from a table, each checked against its options.
+
+    data : a table, or such a record, whose values are checked likewise.
+    folder : what relative paths of pictures start from; None leaves them as they are.
+    prefix : of the keys in messages, "" or "table."
+    root : the record of the whole file, whose keys are proposed for unknown ones; None is this one.
 
     Raises
     ------
     UserError : an unknown or missing key, a value of another type or beyond its limits.
     """
-    if not isinstance(data, dict):
+    if isinstance(data, kind):
+        data = {f.name: getattr(data, f.name) for f in fields(kind)}
+    if not isinstance(data, Mapping):
         raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
-    known = {f.name: f for f in fields(kind)}
-    for key in data:
-        if key not in known:
-            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
-            raise UserError(f"unknown key {prefix}{key}; {where} takes {', '.join(known)}")
-    hints = get_type_hints(kind)
+    _require_known(kind, data, prefix, root or kind)
     values: dict[str, Any] = {}
-    for name, f in known.items():
-        key = prefix + name
-        if name not in data:
+    for f in fields(kind):
+        key, hint = prefix + f.name, hints_of(kind)[f.name]
+        if f.name not in data:
             if f.default is MISSING:
                 note = f" ({f.metadata['note']})" if f.metadata["note"] else ""
                 raise UserError(f"the key {key} is missing{note}; add it")
             continue
-        table = _table(hints[name])
-        if table is not None:
-            values[name] = record(table, data[name], key + ".", folder)
-        else:
-            values[name] = _value(key, hints[name], data[name], f.metadata)
-        if f.metadata["picture"] and values[name]:
-            values[name] = str((folder / values[name]).absolute())
-    return kind(**values)
+        value, table = data[f.name], table_of(hint)
+        if table is None:
+            values[f.name] = _value(key, hint, value, f.metadata)
+        elif value is not None or f.default is not None:  # in code None is a table left out
+            values[f.name] = table(**checked_values(table, value, folder, key + ".", root or kind))
+        if folder and f.metadata["picture"] and values[f.name]:
+            values[f.name] = str((folder / values[f.name]).absolute())
+    return values
 
 
-def _table(hint: Any) -> type[DataclassInstance] | None:
-    """Return the record that a field holds, or None for a plain value."""
-    for part in (hint, *get_args(hint)):
-        if isinstance(part, type) and is_dataclass(part):
-            return part
-    return None
+def _require_known(
+    kind: type[DataclassInstance], data: Mapping[Any, object], prefix: str, root: type[DataclassInstance]
+) -> None:
+    known = [f.name for f in fields(kind)]
+    for key in data:
+        if key not in known:
+            meant = did_you_mean(f"{prefix}{key}", root)
+            where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
+            raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
 
 
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
     if get_origin(hint) is tuple:
         return _row(key, hint, value, limits)
     if hint is str:
+        if limits["picture"] and isinstance(value, os.PathLike):
+            value = os.fspath(value)
         if not isinstance(value, str):
             raise UserError(f"{key} must be a string, got {_brief(value)}")
         if limits["picture"] and "\0" in value:
@@ -112,22 +134,23 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
             raise UserError(
                 f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}"
             )
-        return value
+        return str(value)
     if hint is bool:
         if not isinstance(value, bool):
             raise UserError(f"{key} must be true or false, got {_brief(value)}")
         return value
     if limits["auto"]:
-        if value == AUTO:
+        if isinstance(value, str) and value == AUTO:
             return AUTO
         hint = get_args(hint)[0]
     wanted = "a whole number" if hint is int else "a number"
     if limits["auto"]:
         wanted += f' or "{AUTO}"'
-    if isinstance(value, bool) or not isinstance(value, int if hint is int else (int, float)):
+    if isinstance(value, bool) or not isinstance(value, Integral if hint is int else Real):
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
-    if isinstance(value, int) and abs(value) > LARGEST:
+    if isinstance(value, Integral) and abs(int(value)) > LARGEST:
         raise UserError(f"{key} must not be larger than {LARGEST:g} in size")
+    value = int(value) if isinstance(value, Integral) else float(value)
     _require_range(key, value, limits)
     return hint(value)
 
@@ -155,9 +178,9 @@ def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
 def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
     kinds = get_args(hint)
     open_ended = kinds[-1] is Ellipsis
-    if open_ended and not isinstance(value, list):
+    if open_ended and not isinstance(value, (list, tuple)):
         value = [value]
-    if not isinstance(value, list) or not value or (not open_ended and len(value) != len(kinds)):
+    if not isinstance(value, (list, tuple)) or not value or (not open_ended and len(value) != len(kinds)):
         wanted = "a list of numbers" if open_ended else f"a list of {len(kinds)} numbers"
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))

@@ -6,33 +6,16 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
-from optics.problem.schema import Freeform, Front, LensSpec, Problem, Rear, Source, Target
-from optics.problem.toml_records import AUTO
-
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 
-def problem_to_toml(problem: Problem) -> str:
-    """Return the problem as TOML with every key, so that a run can be repeated from it."""
-    return _toml(problem, "").lstrip("\n")
+def problem_to_toml(problem: DataclassInstance, notes: bool = False) -> str:
+    """Return a Problem as TOML with every key, so that a run can be repeated from it.
 
-
-def commented_problem() -> str:
-    """Return a problem file to start from: every key with a value and a comment."""
-    freeform = Freeform(max_level=AUTO, z_freedom=AUTO)
-    example = Problem(
-        title="my lens",
-        source=Source(kind="collimated", half_width=(47.5, 47.5)),
-        lens=LensSpec(
-            index=1.5,
-            thickness=20.0,
-            front=Front(half_width=(50.0, 50.0)),
-            rear=Rear(half_width=(50.0, 50.0), radius=AUTO, conic=AUTO, freeform=freeform),
-        ),
-        target=Target(kind="image", image="picture.png", distance=300.0, half_width=(100.0, 100.0)),
-    )
-    return _toml(example, "", notes=True).lstrip("\n")
+    notes : whether a comment explains every key.
+    """
+    return _toml(problem, "", notes).lstrip("\n")
 
 
 def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:

@@ -31,6 +31,8 @@ from thbcad.lens import manufacturability
 from thbcad.surfaces import THBSurface
 
 DENSITY = 1.19
+# so much freedom that no limit below is refused as one that cannot be kept
+ROOMY = {"lens.density": DENSITY, "lens.rear.freeform.z_freedom": 4.0}
 FREE_FRONT = {
     "lens.front.freeform.spans": [3, 4],
     "lens.front.freeform.max_level": 1,
@@ -41,7 +43,7 @@ FREE_FRONT = {
 def designed(folder, changes=None, height=0.05):
     """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
     lens's figures."""
-    problem = load_problem(write_problem(folder, {"lens.density": DENSITY} | (changes or {})))
+    problem = load_problem(write_problem(folder, ROOMY | (changes or {})))
     base = OpticalSystem(problem).lens
     lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
     return problem, lens, manufacturability(lens, DENSITY)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from optics.problem.schema import Problem
+from optics.problem import Problem
 from optics.runtime import UserError
 from tests.optics.cases import SMALL, toml_text
 from tests.optics.problem.cases import EXTENDED, load_text

@@ -10,8 +10,7 @@ from typing import get_args, get_type_hints
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from optics.problem.schema import Export, Freeform, Optimizer, Refinement, Run, Verify
-from optics.problem.toml_text import problem_to_toml
+from optics.problem import Export, Freeform, Optimizer, Refinement, Run, Verify, problem_to_toml
 from optics.runtime import UserError
 from tests.optics.cases import SMALL
 from tests.optics.problem.cases import EXTENDED, MINIMAL, load_text, load_values

@@ -1,0 +1,81 @@
+"""Changes of single keys: dotted names with their values, also as KEY=VALUE of a command line."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, get_args, get_origin
+
+from optics.problem.dotted_keys import Key, did_you_mean, keys_of, table_of
+from optics.problem.toml_records import AUTO
+from optics.runtime import UserError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
+    """Return nested tables with some dotted keys changed; tables on the way that are missing are made.
+
+    Raises
+    ------
+    UserError : a key below a value that is no table.
+    """
+    changed = dict(tables)
+    for key, value in changes.items():
+        *way, name = key.split(".")
+        node, path = changed, ""
+        for part in way:
+            path = f"{path}.{part}" if path else part
+            below = node.get(part)
+            if below is not None and not isinstance(below, Mapping):
+                raise UserError(f"{path} is a value, no table: there is no key {key}")
+            node[part] = dict(below or {})
+            node = node[part]
+        node[name] = value
+    return changed
+
+
+def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
+    """Return key and value of a text "KEY=VALUE".
+
+    VALUE is TOML.  A text that is none stands for itself where the key takes one.
+
+    kind : the record of the whole file.
+
+    Raises
+    ------
+    UserError : no "=", an unknown key, a value that is no TOML.
+    """
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not equals:
+        raise UserError(f"{text!r} sets no key: write KEY=VALUE, such as target.distance=400")
+    key = next((k for k in keys_of(kind) if k.name == name), None)
+    if key is None:
+        meant = did_you_mean(name, kind) or "; `thbcad new` prints all keys"
+        raise UserError(f"unknown key {name}{meant}")
+    try:
+        read = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
+        read = {}
+    if list(read) == ["value"]:
+        return name, read["value"]
+    if key.hint is str or (key.limits["auto"] and value == AUTO):
+        return name, value
+    raise UserError(f"{name} must be {_wanted(key)}, got {value!r}")
+
+
+def _wanted(key: Key) -> str:
+    """Return what the value of a key must be, with an example."""
+    if table_of(key.hint) is not None:
+        return f"a table, such as {key.name}={{KEY = VALUE}}"
+    if get_origin(key.hint) is tuple:
+        number = "1" if get_args(key.hint)[0] is int else "1.5"
+        several = ", ".join([number] * max(len(get_args(key.hint)), 2))
+        return f"a list of numbers, such as {key.name}=[{several}]"
+    if key.hint is bool:
+        return "true or false"
+    whole = int in (key.hint, *get_args(key.hint))
+    kind, example = ("a whole number", "2") if whole else ("a number", "2.5")
+    automatic = ' or "auto"' if key.limits["auto"] else ""
+    return f"{kind}{automatic}, such as {key.name}={example}"

@@ -1,0 +1,164 @@
+"""The problem as a whole: a record whose keys are checked wherever it comes from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, fields
+
+from optics.problem.key_changes import with_changes
+from optics.problem.record_table import record_table
+from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
+from optics.problem.schema import SHORTEST, LensSpec, Source, Target
+from optics.problem.toml_records import checked_values, option, record
+from optics.problem.toml_text import problem_to_toml
+from optics.runtime import UserError
+from thbcad.lens import require_line
+
+LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
+LEAST_MERGED = 4  # pixels each way that merging leaves
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """What is asked for: source, lens and target, and how to design it.
+
+        Problem(source=Source(kind="collimated", half_width=(9.5, 9.5)), lens=..., target=...)
+
+    It is checked when it is made, by the rules of a problem file.  Whole numbers become floats and lists
+    become tuples; a table may also be given as a dict.  Paths of pictures stay as they are, so they start
+    from the current folder.
+
+    Raises
+    ------
+    UserError : an unknown or missing key, a value of another type or beyond its limits, keys that do not go
+        together; it names the key.
+    """
+
+    title: str = option("lens")
+    source: Source = option()
+    lens: LensSpec = option()
+    target: Target = option()
+    optimizer: Optimizer = option(Optimizer())
+    refinement: Refinement = option(Refinement())
+    limits: Limits = option(Limits())
+    verify: Verify = option(Verify())
+    export: Export = option(Export())
+    run: Run = option(Run())
+
+    def __post_init__(self) -> None:
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name, value in checked_values(Problem, given).items():
+            object.__setattr__(self, name, value)
+        _require_partners(self)
+
+    @property
+    def target_z(self) -> float:
+        """z of the target plane, mm."""
+        return self.lens.thickness + self.target.distance
+
+    def with_(self, **changes: object) -> Problem:
+        """Return a variation: with_(**{"target.distance": 400}) changes a key, and checks as a file does.
+
+        A table that is left out is made where one of its keys is set, such as "lens.front.freeform.degree".
+
+        Raises
+        ------
+        UserError : see Problem.
+        """
+        return record(Problem, with_changes(asdict(self), changes))
+
+    def to_toml(self) -> str:
+        """Return the problem file with every key."""
+        return problem_to_toml(self)
+
+    def _repr_html_(self) -> str:
+        """Return the main numbers as a table, for notebooks."""
+        return record_table(self.title, _main_numbers(self))
+
+
+def _main_numbers(problem: Problem) -> dict[str, str]:
+    """Return what to show of a problem, by its table."""
+    source, lens, target = problem.source, problem.lens, problem.target
+    far, unit = math.isinf(target.distance), "degrees" if math.isinf(target.distance) else "mm"
+    rows = {
+        "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} W",
+        "lens": f"index {lens.index:g}, thickness {lens.thickness:g} mm",
+    }
+    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+        free = surface.freeform
+        rows[name] = (
+            f"half-width {_by(surface.half_width)} mm, radius {surface.radius} mm, conic {surface.conic}"
+        )
+        if free:
+            rows[name] += f"; free, degree {free.degree}, {_by(free.spans)} spans, to level {free.max_level}"
+            rows[name] += f", sag within {free.z_freedom} mm"
+    rows["target"] = (
+        f"{target.kind}, {'far field' if far else f'at {target.distance:g} mm'}, "
+        f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
+    )
+    return rows
+
+
+def _by(size: tuple[float, float]) -> str:
+    return f"{size[0]:g} x {size[1]:g}"
+
+
+def _require_partners(problem: Problem) -> None:
+    """Refuse a problem that lacks a key which another key asks for."""
+    for key, text in (
+        ("lens.material", problem.lens.material),
+        ("export.product", problem.export.product),
+        ("export.author", problem.export.author),
+        ("export.organization", problem.export.organization),
+    ):
+        try:
+            require_line(key, text)
+        except ValueError as error:
+            raise UserError(str(error)) from None
+    _require_target(problem.target)
+    _require_source(problem.source)
+    merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
+    if merge > 1 and pixels < LEAST_MERGED * merge:
+        raise UserError(
+            f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
+        )
+    free = [f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f]
+    most = problem.lens.thickness + sum(f.freedom for f in free)
+    if problem.limits.thickness > most and not problem.lens.automatic:
+        raise UserError(
+            f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
+            f"got {problem.limits.thickness:g}"
+        )
+
+
+def _require_target(target: Target) -> None:
+    if target.kind == "image" and not target.image:
+        raise UserError("the key target.image is missing; add it")
+    if target.kind == "function" and not target.formula:
+        raise UserError("the key target.formula is missing; add it")
+    if math.isinf(target.distance) and max(target.half_width) >= 90:
+        raise UserError(
+            f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
+        )
+
+
+def _require_source(source: Source) -> None:
+    if source.profile == "image" and not source.image:
+        raise UserError("the key source.image is missing; add it")
+    if source.kind == "point" and source.distance < SHORTEST:
+        raise UserError(
+            f"source.distance must be at least {SHORTEST} for a point, which would lie in the lens, "
+            f"got {source.distance!r}"
+        )
+    if source.kind != "point" and min(source.half_width) < SHORTEST:
+        got = list(source.half_width)
+        raise UserError(
+            f"source.half_width must be at least {SHORTEST} for a {source.kind} source, got {got}"
+        )
+    if source.kind == "point" and source.profile != "uniform":
+        raise UserError(f"source.profile is that of an area, a point has none; got {source.profile!r}")
+    if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:
+        raise UserError(
+            f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "
+            "take a smaller source.half_width"
+        )
