@@ -41,6 +41,7 @@ QUICK = \
 	tests/optics/commands/test_new.py \
 	tests/optics/deconvolution/test_analytic.py \
 	tests/optics/deconvolution/test_deconvolution.py \
+	tests/optics/engines \
 	tests/optics/etendue/test_kernel.py \
 	tests/optics/etendue/test_two_deltas.py \
 	tests/optics/export/test_formats.py \

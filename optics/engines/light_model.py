@@ -80,8 +80,10 @@ class LightModel(Protocol):
         """Return `Light.image` alone."""
         ...
 
-    def push_forward(self, coefficients: Sequence[Floats], directions: Sequence[Floats]) -> Floats:
-        """Return the derivative of the image along a direction in the coefficients."""
+    def push_forward(
+        self, coefficients: Sequence[Floats], directions: Sequence[Floats]
+    ) -> tuple[Floats, Floats]:
+        """Return the image, and its derivative along a direction in the coefficients."""
         ...
 
     def filtered(self, image: Floats) -> Floats:

@@ -52,15 +52,18 @@ class TracedModel:
             _, landing = self._tracer.trace(coefficients)
             return self._picture(self._measured(landing))
 
-    def push_forward(self, coefficients: Sequence[Floats], directions: Sequence[Floats]) -> Floats:
-        """Return the derivative of the image along a direction in the coefficients."""
+    def push_forward(
+        self, coefficients: Sequence[Floats], directions: Sequence[Floats]
+    ) -> tuple[Floats, Floats]:
+        """Return the image, and its derivative along a direction in the coefficients."""
         dr = self._backend.dr
         with dr.resume_grad():
             traced, landing = self._tracer.trace(coefficients)
             image = self._measured(landing)
             dr.enqueue(dr.ADMode.Forward, *self._tracer.set_directions(traced, directions))
             dr.traverse(dr.ADMode.Forward)
-            return self._picture(dr.grad(image) + dr.zeros(self._backend.Float, dr.width(image)))
+            slope = dr.grad(image) + dr.zeros(self._backend.Float, dr.width(image))
+            return self._picture(dr.detach(image)), self._picture(slope)
 
     def filtered(self, image: Floats) -> Floats:
         """Return an irradiance that is constant on every pixel as it is measured here."""

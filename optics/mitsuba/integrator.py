@@ -146,7 +146,7 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
             self, scene: Any, params: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
         ) -> Any:
             p = self._parameters
-            return _tensor(mi, p.film(scene, sensor, spp).push_forward(p.values(), p.directions()))
+            return _tensor(mi, p.film(scene, sensor, spp).push_forward(p.values(), p.directions())[1])
 
         def render_backward(
             self, scene: Any, params: Any, grad_in: Any, sensor: Any = 0, seed: int = 0, spp: int = 0

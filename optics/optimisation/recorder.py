@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from optics.optimisation.bounded_variables import BoundedVariables
+from optics.optimisation.minimisers import adam, lbfgs
 from optics.optimisation.stage_plan import PROBES
 from optics.optimisation.state import Row, State
 from optics.runtime import NumericalError
@@ -97,7 +97,7 @@ class Recorder:
         self._bests, self.fall = [], 0.0
 
     def minimized(self, iterations: int = 0) -> tuple[THBSurface, ...]:
-        """Return the best sags that L-BFGS finds.
+        """Return the best sags that the problem's method finds.
 
         Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.  It
         stops where the root of the loss fell by less than FLAT per step, over STEPS steps.  `fall` is then
@@ -110,24 +110,19 @@ class Recorder:
         ------
         Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
-        iterations, memory = iterations or self._stage.iterations, self._problem.optimizer.memory
-        options = {"maxiter": iterations, "maxcor": memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
+        iterations, options = iterations or self._stage.iterations, self._problem.optimizer
         try:
             start, _ = self._variables.coefficients(self._variables.zeros())
             self._first = first = self._evaluated(start)
             if not self._scaled and 2 * first.fit**2 > first.loss:
                 self.precondition()
-            if self._gone_on:
-                options["ftol"] = LEAST_DECREASE * first.loss  # which scipy compares with 1
-            result = minimize(
-                self,
-                self._variables.zeros(),
-                jac=True,
-                method="L-BFGS-B",
-                options=options,
-                callback=self._stop_where_flat,
-            )
-            if result.nit >= iterations:
+            zeros = self._variables.zeros()
+            if options.method == "adam":
+                steps = adam(self, zeros, iterations, self._keep_best, options.step)
+            else:
+                enough = LEAST_DECREASE * first.loss if self._gone_on else None  # scipy compares with 1
+                steps = lbfgs(self, zeros, iterations, self._stop_where_flat, options.memory, enough)
+            if steps >= iterations:
                 self.fall = self._fall_per_step()
         except KeyboardInterrupt:
             raise self.stopped from None
@@ -141,9 +136,13 @@ class Recorder:
         fresh_fit = objective(self._best[1]).fit
         self._rows[self._best_row] = replace(self._rows[self._best_row], fresh_fit=fresh_fit)
 
-    def _stop_where_flat(self, _: NDArray[np.float64]) -> None:
-        """Keep the least loss after a step of the optimiser, and end its work where that is flat."""
+    def _keep_best(self, _: NDArray[np.float64]) -> None:
+        """Keep the least loss after a step of the optimiser."""
         self._bests.append(self._best[0])
+
+    def _stop_where_flat(self, weights: NDArray[np.float64]) -> None:
+        """Keep the least loss after a step of the optimiser, and end its work where that is flat."""
+        self._keep_best(weights)
         if len(self._bests) > STEPS and self._fall_per_step() < FLAT:
             raise StopIteration
 

@@ -25,7 +25,7 @@ class Optimizer:
         note="what traces the light while optimising; metrics are always by the exact tracer",
     )
     method: str = option("lbfgs", choices=METHODS, note="of the optimisation")
-    step: float = option(1.0, above=0, high=GREATEST_STEP, note="of Adam, in units of 0.02 z_freedom")
+    step: float = option(0.05, above=0, high=GREATEST_STEP, note="of Adam, in units of 0.02 z_freedom")
     iterations: tuple[int, ...] = option(
         (60,), low=1, high=100_000, note="iterations per level; the last number goes on"
     )

@@ -147,7 +147,7 @@ def test_forward_and_backward_are_adjoint(make, backend, changes):
     )
     rng, at = np.random.default_rng(4), coefficients(lens)
     directions, weights = [rng.standard_normal(len(c)) for c in at], rng.standard_normal(PIXELS[::-1])
-    forward = film.push_forward(at, directions)
+    _, forward = film.push_forward(at, directions)
     backward = film.light(at).pull_back(weights)
     assert np.vdot(forward, weights) == pytest.approx(
         sum(g @ d for g, d in zip(backward, directions)), rel=1e-10
