@@ -37,6 +37,7 @@ QUICK = \
 	tests/test_architecture.py \
 	tests/test_bench_error.py \
 	tests/optics/analysis/test_metrics.py \
+	tests/optics/api \
 	tests/optics/commands/test_limits.py \
 	tests/optics/commands/test_new.py \
 	tests/optics/deconvolution/test_analytic.py \
@@ -52,6 +53,7 @@ QUICK = \
 	tests/optics/prediction/test_automatic.py \
 	tests/optics/problem/test_schema.py \
 	tests/optics/problem/test_toml_text.py \
+	tests/optics/progress \
 	tests/optics/report/test_html.py \
 	tests/optics/results \
 	tests/optics/runtime \

@@ -1,1 +1,74 @@
-"""Illumination optics on exact spline surfaces: tracing, design, verification, reports."""
+"""Illumination optics on exact spline surfaces, for scripts.
+
+    problem = optics.load_problem("pearl.toml")
+    design = optics.design(problem, progress=True)
+    design.save("exports/pearl")
+
+Names are loaded when they are first used: ``import optics`` itself loads nothing heavy.
+"""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.api import (
+        Design as Design,
+        Minimum as Minimum,
+        Model as Model,
+        System as System,
+        design as design,
+        minimise as minimise,
+    )
+    from optics.problem import (
+        Export as Export,
+        Freeform as Freeform,
+        Front as Front,
+        LensSpec as LensSpec,
+        Limits as Limits,
+        Optimizer as Optimizer,
+        Problem as Problem,
+        Rear as Rear,
+        Refinement as Refinement,
+        Run as Run,
+        Source as Source,
+        Target as Target,
+        Verify as Verify,
+        load_problem as load_problem,
+    )
+    from optics.runtime import (
+        NumericalError as NumericalError,
+        UserError as UserError,
+    )
+
+_FILES = {
+    "api": (
+        "Design",
+        "Minimum",
+        "Model",
+        "System",
+        "design",
+        "minimise",
+    ),
+    "problem": (
+        "Export",
+        "Freeform",
+        "Front",
+        "LensSpec",
+        "Limits",
+        "Optimizer",
+        "Problem",
+        "Rear",
+        "Refinement",
+        "Run",
+        "Source",
+        "Target",
+        "Verify",
+        "load_problem",
+    ),
+    "runtime": (
+        "NumericalError",
+        "UserError",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -17,10 +17,15 @@ if TYPE_CHECKING:
         stage_objective as stage_objective,
         stage_window as stage_window,
         surfaces_can_cross as surfaces_can_cross,
+        window_named as window_named,
     )
     from optics.optimisation.loop import (
         design as design,
         transmitted_flux as transmitted_flux,
+    )
+    from optics.optimisation.minimisers import (
+        adam as adam,
+        lbfgs as lbfgs,
     )
     from optics.optimisation.objective import (
         Objective as Objective,
@@ -64,10 +69,15 @@ _FILES = {
         "stage_objective",
         "stage_window",
         "surfaces_can_cross",
+        "window_named",
     ),
     "loop": (
         "design",
         "transmitted_flux",
+    ),
+    "minimisers": (
+        "adam",
+        "lbfgs",
     ),
     "objective": ("Objective",),
     "rear_light": ("RearLight",),

@@ -22,6 +22,7 @@ from optics.optimisation.objective import Objective
 from optics.optimisation.stage_plan import PROBES, last_level
 from optics.optimisation.symmetry import Mirrors
 from optics.problem import feature_levels, per_level
+from optics.runtime import UserError
 from optics.shape import shape_penalty
 from optics.target import BSplineWindow, GaussianWindow, PixelWindow
 from thbcad.surfaces import THBSurface
@@ -44,11 +45,30 @@ def stage_window(problem: Problem, final: bool) -> PixelWindow | BSplineWindow |
     A pixel window sees what moves across its border only: before the final stage a B-spline takes its place.
     It serves extended sources too where exact cells are asked for.
     """
+    name = problem.optimizer.window
+    sharp = name in ("cells", "pixel")
+    window = window_named(problem, ("pixel" if final else "bspline") if sharp else name)
+    assert window is not None
+    return window
+
+
+def window_named(problem: Problem, name: str) -> PixelWindow | BSplineWindow | GaussianWindow | None:
+    """Return a window of a problem by its name, None for exact cells.
+
+    Raises
+    ------
+    UserError : an unknown name.
+    """
     o = problem.optimizer
-    if o.window == "gaussian":
-        return GaussianWindow(o.sigma)
-    sharp = o.window in ("cells", "pixel")
-    return PixelWindow(o.blur) if sharp and final else BSplineWindow(o.window_degree)
+    windows = {
+        "cells": None,
+        "pixel": PixelWindow(o.blur),
+        "bspline": BSplineWindow(o.window_degree),
+        "gaussian": GaussianWindow(o.sigma),
+    }
+    if name not in windows:
+        raise UserError(f"window must be one of {', '.join(map(repr, windows))}, got {name!r}")
+    return windows[name]
 
 
 def surfaces_can_cross(system: OpticalSystem) -> bool:

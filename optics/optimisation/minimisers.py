@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,6 @@ def lbfgs(
     callback: Callback,
     memory: int = 10,
     least_decrease: float | None = None,
-    bounds: Any = None,
 ) -> int:
     """Run L-BFGS-B and return the steps taken.
 
@@ -33,22 +31,23 @@ def lbfgs(
     options = {"maxiter": iterations, "maxcor": memory, "maxfun": 2 * iterations + 10, "gtol": 0.0}
     if least_decrease is not None:
         options["ftol"] = least_decrease
-    result = minimize(
-        function, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options, callback=callback
-    )
+    result = minimize(function, start, jac=True, method="L-BFGS-B", options=options, callback=callback)
     return int(result.nit)
 
 
 def adam(
-    function: Function, start: Floats, iterations: int, callback: Callback, step: float, bounds: tuple[Any, Any] | None = None
+    function: Function,
+    start: Floats,
+    iterations: int,
+    callback: Callback,
+    step: float,
 ) -> int:
     """Run Adam and return the steps taken: x <- x - step m / (sqrt v + tiny), with unbiased means m and v.
 
-    step : length of a step in every variable, about.  bounds : of all variables, (low, high), or None.
+    step : length of a step in every variable, about.
 
     Source: D. P. Kingma, J. Ba, Adam: a method for stochastic optimization, ICLR 2015.
     """
-    low, high = bounds or (-np.inf, np.inf)
     x = start.copy()
     mean, square = np.zeros_like(x), np.zeros_like(x)
     for k in range(1, iterations + 1):
@@ -57,7 +56,7 @@ def adam(
         square += (1 - MEANS[1]) * (gradient**2 - square)
         root = np.sqrt(square / (1 - MEANS[1] ** k))
         tiny = LEAST * root.max() or 1.0  # a gradient of zeros moves nothing
-        x = np.clip(x - step * (mean / (1 - MEANS[0] ** k)) / (root + tiny), low, high)
+        x = x - step * (mean / (1 - MEANS[0] ** k)) / (root + tiny)
         try:
             callback(x)
         except StopIteration:

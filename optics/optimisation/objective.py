@@ -72,6 +72,11 @@ class Objective:
         return Evaluation(loss + more, [g + s for g, s in zip(gradients, slopes)], fit)
 
     @property
+    def target(self) -> Floats:
+        """The target irradiance on the padded screen, measured as the light is, W/mm^2."""
+        return self._target
+
+    @property
     def shape(self) -> ShapePenalty | None:
         """What the shape is charged for."""
         return self._shape

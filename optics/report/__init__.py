@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from optics.report.irradiance_files import (
         light_files as light_files,
     )
+    from optics.report.overview import (
+        OverviewFigure as OverviewFigure,
+        overview_figure as overview_figure,
+        overview_html as overview_html,
+    )
     from optics.report.scene_figure import (
         scene_view as scene_view,
     )
@@ -48,6 +53,11 @@ _FILES = {
         "report_html",
     ),
     "irradiance_files": ("light_files",),
+    "overview": (
+        "OverviewFigure",
+        "overview_figure",
+        "overview_html",
+    ),
     "scene_figure": ("scene_view",),
     "scene_rays": ("scene_paths",),
     "solid_figure": ("solid_views",),

@@ -6,12 +6,14 @@ folder without it, or with files that it does not speak of, is not a result.
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from optics.optimisation import Row
 from optics.problem import Problem, load_problem
 from optics.results.checkpoint import checkpoint_owner
 from optics.results.identity import PICTURES, differing_keys, fingerprint, run_id
@@ -103,6 +105,16 @@ class ResultFolder:
 
     def read_lens(self) -> Lens:
         return lens_of(self.lens, "was the design interrupted?")
+
+    def read_history(self) -> tuple[Row, ...]:
+        """Return the rows of history.csv; the time of an evaluation is not kept, it reads as 0."""
+        try:
+            with (self.path / "history.csv").open(newline="", encoding="utf-8") as file:
+                return tuple(_row(**row) for row in csv.DictReader(file))
+        except OSError as error:
+            raise UserError(f"cannot read {error.filename}: {error.strerror}; run the design again") from None
+        except (TypeError, ValueError):
+            raise UserError(f"{self.path / 'history.csv'} is damaged; run the design again") from None
 
     def has_result(self) -> bool:
         return (self.path / RECORD).exists()
@@ -209,6 +221,12 @@ def pictures_of(problem: Problem) -> Iterable[str]:
     """Return the names under which a result keeps the problem's pictures."""
     tables = [(name, getattr(problem, name).image) for name in PICTURES]
     return [name + Path(image).suffix.lower() for name, image in tables if image]
+
+
+def _row(fresh_fit: str, loss: str, fit: str, **whole: str) -> Row:
+    counts = {name: int(number) for name, number in whole.items()}
+    fresh = float(fresh_fit) if fresh_fit else None
+    return Row(loss=float(loss), fit=float(fit), seconds=0.0, fresh_fit=fresh, **counts)
 
 
 def lens_of(path: Path, advice: str) -> Lens:

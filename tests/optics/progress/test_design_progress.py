@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from optics.commands.progress import DesignProgress, Size
-from optics.commands.progress_bar import Bar, Lines, time_words
 from optics.optimisation import Stage
+from optics.progress.design_progress import DesignProgress, Size
+from optics.progress.progress_bar import Bar, Lines, time_words
 from tests.cases import DATA
 
 RUNS = json.loads((DATA / "recorded_runs.json").read_text())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from optics.system import OpticalSystem
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from optics.analysis import Measurement
     from optics.optimisation import Row, Stage
     from optics.runtime import Backend, SecondProcess
-    from optics.tracing import RayPath
     from thbcad.lens import Lens
 
 
@@ -35,11 +34,13 @@ class DesignFigures:
         system: OpticalSystem,
         lens: Lens,
         measurement: Measurement,
-        fans: Mapping[str, Sequence[RayPath]],
         backend: Backend,
     ) -> None:
-        """Draw what the lens delivers; `backend` traces the rays of the scene."""
+        """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
+        from optics.analysis import fans as ray_fans
         from optics.report import scene_paths
+
+        fans = ray_fans(system, lens, backend) if system.path.by_edges else {}
 
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
         self._light = self.process.ask("optics.report", "light_figures", plain, lens, measurement, fans)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, cast
 
-from optics.commands.progress_bar import drawing
+from optics.progress.progress_bar import drawing
 from optics.runtime import Phase, Progress
 
 if TYPE_CHECKING:
-    from optics.commands.progress_bar import Bar, Lines
     from optics.optimisation import Row, Stage
+    from optics.progress.progress_bar import Bar, Lines
     from optics.runtime import Moment
     from optics.system import OpticalSystem
 

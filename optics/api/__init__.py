@@ -1,0 +1,55 @@
+"""What `import optics` offers to scripts: problems, systems, models, designs."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.api.design_figures import (
+        DesignFigures as DesignFigures,
+    )
+    from optics.api.design_files import (
+        Written as Written,
+        write_result as write_result,
+    )
+    from optics.api.design_result import (
+        Design as Design,
+    )
+    from optics.api.design_run import (
+        design as design,
+        shaped as shaped,
+    )
+    from optics.api.irradiance_model import (
+        Model as Model,
+    )
+    from optics.api.minimisation import (
+        Minimum as Minimum,
+        minimise as minimise,
+    )
+    from optics.api.prepared_problem import (
+        prepared_system as prepared_system,
+    )
+    from optics.api.scripting_system import (
+        System as System,
+    )
+
+_FILES = {
+    "design_figures": ("DesignFigures",),
+    "design_files": (
+        "Written",
+        "write_result",
+    ),
+    "design_result": ("Design",),
+    "design_run": (
+        "design",
+        "shaped",
+    ),
+    "irradiance_model": ("Model",),
+    "minimisation": (
+        "Minimum",
+        "minimise",
+    ),
+    "prepared_problem": ("prepared_system",),
+    "scripting_system": ("System",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

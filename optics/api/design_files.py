@@ -1,0 +1,153 @@
+"""A design measured, checked and written as a result folder.
+
+The solid is exported and the figures are drawn by a second process, beside the measurement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from optics.api.design_figures import DesignFigures
+from optics.api.irradiance_model import DEVICE
+from optics.optimisation import stages
+from optics.problem import limit_checks
+from optics.progress import DesignProgress, RunClock
+from optics.results import ResultFolder, ResultWriter
+from optics.runtime import load_backend, peak_mb, second_process
+from optics.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.api.design_record import DesignRecord
+    from optics.runtime import Check
+    from optics.verification import ExportedStep
+    from thbcad.lens import Manufacturability
+
+LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
+Claims = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Written:
+    """A result folder and what its files claim.  metrics, verification : as metrics.json and verify.json."""
+
+    folder: ResultFolder
+    metrics: Claims
+    verification: Claims
+
+
+def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
+    """Write the result folder of a design and return its path."""
+    clock = RunClock(DesignProgress(lambda moment: None))
+    with folder.taken(design.asked, force), second_process() as beside, DEVICE:
+        write_result(design, folder, clock, DesignFigures(beside, design.system))
+    return folder.path
+
+
+def verified(design: DesignRecord) -> Claims:
+    """Return the checks of a design's solid and light, as in verify.json."""
+    from optics.runtime import verification
+    from thbcad.lens import manufacturability
+
+    system, lens = design.system, design.lens
+    with second_process() as beside, TemporaryDirectory() as folder, DEVICE:
+        path = Path(folder) / "lens.step"
+        step = beside.ask(
+            "optics.verification", "exported_step", OpticalSystem(system.problem), lens, path
+        ).result()
+        product = manufacturability(lens, system.problem.lens.density or None)
+        checks = _checks(design, path, product, step)
+        return verification(checks) | {"left_out": [LEFT_OUT]}
+
+
+def write_result(
+    design: DesignRecord, folder: ResultFolder, clock: RunClock, figures: DesignFigures
+) -> Written:
+    """Export, measure and verify a design; then write what can be claimed of it.
+
+    folder : taken by this run.
+    """
+    from optics.etendue import limit_sentence
+    from optics.report import light_files
+    from thbcad.lens import manufacturability
+
+    system, lens, problem = design.system, design.lens, design.problem
+    writer = ResultWriter(folder, problem, lens, design.history)
+    exported = figures.process.ask(
+        "optics.verification", "exported_step", OpticalSystem(problem), lens, writer.staged_step
+    )
+    figures.draw_lens(lens, design.history, stages(system, design.moved))
+    clock.lap("export")
+    measurement = design.measurement
+    figures.draw_light(system, lens, measurement, load_backend("double", problem.run.threads))
+    limit = limit_sentence(system, lens, measurement.metrics)
+    if limit:
+        design.notes(limit)
+    clock.lap("measure")
+    product = manufacturability(lens, problem.lens.density or None)
+    step = exported.result()
+    writer.place_step()
+    checks = _checks(design, folder.step, product, step)
+    clock.lap("verify")
+    pictures = figures.drawn()
+    for name, data in light_files(measurement.irradiance, measurement.target, system.target.screen()).items():
+        writer.write(name, data)
+    for name, (_, png) in pictures.items():
+        writer.write(f"figures/{name}.png", png)
+    clock.lap("figures")
+    peak = peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result()
+    metrics = design.metrics | {"wall_s": dict(clock.total()), "peak_mb": peak}
+    return _claimed(design, folder, writer, metrics, checks, product, pictures)
+
+
+def _claimed(
+    design: DesignRecord,
+    folder: ResultFolder,
+    writer: ResultWriter,
+    metrics: Claims,
+    checks: list[Check],
+    product: Manufacturability,
+    pictures: dict[str, tuple[str, bytes]],
+) -> Written:
+    """Write what is now known of the lens, the record last."""
+    from optics.analysis import verdict
+    from optics.problem import as_data, manufacture_rows
+    from optics.report import Report, report_html
+    from optics.runtime import verification
+
+    says: Claims = {"verdict": verdict(checks), "notes": list(design.notes)}
+    writer.write_claims("manufacture.json", as_data(product))
+    checked = writer.write_claims("verify.json", verification(checks) | {"left_out": [LEFT_OUT]})
+    page = Report(
+        problem=design.problem,
+        metrics=metrics,
+        verification=checked,
+        manufacture=manufacture_rows(product, design.problem.source.wavelength),
+        pictures=pictures,
+        verdict=says["verdict"],
+        notes=says["notes"],
+        run=writer.run,
+    )
+    metrics = writer.write_claims("metrics.json", metrics | says)
+    writer.write("report.html", report_html(page, writer.problem_text).encode())
+    writer.finish(design.asked, {"ok": checked["ok"], **says})
+    folder.checkpoint.unlink(missing_ok=True)
+    return Written(folder, metrics, checked)
+
+
+def _checks(design: DesignRecord, path: Path, product: Manufacturability, step: ExportedStep) -> list[Check]:
+    """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing."""
+    from optics.analysis import delivery_checks
+    from optics.verification import StepFile, light_checks, text_volume_check
+
+    system, lens, problem = design.system, design.lens, design.problem
+    backend = load_backend("double", problem.run.threads)
+    return [
+        *step.checks,
+        text_volume_check(StepFile(path).text, lens),
+        *light_checks(system, lens, step, backend),
+        *delivery_checks(design.measurement.metrics, problem.verify),
+        *limit_checks(problem, product),
+    ]

@@ -1,0 +1,90 @@
+"""What is known of a designed lens; what it delivers is measured when it is first asked for, and once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from optics.api.irradiance_model import DEVICE
+from optics.progress import Notes
+from optics.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.analysis import Measurement
+    from optics.optimisation import Row
+    from optics.problem import Problem
+    from optics.runtime import Backend
+    from thbcad.lens import Lens
+
+
+@dataclass(frozen=True, eq=False)
+class DesignRecord:
+    """A lens for a problem.
+
+    problem : with a number for every "auto".  asked : the same as it was asked for.
+    history : a row for every evaluation.  notes : sentences on what limits the result.
+    wall_s : seconds by phase.  moved : the design started from an optimal-transport map.
+    interrupted : Ctrl-C ended the work, and this is the best lens so far.
+    """
+
+    asked: Problem
+    system: OpticalSystem
+    lens: Lens
+    history: tuple[Row, ...] = ()
+    notes: Notes = field(default_factory=Notes)
+    wall_s: Mapping[str, float] = field(default_factory=dict)
+    moved: bool = False
+    interrupted: bool = False
+
+    @property
+    def problem(self) -> Problem:
+        return self.system.problem
+
+    @cached_property
+    def measurement(self) -> Measurement:
+        """Irradiance, target and metrics, by light that the optimiser has not seen."""
+        from optics.runtime import load_backend
+
+        with DEVICE:
+            return _measured(self, load_backend("double", self.problem.run.threads))
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """Numbers by name, see `optics.analysis.measure`, and those of the run."""
+        return self.measurement.metrics | self.run_metrics
+
+    @property
+    def run_metrics(self) -> dict[str, Any]:
+        """Degrees of freedom, levels, evaluations, and the misfit of extended sources on fresh rays."""
+        measured = [row for row in self.history if row.fresh_fit is not None][-1:]
+        return {
+            "dof": sum(sag.space.dim for sag in self.lens.sags),
+            "levels": max(sag.space.levels for sag in self.lens.sags),
+            "evaluations": self.history[-1].evaluation if self.history else 0,
+            **({"fit": measured[0].fit, "fresh_fit": measured[0].fresh_fit} if measured else {}),
+        }
+
+
+def _measured(design: DesignRecord, backend: Backend) -> Measurement:
+    """Return the Measurement of a lens, also of light that takes other paths where there may be some.
+
+    Sentences on lost light go to its notes.
+    """
+    from optics.analysis import loss_notes, measure, nonsequential_metrics
+    from optics.tracing import efficiency_bound
+
+    system, lens, notes = design.system, design.lens, design.notes
+    measurement = measure(system, lens, backend)
+    metrics = measurement.metrics | {"efficiency_bound": efficiency_bound(lens.index)}
+    for sentence in loss_notes(metrics):
+        notes(sentence)
+    if not metrics["efficiency"]:
+        notes(
+            "no light reaches the target; raise optimizer.lost_flux_weight, "
+            "or make the target larger or nearer to the beam"
+        )
+    if system.path.by_edges:
+        metrics["nonsequential"] = nonsequential_metrics(system, lens, backend, measurement.target)
+    return replace(measurement, metrics=metrics)

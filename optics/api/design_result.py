@@ -1,0 +1,120 @@
+"""A designed lens, for scripts: measured, verified, saved and read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.api.design_files import save, verified
+from optics.api.design_record import DesignRecord
+from optics.api.irradiance_model import PER_STERADIAN
+from optics.progress import Notes
+from optics.results import ResultFolder
+from optics.system import OpticalSystem
+
+if TYPE_CHECKING:
+    from optics.analysis import Measurement
+    from optics.optimisation import State
+    from optics.problem import Problem
+    from optics.report import OverviewFigure
+
+Floats = NDArray[np.float64]
+OF_THE_RUN = ("run_id", "step_sha256", "verdict", "notes")  # keys of metrics.json that measure nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Design(DesignRecord):
+    """A lens for a problem.  What it delivers is measured when it is first asked for, and once.
+
+    Its fields are those of `DesignRecord`, such as lens, history, notes and metrics.
+    """
+
+    @classmethod
+    def of_state(
+        cls,
+        asked: Problem,
+        system: OpticalSystem,
+        state: State,
+        notes: Notes,
+        wall_s: Mapping[str, float],
+        interrupted: bool = False,
+    ) -> Design:
+        """Return the design that a run has come to."""
+        lens = system.lens.with_sags(state.sags)
+        return cls(asked, system, lens, state.history, notes, wall_s, state.moved, interrupted)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Design:
+        """Return the design of a result folder; what it delivers is read, not measured again.
+
+        Raises
+        ------
+        UserError : the folder holds no whole result.
+        """
+        results = ResultFolder(folder)
+        problem, lens, record = results.read()
+        notes = Notes(map(str, record.get("notes", ())))
+        loaded = cls(problem, OpticalSystem(problem), lens, results.read_history(), notes)
+        loaded.__dict__["measurement"] = _read_measurement(results.path)
+        return loaded
+
+    @property
+    def irradiance(self) -> Floats:
+        """What the lens makes on the target's pixels, (rows, columns), W/mm^2; in the far field W/sr."""
+        return self._unit * self.measurement.irradiance
+
+    @property
+    def target(self) -> Floats:
+        """What was asked for, with the flux that leaves the lens, in the same unit."""
+        return self._unit * self.measurement.target
+
+    def save(self, folder: str | Path, force: bool = False) -> Path:
+        """Write the result folder of `thbcad design`: STEP solid, checks, report; return its path.
+
+        force : replace what another problem or program wrote there.
+
+        Raises
+        ------
+        UserError : the folder cannot be written, or something in it would be lost.
+        """
+        return save(self, ResultFolder(folder), force)
+
+    def verify(self) -> dict[str, Any]:
+        """Return the checks of the lens's STEP file and of its light, as in verify.json."""
+        return verified(self)
+
+    def plot(self) -> OverviewFigure:
+        """Return a figure of target, irradiance and their difference."""
+        from optics.report import overview_figure
+
+        return overview_figure(self.system, self.measurement)
+
+    def __repr__(self) -> str:
+        return f"Design({self.problem.title!r}, {self.run_metrics['dof']} degrees of freedom)"
+
+    def _repr_html_(self) -> str:
+        """Return pictures and the main numbers, for notebooks."""
+        from optics.report import overview_html
+
+        return overview_html(self.system, self.measurement, self.metrics, self.notes)
+
+    @property
+    def _unit(self) -> float:
+        """From the unit of measurements."""
+        return PER_STERADIAN if self.system.path.far_field else 1.0
+
+
+def _read_measurement(folder: Path) -> Measurement:
+    """Return what a result folder says of the light."""
+    from optics.analysis import Measurement
+
+    with np.load(folder / "irradiance.npz", allow_pickle=False) as arrays:
+        irradiance, target = arrays["irradiance"], arrays["target"]
+    metrics: dict[str, Any] = json.loads((folder / "metrics.json").read_text("utf-8"))
+    return Measurement(irradiance, target, {k: v for k, v in metrics.items() if k not in OF_THE_RUN})

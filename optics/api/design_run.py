@@ -1,0 +1,94 @@
+"""The whole design of a lens, from a problem to what is known of the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from optics.api.design_result import Design
+from optics.api.engine_choice import engine_of
+from optics.api.irradiance_model import DEVICE
+from optics.api.prepared_problem import prepared
+from optics.optimisation import Interrupted, design as shape, stages
+from optics.problem import Problem
+from optics.progress import DesignProgress, Notes, RunClock, Size
+from optics.runtime import UserError
+from optics.system import advice
+
+if TYPE_CHECKING:
+    from optics.api.prepared_problem import Prepared
+    from optics.engines import Engine
+    from optics.optimisation import State
+    from optics.runtime import Moment
+
+Show = Callable[["Moment"], None]
+
+
+def design(
+    problem: Problem, progress: bool | Show | None = None, engine: str | Engine | None = None
+) -> Design:
+    """Shape the lens of a problem and return the Design.
+
+    progress : True draws a bar in terminals and notebooks; a function is called with every
+        `optics.runtime.Moment`.
+    engine : a name as of `optimizer.engine`, an `optics.engines.Engine`, or None for the problem's own.
+
+    Ctrl-C ends the work.  The design then holds the best lens so far, and `interrupted` is true; where no
+    level had begun, the KeyboardInterrupt goes on.
+
+    Raises
+    ------
+    UserError : a problem that cannot be solved; one sentence says why.
+    NumericalError : the loss is not finite, or the surfaces cross.
+    """
+    if not isinstance(problem, Problem):
+        raise UserError(f"design takes a Problem, got {problem!r}; optics.load_problem reads a file")
+    clock, notes = RunClock(_progress(progress)), Notes()
+    with clock.progress, DEVICE:
+        ready = prepared(problem)
+        for sentence in advice(ready.system):
+            notes(sentence)
+        try:
+            return shaped(problem, ready, clock, notes, engine)
+        except Interrupted as stop:
+            notes("stopped by Ctrl-C: this is the best lens so far")
+            return Design.of_state(problem, ready.system, stop.state, notes, clock.total(), interrupted=True)
+
+
+def shaped(
+    asked: Problem,
+    ready: Prepared,
+    clock: RunClock,
+    notes: Notes,
+    engine: str | Engine | None = None,
+    state: State | None = None,
+    keep: Callable[[State], None] | None = None,
+) -> Design:
+    """Optimise the lens of a prepared problem and return the Design, of which nothing is measured yet.
+
+    asked : the problem as it was read.  state : to go on from.  keep : called with the State after every
+    level.
+
+    Raises
+    ------
+    Interrupted : on Ctrl-C.
+    """
+    system, backend = ready.system, ready.backend
+    chosen = engine_of(engine, system, backend)
+    moved = state.moved if state else system.problem.optimizer.start == "transport"
+    clock.progress.planned(Size.of(system), stages(system, moved))
+    clock.lap("setup")
+    _, state = shape(system, backend, chosen, state, clock.progress, keep, notes, ready.start)
+    backend.release()
+    clock.lap("optimise")
+    return Design.of_state(asked, system, state, notes, clock.total())
+
+
+def _progress(progress: bool | Show | None) -> DesignProgress:
+    if progress is True:
+        return DesignProgress()
+    if progress is None or progress is False:
+        return DesignProgress(lambda moment: None)
+    if not callable(progress):
+        raise UserError(f"progress must be True, None or a function of a Moment, got {progress!r}")
+    return DesignProgress(progress)

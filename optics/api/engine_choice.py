@@ -1,0 +1,34 @@
+"""Engines by their names."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from optics.engines import ExactEngine
+from optics.problem import ENGINES
+from optics.runtime import UserError
+
+if TYPE_CHECKING:
+    from optics.engines import Engine
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+
+
+def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backend) -> Engine:
+    """Return an engine by its name, or as it is; None is the problem's own.
+
+    Raises
+    ------
+    UserError : an unknown name, or an engine that is not installed.
+    """
+    if engine is None:
+        engine = system.problem.optimizer.engine
+    if not isinstance(engine, str):
+        if not hasattr(engine, "model"):
+            raise UserError(f"engine must be a name or have the method model, got {engine!r}")
+        return engine
+    if engine not in ENGINES:
+        raise UserError(f"engine must be one of {', '.join(map(repr, ENGINES))}, got {engine!r}")
+    if engine == "exact":
+        return ExactEngine(backend)
+    raise UserError(f"engine {engine!r} is not there yet")

@@ -1,0 +1,110 @@
+"""The map from coefficients to irradiance, with its derivatives, as scripts use it.
+
+    E = model(c),    E, pull = model.vjp(c),    pull(w) = J' w,    model.jvp(c, d) = E, J d
+
+J is the derivative of the irradiance by the coefficients.  numpy goes in and comes out.  Nothing is kept
+between calls, so any number of models can be used in turn.  Calls from several threads are safe: they wait
+for each other, since Dr.Jit's kernels use all cores anyway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import RLock
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optics.api.coefficient_vectors import Coefficients, image_of, packed, vectors
+
+if TYPE_CHECKING:
+    from optics.engines import LightModel
+    from optics.optimisation import Objective
+    from thbcad.hierarchy import THBSpace
+
+Floats = NDArray[np.float64]
+Pull = Callable[[ArrayLike], Coefficients]
+
+DEVICE = RLock()  # Dr.Jit is one for the whole process
+PER_STERADIAN = (180 / np.pi) ** 2  # square degrees
+
+
+class Model:
+    """Irradiance on the target's pixels as a differentiable function of the sag coefficients.
+
+    Made by `System.model`.  Irradiance is (rows, columns), W/mm^2; in the far field it is intensity, W/sr.
+    """
+
+    def __init__(self, spaces: tuple[THBSpace, ...], light: LightModel, objective: Objective) -> None:
+        self._spaces, self._light, self._objective = spaces, light, objective
+        self._scale = np.ones(light.screen.shape)
+        if light.screen.angular:
+            self._scale = PER_STERADIAN / light.screen.projection()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns) of the irradiance."""
+        return self._light.screen.shape
+
+    @property
+    def target(self) -> Floats:
+        """The target irradiance, measured as this model measures, (rows, columns).
+
+        Its flux is what the unoptimised lens sends on.
+        """
+        return self._shown(self._objective.target)
+
+    def __call__(self, coefficients: Coefficients) -> Floats:
+        """Return the irradiance.
+
+        Raises
+        ------
+        UserError : coefficients of another shape or space, or numbers that are not finite.
+        """
+        with DEVICE:
+            return self._shown(self._light.image(vectors(coefficients, self._spaces)))
+
+    def vjp(self, coefficients: Coefficients) -> tuple[Floats, Pull]:
+        """Return the irradiance, and the function that maps dL/dE to dL/dc.
+
+        Raises
+        ------
+        UserError : as of a call; the function too, of a dL/dE of another shape.
+        """
+        with DEVICE:
+            light = self._light.light(vectors(coefficients, self._spaces))
+
+        def pull(slope: ArrayLike) -> Coefficients:
+            bar = self._scale * image_of(slope, self.shape, "dL/dE")
+            with DEVICE:
+                return packed(light.pull_back(self._light.screen.pad(bar)))
+
+        return self._shown(light.image), pull
+
+    def jvp(self, coefficients: Coefficients, direction: Coefficients) -> tuple[Floats, Floats]:
+        """Return the irradiance, and its derivative along a direction in the coefficients.
+
+        Raises
+        ------
+        UserError : as of a call.
+        """
+        at = vectors(coefficients, self._spaces)
+        along = vectors(direction, self._spaces, "the direction")
+        with DEVICE:
+            image, slope = self._light.push_forward(at, along)
+        return self._shown(image), self._shown(slope)
+
+    def loss(self, coefficients: Coefficients) -> tuple[float, Coefficients]:
+        """Return the project's own loss and its gradient, see `optics.optimisation.Objective`.
+
+        Raises
+        ------
+        UserError : as of a call.
+        """
+        with DEVICE:
+            found = self._objective(vectors(coefficients, self._spaces))
+        return found.loss, packed(found.gradients)
+
+    def _shown(self, image: Floats) -> Floats:
+        return self._scale * self._light.screen.crop(image)

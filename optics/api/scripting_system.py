@@ -1,0 +1,173 @@
+"""What a problem describes, for scripts: spaces, models, starts, lenses and their measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from math import isqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.api.coefficient_vectors import (
+    Coefficients,
+    Spaces,
+    packed_surfaces,
+    space_rows,
+    vectors,
+)
+from optics.api.engine_choice import engine_of
+from optics.api.irradiance_model import DEVICE, Model
+from optics.api.prepared_problem import prepared
+from optics.engines import Film
+from optics.optimisation import (
+    MARGIN,
+    TransportStart,
+    charged_objective,
+    transmitted_flux,
+    window_named,
+)
+from optics.problem import Problem
+from optics.runtime import UserError
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.analysis import Measurement
+    from optics.engines import Engine
+    from thbcad.hierarchy import THBSpace
+    from thbcad.lens import Lens
+
+MOST_RAYS = 1 << 26  # at once
+LEAST_RAYS = 2  # in each direction
+FINEST = 12  # level, as of max_level
+
+
+class System:
+    """Base lens, source and target of a problem, built once; every "auto" is resolved.
+
+    Raises
+    ------
+    UserError : a problem that cannot be solved; one sentence says why.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        if not isinstance(problem, Problem):
+            raise UserError(f"System takes a Problem, got {problem!r}; optics.load_problem reads a file")
+        with DEVICE:
+            ready = prepared(problem)
+        self.optical, self._backend, self._start = ready.system, ready.backend, ready.start
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with a number for every "auto"."""
+        return self.optical.problem
+
+    def space(self, level: int = 0) -> Spaces:
+        """Return the space of the free surface with all cells refined to a level; of two, front first."""
+        if not isinstance(level, int) or not 0 <= level <= FINEST:
+            raise UserError(f"level must be a whole number from 0 to {FINEST}, got {level!r}")
+        spaces = [_refined(space, level) for space in self._level_0]
+        return spaces[0] if len(spaces) == 1 else tuple(spaces)
+
+    def model(
+        self,
+        space: Spaces,
+        rays: int | tuple[int, int] = (449, 449),
+        window: str = "pixel",
+        engine: str | Engine | None = None,
+    ) -> Model:
+        """Return the differentiable map from coefficients to irradiance.
+
+        space : of the sag, a refinement of `space(0)`; two free surfaces have a tuple.
+        rays : in x and y, or their total.
+        window : "cells", "pixel", "bspline" or "gaussian", as of `optimizer.window`; in cells, the light of
+            sources without extent is measured exactly.
+        engine : a name as of `optimizer.engine`, an `optics.engines.Engine`, or None for the problem's own.
+
+        Raises
+        ------
+        UserError : what does not suit, or an engine that is not installed; one sentence says so.
+        """
+        spaces, optical = space_rows(space, self._level_0), self.optical
+        if window == "cells" and optical.source.extended:
+            raise UserError('window = "cells" needs a source without extent; take "pixel" or "bspline"')
+        film = Film(
+            optical.target.screen(margin=MARGIN), _ray_counts(rays), window_named(self.problem, window)
+        )
+        lens = optical.lens.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
+        with DEVICE:
+            light = engine_of(engine, optical, self._backend).model(optical, lens, film)
+            target = optical.target.irradiance(optical.target.screen(), self._flux)
+            return Model(spaces, light, charged_objective(optical, lens, light, target))
+
+    def transport_start(self, space: Spaces) -> THBSurface | tuple[THBSurface, ...]:
+        """Return the sag that optimal transport asks for; a free front before it stays a conic.
+
+        Raises
+        ------
+        UserError : no transport map exists.
+        """
+        spaces = space_rows(space, self._level_0)
+        with DEVICE:
+            rear = self._transport.fit(spaces[-1]).sag
+        return packed_surfaces([*(THBSurface(s, np.zeros(s.dim)) for s in spaces[:-1]), rear])
+
+    def lens(self, space: Spaces, coefficients: Coefficients) -> Lens:
+        """Return the lens with these sags.
+
+        Raises
+        ------
+        UserError : it cannot exist, since its surfaces cross.
+        """
+        from thbcad.lens import require_sound
+
+        spaces = space_rows(space, self._level_0)
+        sags = [THBSurface(s, c) for s, c in zip(spaces, vectors(coefficients, spaces))]
+        try:
+            return require_sound(self.optical.lens.with_sags(sags))
+        except ValueError as error:
+            raise UserError(f"the lens cannot exist: {error}; take smaller coefficients") from None
+
+    def measure(self, lens: Lens) -> Measurement:
+        """Return irradiance, target and metrics of a lens, by light that no optimiser has seen."""
+        from optics.analysis import measure
+        from optics.runtime import load_backend
+
+        with DEVICE:
+            return measure(self.optical, lens, load_backend("double", self.problem.run.threads))
+
+    @cached_property
+    def _level_0(self) -> list[THBSpace]:
+        return [sag.space for sag in self.optical.lens.sags]
+
+    @cached_property
+    def _flux(self) -> float:
+        return transmitted_flux(self.optical, self._backend)
+
+    @cached_property
+    def _transport(self) -> TransportStart:
+        return self._start or TransportStart(self.optical, self._backend)
+
+
+def _refined(space: THBSpace, level: int) -> THBSpace:
+    for k in range(level):
+        space = space.refine({k: space.cells[:, 1:]})
+    return space
+
+
+def _ray_counts(rays: object) -> tuple[int, int]:
+    """Return the rays in x and y."""
+    counts = rays
+    if isinstance(rays, int) and not isinstance(rays, bool) and rays > 0:
+        counts = isqrt(rays), isqrt(rays)
+    if (
+        not isinstance(counts, Sequence)
+        or len(counts) != 2
+        or not all(isinstance(n, int) and n >= LEAST_RAYS for n in counts)
+    ):
+        raise UserError(
+            f"rays must be two whole numbers from {LEAST_RAYS} on, or their product, got {rays!r}"
+        )
+    if counts[0] * counts[1] > MOST_RAYS:
+        raise UserError(f"rays must be {MOST_RAYS} at most, got {rays!r}; take fewer")
+    return counts[0], counts[1]

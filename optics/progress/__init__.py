@@ -1,0 +1,27 @@
+"""How far a design is: its phases drawn, its clock, and its notes."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.progress.design_progress import (
+        DesignProgress as DesignProgress,
+        Size as Size,
+    )
+    from optics.progress.notes import (
+        Notes as Notes,
+    )
+    from optics.progress.run_clock import (
+        RunClock as RunClock,
+    )
+
+_FILES = {
+    "design_progress": (
+        "DesignProgress",
+        "Size",
+    ),
+    "notes": ("Notes",),
+    "run_clock": ("RunClock",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
