@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 from optics.commands.design_figures import DesignFigures
 from optics.commands.notes import Notes
 from optics.commands.outcome import Outcome
+from optics.commands.problem_options import system_of
 from optics.commands.progress import DesignProgress, Size
 from optics.optimisation import Interrupted, earlier_state, stages
 from optics.problem import limit_checks
 from optics.results import ResultFolder, ResultWriter, read_checkpoint, write_checkpoint
 from optics.runtime import UserError, check_lines, peak_mb, second_process
-from optics.system import OpticalSystem, advice, load_system
+from optics.system import OpticalSystem, advice
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
@@ -65,7 +66,7 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
-    system = load_system(options.problem)
+    system = system_of(options)
     problem = system.problem
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     run = _Run(problem, folder, clock)

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         base_of as base_of,
     )
     from optics.problem.starting_problems import (
+        STARTS as STARTS,
         commented_problem as commented_problem,
     )
     from optics.problem.toml_records import (
@@ -96,7 +97,10 @@ _FILES = {
         "Target",
         "base_of",
     ),
-    "starting_problems": ("commented_problem",),
+    "starting_problems": (
+        "STARTS",
+        "commented_problem",
+    ),
     "toml_records": ("AUTO",),
     "toml_text": ("problem_to_toml",),
 }

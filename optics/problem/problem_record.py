@@ -12,7 +12,6 @@ from optics.problem.schema import SHORTEST, LensSpec, Source, Target
 from optics.problem.toml_records import checked_values, option, record
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
-from thbcad.lens import require_line
 
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
 LEAST_MERGED = 4  # pixels each way that merging leaves
@@ -105,6 +104,8 @@ def _by(size: tuple[float, float]) -> str:
 
 def _require_partners(problem: Problem) -> None:
     """Refuse a problem that lacks a key which another key asks for."""
+    from thbcad.lens import require_line  # loads numpy, which the help of the commands does without
+
     for key, text in (
         ("lens.material", problem.lens.material),
         ("export.product", problem.export.product),
