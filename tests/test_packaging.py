@@ -26,6 +26,7 @@ SENTENCE = 'thbcad: {} not installed; pip install "thbcad[optics]"\n'
 ARGUMENTS = {
     "bench": ["overview"],
     "check": ["problem.toml"],
+    "completion": ["bash"],
     "design": ["problem.toml", "--out", "result"],
     "etendue": ["problem.toml"],
     "export": ["result", "--out", "lens.stl"],

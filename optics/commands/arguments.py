@@ -3,30 +3,87 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NoReturn
 
+from optics.commands.command_examples import examples_text
+from optics.commands.known_words import require_known
+from optics.problem import ENGINES, STARTS
+from optics.runtime import UserError
 from thbcad import __version__
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the argument parser (nothing heavy is imported for it)."""
-    main = argparse.ArgumentParser(
+class CommandParser(argparse.ArgumentParser):
+    """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}; {self.prog} --help says more")
+
+
+def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
+    """Return the parser of the command line and those of its commands (nothing heavy is imported)."""
+    main = CommandParser(
         prog="thbcad",
         description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
         epilog="exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, "
         "70 internal error, 130 interrupted, 143 terminated",
     )
     main.add_argument("--version", action="version", version=f"thbcad {__version__}")
-    commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    added = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands = {}
     for name, (sentence, options) in COMMANDS.items():
-        command = commands.add_parser(name, help=sentence)
-        options(command)
-        command.add_argument("--json", action="store_true", help="print the result as JSON")
-    return main
+        commands[name] = added.add_parser(
+            name,
+            help=sentence,
+            description=sentence,
+            epilog=examples_text(name),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        options(commands[name])
+        _common_options(commands[name])
+    return main, commands
+
+
+def parsed(words: Sequence[str]) -> argparse.Namespace | None:
+    """Return the options of a command line; None after the help that a bare `thbcad` prints.
+
+    Raises
+    ------
+    UserError : an unknown command or option, an argument that is missing or has a wrong value.
+    """
+    main, commands = parsers()
+    if not words:
+        main.print_help()
+        return None
+    require_known(words, main, commands)
+    return main.parse_args(words)
+
+
+def _common_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", action="store_true", help="print the result as JSON")
+    amount = command.add_mutually_exclusive_group()
+    amount.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="also say on stderr what tracing skips on a problem, and show the traceback of an internal "
+        "error",
+    )
+    amount.add_argument(
+        "-q", "--quiet", action="store_true", help="neither progress nor notes on stderr, only errors"
+    )
 
 
 def _problem_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("problem", metavar="PROBLEM.toml")
+    command.add_argument("problem", metavar="PROBLEM.toml", help="problem file")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change a key of the problem file, such as target.distance=400; VALUE is TOML, quotes around "
+        "a text may be left out; may be repeated",
+    )
 
 
 def _force_option(command: argparse.ArgumentParser) -> None:
@@ -41,6 +98,13 @@ def _design_options(command: argparse.ArgumentParser) -> None:
         "--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)"
     )
     _force_option(command)
+    command.add_argument(
+        "--engine",
+        choices=ENGINES,
+        metavar="NAME",
+        help=f"what traces the light while optimising: {', '.join(ENGINES)}; "
+        "short for --set optimizer.engine=NAME",
+    )
     command.add_argument(
         "--resume",
         action="store_true",
@@ -67,8 +131,18 @@ def _check_options(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _no_options(command: argparse.ArgumentParser) -> None:
-    """Add nothing."""
+def _new_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--kind",
+        choices=tuple(STARTS),
+        default="collimated",
+        metavar="NAME",
+        help=f"of the task: {', '.join(STARTS)} (default: collimated)",
+    )
+
+
+def _completion_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="that shall complete")
 
 
 def _verify_options(command: argparse.ArgumentParser) -> None:
@@ -166,7 +240,7 @@ def _bench_options(command: argparse.ArgumentParser) -> None:
 # by name: what the command does, and what adds its options
 COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "design": ("shape the lens, write the STEP solid, verify it, report", _design_options),
-    "new": ("print a commented problem file to start from", _no_options),
+    "new": ("print a commented problem file to start from", _new_options),
     "check": ("read the problem and say what lens to expect, without optimising", _check_options),
     "verify": (
         "check the STEP file of a result folder against its lens, or a STEP file by itself",
@@ -185,4 +259,5 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
         _etendue_options,
     ),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
+    "completion": ("print a script that completes commands and options in a shell", _completion_options),
 }

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from optics.analysis import dark_fraction
 from optics.commands.outcome import Outcome
+from optics.commands.problem_options import system_of
 from optics.etendue import etendue_note
 from optics.optimisation import surfaces_can_cross
 from optics.prediction import expectation_lines, expected, resolved
 from optics.runtime import load_backend, speaking_of
-from optics.system import advice, load_system, skip_lines
+from optics.system import advice, skip_lines
 
 if TYPE_CHECKING:
     from optics.optimisation import Stage
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 def check(options: Namespace) -> Outcome:
     """Read a problem and say what to expect of its lens, without optimising."""
-    system = load_system(options.problem)
+    system = system_of(options)
     with speaking_of(options.problem):
         return _checked(system, options.explain)
 

@@ -1,7 +1,8 @@
 """The command line.
 
-Results go to stdout (--json for machines), progress and messages to stderr.  Exit codes: 0 done,
-1 a check failed, 2 bad input, 3 numerical failure, 70 internal error, 130 interrupted, 143 terminated.
+Results go to stdout (--json for machines), progress and messages to stderr (--quiet: errors alone).
+Exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 70 internal error, 130 interrupted,
+143 terminated.
 """
 
 from __future__ import annotations
@@ -11,22 +12,28 @@ import os
 import sys
 import traceback
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stderr
 from importlib import import_module
 
-from optics.commands.arguments import parser
+from optics.commands.arguments import parsed
 from optics.commands.outcome import Outcome
 from optics.commands.stop_signals import stop_signals
 from optics.runtime import NumericalError, UserError, collect_rarely, printable
 from thbcad.doors import missing_packages, pip_command
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
-DEBUG = "THBCAD_DEBUG"  # environment variable: set, an internal error shows its traceback
+DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its traceback
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
-    options = parser().parse_args(arguments)
+    try:
+        options = parsed(sys.argv[1:] if arguments is None else arguments)
+    except UserError as error:
+        return _failed(error, False)
+    if options is None:
+        return 0
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with stop_signals() as stop:
@@ -38,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"thbcad: {stop.word}", file=sys.stderr)
                 return stop.code
             if isinstance(error, Exception):
-                return _failed(error)
+                return _failed(error, options.verbose)
             raise
 
 
@@ -46,7 +53,8 @@ def _run(options: Namespace) -> int:
     """Run the command of the arguments, print what it returns, and return the exit code."""
     _require_extra()
     command = import_module(f"optics.commands.{options.command}_command")
-    outcome: Outcome = getattr(command, options.command)(options)
+    with _silence() if options.quiet else nullcontext():
+        outcome: Outcome = getattr(command, options.command)(options)
     from thbcad.io import json_text
 
     lines = "\n".join(outcome.lines).split("\n")
@@ -54,8 +62,18 @@ def _run(options: Namespace) -> int:
     return 0 if outcome.ok else 1
 
 
-def _failed(error: Exception) -> int:
-    """Say in one sentence why a command failed, and return the exit code."""
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Let nothing through to stderr; an error that ends the block is told behind it."""
+    with open(os.devnull, "w") as nowhere, redirect_stderr(nowhere):
+        yield
+
+
+def _failed(error: Exception, verbose: bool) -> int:
+    """Say in one sentence why a command failed, and return the exit code.
+
+    verbose : whether the traceback is shown too, where the input is not to blame
+    """
     if isinstance(error, UserError | NumericalError):
         sentence, code = str(error), error.exit_code
     elif isinstance(error, MemoryError):
@@ -66,9 +84,9 @@ def _failed(error: Exception) -> int:
         code = UserError.exit_code
     else:
         what = UserError(f"internal error: {type(error).__name__}: {error}")
-        sentence = f"{what}; please report it with the traceback that {DEBUG}=1 shows"
+        sentence = f"{what}; please report it with the traceback that --verbose shows"
         code = INTERNAL_ERROR
-    if os.environ.get(DEBUG):
+    if os.environ.get(DEBUG) or (verbose and not isinstance(error, UserError)):
         traceback.print_exception(error)
     print(f"thbcad: {sentence}", file=sys.stderr)
     return code

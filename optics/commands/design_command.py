@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
+from optics.commands.problem_options import system_of
 from optics.optimisation import Interrupted, earlier_state
 from optics.progress import DesignProgress, Notes, RunClock
 from optics.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.runtime import UserError, check_lines, note, second_process
-from optics.system import OpticalSystem, advice, load_system
+from optics.system import OpticalSystem, advice
 
 if TYPE_CHECKING:
     from optics.api import Written
@@ -37,7 +38,7 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--resume and --from exclude each other: a resumed run has its surface")
     if options.iterations is not None and (not options.resume or options.iterations < 1):
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
-    system = load_system(options.problem)
+    system = system_of(options)
     problem = system.problem
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
     run = _Run(problem, folder, clock)

@@ -8,10 +8,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
+from optics.commands.problem_options import system_of
 from optics.etendue import LENS_CLASS, ProblemBound, certain_bound, problem_bound, rear_area, throughput
 from optics.results import ResultFolder, require_own, require_writable
 from optics.runtime import UserError
-from optics.system import load_system
 from optics.tracing import efficiency_bound
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def etendue(options: Namespace) -> Outcome:
             raise UserError(f"--out must end in .png, since the picture is a PNG, got {out}")
         require_writable(out)
         require_own(out.parent, (out.name,), "", options.force)
-    system = _resolved_base(load_system(options.problem))
+    system = _resolved_base(system_of(options))
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
     if not passing.source:

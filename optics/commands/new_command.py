@@ -10,5 +10,5 @@ from optics.problem import commented_problem
 
 def new(options: Namespace) -> Outcome:
     """Print a problem file to start from."""
-    text = commented_problem()
+    text = commented_problem(options.kind)
     return Outcome({"problem": text}, text.splitlines())

@@ -21,10 +21,6 @@ FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png", "phase_spac
 
 def trace(options: Namespace) -> Outcome:
     """Trace the lens of a result folder and report where its light goes."""
-    from optics.report import fresnel_figure, irradiance_figure, light_files, phase_space_figure
-    from optics.runtime import load_backend
-    from thbcad.io import json_text, write_bytes, write_text
-
     if not 8 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
     problem, lens, _ = ResultFolder(options.result).read()
@@ -32,6 +28,10 @@ def trace(options: Namespace) -> Outcome:
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
     require_own(folder, (*FILES, RECORD), RECORD, options.force)
+    from optics.report import fresnel_figure, irradiance_figure, light_files, phase_space_figure
+    from optics.runtime import load_backend
+    from thbcad.io import json_text, write_bytes, write_text
+
     backend = load_backend(options.precision, problem.run.threads)
     exact = backend if options.precision == "double" else load_backend("double", problem.run.threads)
     start = perf_counter()

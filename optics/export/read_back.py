@@ -13,7 +13,6 @@ from scipy.interpolate import CubicHermiteSpline, NdBSpline
 
 from optics.export.edge_distance import edge_distance
 from optics.runtime import Check, UserError
-from optics.verification import differing_numbers, surface_deviation
 from thbcad.doors import pip_command
 from thbcad.lens import EDGES, FRONT, REAR, SIDES, placed_surfaces
 
@@ -47,6 +46,8 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
 
     faces : how many are expected.  volume : mm^3, by quadrature.
     """
+    from optics.verification import differing_numbers, surface_deviation  # they load OCCT
+
     by = f"{name.upper()} read back by OCCT"
     checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
@@ -80,6 +81,8 @@ def face_checks(
     word: str, exact: BSplineSurface, read: Sequence[BSplineSurface | NURBSSurface], name: str
 ) -> list[Check]:
     """Return the Checks of a file with one loose face."""
+    from optics.verification import differing_numbers  # it loads OCCT
+
     by = f"{name.upper()} read back by OCCT"
     return [
         Check(f"faces besides the one expected, {by}", len(read) - 1, 0, ""),

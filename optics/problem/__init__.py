@@ -5,6 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.problem.choices import (
+        ENGINES as ENGINES,
+        STARTS as STARTS,
+    )
     from optics.problem.key_changes import (
         assignment as assignment,
     )
@@ -30,7 +34,6 @@ if TYPE_CHECKING:
         Problem as Problem,
     )
     from optics.problem.run_schema import (
-        ENGINES as ENGINES,
         Export as Export,
         Limits as Limits,
         Optimizer as Optimizer,
@@ -60,6 +63,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "choices": (
+        "ENGINES",
+        "STARTS",
+    ),
     "key_changes": ("assignment",),
     "limit_remedies": ("limit_sentences",),
     "manufacture_text": (
@@ -77,7 +84,6 @@ _FILES = {
     "problem_file": ("load_problem",),
     "problem_record": ("Problem",),
     "run_schema": (
-        "ENGINES",
         "Export",
         "Limits",
         "Optimizer",

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
+from html import escape
 
 from optics.problem.key_changes import with_changes
-from optics.problem.record_table import record_table
 from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.problem.schema import SHORTEST, LensSpec, Source, Target
 from optics.problem.toml_records import checked_values, option, record
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
-from thbcad.lens import require_line
 
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
 LEAST_MERGED = 4  # pixels each way that merging leaves
@@ -73,7 +72,9 @@ class Problem:
 
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
-        return record_table(self.title, _main_numbers(self))
+        rows = _main_numbers(self).items()
+        cells = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows)
+        return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
 
 
 def _main_numbers(problem: Problem) -> dict[str, str]:
@@ -105,6 +106,8 @@ def _by(size: tuple[float, float]) -> str:
 
 def _require_partners(problem: Problem) -> None:
     """Refuse a problem that lacks a key which another key asks for."""
+    from thbcad.lens import require_line  # loads numpy, which the help of the commands does without
+
     for key, text in (
         ("lens.material", problem.lens.material),
         ("export.product", problem.export.product),

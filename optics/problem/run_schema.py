@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from optics.problem.choices import ENGINES
 from optics.problem.toml_records import option
 
 Number = TypeVar("Number", int, float)
 
 GREATEST_WEIGHT = 1e12
-ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh", "mitsuba-ptracer")
 METHODS = ("lbfgs", "adam")
 GREATEST_STEP = 50.0  # in units of 0.02 z_freedom: the whole of it
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isinf
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,14 +20,16 @@ MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
-def load_system(path: str | Path) -> OpticalSystem:
+def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -> OpticalSystem:
     """Return the OpticalSystem of a problem file that can be solved.
+
+    changes : {dotted key: value}, in place of what the file says.
 
     Raises
     ------
     UserError : see `load_problem` and `solvable_system`; it names the file.
     """
-    problem = load_problem(path)
+    problem = load_problem(path, changes)
     with speaking_of(path):
         return solvable_system(problem)
 

@@ -33,10 +33,10 @@ def test_an_error_of_the_program_itself_is_one_sentence_and_has_a_code_of_its_ow
 ):
     """1 would say that a check failed.  The traceback is shown to those who ask for it."""
 
-    def failing(path):
+    def failing(options):
         raise ZeroDivisionError("nothing\x1b to divide by")
 
-    monkeypatch.setattr("optics.commands.check_command.load_system", failing)
+    monkeypatch.setattr("optics.commands.check_command.system_of", failing)
     monkeypatch.delenv("THBCAD_DEBUG", raising=False)
     if debug:
         monkeypatch.setenv("THBCAD_DEBUG", "1")

@@ -28,6 +28,7 @@ GLOWING = HOLLOW | {
 
 def run(file, efficiency=None, measure=None, out=None):
     options = {"efficiency": efficiency, "measure": measure, "out": out, "force": False}
+    options |= {"set": [], "verbose": False}
     return etendue(Namespace(problem=str(file), **options))
 
 

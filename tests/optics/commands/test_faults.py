@@ -61,7 +61,7 @@ def kept(tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(design_command, "second_process", recorded)
-        for function in ("_optimised", "_measured", "_checks", "load_system"):
+        for function in ("_optimised", "_measured", "_checks", "system_of"):
             record(patch, function, kept.values)
         assert main(["design", str(kept.problem), "--out", str(root / "out"), "--json"]) == 0
     kept.answers.process = None
@@ -96,7 +96,7 @@ def replayed(kept, monkeypatch):
 
     monkeypatch.setattr(design_command, "second_process", answers)
     monkeypatch.setattr(design_command, "_optimised", optimised)
-    for function in ("_measured", "_checks", "load_system"):
+    for function in ("_measured", "_checks", "system_of"):
         monkeypatch.setattr(design_command, function, lambda *_, value=kept.values[function]: value)
     monkeypatch.setattr("optics.report.scene_paths", lambda *_: [])
     monkeypatch.setattr("optics.prediction.resolved", lambda system, backend: (system, None))

@@ -3,10 +3,12 @@
 import tomllib
 from dataclasses import fields, is_dataclass
 
+import pytest
 from PIL import Image
 
 from optics.commands.cli import main
-from optics.problem import Problem, commented_problem, load_problem, problem_to_toml
+from optics.problem import STARTS, Problem, commented_problem, load_problem, problem_to_toml
+from tests.cases import EXAMPLES
 
 
 def keys(record, prefix=""):
@@ -39,3 +41,35 @@ def test_every_key_is_there_and_nearly_every_key_explained(tmp_path):
     assert len(values) == len(keys(problem))
     assert [line for line in values if "#" not in line] == ['title = "my lens"']
     assert all("#" not in line for line in problem_to_toml(problem).splitlines())
+
+
+LIKE = {
+    "far_field": "far_field.toml",
+    "point": "point.toml",
+    "extended": "extended.toml",
+    "two_surfaces": "extended_two.toml",
+}
+
+
+def test_every_kind_but_the_default_has_an_example():
+    assert {*LIKE, "collimated"} == set(STARTS)
+
+
+@pytest.mark.parametrize("kind", LIKE)
+def test_a_kind_of_start_is_an_example_that_is_known_to_be_solved(kind, tmp_path, capsys):
+    assert main(["new", "--kind", kind]) == 0
+    text = capsys.readouterr().out
+    (tmp_path / "my.toml").write_text(text)
+    started, example = load_problem(tmp_path / "my.toml"), load_problem(EXAMPLES / LIKE[kind])
+    assert bool(started.target.image) == bool(example.target.image)
+    assert started == example.with_(**{"title": "my lens", "target.image": started.target.image})
+    assert sum("#" in line for line in text.splitlines()) > 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["far_field", "point"])  # glowing squares take a minute
+def test_a_start_can_be_checked(kind, tmp_path, capsys):
+    (tmp_path / "my.toml").write_text(commented_problem(kind))
+    Image.linear_gradient("L").save(tmp_path / "picture.png")
+    assert main(["check", str(tmp_path / "my.toml")]) == 0
+    assert "the problem is valid" in capsys.readouterr().out

@@ -1,0 +1,53 @@
+"""Examples in the help of every command."""
+
+from __future__ import annotations
+
+EXAMPLES = {
+    "design": (
+        "thbcad design my.toml --out lens",
+        "thbcad design my.toml --set target.distance=400 --out far",
+        "thbcad design my.toml --out lens --resume --iterations 20",
+    ),
+    "new": (
+        "thbcad new > my.toml",
+        "thbcad new --kind far_field > far.toml",
+    ),
+    "check": (
+        "thbcad check my.toml",
+        "thbcad check my.toml --explain --set lens.thickness=25.0",
+        "thbcad check my.toml --json",
+    ),
+    "verify": (
+        "thbcad verify lens",
+        "thbcad verify lens/lens.step --json",
+        "thbcad verify lens --no-optiland",
+    ),
+    "export": (
+        "thbcad export lens --out lens.stl --chord 0.01",
+        "thbcad export lens --out mounted.step --aperture 40 40 --flange 5 2 6",
+        "thbcad export lens/lens.json --out surface.dat",
+    ),
+    "trace": (
+        "thbcad trace lens",
+        "thbcad trace lens --rays 1025 --out traced",
+    ),
+    "etendue": (
+        "thbcad etendue my.toml",
+        "thbcad etendue my.toml --efficiency 0.7 --out bound.png",
+        "thbcad etendue my.toml --measure lens",
+    ),
+    "bench": (
+        "thbcad bench overview",
+        "thbcad bench overview --store",
+        "thbcad bench --markdown",
+    ),
+    "completion": (
+        "thbcad completion bash > ~/.local/share/bash-completion/completions/thbcad",
+        "thbcad completion zsh > ~/.zfunc/_thbcad",
+    ),
+}
+
+
+def examples_text(command: str) -> str:
+    """Return the examples of a command as the end of its help."""
+    return "\n".join(("examples:", *(f"  {line}" for line in EXAMPLES[command])))

@@ -1,0 +1,23 @@
+"""`thbcad completion`: a script that completes commands and options in a shell."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from optics.commands.arguments import parsers
+from optics.commands.outcome import Outcome
+
+PATHS = ("PROBLEM.toml", "RESULT", "DIR", "FILE", "FILE.png")  # what arguments call a path
+
+
+def completion(options: Namespace) -> Outcome:
+    """Print the script for a shell."""
+    import shtab
+
+    main, commands = parsers()
+    for command in commands.values():
+        for action in command._actions:
+            if action.metavar in PATHS:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+    script = shtab.complete(main, shell=options.shell)
+    return Outcome({"shell": options.shell, "script": script}, script.splitlines())

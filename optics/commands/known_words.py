@@ -1,0 +1,34 @@
+"""Unknown commands and options: refused in one sentence that proposes what was meant."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from itertools import takewhile
+
+from optics.runtime import UserError
+
+
+def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[str, ArgumentParser]) -> None:
+    """Raise UserError for an unknown command, or for a long option that the command does not have.
+
+    words : the arguments of the command line.  Options may be shortened, as argparse allows.
+    """
+    first = words[0]
+    if first not in commands and not first.startswith("-"):
+        meant = _meant(first, commands)
+        raise UserError(f"there is no command {first!r}{meant}; {main.prog} --help lists them")
+    parser = commands.get(first, main)
+    known = parser._option_string_actions
+    for word in takewhile(lambda w: w != "--", words):
+        option = word.partition("=")[0]
+        if option.startswith("--") and not any(k.startswith(option) for k in known):
+            meant = _meant(option, known)
+            raise UserError(f"there is no option {option}{meant}; {parser.prog} --help lists them")
+
+
+def _meant(word: str, known: Iterable[str]) -> str:
+    """Return " (did you mean WORD?)", or "" where no known word resembles it."""
+    near = get_close_matches(word, known, 1)
+    return f" (did you mean {near[0]}?)" if near else ""
