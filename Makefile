@@ -66,6 +66,7 @@ QUICK = \
 	tests/optics/tracing/test_span_search.py \
 	tests/optics/transport \
 	tests/optics/verification/test_step_checks.py \
+	tests/optics/view \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \

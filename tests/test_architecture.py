@@ -35,7 +35,7 @@ FLOORS = [
     ["optics.tracing", "optics.system", "optics.shape"],
     ["optics.engines"],
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
-    ["optics.results"],
+    ["optics.results", "optics.view"],
     ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],
     ["optics.commands"],
     ["optics"],

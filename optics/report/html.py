@@ -81,7 +81,8 @@ def report_html(report: Report, problem_text: str) -> str:
     )
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8">'
-        f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{title}</title><style>{STYLE}</style>'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>{title}</title><style>{STYLE}</style>"
         f"<h1>{title}</h1>{_banner(report)}"
         f"<p>{_summary(metrics)}</p>"
         f'{_frame(report.view)}<div class="figures">{figures}</div>'
@@ -109,9 +110,11 @@ def _failure(check: dict[str, Any]) -> str:
 
 
 def _frame(page: str) -> str:
-    """Return a page within the page: its names, styles and programs stay apart."""
+    """Return a page within the page, whose program runs by itself: it sees no other page and no file."""
+    if not page:
+        return ""
     title = "Source, lens and target, to be turned"
-    return f'<iframe class="view" title="{title}" srcdoc="{escape(page)}"></iframe>' if page else ""
+    return f'<iframe class="view" title="{title}" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
 
 
 def _list(sentences: Iterable[str], name: str) -> str:
