@@ -173,7 +173,7 @@ def _finished(run: _Run, system: OpticalSystem, lens: Lens, state: State, figure
         writer.write(f"figures/{name}.png", png)
     clock.lap("figures")
     metrics = measurement.metrics | _run_metrics(lens, state, run, figures)
-    return _claimed(run, writer, system, metrics, checks, product, pictures)
+    return _claimed(run, writer, system, metrics, checks, product, pictures, figures.view())
 
 
 def _claimed(
@@ -184,6 +184,7 @@ def _claimed(
     checks: list[Check],
     product: Manufacturability,
     pictures: dict[str, tuple[str, bytes]],
+    view: str,
 ) -> Outcome:
     """Write what is now known of the lens, the record last, and return the outcome."""
     from optics.analysis import verdict
@@ -203,6 +204,7 @@ def _claimed(
         verdict=says["verdict"],
         notes=says["notes"],
         run=writer.run,
+        view=view,
     )
     metrics = writer.write_claims("metrics.json", metrics | says)
     writer.write("report.html", report_html(page, writer.problem_text).encode())
