@@ -20,7 +20,7 @@ from tests.cases import ROOT
 
 FLOORS = [
     ["thbcad.doors", "thbcad.checks"],
-    ["thbcad.splines"],
+    ["thbcad.pictures", "thbcad.splines"],
     ["thbcad.hierarchy", "thbcad.sags"],
     ["thbcad.surfaces"],
     ["thbcad.fitting", "thbcad.certified"],
