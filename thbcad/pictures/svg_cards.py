@@ -44,4 +44,4 @@ def card(title: str, picture: str, rows: Iterable[tuple[str, object]]) -> str:
         f'<td style="text-align:left">{escape(str(value))}</td></tr>'
         for name, value in rows
     )
-    return f'<div style="{STYLE}">{picture}<div><b>{escape(title)}</b><table>{cells}</table></div></div>'
+    return f'<div style="{STYLE}">{picture}<div><b>{escape(title)}</b><table style="font:inherit">{cells}</table></div></div>'
