@@ -44,4 +44,5 @@ def card(title: str, picture: str, rows: Iterable[tuple[str, object]]) -> str:
         f'<td style="text-align:left">{escape(str(value))}</td></tr>'
         for name, value in rows
     )
-    return f'<div style="{STYLE}">{picture}<div><b>{escape(title)}</b><table style="font:inherit">{cells}</table></div></div>'
+    table = f'<table style="font:inherit">{cells}</table>'
+    return f'<div style="{STYLE}">{picture}<div><b>{escape(title)}</b>{table}</div></div>'
