@@ -68,6 +68,7 @@ QUICK = \
 	tests/optics/tracing/test_span_search.py \
 	tests/optics/transport \
 	tests/optics/verification/test_step_checks.py \
+	tests/optics/view \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \
@@ -79,6 +80,7 @@ QUICK = \
 	tests/thbcad/io/test_surface_json.py \
 	tests/thbcad/lens/test_lens.py \
 	tests/thbcad/lens/test_product.py \
+	tests/thbcad/pictures \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \
 	tests/thbcad/splines/test_nurbs.py \

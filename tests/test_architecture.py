@@ -20,7 +20,7 @@ from tests.cases import ROOT
 
 FLOORS = [
     ["thbcad.doors", "thbcad.checks"],
-    ["thbcad.splines"],
+    ["thbcad.pictures", "thbcad.splines"],
     ["thbcad.hierarchy", "thbcad.sags"],
     ["thbcad.surfaces"],
     ["thbcad.fitting", "thbcad.certified"],
@@ -35,7 +35,7 @@ FLOORS = [
     ["optics.tracing", "optics.system", "optics.shape"],
     ["optics.engines"],
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
-    ["optics.progress", "optics.results"],
+    ["optics.progress", "optics.results", "optics.view"],
     ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],
     ["optics.api"],
     ["optics.commands"],

@@ -41,12 +41,17 @@ class DesignFigures:
         from optics.report import scene_paths
 
         fans = ray_fans(system, lens, backend) if system.path.by_edges else {}
-
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
         self._light = self.process.ask("optics.report", "light_figures", plain, lens, measurement, fans)
         self._scene = self.process.ask(
             "optics.report", "scene_view", plain, lens, measurement.irradiance, paths
         )
+        self._view = self.process.ask("optics.view", "scene_page", plain, lens, measurement.irradiance, paths)
+
+    def view(self) -> str:
+        """Return the page that shows the scene, to be turned in a browser."""
+        page: str = self._view.result()
+        return page
 
     def drawn(self) -> dict[str, tuple[str, bytes]]:
         """Return (caption, PNG) by name, in the order of the report."""

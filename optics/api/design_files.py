@@ -99,7 +99,7 @@ def write_result(
     clock.lap("figures")
     peak = peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result()
     metrics = design.metrics | {"wall_s": dict(clock.total()), "peak_mb": peak}
-    return _claimed(design, folder, writer, metrics, checks, product, pictures)
+    return _claimed(design, folder, writer, metrics, checks, product, pictures, figures.view())
 
 
 def _claimed(
@@ -110,6 +110,7 @@ def _claimed(
     checks: list[Check],
     product: Manufacturability,
     pictures: dict[str, tuple[str, bytes]],
+    view: str,
 ) -> Written:
     """Write what is now known of the lens, the record last."""
     from optics.analysis import verdict
@@ -129,6 +130,7 @@ def _claimed(
         verdict=says["verdict"],
         notes=says["notes"],
         run=writer.run,
+        view=view,
     )
     metrics = writer.write_claims("metrics.json", metrics | says)
     writer.write("report.html", report_html(page, writer.problem_text).encode())

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from optics.api.design_files import save, verified
 from optics.api.design_record import DesignRecord
-from optics.api.irradiance_model import PER_STERADIAN
+from optics.api.irradiance_model import DEVICE, PER_STERADIAN
+from optics.api.scene_view import SceneView
 from optics.progress import Notes
 from optics.results import ResultFolder
 from optics.system import OpticalSystem
@@ -94,6 +95,17 @@ class Design(DesignRecord):
         from optics.report import overview_figure
 
         return overview_figure(self.system, self.measurement)
+
+    def view(self) -> SceneView:
+        """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
+        from optics.report import scene_paths
+        from optics.runtime import load_backend
+        from optics.view import scene_page
+
+        plain = OpticalSystem(self.problem)
+        with DEVICE:
+            paths = scene_paths(self.system, self.lens, load_backend("double", self.problem.run.threads))
+        return SceneView(scene_page(plain, self.lens, self.measurement.irradiance, paths))
 
     def __repr__(self) -> str:
         return f"Design({self.problem.title!r}, {self.run_metrics['dof']} degrees of freedom)"

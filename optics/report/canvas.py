@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from optics.view import block_means
+
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.patches import Rectangle
@@ -75,7 +77,7 @@ def plane_figure(
     """
     side = block(data.shape)
     pitch = [2 * h / n for h, n in zip(half_width, data.shape[::-1])]
-    shown = _block_means(data, side)
+    shown = block_means(data, side)
     rows, columns = shown.shape
     across, down = _enlargement((columns, rows), pitch[0] / pitch[1])
     (hx, hy), (px, py) = half_width, pitch
@@ -99,17 +101,6 @@ def plane_figure(
     figure.colorbar(image, cax=scale, label=label, extend=EXTENDS[beyond])
     _place(figure, axes, scale, (across * columns, down * rows))
     return png_bytes(figure)
-
-
-def _block_means(data: Floats, side: int) -> Floats:
-    """Return the means of blocks of side x side pixels; those at the last row and column may be cut."""
-    if side == 1:
-        return data
-    sums, counts = data, np.ones_like(data)
-    for axis in (0, 1):
-        starts = np.arange(0, data.shape[axis], side)
-        sums, counts = (np.add.reduceat(a, starts, axis=axis) for a in (sums, counts))
-    return sums / counts
 
 
 def _enlargement(pixels: tuple[int, int], aspect: float) -> tuple[int, int]:

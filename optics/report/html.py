@@ -15,16 +15,19 @@ if TYPE_CHECKING:
     from optics.problem import Problem
 
 STYLE = """
+*{box-sizing:border-box}
 body{font:15px/1.5 system-ui,sans-serif;max-width:88rem;margin:2rem auto;padding:0 1rem;color:#222}
-h1{font-weight:600} table{border-collapse:collapse;margin:1rem 0}
-p,li{max-width:70rem}
-td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}
-td.n{text-align:right;font-variant-numeric:tabular-nums}
+h1{font-weight:600} p,li{max-width:70rem;overflow-wrap:anywhere}
+.table{overflow-x:auto} table{border-collapse:collapse;margin:1rem 0}
+td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left;vertical-align:top}
+td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
 .bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
 .banner{padding:.8rem 1rem;border-left:.4rem solid;font-weight:600;background:#f6f6f6}
-.figures{display:flex;flex-wrap:wrap;gap:1.5rem}
-figure{margin:0;width:min-content;max-width:100%} img{max-width:100%}
+.view{display:block;width:100%;height:min(36rem,75vh);border:1px solid #ddd;margin:1rem 0}
+.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(26rem,100%),1fr));gap:1.5rem}
+figure{margin:0} img{max-width:100%;height:auto}
 figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overflow:auto}
+@media(max-width:40rem){td,th{padding:.2rem .4rem} body{margin:1rem auto}}
 """
 FILES = {
     "lens.step": "the closed solid, for CAD",
@@ -49,6 +52,7 @@ class Report:
     pictures : (caption, PNG bytes) by name
     verdict : a sentence on the design as a whole, for the banner; "" for none.  notes : sentences below it
     run : the run and the solid that the page speaks of: hashes by name
+    view : a self-contained HTML page that shows the lens at work, as `optics.view.scene_page`; "" for none
     """
 
     problem: Problem
@@ -59,6 +63,7 @@ class Report:
     verdict: str = ""
     notes: Sequence[str] = ()
     run: Mapping[str, str] = field(default_factory=dict)
+    view: str = ""
 
 
 def report_html(report: Report, problem_text: str) -> str:
@@ -75,10 +80,12 @@ def report_html(report: Report, problem_text: str) -> str:
         else '<span class="bad">a check failed</span>'
     )
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+        f'<!doctype html><html lang="en"><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>{title}</title><style>{STYLE}</style>"
         f"<h1>{title}</h1>{_banner(report)}"
         f"<p>{_summary(metrics)}</p>"
-        f'<div class="figures">{figures}</div>'
+        f'{_frame(report.view)}<div class="figures">{figures}</div>'
         f"<h2>Files</h2>{_file_list()}{_list(map(': '.join, report.run.items()), 'run')}"
         f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics))}"
         f"<h2>Manufacture</h2>{_manufacture_table(report.manufacture)}"
@@ -100,6 +107,14 @@ def _failure(check: dict[str, Any]) -> str:
     unit = f" {check['unit']}".rstrip()
     got, wanted = number_text(float(check["value"])), number_text(float(check["limit"]))
     return f"{check['name']}: got {got}{unit}, wanted at most {wanted}{unit}"
+
+
+def _frame(page: str) -> str:
+    """Return a page within the page, whose program runs by itself: it sees no other page and no file."""
+    if not page:
+        return ""
+    title = "Source, lens and target, to be turned"
+    return f'<iframe class="view" title="{title}" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
 
 
 def _list(sentences: Iterable[str], name: str) -> str:
@@ -148,7 +163,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
             for column, text in enumerate(row)
         )
         lines.append(f"<tr>{''.join(cells)}</tr>")
-    return f"<table>{''.join(lines)}</table>"
+    return f'<div class="table"><table>{"".join(lines)}</table></div>'
 
 
 def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
@@ -165,4 +180,4 @@ def _check_table(verification: dict[str, Any]) -> str:
             f'<td class="n">{check["limit"]:g}</td><td>{escape(check["unit"])}</td>{mark}</tr>'
         )
     left_out = "".join(f"<p>Left out: {escape(text)}.</p>" for text in verification.get("left_out", ()))
-    return f"<table>{''.join(rows)}</table>{left_out}"
+    return f'<div class="table"><table>{"".join(rows)}</table></div>{left_out}'

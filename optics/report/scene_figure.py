@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,58 +12,20 @@ from numpy.typing import NDArray
 from optics.report.canvas import plt, png_bytes
 from optics.report.scene_rays import FAR
 from optics.report.solid_figure import draw_solid
-from optics.report.solid_renderer import Face, View, oblique, solid_faces
+from optics.view import Face, Scene, View, caption, corners, placed, solid_faces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from optics.problem import Problem
     from optics.system import OpticalSystem
     from optics.tracing import RayPath
     from thbcad.lens import Lens
 
     Array = NDArray[np.float64]
 
-RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where the scene is seen
-# half-widths of lens and target together between their middles in the picture: more than 1 leaves both free
-CLEAR = 1.7
-# in the same half-widths: shorter and longer throws are drawn longer and shorter
-SHORT = CLEAR / np.tan(np.radians(MOST_TURN))
-LONG = 3.0
-FACTORS = np.outer(10.0 ** np.arange(7), [1, 2, 5]).ravel()
-BESIDE = 1.3  # half-widths of the front, to where a wider beam is drawn
 SMALL = 0.15  # of the picture: smaller lenses are drawn again, larger
 WIDTH, TALLEST, TEXT = 7.6, 5.0, 0.4  # inches: of the picture, and of what stands under it
 AIM, LOST, GLOW, INK = "#d08400", "#c0392b", "#f5b301", "0.25"
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """The positions of source, lens and target, mm, and their projection.
-
-    turn : (3, 3), rows right, up and towards the viewer
-    lens : (3, 2), least and greatest corner of the box around it
-    source : (3, n), outline
-    target : (3, 4), corners, or (3, 0) for the far field
-    squeeze : how many times the distance behind the lens is drawn shorter than it is (below 1: longer)
-    """
-
-    turn: Array
-    lens: Array
-    source: Array
-    target: Array
-    squeeze: float
-
-    def __call__(self, points: Array) -> Array:
-        """Return points (3, n) in the picture, (2, n)."""
-        x, y, z = points
-        top = self.lens[2, 1]
-        return self.turn[:2] @ np.stack([x, y, np.minimum(z, top) + np.maximum(z - top, 0.0) / self.squeeze])
-
-    def box(self, *parts: Array) -> Array:
-        """Return the (2, 2) least and greatest corner of what is drawn of points."""
-        seen = self(np.concatenate(parts, axis=1))
-        return np.stack([seen.min(axis=1), seen.max(axis=1)])
 
 
 def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> bytes:
@@ -80,8 +40,8 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
     problem = system.problem
     faces, _ = solid_faces(lens)
     scene = placed(problem, faces)
-    body = _corners(scene.lens)
-    target = scene.target if scene.target.size else _corners(_behind(scene.lens))
+    body = corners(scene.lens)
+    target = scene.target if scene.target.size else corners(_behind(scene.lens))
     boxes = [_wider(scene.box(body, scene.source, target), 0.06)]
     if np.ptp(scene.box(body), axis=0).max() < SMALL * np.ptp(boxes[0], axis=0).max():
         boxes.append(_wider(scene.box(body, scene.source), 0.25))
@@ -96,36 +56,8 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequ
         (left, low), (right, high) = box
         axes.set_xlim(left, right)
         axes.set_ylim(low, high)
-    figure.text(0.5, 0.1 / (height + TEXT), _text(problem, scene), fontsize=9, ha="center")
+    figure.text(0.5, 0.1 / (height + TEXT), caption(problem, scene), fontsize=9, ha="center")
     return png_bytes(figure)
-
-
-def placed(problem: Problem, faces: Sequence[Face]) -> Scene:
-    """Return the scene of a problem, turned so that the target leaves the lens free."""
-    points = np.concatenate([face.points.reshape(3, -1) for face in faces[:2]], axis=1)
-    box = np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
-    source, kind = problem.source, problem.source.kind
-    before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if kind == "collimated" else -source.distance
-    around = np.linspace(0, 2 * np.pi, 65) if source.profile == "round" else np.pi / 4 * np.arange(1, 10, 2)
-    size = 1.0 if source.profile == "round" else np.sqrt(2)
-    extent = (
-        np.minimum(source.half_width, BESIDE * faces[0].points[:2].max(axis=(1, 2)))
-        if kind == "collimated"
-        else source.half_width
-    )
-    outline = np.stack(
-        [*(h * size * f(around) for h, f in zip(extent, (np.cos, np.sin))), np.full(around.size, before)]
-    )
-    if isinf(problem.target_z):
-        return Scene(oblique(-LEAST_TURN, RISE), box, outline, np.zeros((3, 0)), 1.0)
-    hx, hy = problem.target.half_width
-    corners = np.array([[-hx, hx, hx, -hx], [-hy, -hy, hy, hy], [problem.target_z] * 4])
-    throw, width = problem.target_z - box[2, 1], hx + box[0, 1]
-    squeeze = FACTORS[FACTORS * LONG * width <= throw].max(initial=1.0) / FACTORS[
-        FACTORS * throw >= SHORT * width
-    ].min(initial=FACTORS[-1])
-    turn = np.clip(np.degrees(np.arctan2(CLEAR * width, throw / squeeze)), LEAST_TURN, MOST_TURN)
-    return Scene(oblique(-turn, RISE), box, outline, corners, squeeze)
 
 
 def _draw(
@@ -146,11 +78,6 @@ def _wider(box: Array, margin: float) -> Array:
     return box + np.array([[-room], [room]])
 
 
-def _corners(box: Array) -> Array:
-    """Return the eight corners of a box (3, 2), (3, 8)."""
-    return np.array(np.meshgrid(*box)).reshape(3, 8)
-
-
 def _behind(lens: Array) -> Array:
     """Return the box of a lens made wider and as long as rays to the far field are drawn, (3, 2)."""
     across = 1.5 * lens[:2]
@@ -160,9 +87,7 @@ def _behind(lens: Array) -> Array:
 def _rays(axes: Axes, scene: Scene, paths: Sequence[RayPath]) -> None:
     """Draw the rays, their last part above the lens and what comes before it below."""
     for path in paths:
-        points = path.points.T.copy()
-        if points[2, 0] < scene.source[2, 0]:  # parallel light comes from before its source's picture
-            points[:, 0] = *points[:2, 0], scene.source[2, 0]
+        points = scene.visible(path.points)
         colour = AIM if path.fate.endswith("on_target") else LOST
         for part, order in ((points[:, :-1], 1), (points[:, -2:], 3 if points.shape[1] > 2 else 1)):
             axes.plot(*scene(part), color=colour, lw=0.6, alpha=0.7, zorder=order)
@@ -194,15 +119,3 @@ def _target(axes: Axes, scene: Scene, irradiance: Array) -> None:
         zorder=4,
     )
     axes.fill(*scene(scene.target), facecolor="none", edgecolor=INK, lw=0.9, zorder=4)
-
-
-def _text(problem: Problem, scene: Scene) -> str:
-    """Return what stands under the picture."""
-    if not scene.target.size:
-        return "rays to the far field"
-    hx, hy = problem.target.half_width
-    text = f"target {2 * hx:g} x {2 * hy:g} mm, {problem.target.distance:g} mm behind the lens"
-    if scene.squeeze == 1:
-        return text
-    drawn = f"{scene.squeeze:g} times shorter" if scene.squeeze > 1 else f"{1 / scene.squeeze:g} times longer"
-    return f"{text}; this distance is drawn {drawn} than it is"

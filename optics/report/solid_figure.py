@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.report.canvas import plt, png_bytes
-from optics.report.solid_renderer import Face, View, oblique, rendered, solid_faces
+from optics.view import Face, View, oblique, rendered, solid_faces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

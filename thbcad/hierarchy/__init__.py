@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from thbcad.hierarchy.levels import (
         DyadicAxis as DyadicAxis,
     )
+    from thbcad.hierarchy.mesh_picture import (
+        mesh_lines as mesh_lines,
+        space_rows as space_rows,
+    )
     from thbcad.hierarchy.multilevel_basis import (
         MultilevelBasis as MultilevelBasis,
     )
@@ -26,6 +30,10 @@ if TYPE_CHECKING:
 _FILES = {
     "domains": ("MAX_LEVEL",),
     "levels": ("DyadicAxis",),
+    "mesh_picture": (
+        "mesh_lines",
+        "space_rows",
+    ),
     "multilevel_basis": ("MultilevelBasis",),
     "support_rectangles": (
         "intervals",

@@ -67,6 +67,12 @@ class THBSpace:
         cells = len(self.cells)
         return f"THBSpace(degree {degrees}, {self.levels} levels, {cells} cells, dim {self.dim})"
 
+    def _repr_html_(self) -> str:
+        """Return a picture of the mesh and some numbers for notebooks."""
+        from thbcad.hierarchy.mesh_picture import space_card
+
+        return space_card(self)
+
     @property
     def axes(self) -> tuple[DyadicAxis, DyadicAxis]:
         """Knots, spans and functions of every level, in u and in v."""

@@ -47,6 +47,12 @@ class FreeformSurface:
         object.__setattr__(self, "half_width", h)
         self.conic.require(h)
 
+    def _repr_html_(self) -> str:
+        """Return a map of the sag and some numbers for notebooks."""
+        from thbcad.lens.lens_picture import surface_card
+
+        return surface_card(self)
+
     @property
     def is_plane(self) -> bool:
         """Whether it is the plane z = 0: without sag, over a plane conic."""

@@ -37,6 +37,12 @@ class Lens:
             require_number(name, getattr(self, name), above=above, finite=True)
             object.__setattr__(self, name, float(getattr(self, name)))
 
+    def _repr_html_(self) -> str:
+        """Return two sections and some numbers for notebooks."""
+        from thbcad.lens.lens_picture import lens_card
+
+        return lens_card(self)
+
     def least_thickness(self) -> Enclosure:
         """Return certified bounds of the least distance in z, mm, and its position on the rear.
 

@@ -44,6 +44,12 @@ class THBSurface:
 
     __reduce__ = rebuilt
 
+    def _repr_html_(self) -> str:
+        """Return a map of the values with the mesh, and some numbers, for notebooks."""
+        from thbcad.surfaces.surface_picture import surface_card
+
+        return surface_card(self)
+
     @cached_property
     def _tensor(self) -> BSplineSurface:
         embedding = self.space.embedding

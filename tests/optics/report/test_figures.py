@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from PIL import Image
 
 from optics.report import figures
-from optics.report.canvas import DPI, _block_means, block, new_figure, plane_figure, png_bytes
+from optics.report.canvas import DPI, block, new_figure, plane_figure, png_bytes
 from optics.report.figures import lens_figures
 from tests.optics.verification.cases import shaped
 
@@ -122,11 +122,6 @@ def test_a_large_picture_is_shown_by_the_means_of_blocks():
     whole = plane_figure(data / 256, (20.0, 17.5), "mm", "", "gray", (0.0, 1.0))
     halved = plane_figure(data[::2, ::2] / 256, (20.0, 17.5), "mm", "", "gray", (0.0, 1.0))
     assert np.abs(pixels(whole) - pixels(halved)).max() <= 1
-
-
-def test_blocks_at_the_last_row_and_column_are_means_of_what_is_there():
-    means = _block_means(np.arange(15.0).reshape(3, 5), 2)
-    np.testing.assert_array_equal(means, [[3, 5, 6.5], [10.5, 12.5, 14]])
 
 
 def test_the_misfit_is_labelled_by_plain_numbers(tmp_path, monkeypatch):

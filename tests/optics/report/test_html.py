@@ -1,11 +1,12 @@
 """The report: its summary, numbers with units, the verdict, and what was got where more was wanted."""
 
 import re
+from html import unescape
 
 import pytest
 
 from optics.problem import load_problem
-from optics.report.html import Report, report_html
+from optics.report.html import STYLE, Report, report_html
 from optics.report.metric_words import metric_rows, number_text
 from optics.runtime import Check, verification
 
@@ -109,3 +110,16 @@ def test_every_metric_has_its_unit_and_its_meaning(problem_file):
     assert (value, unit) == ("0.8", "W")
     assert re.match("light that .*; traced through front and rear", meaning)
     assert all(meaning for *_, meaning in rows.values())
+
+
+def test_the_view_is_a_page_of_its_own(problem_file):
+    view = "<p title=\"a\">1 < 2 &amp; 'b'</p>"
+    page = judged(problem_file, None, view=view)
+    (held,) = re.findall(r'<iframe [^>]*sandbox="allow-scripts" srcdoc="([^"]*)"></iframe>', page)
+    assert unescape(held) == view
+    assert "<iframe" not in judged(problem_file, None)
+
+
+def test_no_figure_is_as_narrow_as_its_least_content():
+    """A picture of at most the width of a figure that is as wide as its content is some pixels wide."""
+    assert "min-content" not in STYLE

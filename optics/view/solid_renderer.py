@@ -1,4 +1,4 @@
-"""Shaded images of the lens as a solid.
+"""The faces of the lens as points, and shaded images of it as a solid.
 
 The six faces are sampled as points with normals, turned, and put into a depth buffer: the nearest
 point gives a pixel its colour.  The light grazes, and fine slopes are drawn steeper than they are.
@@ -74,14 +74,17 @@ def oblique(turn: float, rise: float) -> Array:
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def solid_faces(lens: Lens) -> tuple[list[Face], dict[str, float]]:
-    """Return the six faces, front and rear first, and by name how many times steeper their relief is."""
+def solid_faces(lens: Lens, samples: int = SAMPLES) -> tuple[list[Face], dict[str, float]]:
+    """Return the six faces, front and rear first, and by name how many times steeper their relief is.
+
+    samples : across a face
+    """
     faces, steeper = [], {}
     for name, surface, vertex, side in (
         ("front", lens.front, 0.0, -1),
         ("rear", lens.rear, lens.thickness, 1),
     ):
-        x, y = _positions(surface)
+        x, y = _positions(surface, samples)
         slopes = [surface.grid(x, y, order) for order in ((1, 0), (0, 1))]
         smooth = [_linear(slope, x, y) for slope in slopes]
         usual = np.median(np.hypot(*(slope - flat for slope, flat in zip(slopes, smooth))))
@@ -92,7 +95,7 @@ def solid_faces(lens: Lens) -> tuple[list[Face], dict[str, float]]:
         faces.append(
             Face(name, points, _unit(-side * drawn[0], -side * drawn[1], np.full_like(drawn[0], side)), GLASS)
         )
-    return faces + _edges(*faces), steeper
+    return faces + _edges(faces[0], faces[1], samples), steeper
 
 
 def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
@@ -114,18 +117,18 @@ def rendered(faces: Sequence[Face], view: View) -> tuple[Array, Array]:
     return _closed(depth.reshape(PIXELS, PIXELS), image.reshape(PIXELS, PIXELS, 4), 0.02 * view.half_size)
 
 
-def _positions(surface: FreeformSurface) -> list[Array]:
+def _positions(surface: FreeformSurface, samples: int) -> list[Array]:
     """Return x and y of samples, denser where the surface is steep.
 
     They are equal steps of a length that grows, at every x or y, as the steepest of the lines across it.
     """
-    uniform = [np.linspace(-h, h, SAMPLES) for h in surface.half_width]
+    uniform = [np.linspace(-h, h, samples) for h in surface.half_width]
     z = surface.grid(uniform[0], uniform[1])
     positions = []
     for axis, a in enumerate(uniform):
         step = np.hypot(np.diff(a), np.abs(np.diff(z, axis=axis)).max(axis=1 - axis))
         length = np.concatenate([[0.0], np.cumsum(step)])
-        positions.append(np.interp(np.linspace(0, length[-1], SAMPLES), length, a))
+        positions.append(np.interp(np.linspace(0, length[-1], samples), length, a))
     return positions
 
 
@@ -135,10 +138,10 @@ def _linear(slope: Array, x: Array, y: Array) -> Array:
     return slope.mean() + np.mean(slope.T @ x / (x @ x)) * x[:, None] + np.mean(slope @ y / (y @ y)) * y
 
 
-def _edges(front: Face, rear: Face) -> list[Face]:
+def _edges(front: Face, rear: Face, samples: int) -> list[Face]:
     """Return the four ruled faces between the rims, their points along a rim and then from front to rear."""
     size = np.ptp(np.concatenate([front.points, rear.points], axis=1), axis=(1, 2))
-    w = np.linspace(0, 1, 2 + int(SAMPLES * size[2] / size.max()))
+    w = np.linspace(0, 1, 2 + int(samples * size[2] / size.max()))
     edges = []
     for side in SIDES:
         rim, sign = (np.s_[:, :, side.end], np.s_[:, side.end])[side.axis], -1 if side.clockwise else 1

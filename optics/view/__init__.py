@@ -1,0 +1,47 @@
+"""What the pictures of a lens at work share, and the one that is turned in a browser."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.view.scene_layout import (
+        LONG as LONG,
+        SHORT as SHORT,
+        Scene as Scene,
+        block_means as block_means,
+        caption as caption,
+        corners as corners,
+        placed as placed,
+    )
+    from optics.view.solid_renderer import (
+        Face as Face,
+        View as View,
+        oblique as oblique,
+        rendered as rendered,
+        solid_faces as solid_faces,
+    )
+    from optics.view.viewer_page import (
+        scene_page as scene_page,
+    )
+
+_FILES = {
+    "scene_layout": (
+        "LONG",
+        "SHORT",
+        "Scene",
+        "block_means",
+        "caption",
+        "corners",
+        "placed",
+    ),
+    "solid_renderer": (
+        "Face",
+        "View",
+        "oblique",
+        "rendered",
+        "solid_faces",
+    ),
+    "viewer_page": ("scene_page",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

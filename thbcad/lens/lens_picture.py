@@ -1,0 +1,119 @@
+"""A lens as two sections with its numbers, and a freeform surface as a map of its sag."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thbcad.checks import Floats
+from thbcad.hierarchy import space_rows
+from thbcad.pictures import card, frame_size, interval_text, line_path, map_element, svg
+from thbcad.sags import Conic
+from thbcad.surfaces import THBSurface, value_map
+
+POINTS = 161  # of a line in a section
+HEIGHT, WIDEST, GAP = 200.0, 300.0, 40.0  # pixels: of a section, and between the two
+MOST_POLES = 100_000  # of a surface, up to which the volume takes 0.1 s
+GLASS = 'fill="#cfe3f5" stroke="#333" stroke-linejoin="round"'
+WORDS = 'font-size="11" fill="#333" text-anchor="middle"'
+
+
+class Face(Protocol):
+    """What is shown of a freeform surface."""
+
+    @property
+    def half_width(self) -> tuple[float, float]: ...
+    @property
+    def conic(self) -> Conic: ...
+    @property
+    def sag(self) -> THBSurface | None: ...
+    def __call__(self, x: ArrayLike, y: ArrayLike) -> Floats: ...
+    def grid(self, x: ArrayLike, y: ArrayLike) -> Floats: ...
+
+
+class Body(Protocol):
+    """What is shown of a lens."""
+
+    @property
+    def front(self) -> Face: ...
+    @property
+    def rear(self) -> Face: ...
+    @property
+    def thickness(self) -> float: ...
+    @property
+    def index(self) -> float: ...
+    @property
+    def sags(self) -> tuple[THBSurface, ...]: ...
+    def volume(self) -> float: ...
+
+
+def lens_card(lens: Body) -> str:
+    """Return the sections y = 0 and x = 0 beside the numbers of a lens, as HTML of at most 40 kB."""
+    sections = [_section(lens, axis) for axis in (0, 1)]
+    low, high = (f([f(s, axis=0) for s in sections], axis=0) for f in (np.min, np.max))
+    scale = min(HEIGHT / (high[1] - low[1]), WIDEST / (high[0] - low[0]))
+    width, height = (high - low) * scale
+    shift = max(width, GAP) + GAP
+    content = ""
+    for k, (section, name) in enumerate(zip(sections, ("y = 0", "x = 0"))):
+        points = (section - low) * [scale, -scale] + [k * shift + GAP / 2, height]
+        content += f'<path {GLASS} d="{line_path(points)}Z"/>'
+        content += f'<text {WORDS} x="{points[:, 0].mean():.4g}" y="{height + 14:.4g}">{name}</text>'
+    middle = lens.thickness + lens.rear(0, 0)[0] - lens.front(0, 0)[0]
+    rows = [
+        ("index", f"{lens.index:.6g}"),
+        ("thickness", f"{lens.thickness:.6g} mm, {middle:.6g} mm in the middle"),
+        *((f"{name}", _extent(face)) for name, face in (("front", lens.front), ("rear", lens.rear))),
+        ("degrees of freedom", sum(sag.space.dim for sag in lens.sags)),
+        *_volume(lens),
+    ]
+    return card("Lens", svg(content, 2 * shift, height + 18), rows)
+
+
+def surface_card(surface: Face) -> str:
+    """Return a map of the sag, or without one of z, beside the numbers of a surface, as HTML of at most 40
+    kB."""
+    size = frame_size(*surface.half_width)
+    rows: list[tuple[str, object]] = [
+        ("size", _extent(surface)),
+        ("radius", "plane" if surface.conic.is_plane else f"{surface.conic.radius:.6g} mm"),
+        ("conic constant", f"{surface.conic.constant:.6g}"),
+    ]
+    if surface.sag is None:
+        x, y = (np.linspace(-h, h, POINTS) for h in surface.half_width)
+        values = surface.grid(x, y)
+        return card("FreeformSurface", svg(map_element(values, *size), *size), [*rows, _span("z", values)])
+    picture, values, drawn = value_map(surface.sag, size)
+    rows += [_span("sag", values), *space_rows(surface.sag.space, drawn)[:4]]
+    return card("FreeformSurface", picture, rows)
+
+
+def _section(lens: Body, axis: int) -> Floats:
+    """Return the outline of the section along x (axis 0) or y as points (z, x or y), mm."""
+    lines = []
+    for face, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
+        along = np.linspace(-1, 1, POINTS) * face.half_width[axis]
+        z = face(along, 0 * along) if axis == 0 else face(0 * along, along)
+        lines.append(np.column_stack([vertex + z, along]))
+    return np.concatenate([lines[0], lines[1][::-1]])
+
+
+def _extent(face: Face) -> str:
+    return " x ".join(f"{2 * h:.6g}" for h in face.half_width) + " mm"
+
+
+def _span(name: str, values: Floats) -> tuple[str, str]:
+    return name, interval_text(values.min(), values.max(), "mm")
+
+
+def _volume(lens: Body) -> list[tuple[str, str]]:
+    """Return the volume as a row, where it is quickly found: conics that need no approximation, few poles."""
+    spaces = [sag.space for sag in lens.sags]
+    exact = all(face.conic.is_paraboloid for face in (lens.front, lens.rear))
+    if not exact or any(min(space.kv_u.degree, space.kv_v.degree) < 2 for space in spaces):
+        return []
+    if any(not s.is_compact or s.embedding.kv_u.dim * s.embedding.kv_v.dim > MOST_POLES for s in spaces):
+        return []
+    return [("volume", f"{lens.volume():.6g} mm^3")]

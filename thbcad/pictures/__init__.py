@@ -1,0 +1,29 @@
+"""Small pictures of splines and lenses as text: SVG with colour maps, made by numpy alone."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.pictures.colour_maps import (
+        map_element as map_element,
+    )
+    from thbcad.pictures.svg_cards import (
+        card as card,
+        frame_size as frame_size,
+        interval_text as interval_text,
+        line_path as line_path,
+        svg as svg,
+    )
+
+_FILES = {
+    "colour_maps": ("map_element",),
+    "svg_cards": (
+        "card",
+        "frame_size",
+        "interval_text",
+        "line_path",
+        "svg",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
