@@ -9,6 +9,7 @@ from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
+    from optics.api.level_records import LevelRecord
     from optics.optimisation import Row, Stage
     from optics.runtime import Backend, SecondProcess
     from thbcad.lens import Lens
@@ -47,6 +48,20 @@ class DesignFigures:
             "optics.report", "scene_view", plain, lens, measurement.irradiance, paths
         )
         self._view = self.process.ask("optics.view", "scene_page", plain, lens, measurement.irradiance, paths)
+
+    def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
+        """Draw every level that was kept."""
+        plain = OpticalSystem(system.problem)
+        self._levels = [
+            self.process.ask(
+                "optics.report", "level_figure", plain, k.name, k.lens, k.measurement, k.gradients
+            )
+            for k in levels
+        ]
+
+    def levels(self) -> list[tuple[str, bytes]]:
+        """Return (caption, PNG) of every level that was kept."""
+        return [level.result() for level in self._levels]
 
     def view(self) -> str:
         """Return the page that shows the scene, to be turned in a browser."""

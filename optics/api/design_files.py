@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from optics.api.design_figures import DesignFigures
 from optics.api.irradiance_model import DEVICE
+from optics.api.level_records import level_contents
 from optics.optimisation import stages
 from optics.problem import limit_checks
 from optics.progress import DesignProgress, RunClock
-from optics.results import ResultFolder, ResultWriter
+from optics.results import ResultFolder, ResultWriter, level_files
 from optics.runtime import load_backend, peak_mb, second_process
 from optics.system import OpticalSystem
 
@@ -79,6 +80,7 @@ def write_result(
         "optics.verification", "exported_step", OpticalSystem(problem), lens, writer.staged_step
     )
     figures.draw_lens(lens, design.history, stages(system, design.moved))
+    figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
     figures.draw_light(system, lens, measurement, load_backend("double", problem.run.threads))
@@ -96,10 +98,15 @@ def write_result(
         writer.write(name, data)
     for name, (_, png) in pictures.items():
         writer.write(f"figures/{name}.png", png)
+    for names, level in zip(level_files(len(design.levels)), design.levels):
+        for name, data in zip(names, level_contents(level)):
+            writer.write(name, data)
+    for (*_, name), (_, png) in zip(level_files(len(design.levels)), figures.levels()):
+        writer.write(name, png)
     clock.lap("figures")
     peak = peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result()
     metrics = design.metrics | {"wall_s": dict(clock.total()), "peak_mb": peak}
-    return _claimed(design, folder, writer, metrics, checks, product, pictures, figures.view())
+    return _claimed(design, folder, writer, metrics, checks, product, figures)
 
 
 def _claimed(
@@ -109,8 +116,7 @@ def _claimed(
     metrics: Claims,
     checks: list[Check],
     product: Manufacturability,
-    pictures: dict[str, tuple[str, bytes]],
-    view: str,
+    figures: DesignFigures,
 ) -> Written:
     """Write what is now known of the lens, the record last."""
     from optics.analysis import verdict
@@ -126,11 +132,12 @@ def _claimed(
         metrics=metrics,
         verification=checked,
         manufacture=manufacture_rows(product, design.problem.source.wavelength),
-        pictures=pictures,
+        pictures=figures.drawn(),
+        levels=figures.levels(),
         verdict=says["verdict"],
         notes=says["notes"],
         run=writer.run,
-        view=view,
+        view=figures.view(),
     )
     metrics = writer.write_claims("metrics.json", metrics | says)
     writer.write("report.html", report_html(page, writer.problem_text).encode())

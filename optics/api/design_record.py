@@ -13,6 +13,7 @@ from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
+    from optics.api.level_records import LevelRecord
     from optics.optimisation import Row
     from optics.problem import Problem
     from optics.runtime import Backend
@@ -27,6 +28,7 @@ class DesignRecord:
     history : a row for every evaluation.  notes : sentences on what limits the result.
     wall_s : seconds by phase.  moved : the design started from an optimal-transport map.
     interrupted : Ctrl-C ended the work, and this is the best lens so far.
+    levels : of this run, where `run.keep` asks for them.
     """
 
     asked: Problem
@@ -37,6 +39,7 @@ class DesignRecord:
     wall_s: Mapping[str, float] = field(default_factory=dict)
     moved: bool = False
     interrupted: bool = False
+    levels: tuple[LevelRecord, ...] = ()
 
     @property
     def problem(self) -> Problem:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from optics.api.design_files import save, verified
 from optics.api.design_record import DesignRecord
 from optics.api.irradiance_model import DEVICE, PER_STERADIAN
+from optics.api.level_records import read_levels
 from optics.api.scene_view import SceneView
 from optics.progress import Notes
 from optics.results import ResultFolder
@@ -21,6 +22,7 @@ from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement
+    from optics.api.level_records import LevelRecord
     from optics.optimisation import State
     from optics.problem import Problem
     from optics.report import OverviewFigure
@@ -45,10 +47,20 @@ class Design(DesignRecord):
         notes: Notes,
         wall_s: Mapping[str, float],
         interrupted: bool = False,
+        levels: Sequence[LevelRecord] = (),
     ) -> Design:
         """Return the design that a run has come to."""
-        lens = system.lens.with_sags(state.sags)
-        return cls(asked, system, lens, state.history, notes, wall_s, state.moved, interrupted)
+        return cls(
+            asked=asked,
+            system=system,
+            lens=system.lens.with_sags(state.sags),
+            history=state.history,
+            notes=notes,
+            wall_s=wall_s,
+            moved=state.moved,
+            interrupted=interrupted,
+            levels=tuple(levels),
+        )
 
     @classmethod
     def load(cls, folder: str | Path) -> Design:
@@ -61,7 +73,14 @@ class Design(DesignRecord):
         results = ResultFolder(folder)
         problem, lens, record = results.read()
         notes = Notes(map(str, record.get("notes", ())))
-        loaded = cls(problem, OpticalSystem(problem), lens, results.read_history(), notes)
+        loaded = cls(
+            asked=problem,
+            system=OpticalSystem(problem),
+            lens=lens,
+            history=results.read_history(),
+            notes=notes,
+            levels=read_levels(results.path),
+        )
         loaded.__dict__["measurement"] = _read_measurement(results.path)
         return loaded
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from optics.api.design_result import Design
 from optics.api.engine_choice import engine_of
 from optics.api.irradiance_model import DEVICE
+from optics.api.level_records import LevelKeeper
 from optics.api.prepared_problem import prepared
 from optics.optimisation import Interrupted, design as shape, stages
 from optics.problem import Problem
@@ -78,10 +79,12 @@ def shaped(
     moved = state.moved if state else system.problem.optimizer.start == "transport"
     clock.progress.planned(Size.of(system), stages(system, moved))
     clock.lap("setup")
-    _, state = shape(system, backend, chosen, state, clock.progress, keep, notes, ready.start)
+    keeper = LevelKeeper(system, chosen) if system.problem.run.keep == "levels" else None
+    _, state = shape(system, backend, chosen, state, clock.progress, keep, notes, ready.start, keeper)
     backend.release()
     clock.lap("optimise")
-    return Design.of_state(asked, system, state, notes, clock.total())
+    levels = keeper.records if keeper else ()
+    return Design.of_state(asked, system, state, notes, clock.total(), levels=levels)
 
 
 def _progress(progress: bool | Show | None) -> DesignProgress:

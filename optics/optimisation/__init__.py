@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     )
     from optics.optimisation.level_objective import (
         PROBES as PROBES,
+        Indicators as Indicators,
         charged_objective as charged_objective,
         stage_film as stage_film,
         stage_objective as stage_objective,
@@ -64,6 +65,7 @@ _FILES = {
     ),
     "level_objective": (
         "PROBES",
+        "Indicators",
         "charged_objective",
         "stage_film",
         "stage_objective",

@@ -152,11 +152,12 @@ class Indicators:
         if indicator == "decrease":
             return self._decrease(lens, stage)
         if indicator == "vertex" or not self.start:
-            return self._vertex(lens, stage)
+            return self.vertex(lens, stage)
         misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
-        return [misfit] if len(lens.sags) == 1 else [self._vertex(lens, stage)[0], misfit]
+        return [misfit] if len(lens.sags) == 1 else [self.vertex(lens, stage)[0], misfit]
 
-    def _vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+    def vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+        """Return the sum of the vertex gradients over every leaf cell of every free surface (thesis 6.2)."""
         rectangles = [s.half_width for s in (lens.front, lens.rear) if s.sag is not None]
         spans = [f.spans for f in self.system.freeforms]
         knots = [

@@ -80,6 +80,7 @@ def design(
     checkpoint: Callable[[State], None] | None = None,
     note: Callable[[str], None] | None = None,
     start: TransportStart | None = None,
+    seen: Callable[[Stage, Lens, NDArray[np.float64]], None] | None = None,
 ) -> tuple[Lens, State]:
     """Optimise the free surfaces of a system's lens and return (Lens, State).
 
@@ -90,6 +91,7 @@ def design(
     checkpoint : called with the State after every stage.
     note : called with a sentence where the problem itself limits the result.
     start : of the system, where it is known already.
+    seen : called with (Stage, its lens, the target irradiance that it asked for) behind every stage.
 
     Raises
     ------
@@ -123,6 +125,8 @@ def design(
                     f"{recorder.fall:.1%} a step; --resume --iterations {4 * stage.iterations} goes on"
                 )
             state = replace(state, sags=lens.sags, history=recorder.history)
+        if seen:
+            seen(stage, lens, target)
         try:
             marked = marked_cells(system, lens, stage, axes, Indicators(system, engine, target, guide))
             following, new_fit = _refined(state, plan, marked, guide)

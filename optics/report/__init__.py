@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from optics.report.irradiance_files import (
         light_files as light_files,
     )
+    from optics.report.level_figures import (
+        level_figure as level_figure,
+    )
     from optics.report.overview import (
         OverviewFigure as OverviewFigure,
         overview_figure as overview_figure,
@@ -53,6 +56,7 @@ _FILES = {
         "report_html",
     ),
     "irradiance_files": ("light_files",),
+    "level_figures": ("level_figure",),
     "overview": (
         "OverviewFigure",
         "overview_figure",

@@ -64,16 +64,14 @@ class Report:
     notes: Sequence[str] = ()
     run: Mapping[str, str] = field(default_factory=dict)
     view: str = ""
+    levels: Sequence[tuple[str, bytes]] = ()
 
 
 def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
     title, metrics, verification = escape(report.problem.title), report.metrics, report.verification
-    figures = "".join(
-        f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-        for caption, png in report.pictures.values()
-    )
+    figures = _figures(report.pictures.values())
+    levels = f'<h2>Levels</h2><div class="levels">{_figures(report.levels)}</div>' if report.levels else ""
     verdict = (
         '<span class="good">every check passed</span>'
         if verification["ok"]
@@ -85,12 +83,20 @@ def report_html(report: Report, problem_text: str) -> str:
         f"<title>{title}</title><style>{STYLE}</style>"
         f"<h1>{title}</h1>{_banner(report)}"
         f"<p>{_summary(metrics)}</p>"
-        f'{_frame(report.view)}<div class="figures">{figures}</div>'
+        f'{_frame(report.view)}<div class="figures">{figures}</div>{levels}'
         f"<h2>Files</h2>{_file_list()}{_list(map(': '.join, report.run.items()), 'run')}"
         f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics))}"
         f"<h2>Manufacture</h2>{_manufacture_table(report.manufacture)}"
         f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
         f"<h2>Problem</h2><pre>{escape(problem_text)}</pre></html>\n"
+    )
+
+
+def _figures(pictures: Iterable[tuple[str, bytes]]) -> str:
+    return "".join(
+        f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for caption, png in pictures
     )
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         ResultFolder as ResultFolder,
         is_result_file as is_result_file,
         lens_of as lens_of,
+        level_files as level_files,
     )
     from optics.results.result_writer import (
         ResultWriter as ResultWriter,
@@ -50,6 +51,7 @@ _FILES = {
         "Result",
         "ResultFolder",
         "is_result_file",
+        "level_files",
         "lens_of",
     ),
     "result_writer": ("ResultWriter",),

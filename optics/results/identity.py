@@ -15,19 +15,21 @@ from thbcad.io import lens_to_dict
 if TYPE_CHECKING:
     from thbcad.lens import Lens
 
+KEPT = "result"  # default of run.keep
 PICTURES = ("target", "source")  # tables with a picture
 
 
 def fingerprint(problem: Problem) -> str:
     """Return a hash that differs between problems: of their values and of the content of their pictures.
 
-    It does not depend on the paths of the pictures, nor on the number of threads.
+    It does not depend on the paths of the pictures, nor on the number of threads and on what is kept of
+    levels.
     """
     parts = {
         table: replace(part, image=hashlib.sha256(Path(part.image).read_bytes()).hexdigest())
         for table, part in _pictured(problem)
     }
-    return _sha256(problem_to_toml(replace(problem, run=replace(problem.run, threads=0), **parts)))
+    return _sha256(problem_to_toml(replace(problem, run=replace(problem.run, threads=0, keep=KEPT), **parts)))
 
 
 def run_id(problem: Problem, lens: Lens) -> str:
@@ -43,12 +45,12 @@ def run_id(problem: Problem, lens: Lens) -> str:
 
 
 def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
-    """Yield the keys in which two problems differ, but for the paths of pictures and the threads."""
+    """Yield the keys in which two problems differ, but for paths of pictures, threads and what is kept."""
     for field in fields(mine):
         key, a, b = f"{prefix}{field.name}", getattr(mine, field.name), getattr(other, field.name)
         if is_dataclass(a) and is_dataclass(b):
             yield from differing_keys(a, b, f"{key}.")
-        elif a != b and field.name != "image" and key != "run.threads":
+        elif a != b and field.name != "image" and key not in ("run.threads", "run.keep"):
             yield key
 
 

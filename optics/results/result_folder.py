@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,6 +39,7 @@ FIGURES = tuple(
 # what says how good a result is, the record first: gone before the first new file is written
 CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
 FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
+LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
 KEYS_SHOWN = 4  # in which two problems differ
 
 
@@ -177,8 +179,14 @@ class ResultFolder:
                 for path in (self.path / folder).glob(pattern):
                     path.unlink(missing_ok=True)
 
+    def _names(self, problem: Problem) -> list[str]:
+        """Return what a run of the problem may write."""
+        kept = [path.relative_to(self.path).as_posix() for path in self.path.glob("**/level_*")]
+        levels = [name for name in kept if is_level_file(name)]
+        return [*FILES, CHECKPOINT, *pictures_of(problem), *levels]
+
     def _require_files(self, problem: Problem) -> None:
-        for name in (*FILES, CHECKPOINT, *pictures_of(problem)):
+        for name in self._names(problem):
             if (self.path / name).is_dir():
                 raise UserError(
                     f"cannot write {self.path / name}: it is a folder; move it or choose another with --out"
@@ -195,8 +203,7 @@ class ResultFolder:
             )
         if self.has_result() and not self.is_result_of(problem):
             self._refuse_another_problem(problem)
-        names = (*FILES, CHECKPOINT, *pictures_of(problem))
-        require_own(self.path, names, RECORD, force=False)
+        require_own(self.path, self._names(problem), RECORD, force=False)
 
     def _refuse_another_problem(self, problem: Problem) -> None:
         """Raise UserError that says in which keys the problem of the result differs, if it can be read."""
@@ -214,7 +221,17 @@ class ResultFolder:
 
 def is_result_file(name: str) -> bool:
     """Return whether a run writes a file of this name."""
-    return name in FILES or ("/" not in name and Path(name).stem in PICTURES)
+    return name in FILES or is_level_file(name) or ("/" not in name and Path(name).stem in PICTURES)
+
+
+def is_level_file(name: str) -> bool:
+    """Return whether a run that keeps its levels writes a file of this name."""
+    return LEVEL_FILE.fullmatch(name) is not None
+
+
+def level_files(count: int) -> list[tuple[str, str, str]]:
+    """Return the names of lens, arrays and picture of the levels that a result keeps."""
+    return [(f"level_{k}.json", f"level_{k}.npz", f"figures/level_{k}.png") for k in range(count)]
 
 
 def pictures_of(problem: Problem) -> Iterable[str]:

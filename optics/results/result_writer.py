@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from optics.problem import Problem, problem_to_toml
 from optics.results.identity import PICTURES, fingerprint, run_id
 from optics.results.owned_files import HASHES, hashes, recorded, sha256_of
-from optics.results.result_folder import CLAIMS, RECORD, ResultFolder, is_result_file
+from optics.results.result_folder import CLAIMS, RECORD, ResultFolder, is_level_file, is_result_file
 from thbcad.io import json_text, write_bytes, write_lens, write_text
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class ResultWriter:
     def __init__(self, folder: ResultFolder, problem: Problem, lens: Lens, history: Sequence[Row]) -> None:
         self._folder, self._written = folder.path, set[str]()
         self._earlier = set(recorded(self._folder / RECORD))
-        for name in CLAIMS:
+        for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
             (self._folder / name).unlink(missing_ok=True)
         self.problem_text = self._store_problem(problem)
         write_lens(lens, folder.lens)

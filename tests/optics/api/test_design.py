@@ -10,7 +10,6 @@ import pytest
 import optics
 from optics.api.design_result import Design
 from optics.problem import load_problem
-from optics.results.identity import differing_keys
 from optics.runtime import Moment
 from tests.optics.cases import write_problem
 
@@ -45,7 +44,8 @@ def test_the_lens_makes_the_light_that_the_design_tells(done):
 def test_a_saved_design_is_read_back_as_it_was(done):
     design, _, folder = done
     loaded = optics.Design.load(folder)
-    assert list(differing_keys(loaded.problem, design.problem)) == []  # but for where the picture lies
+    image = {"target.image": loaded.problem.target.image}  # the folder holds it
+    assert loaded.problem == design.problem.with_(**image)
     assert loaded.irradiance.tobytes() == design.irradiance.tobytes()
     assert loaded.target.tobytes() == design.target.tobytes()
     assert np.array_equal(loaded.lens.rear.sag.coefficients, design.lens.rear.sag.coefficients)

@@ -1,0 +1,92 @@
+"""What is kept of every level of a design: its lens, its light, and where the loss still pulls."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.optimisation import Indicators
+from optics.results import lens_of, level_files
+from optics.runtime import load_backend
+from thbcad.io import json_text, lens_to_dict
+
+if TYPE_CHECKING:
+    from optics.analysis import Measurement
+    from optics.engines import Engine
+    from optics.optimisation import Stage
+    from optics.system import OpticalSystem
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LevelRecord:
+    """A level of a design, as it was behind its optimisation.
+
+    name : such as "level 3" or "finish".
+    gradients : for every free surface, front first, the sum of |dL/dz| of a grid of vertices over every leaf
+        cell (thesis 6.2).
+    measurement : irradiance, target and metrics of its lens.
+    """
+
+    name: str
+    lens: Lens = field(repr=False)
+    gradients: tuple[Floats, ...] = field(repr=False)
+    measurement: Measurement = field(repr=False)
+
+    @property
+    def irradiance(self) -> Floats:
+        """On the target's pixels, (rows, columns), W/mm^2; in the far field W per square degree."""
+        return self.measurement.irradiance
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        return self.measurement.metrics
+
+
+class LevelKeeper:
+    """Keeps a record of every level of a run; call it as `seen` of the design loop."""
+
+    def __init__(self, system: OpticalSystem, engine: Engine) -> None:
+        self._system, self._engine = system, engine
+        self.records: list[LevelRecord] = []
+
+    def __call__(self, stage: Stage, lens: Lens, target: Floats) -> None:
+        from optics.analysis import measure
+
+        indicators = Indicators(self._system, self._engine, target, None)
+        measurement = measure(self._system, lens, load_backend("double", self._system.problem.run.threads))
+        name = "finish" if stage.finish else f"level {stage.level}"
+        self.records.append(LevelRecord(name, lens, tuple(indicators.vertex(lens, stage)), measurement))
+
+
+def level_contents(level: LevelRecord) -> tuple[bytes, bytes]:
+    """Return what a result keeps of a level: its lens as JSON, and its arrays as .npz."""
+    buffer = io.BytesIO()
+    arrays: dict[str, Any] = {f"gradients_{k}": g for k, g in enumerate(level.gradients)}
+    arrays |= {"irradiance": level.irradiance, "target": level.measurement.target}
+    np.savez_compressed(buffer, name=np.array(level.name), **arrays)
+    return json_text(lens_to_dict(level.lens)).encode(), buffer.getvalue()
+
+
+def read_levels(folder: Path) -> tuple[LevelRecord, ...]:
+    """Return the levels that a result folder keeps."""
+    from optics.analysis import Measurement, rel_l2
+
+    levels = []
+    for lens, arrays, _ in level_files(len(list(folder.glob("level_*.npz")))):
+        with np.load(folder / arrays, allow_pickle=False) as data:
+            irradiance, target = data["irradiance"], data["target"]
+            gradients = tuple(data[key] for key in sorted(data.files) if key.startswith("gradients_"))
+            name = str(data["name"])
+        measurement = Measurement(irradiance, target, {"rel_l2": rel_l2(irradiance, target)})
+        levels.append(
+            LevelRecord(name, lens_of(folder / lens, "run the design again"), gradients, measurement)
+        )
+    return tuple(levels)
