@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from optics.external.meshed_file import NODES, MeshedLens, optical_nodes
 from optics.runtime import PRECISIONS, UserError
 from optics.tracing import LandingPoints
 from thbcad.doors import pip_command
@@ -84,8 +85,10 @@ def require_tracer(name: str, rays: int | None) -> int:
     return usual if rays is None else rays
 
 
-def file_tracer(name: str, file: StepFile, system: OpticalSystem) -> FileTracer:
+def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = NODES) -> FileTracer:
     """Return a tracer of a STEP file to the target of a system.
+
+    nodes : of Mitsuba's meshes, in each direction of a face that is not plane, at least.
 
     Raises
     ------
@@ -97,7 +100,7 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem) -> FileTracer:
     coarser: Callable[[Rays], LandingPoints] | None = None
     trace: Callable[[Rays], LandingPoints]
     if name == "mitsuba":
-        trace, coarser = _by_mitsuba(file, system, index)
+        trace, coarser = _by_mitsuba(file, system, index, nodes)
         digits = PRECISIONS["single"][2]
         resolution = float(np.degrees(digits)) if isinf(target_z) else digits * target_z
     elif name == "optiland":
@@ -131,12 +134,11 @@ def index_of(file: StepFile) -> float:
 
 
 def _by_mitsuba(
-    file: StepFile, system: OpticalSystem, index: float
+    file: StepFile, system: OpticalSystem, index: float, least: int
 ) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
-    from optics.external.meshed_file import MeshedLens, optical_nodes
     from optics.mitsuba import load_mitsuba
 
-    nodes = optical_nodes(file)
+    nodes = optical_nodes(file, least)
     load_mitsuba(threads=system.problem.run.threads)
     fine, coarse = (MeshedLens(n, index, system.target.z) for n in (nodes, nodes.coarser))
     return fine, coarse
