@@ -1,4 +1,4 @@
-"""The light of the pearl lens by programs that read its STEP file: seconds, difference from ours, noise, mesh.
+"""The light of the pearl lens by programs that read its STEP file: seconds, differences from ours, noise.
 
 Run: thbcad bench external
 

@@ -84,8 +84,6 @@ def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
     UserError : options that do not fit together, a program that is not installed, a number of rays that it
         cannot trace, a folder that cannot be written or holds what this program did not write.
     """
-    from optics.external import require_tracer
-
     if options.light is None:
         for name in ("rays", "out", "force"):
             if getattr(options, name):
@@ -96,6 +94,8 @@ def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
             "--light compares with the light of a design: give its result folder, got the file "
             f"{options.result}"
         )
+    from optics.external import require_tracer
+
     rays = require_tracer(options.light, None if options.rays is None else _count(options.rays))
     if not (Path(options.result) / "problem.toml").exists():
         raise UserError(f"{options.result} is not a result folder: it has no problem.toml")

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 def verify(options: Namespace) -> Outcome:
     """Check the STEP file of a result folder against its lens, or a STEP file by itself."""
+    path = Path(options.result)
+    alone = path.suffix.lower() in (".step", ".stp")
+    request = light_request(options, not alone)
     from optics.runtime import verification
     from optics.verification import StepFile, bare_checks
 
-    path = Path(options.result)
     notes: list[str] = []
     left_out: list[str] = []
     light: FileLight | None = None
-    alone = path.suffix.lower() in (".step", ".stp")
-    request = light_request(options, not alone)
     try:
         if alone:
             checks, left_out = bare_checks(StepFile(path))

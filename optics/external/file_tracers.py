@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from optics.external.meshed_file import NODES, MeshedLens, optical_nodes
 from optics.runtime import PRECISIONS, UserError
 from optics.tracing import LandingPoints
 from thbcad.doors import pip_command
@@ -39,6 +38,7 @@ class Speed(NamedTuple):
 
 
 LEAST_RAYS = 1000
+NODES = 769  # in each direction, at least: pearl's light moves by 0.01 pixels, in 7 s for its nodes
 SPEEDS = {
     "mitsuba": Speed(10_000_000, 1_000_000_000, 1_000_000),
     "optiland": Speed(20_000, 200_000, 500),
@@ -136,6 +136,7 @@ def index_of(file: StepFile) -> float:
 def _by_mitsuba(
     file: StepFile, system: OpticalSystem, index: float, least: int
 ) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
+    from optics.external.meshed_file import MeshedLens, optical_nodes
     from optics.mitsuba import load_mitsuba
 
     nodes = optical_nodes(file, least)

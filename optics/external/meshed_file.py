@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from optics.verification import StepFile
     from thbcad.splines import KnotVector
 
-NODES = 769  # in each direction, at least: pearl's light moves by 0.01 pixels, in 7 s for its nodes
 FLAT = 2  # steps across a plane face
 COARSER = 3.0  # errors of a mesh, from it to the mesh of every second node
 
@@ -50,7 +49,7 @@ class OpticalNodes:
         )
 
 
-def optical_nodes(file: StepFile, least: int = NODES) -> OpticalNodes:
+def optical_nodes(file: StepFile, least: int) -> OpticalNodes:
     """Return the OpticalNodes of a STEP file, at least `least` in each direction of faces that are not plane.
 
     Raises
