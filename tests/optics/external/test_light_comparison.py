@@ -56,15 +56,20 @@ def failed(found, system):
 
 CASES = {
     "beam, mitsuba": ({}, "mitsuba"),
-    "point, mitsuba": (POINT, "mitsuba"),
-    "area, two free surfaces, far field, mitsuba": (LAMBERTIAN | FREE_FRONT | FAR, "mitsuba"),
-    "beam, occt": ({}, "occt"),
+    "beam, optiland": ({}, "optiland"),
     "area, occt": (LAMBERTIAN, "occt"),
+    "point, mitsuba": (POINT, "mitsuba"),
     "point, optiland": (POINT, "optiland"),
+    "area, two free surfaces, far field, mitsuba": (LAMBERTIAN | FREE_FRONT | FAR, "mitsuba"),
 }
+QUICK = list(CASES)[:3]
+EVERY_CASE = [
+    pytest.param(*case, id=name, marks=[] if name in QUICK else [pytest.mark.slow])
+    for name, case in CASES.items()
+]
 
 
-@pytest.mark.parametrize(("changes", "tracer"), CASES.values(), ids=CASES)
+@pytest.mark.parametrize(("changes", "tracer"), EVERY_CASE)
 def test_the_light_of_a_good_file_agrees(tmp_path, backend, changes, tracer):
     problem, lens = shaped(tmp_path, changes)
     system = OpticalSystem(problem)
