@@ -37,7 +37,7 @@ FLOORS = [
     ["optics.analysis", "optics.optimisation", "optics.etendue", "optics.verification"],
     ["optics.progress", "optics.results", "optics.view"],
     ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],
-    ["optics.api"],
+    ["optics.api", "optics.external"],
     ["optics.commands"],
     ["optics"],
     ["oracles"],

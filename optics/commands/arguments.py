@@ -153,6 +153,20 @@ def _verify_options(command: argparse.ArgumentParser) -> None:
         action="store_false",
         help="leave out the trace by optiland, which takes longest",
     )
+    command.add_argument(
+        "--light",
+        choices=("mitsuba", "optiland", "occt"),
+        help="also let this program make the light of the STEP file, and compare it with ours",
+    )
+    command.add_argument(
+        "--rays",
+        metavar="N",
+        help="with --light: random rays (default: 1e7 for mitsuba, 2e4 for optiland, 1e5 for occt)",
+    )
+    command.add_argument(
+        "--out", metavar="DIR", help="with --light: folder to write (default: RESULT/verify_light)"
+    )
+    _force_option(command)
 
 
 def _export_options(command: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ EXAMPLES = {
     "verify": (
         "thbcad verify lens",
         "thbcad verify lens/lens.step --json",
-        "thbcad verify lens --no-optiland",
+        "thbcad verify lens --light mitsuba --rays 1e6",
     ),
     "export": (
         "thbcad export lens --out lens.stl --chord 0.01",

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from optics.report.trace_figures import (
         irradiance_figure as irradiance_figure,
         phase_space_figure as phase_space_figure,
+        two_lights_figure as two_lights_figure,
     )
 
 _FILES = {
@@ -68,6 +69,7 @@ _FILES = {
     "trace_figures": (
         "irradiance_figure",
         "phase_space_figure",
+        "two_lights_figure",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

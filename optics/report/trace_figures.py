@@ -1,4 +1,4 @@
-"""The pictures of `thbcad trace` (matplotlib)."""
+"""The pictures of `thbcad trace` and of `thbcad verify --light` (matplotlib)."""
 
 from __future__ import annotations
 
@@ -47,4 +47,32 @@ def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> byte
         panel.set_ylabel("q = n sin(angle to the axis)")
         panel.set_title(name, fontsize=10)
     figure.colorbar(shown, label="y on the source / mm")
+    return png_bytes(figure)
+
+
+def two_lights_figure(
+    theirs: NDArray[np.float64], ours: NDArray[np.float64], screen: Screen, name: str
+) -> bytes:
+    """Return a picture of two irradiances on a screen's pixels side by side, and of their difference.
+
+    name : of the program that made the first.
+    """
+    hx, hy = screen.half_width
+    unit, per = ("degrees", "degree^2") if screen.angular else ("mm", "mm^2")
+    off, peak = theirs - ours, float(max(theirs.max(), ours.max()))
+    most = float(np.abs(off).max()) or 1.0
+    panels = (
+        (f"{name}, from the STEP file", theirs, "gray", (0.0, peak)),
+        ("ours, from the lens", ours, "gray", (0.0, peak)),
+        ("difference", off, "RdBu_r", (-most, most)),
+    )
+    figure, axes = plt.subplots(1, len(panels), figsize=(4.6 * len(panels), 4.0), layout="constrained")
+    for panel, (title, image, colours, (low, high)) in zip(axes, panels):
+        shown = panel.imshow(
+            image, cmap=colours, vmin=low, vmax=high, extent=(-hx, hx, -hy, hy), interpolation="nearest"
+        )
+        panel.set_title(title, fontsize=10)
+        panel.set_xlabel(f"x / {unit}")
+        figure.colorbar(shown, ax=panel, label=f"W / {per}", shrink=0.8)
+    axes[0].set_ylabel(f"y / {unit}")
     return png_bytes(figure)

@@ -12,9 +12,14 @@ if TYPE_CHECKING:
     from optics.verification.lone_file import (
         bare_checks as bare_checks,
     )
+    from optics.verification.occt_tracer import (
+        occt_trace as occt_trace,
+        optical_faces as optical_faces,
+    )
     from optics.verification.optiland_tracer import (
         optiland_available as optiland_available,
         optiland_checks as optiland_checks,
+        optiland_trace as optiland_trace,
     )
     from optics.verification.prescription import (
         prescription_checks as prescription_checks,
@@ -48,9 +53,14 @@ _FILES = {
         "text_checks",
     ),
     "lone_file": ("bare_checks",),
+    "occt_tracer": (
+        "occt_trace",
+        "optical_faces",
+    ),
     "optiland_tracer": (
         "optiland_available",
         "optiland_checks",
+        "optiland_trace",
     ),
     "prescription": ("prescription_checks",),
     "reference_tracer": ("trace_step",),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +10,11 @@ from numpy.typing import NDArray
 
 from optics.runtime import Check
 from optics.tracing import LandingPoints
+from optics.verification.occt_tracer import occt_trace, optical_faces
 from optics.verification.solid_text import measure_checks, whole_checks
 from optics.verification.step_checks import differing_numbers
 from optics.verification.text_volume import text_volume_check
 from optics.verification.trace_comparison import compared
-from thbcad.cad.exchange import face_hits
 from thbcad.io import Brep, BrepEdge, BrepFace
 from thbcad.lens import CORNERS, SIDES, placed_surfaces, rim, ruled_edge
 from thbcad.splines import UNIT, BSplineSurface
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.verification.step_file import StepFile
-    from thbcad.cad.exchange import TopoDS_Shape
     from thbcad.lens import Lens
 
     Rows = NDArray[np.float64]
@@ -46,11 +44,11 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     solid = file.text
-    shape, optical = file.solid.shape, _optical(solid)
+    shape, optical = file.solid.shape, optical_faces(solid)
 
     def by_occt(rays: Rays) -> LandingPoints:
-        points = trace_faces(shape, (rays.origin.T, rays.direction.T), lens.index, system.target.z, optical)
-        return LandingPoints(points, np.where(np.isfinite(points).all(axis=1), rays.flux, 0.0))
+        arriving = occt_trace(shape, optical, rays.origin.T, rays.direction.T, lens.index, system.target.z)
+        return LandingPoints(arriving.points, arriving.flux * rays.flux)
 
     difference = compared(system, lens, backend, RAYS, by_occt)
     return [
@@ -78,7 +76,7 @@ def text_checks(solid: Brep, lens: Lens) -> list[Check]:
 
 def _same(solid: Brep, lens: Lens) -> list[Check]:
     """Return the checks of faces and edges, number by number, against the lens in memory."""
-    pair, optical = placed_surfaces(lens), _optical(solid)
+    pair, optical = placed_surfaces(lens), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
     others = _other_planes if lens.front.half_width == lens.rear.half_width else _other_ruled
     counts = {
@@ -91,25 +89,6 @@ def _same(solid: Brep, lens: Lens) -> list[Check]:
         Check(f"text of the file: {name} that differ from the lens in memory", value, 0, "")
         for name, value in counts.items()
     ]
-
-
-def _optical(solid: Brep) -> tuple[int, int]:
-    """Return the indices of front and rear among the faces.
-
-    They are the two splines that are curved in both directions, the lower one first.
-    """
-    heights: dict[int, float] = {}
-    for k, face in enumerate(solid.faces):
-        surface = face.surface
-        if isinstance(surface, BSplineSurface) and min(surface.kv_u.degree, surface.kv_v.degree) > 1:
-            u, v = ((kv.start + kv.stop) / 2 for kv in (surface.kv_u, surface.kv_v))
-            heights[k] = float(surface([u], [v])[0, 2])
-    if len(heights) != 2:
-        raise ValueError(
-            f"the file holds {len(heights)} curved spline faces where a lens has 2, front and rear"
-        )
-    front, rear = sorted(heights, key=lambda k: heights[k])
-    return front, rear
 
 
 def _other_ruled(faces: Sequence[BrepFace], pair: Pair) -> int:
@@ -162,47 +141,3 @@ def _leads(edge: BrepEdge) -> bool:
 def _bits(array: Rows) -> bytes:
     """Return a row's bytes; 0.0 and -0.0 are the same number."""
     return np.ascontiguousarray(array + 0.0).tobytes()
-
-
-def trace_faces(
-    solid: TopoDS_Shape,
-    rays: tuple[Rows, Rows],
-    index: float,
-    target_z: float,
-    optical: tuple[int, int] = (0, 1),
-) -> Rows:
-    """Return where rays through the front and the rear of a solid land, by OCCT's intersections.
-
-    The points are (n, 2), mm (degrees in the far field), NaN for rays that do not arrive.
-
-    rays : origins and directions, (n, 3) float each, mm and unit vectors.  target_z : mm, inf is the far
-        field (degrees).
-    optical : indices of front and rear among the faces.
-    """
-    points, directions = (np.array(a, dtype=np.float64) for a in rays)
-    lit = np.arange(len(points))
-    for face, eta in zip(optical, (1 / index, index)):
-        hits = face_hits(solid, points, directions)
-        directions, passes = _refracted(directions, hits.normals, eta)
-        passes &= hits.faces == face
-        points, directions, lit = hits.points[passes], directions[passes], lit[passes]
-    forward = directions[:, 2] > 0
-    points, directions, lit = points[forward], directions[forward], lit[forward]
-    across = directions[:, :2] / directions[:, 2:]
-    landing = np.full((len(rays[0]), 2), np.nan)
-    landing[lit] = (
-        np.degrees(np.arctan(across))
-        if isinf(target_z)
-        else points[:, :2] + (target_z - points[:, 2:]) * across
-    )
-    return landing
-
-
-def _refracted(directions: Rows, normals: Rows, eta: float) -> tuple[Rows, NDArray[np.bool_]]:
-    """Return (directions, passes) by the vector form of Snell's law; normals point to either side."""
-    cosine = np.einsum("ij,ij->i", directions, normals)
-    normals, cosine = normals * np.sign(cosine)[:, None], np.abs(cosine)
-    square = 1 - eta**2 * (1 - cosine**2)
-    passes = square > 0
-    along = np.sqrt(np.where(passes, square, 1.0)) - eta * cosine
-    return eta * directions + along[:, None] * normals, passes

@@ -198,7 +198,7 @@ def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: R
         along = (height - points[:, 2]) / speed
         here = points[:, :2] + along[:, None] * directions[:, :2]
         u, v = np.clip((here - low) / (high - low), 0, 1).T
-        fallen[k] = rises & (along >= 0) & (geometry.get_value(u, v)[2] <= height)
+        fallen[k] = rises & (along >= 0) & (geometry.get_value(u, v)[2] <= height + MET)
     return np.where(fallen.any(axis=0), fallen.argmax(axis=0), -1)
 
 

@@ -172,6 +172,14 @@ def test_rays_beside_a_plane_front_do_not_reach_a_larger_rear():
     np.testing.assert_array_equal(found.flux > 0, [True, False, False])
 
 
+def test_a_plane_rear_is_met_in_spite_of_rounding():
+    """Where a spline's rounding lifts the plane above its poles, rays have fallen through it all the same."""
+    faces = placed_surfaces(small_lens(front=Conic(-40.0, -1.0), rear=Conic()))
+    rng = np.random.default_rng(0)
+    found = optiland_trace(*faces, *along_axis(*rng.uniform(-9, 9, (2, 200))), 1.5, 60.0)
+    assert (found.flux > 0).all()
+
+
 def test_rays_that_start_behind_the_front_do_not_meet_it():
     faces = placed_surfaces(rough_hollow())
     apex = faces[0]([0.0], [0.0])[0]

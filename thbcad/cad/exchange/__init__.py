@@ -5,6 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from thbcad.cad.exchange.evaluated_faces import (
+        FaceNodes as FaceNodes,
+        face_nodes as face_nodes,
+    )
     from thbcad.cad.exchange.handover import (
         named_faces as named_faces,
         to_build123d as to_build123d,
@@ -49,6 +53,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "evaluated_faces": (
+        "FaceNodes",
+        "face_nodes",
+    ),
     "handover": (
         "named_faces",
         "to_build123d",

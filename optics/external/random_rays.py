@@ -1,0 +1,83 @@
+"""Independent random rays of a source, drawn by inverse distribution functions.
+
+They share no code with the ray sets that the optimiser and the measure use.  All rays carry the same flux,
+so that the light on a pixel is a count: its variance is what it has of squared flux.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, radians, sin
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.sources import Rays
+
+if TYPE_CHECKING:
+    from optics.sources import Profile
+    from optics.system import LightSource
+
+    Floats = NDArray[np.float64]
+
+
+def random_rays(source: LightSource, start: float, count: int, seed: int, most: int) -> Iterator[Rays]:
+    """Yield `count` independent rays of a source in parts of at most `most`.
+
+    start : z from where collimated light comes, mm.
+    """
+    fresh = np.random.default_rng(seed)
+    each = source.settings.flux / count
+    for first in range(0, count, most):
+        size = min(most, count - first)
+        yield _drawn(source, start, np.full(size, each), fresh)
+
+
+def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Generator) -> Rays:
+    settings, n = source.settings, len(flux)
+    origin, direction = np.zeros((3, n)), np.zeros((3, n))
+    origin[2] = start if source.collimated else -settings.distance
+    if settings.kind != "point":
+        s, t = _positions(source.profile, n, fresh)
+        origin[0], origin[1] = settings.half_width[0] * s, settings.half_width[1] * t
+    if source.collimated:
+        direction[2] = 1.0
+    else:
+        cosine = _cosines(source, fresh.random(n))
+        sine, turn = np.sqrt(1 - cosine**2), fresh.uniform(0, 2 * np.pi, n)
+        direction[:] = sine * np.cos(turn), sine * np.sin(turn), cosine
+    return Rays(origin, direction, flux)
+
+
+def _cosines(source: LightSource, u: Floats) -> Floats:
+    """Return the cosines of angles to the axis at quantiles u, (n,) each.
+
+    Lambert's law: sin^2 is uniform up to that of the half-angle.  A point of intensity cos^m: so is
+    cos^(m + 1), from that of the half-angle up to 1.
+    """
+    widest = radians(source.settings.half_angle)
+    if source.extended:
+        return np.sqrt(1 - u * sin(widest) ** 2)
+    power = source.settings.exponent + 1
+    least = cos(widest) ** power
+    return (least + u * (1 - least)) ** (1 / power)
+
+
+def _positions(profile: Profile, n: int, fresh: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return independent positions on a source relative to its half_width, (n,) each."""
+    from scipy.special import ndtr, ndtri
+
+    s, t = fresh.random((2, n))
+    if profile.kind == "round":
+        return np.sqrt(s) * np.cos(2 * np.pi * t), np.sqrt(s) * np.sin(2 * np.pi * t)
+    if profile.kind == "gaussian":
+        low = [ndtr(-1 / sigma) for sigma in profile.sigma]
+        s, t = (w * ndtri(a + r * (1 - 2 * a)) for w, a, r in zip(profile.sigma, low, (s, t)))
+        return s, t
+    if profile.kind == "image" and profile.light is not None:
+        rows, columns = profile.light.shape
+        below = np.cumsum(profile.light.ravel())
+        row, column = np.divmod(np.searchsorted(below, fresh.random(n) * below[-1], side="right"), columns)
+        return 2 * (column + s) / columns - 1, 1 - 2 * (row + t) / rows
+    return 2 * s - 1, 2 * t - 1
