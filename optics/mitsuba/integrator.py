@@ -10,11 +10,12 @@ The rays are those of the problem's source, spp of them per pixel on a fixed gri
 nothing.  Surfaces are the splines themselves, not meshes, traced in double precision.
 
 `light_integrator` renders what a light model measures, margin and mirror images included, whatever the
-sensor is.  Its tensor has a second channel for the light that misses the target: every pixel holds
-`Light.lost` / number of pixels, so that the channel's sum is what is lost.
+sensor is.  Its tensor has two channels more.  One is for the light that misses the target: every pixel holds
+`Light.lost` / number of pixels, so that the channel's sum is what is lost.  The other, "rounding", is what
+float32 took from the irradiance, for a loss near its minimum; no derivative goes through it.
 
-Tensors are float32: what a render returns, and what comes back to it, is rounded to 6e-8 of every pixel.
-What lies between is in double precision.
+Mitsuba's tensors are float32: what a render returns, and what comes back to it, is rounded to 6e-8 of every
+pixel.  What lies between is in double precision.
 
 The parameters "front_coefficients" and "rear_coefficients" (Float64, of the surfaces that are free) are
 differentiable, in backward and in forward mode.  The scene's shapes and emitters play no part.
@@ -130,7 +131,7 @@ def exact_integrator(system: OpticalSystem, lens: Lens) -> Any:
 
 
 def light_integrator(model: LightModel, coefficients: dict[str, Floats]) -> Any:
-    """Return the integrator of a light model, with the channels irradiance and lost light, mi.Integrator.
+    """Return the integrator of a light model, with the channels irradiance, lost, rounding, mi.Integrator.
 
     coefficients : (dim,) of the sags of "front" and "rear", those that are free, front first.
 
@@ -169,7 +170,7 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
     base: Any = mi.CppADIntegrator
 
     class LightIntegrator(base):
-        """parameters : of the scene.  lost : add the channel of lost light."""
+        """parameters : of the scene.  lost : add the channels "lost" and "rounding"."""
 
         def __init__(self, properties: Any, parameters: _Parameters, lost: bool) -> None:
             super().__init__(properties)
@@ -180,7 +181,7 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
                 callback.put(name, values, mi.ParamFlags.Differentiable)
 
         def aov_names(self) -> list[str]:
-            return ["lost"] if self._lost else []
+            return ["lost", "rounding"] if self._lost else []
 
         def render(
             self,
@@ -196,7 +197,9 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
             if not (self._lost or p.wanted):
                 return _tensor(mi, model.image(p.values()))
             light = p.light(model)
-            return _tensor(mi, light.image, light.lost) if self._lost else _tensor(mi, light.image)
+            if not self._lost:
+                return _tensor(mi, light.image)
+            return _tensor(mi, *_channels(light.image, light.lost))
 
         def render_forward(
             self, scene: Any, params: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
@@ -207,7 +210,7 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
             if not self._lost:
                 return _tensor(mi, change)
             slopes = model.light(values).pull_back(np.zeros(change.shape), 1.0)
-            return _tensor(mi, change, sum(float(g @ d) for g, d in zip(slopes, directions)))
+            return _tensor(mi, *_channels(change, sum(float(g @ d) for g, d in zip(slopes, directions))))
 
         def render_backward(
             self, scene: Any, params: Any, grad_in: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
@@ -222,7 +225,10 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
     return LightIntegrator
 
 
-def _tensor(mi: ModuleType, picture: Floats, lost: float | None = None) -> Any:
-    """Return the channels as a tensor.  lost : None for a tensor without its channel."""
-    channels = [picture] if lost is None else [picture, np.full_like(picture, lost / picture.size)]
+def _channels(image: Floats, lost: float) -> tuple[Floats, Floats, Floats]:
+    """Return an irradiance, the lost light spread over its pixels, and what float32 takes from it."""
+    return image, np.full_like(image, lost / image.size), image - image.astype(np.float32)
+
+
+def _tensor(mi: ModuleType, *channels: Floats) -> Any:
     return mi.TensorXf(np.stack(channels, axis=-1).astype(np.float32))

@@ -2,7 +2,8 @@
 
 Every light is a scene of its own: the integrator of a light model, and the coefficients as its parameters.
 `mi.render` gives the picture; `dr.backward` from it gives the derivatives by the parameters.  Tensors are
-float32, so that irradiance and derivatives differ from those of the model by about 1e-7.
+float32: weights that go back are rounded, so that derivatives differ from those of the model by about 1e-7 of
+their terms.  The picture is completed by what float32 took from it.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class RenderedModel:
     def push_forward(self, coefficients: Sequence[Floats], directions: Sequence[Floats]) -> Floats:
         """Return the derivative of the rendered irradiance along a direction in the coefficients."""
         _, tensor = self.rendered(coefficients, directions)
-        return np.array(self._backend.dr.forward_to(tensor), dtype=np.float64)[..., 0]
+        return completed(self._backend.dr.forward_to(tensor))
 
     def filtered(self, image: Floats) -> Floats:
         """Return an irradiance that is constant on every pixel as it is measured here."""
@@ -107,7 +108,7 @@ class RenderedModel:
     ) -> list[Floats]:
         """Return the derivative by the coefficients; it uses up what was rendered."""
         dr, (leaves, tensor) = self._backend.dr, rendered
-        bars = np.stack([image_bar, np.full_like(image_bar, lost_bar)], axis=-1)
+        bars = np.stack([image_bar, np.full_like(image_bar, lost_bar), np.zeros_like(image_bar)], axis=-1)
         dr.backward(dr.sum(tensor * self._mitsuba.TensorXf(bars.astype(np.float32)), axis=None))
         return [np.array(np.broadcast_to(leaf.grad.numpy(), len(leaf))) for leaf in leaves]
 
@@ -118,8 +119,9 @@ class RenderedLight:
     def __init__(self, model: RenderedModel, coefficients: Sequence[Floats]) -> None:
         self._model, self._coefficients = model, coefficients
         self._rendered: tuple[list[DrArray], Any] | None = model.rendered(coefficients)
-        channels = np.array(self._rendered[1], dtype=np.float64)
-        self.image, self.lost = channels[..., 0], float(channels[..., 1].sum())
+        tensor = self._rendered[1]
+        self.image = completed(tensor)
+        self.lost = float(np.array(tensor, dtype=np.float64)[..., 1].sum())
 
     def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
         """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
@@ -135,3 +137,9 @@ class RenderedLight:
         They are no parameters of the scene: the light under the integrator gives them.
         """
         return self._model.traced.light(self._coefficients).vertex_gradients(image_bar, lost_bar, knots)
+
+
+def completed(tensor: Any) -> Floats:
+    """Return the irradiance of a tensor of `light_integrator`, with what float32 took from it."""
+    channels = np.array(tensor, dtype=np.float64)
+    return channels[..., 0] + channels[..., 2]
