@@ -31,4 +31,6 @@ def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backe
         raise UserError(f"engine must be one of {', '.join(map(repr, ENGINES))}, got {engine!r}")
     if engine == "exact":
         return ExactEngine(backend)
-    raise UserError(f"engine {engine!r} is not there yet")
+    from optics.mitsuba import mitsuba_engine
+
+    return mitsuba_engine(engine, system, system.problem.run.threads)

@@ -5,8 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.mitsuba.engine_choice import (
+        mitsuba_engine as mitsuba_engine,
+    )
     from optics.mitsuba.integrator import (
         exact_integrator as exact_integrator,
+        light_integrator as light_integrator,
         register as register,
     )
     from optics.mitsuba.loading import (
@@ -29,8 +33,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "engine_choice": ("mitsuba_engine",),
     "integrator": (
         "exact_integrator",
+        "light_integrator",
         "register",
     ),
     "loading": (

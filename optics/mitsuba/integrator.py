@@ -1,4 +1,4 @@
-"""The exact tracer as a Mitsuba integrator, "thbcad".
+"""The exact tracer as a Mitsuba integrator, "thbcad", and an integrator of any light model.
 
 `register()` makes it known to the variant that is set; then ``mi.load_dict({"type": "thbcad", "result":
 "exports/pearl"})`` reads a result folder.  `exact_integrator` makes one from Python objects.  ``mi.render``
@@ -9,6 +9,14 @@ size gives the pixels, and the problem's `optimizer.window` measures them.
 The rays are those of the problem's source, spp of them per pixel on a fixed grid (or Sobol set); seeds change
 nothing.  Surfaces are the splines themselves, not meshes, traced in double precision.
 
+`light_integrator` renders what a light model measures, margin and mirror images included, whatever the
+sensor is.  Its tensor has two channels more.  One is for the light that misses the target: every pixel holds
+`Light.lost` / number of pixels, so that the channel's sum is what is lost.  The other, "rounding", is what
+float32 took from the irradiance, for a loss near its minimum; no derivative goes through it.
+
+Mitsuba's tensors are float32: what a render returns, and what comes back to it, is rounded to 6e-8 of every
+pixel.  What lies between is in double precision.
+
 The parameters "front_coefficients" and "rear_coefficients" (Float64, of the surfaces that are free) are
 differentiable, in backward and in forward mode.  The scene's shapes and emitters play no part.
 
@@ -18,7 +26,7 @@ which serves every integrator, and this one is no longer needed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from math import ceil, sqrt
@@ -36,26 +44,26 @@ from optics.system import OpticalSystem
 from optics.tracing import Tracer
 
 if TYPE_CHECKING:
+    from optics.engines import Light, LightModel
     from optics.runtime import Backend
     from thbcad.lens import Lens
+
+    Models = Callable[[Any, int], LightModel]  # of a sensor and its samples per pixel
 
 Floats = NDArray[np.float64]
 NAME = "thbcad"
 
 
 class _Parameters:
-    """The coefficients that Mitsuba may change, and what is prepared for the last film."""
+    """The coefficients that Mitsuba may change, and the light at those of the last render.
 
-    def __init__(self, backend: Backend, system: OpticalSystem, lens: Lens) -> None:
-        self._backend, self._system, self._lens = backend, system, lens
-        free = {"front": lens.front.sag, "rear": lens.rear.sag}
-        self.named = {
-            f"{name}_coefficients": backend.array(sag.coefficients)
-            for name, sag in free.items()
-            if sag is not None
-        }
-        self._key: tuple[int, ...] = ()
-        self._film: TracedModel | None = None
+    A derivative that is asked for after its render needs no second trace.
+    """
+
+    def __init__(self, backend: Backend, coefficients: dict[str, Floats], models: Models) -> None:
+        self._backend, self._models = backend, models
+        self.named = {f"{name}_coefficients": backend.array(values) for name, values in coefficients.items()}
+        self._last: tuple[LightModel, list[Floats], Light] | None = None
 
     def values(self) -> list[Floats]:
         """Return the coefficients, (dim,) each."""
@@ -70,19 +78,27 @@ class _Parameters:
         for values, gradient in zip(self.named.values(), gradients):
             self._backend.dr.accum_grad(values, self._backend.array(gradient))
 
-    def film(self, scene: Any, sensor: Any, spp: int) -> TracedModel:
-        """Return the light model of a sensor's film; spp = 0 is what its sampler says."""
+    def model(self, scene: Any, sensor: Any, spp: int) -> LightModel:
+        """Return the light model of a sensor; spp = 0 is what its sampler says."""
         sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-        columns, rows = map(int, sensor.film().size())
-        key = columns, rows, spp or sensor.sampler().sample_count()
-        if self._film is None or key != self._key:
-            self._key, system = key, self._system
-            screen = replace(system.target.screen(), pixels=(columns, rows))
-            rays = system.source.rays([ceil(sqrt(key[2]) * n) for n in (columns, rows)])
-            tracer = Tracer(self._backend, self._lens, rays, system.target.z)
-            window = stage_window(system.problem, final=True)
-            self._film = TracedModel(self._backend, tracer, screen, window)
-        return self._film
+        return self._models(sensor, spp or sensor.sampler().sample_count())
+
+    def light(self, model: LightModel) -> Light:
+        """Return the light at the coefficients as they are, with what derivatives need."""
+        values = self.values()
+        if self._last is not None:
+            traced, at, light = self._last
+            if traced is model and all(map(np.array_equal, at, values)):
+                return light
+        light = model.light(values)
+        self._last = model, values, light
+        return light
+
+    @property
+    def wanted(self) -> bool:
+        """Whether derivatives by a coefficient are asked for."""
+        with self._backend.dr.resume_grad():
+            return any(self._backend.dr.grad_enabled(p) for p in self.named.values())
 
 
 def register() -> None:
@@ -96,7 +112,7 @@ def register() -> None:
 
     def make(properties: Any) -> Any:
         problem, lens, _ = ResultFolder(properties["result"]).read()
-        return _integrator_class(mi, mi.variant())(properties, OpticalSystem(problem), lens)
+        return _exact(mi, properties, OpticalSystem(problem), lens)
 
     mi.register_integrator(NAME, make)
 
@@ -111,24 +127,61 @@ def exact_integrator(system: OpticalSystem, lens: Lens) -> Any:
     UserError : as `load_mitsuba`.
     """
     mi = current_mitsuba()
-    return _integrator_class(mi, mi.variant())(mi.Properties(), system, lens)
+    return _exact(mi, mi.Properties(), system, lens)
+
+
+def light_integrator(model: LightModel, coefficients: dict[str, Floats]) -> Any:
+    """Return the integrator of a light model, with the channels irradiance, lost, rounding, mi.Integrator.
+
+    coefficients : (dim,) of the sags of "front" and "rear", those that are free, front first.
+
+    Raises
+    ------
+    UserError : as `load_mitsuba`.
+    """
+    mi = current_mitsuba()
+    parameters = _Parameters(mitsuba_backend(mi), coefficients, lambda sensor, spp: model)
+    return _integrator_class(mi, mi.variant())(mi.Properties(), parameters, True)
+
+
+def _exact(mi: ModuleType, properties: Any, system: OpticalSystem, lens: Lens) -> Any:
+    backend, free = mitsuba_backend(mi), {"front": lens.front.sag, "rear": lens.rear.sag}
+    coefficients = {name: sag.coefficients for name, sag in free.items() if sag is not None}
+
+    @cache
+    def film(columns: int, rows: int, spp: int) -> TracedModel:
+        screen = replace(system.target.screen(), pixels=(columns, rows))
+        rays = system.source.rays([ceil(sqrt(spp) * n) for n in (columns, rows)])
+        tracer = Tracer(backend, lens, rays, system.target.z)
+        return TracedModel(backend, tracer, screen, stage_window(system.problem, final=True))
+
+    def models(sensor: Any, spp: int) -> LightModel:
+        columns, rows = map(int, sensor.film().size())
+        return film(columns, rows, spp)
+
+    parameters = _Parameters(backend, coefficients, models)
+    return _integrator_class(mi, mi.variant())(properties, parameters, False)
 
 
 @cache
 def _integrator_class(mi: ModuleType, variant: str) -> type:
     """Return the class for the variant that is set: Mitsuba's base class is another one in each."""
-    backend = mitsuba_backend(mi)
 
     base: Any = mi.CppADIntegrator
 
-    class ExactIntegrator(base):
-        def __init__(self, properties: Any, system: OpticalSystem, lens: Lens) -> None:
+    class LightIntegrator(base):
+        """parameters : of the scene.  lost : add the channels "lost" and "rounding"."""
+
+        def __init__(self, properties: Any, parameters: _Parameters, lost: bool) -> None:
             super().__init__(properties)
-            self._parameters = _Parameters(backend, system, lens)
+            self._parameters, self._lost = parameters, lost
 
         def traverse(self, callback: Any) -> None:
             for name, values in self._parameters.named.items():
                 callback.put(name, values, mi.ParamFlags.Differentiable)
+
+        def aov_names(self) -> list[str]:
+            return ["lost", "rounding"] if self._lost else []
 
         def render(
             self,
@@ -140,25 +193,42 @@ def _integrator_class(mi: ModuleType, variant: str) -> type:
             evaluate: bool = True,
         ) -> Any:
             p = self._parameters
-            return _tensor(mi, p.film(scene, sensor, spp).image(p.values()))
+            model = p.model(scene, sensor, spp)
+            if not (self._lost or p.wanted):
+                return _tensor(mi, model.image(p.values()))
+            light = p.light(model)
+            if not self._lost:
+                return _tensor(mi, light.image)
+            return _tensor(mi, *_channels(light.image, light.lost))
 
         def render_forward(
             self, scene: Any, params: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
         ) -> Any:
             p = self._parameters
-            return _tensor(mi, p.film(scene, sensor, spp).push_forward(p.values(), p.directions())[1])
+            model, values, directions = p.model(scene, sensor, spp), p.values(), p.directions()
+            _, change = model.push_forward(values, directions)
+            if not self._lost:
+                return _tensor(mi, change)
+            slopes = model.light(values).pull_back(np.zeros(change.shape), 1.0)
+            return _tensor(mi, *_channels(change, sum(float(g @ d) for g, d in zip(slopes, directions))))
 
         def render_backward(
             self, scene: Any, params: Any, grad_in: Any, sensor: Any = 0, seed: int = 0, spp: int = 0
         ) -> None:
-            p, gradient = self._parameters, np.array(grad_in, dtype=np.float64)[..., 0]
-            p.accumulate(p.film(scene, sensor, spp).light(p.values()).pull_back(gradient))
+            p, gradient = self._parameters, np.array(grad_in, dtype=np.float64)
+            lost_bar = float(gradient[..., 1].mean()) if self._lost else 0.0
+            p.accumulate(p.light(p.model(scene, sensor, spp)).pull_back(gradient[..., 0], lost_bar))
 
         def to_string(self) -> str:
             return f"{NAME}[{', '.join(self._parameters.named)}]"
 
-    return ExactIntegrator
+    return LightIntegrator
 
 
-def _tensor(mi: ModuleType, picture: Floats) -> Any:
-    return mi.TensorXf(picture.astype(np.float32)[..., None])
+def _channels(image: Floats, lost: float) -> tuple[Floats, Floats, Floats]:
+    """Return an irradiance, the lost light spread over its pixels, and what float32 takes from it."""
+    return image, np.full_like(image, lost / image.size), image - image.astype(np.float32)
+
+
+def _tensor(mi: ModuleType, *channels: Floats) -> Any:
+    return mi.TensorXf(np.stack(channels, axis=-1).astype(np.float32))

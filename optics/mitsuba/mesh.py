@@ -1,11 +1,8 @@
 """The closed lens as Mitsuba meshes whose vertices follow the THB coefficients.
 
-Front and rear are sampled at the same relative positions.  On a surface with n vertices height and slopes are
-
-    (z, zx, zy) = base + A c,    A : csr_array (3 n, dim),
-
-with the THB coefficients c, and the vertex normals are those of the spline itself, (-zx, -zy, 1) / N on the
-rear and the opposite on the front.  The four ruled edges are strips between the rims, with flat normals.
+Front and rear are sampled at the same relative positions, see `SurfaceVertices`.  The vertex normals are
+those of the spline itself, (-zx, -zy, 1) / N on the rear and the opposite on the front.  The four ruled edges
+are strips between the rims, with flat normals.
 
 Mitsuba 3.9.1 has no Python class from which a shape could derive.  When it has, a shape that meets the
 spline itself can replace these meshes.
@@ -16,89 +13,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import repeat
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
 
 from optics.mitsuba.loading import mitsuba_backend
+from optics.mitsuba.surface_vertices import SurfaceVertices, jet_operation
 from thbcad.checks import read_only
 from thbcad.lens import rim_indices, tessellated
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend, DrArray
-    from thbcad.lens import FreeformSurface, Lens
+    from optics.mitsuba.surface_vertices import Jet
+    from optics.runtime import DrArray
+    from thbcad.lens import Lens
+    from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
-JET = ((0, 0), (1, 0), (0, 1))
 FACES = ("front", "rear", "edges")
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceVertices:
-    """Vertices of one surface at the relative positions s x t in [-1, 1], t first.
-
-    Heights and slopes are base + matrix @ c.
-
-    vertex : z of the surface's vertex in the lens's frame, mm.
-    """
-
-    surface: FreeformSurface
-    vertex: float
-    s: Floats
-    t: Floats
-
-    @cached_property
-    def positions(self) -> tuple[Floats, Floats]:
-        """x and y of all vertices, (n,) each, mm."""
-        hx, hy = self.surface.half_width
-        x, y = (a.ravel() for a in np.meshgrid(hx * self.s, hy * self.t, indexing="ij"))
-        return read_only(x), read_only(y)
-
-    @cached_property
-    def base(self) -> Floats:
-        """z, zx, zy without the sag, (3, n)."""
-        x, y = self.positions
-        rows = [self.surface.conic(x, y, d) + np.zeros_like(x) for d in JET]
-        rows[0] += self.vertex
-        return read_only(np.stack(rows))
-
-    @cached_property
-    def matrix(self) -> csr_array:
-        """The derivatives of z, zx, zy by the THB coefficients, csr_array (3 n, dim).
-
-        Raises
-        ------
-        ValueError : a surface without a sag.
-        """
-        if self.surface.sag is None:
-            raise ValueError("a surface without a sag has no coefficients")
-        space = self.surface.sag.space
-        u, v = self.surface.to_parameters(*self.positions)
-        du, dv = (  # parameters per mm
-            (kv.stop - kv.start) / (2 * h) for kv, h in zip((space.kv_u, space.kv_v), self.surface.half_width)
-        )
-        rows = [space.collocation(u, v, (a, b)) * (du**a * dv**b) for a, b in JET]
-        return csr_array(vstack(rows, format="csr"))
-
-    def jet(self, coefficients: Floats | None = None) -> Floats:
-        """Return z, zx, zy, (3, n).  coefficients : (dim,), or None for the surface as it is."""
-        if coefficients is not None:
-            return self.base + self.push_forward(coefficients)
-        hx, hy = self.surface.half_width
-        rows = np.stack([self.surface.grid(hx * self.s, hy * self.t, d).ravel() for d in JET])
-        rows[0] += self.vertex
-        return rows
-
-    def push_forward(self, direction: Floats) -> Floats:
-        """Return the change of `jet` with a change of the coefficients, (3, n)."""
-        return (self.matrix @ direction).reshape(3, -1)
-
-    def pull_back(self, gradients: Floats) -> Floats:
-        """Return the derivative by the coefficients, (dim,), from that by the jet, (3, n)."""
-        return self.matrix.T @ gradients.ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,23 +114,21 @@ class LensMesh:
         both = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         return (both[:, ::-1] if name == "front" else both).astype(np.uint32)
 
-    def vertices(
-        self, mitsuba: ModuleType, name: str, coefficients: DrArray | None = None
-    ) -> tuple[Any, Any]:
+    def vertices(self, mitsuba: ModuleType, name: str, jet: Jet | None = None) -> tuple[Any, Any]:
         """Return (positions, outward unit normals) of "front" or "rear", Point3f and Normal3f.
 
-        They are differentiable in the coefficients.
-
-        coefficients : Float64 (dim,), or None for the surface as it is.
+        jet : heights and slopes, in which they are differentiable, or None for the surface as it is.
         """
         surface, backend = self.surfaces[name], mitsuba_backend(mitsuba)
-        if coefficients is None:
-            z, zx, zy = (backend.array(row) for row in surface.jet())
-        else:
-            z, zx, zy = backend.dr.custom(_jet_operation(backend, surface), coefficients)
+        z, zx, zy = jet or (backend.array(row) for row in surface.jet())
         outward = (1.0 if name == "rear" else -1.0) * backend.dr.rsqrt(1 + zx * zx + zy * zy)
         x, y = (backend.array(row) for row in surface.positions)
         return mitsuba.Point3f(x, y, z), mitsuba.Normal3f(-zx * outward, -zy * outward, outward)
+
+    def jet(self, mitsuba: ModuleType, name: str, coefficients: DrArray) -> Jet:
+        """Return heights and slopes of a surface, differentiable in the coefficients, Float64 (dim,)."""
+        backend = mitsuba_backend(mitsuba)
+        return backend.dr.custom(jet_operation(backend, self.surfaces[name]), coefficients)
 
     def shapes(self, mitsuba: ModuleType, names: Sequence[str] = FACES, bsdf: Any = None) -> dict[str, Any]:
         """Return the faces as Mitsuba meshes by name.  bsdf : of all of them."""
@@ -221,7 +153,15 @@ class LensMesh:
         parameters : `mitsuba.traverse` of a scene that holds some of the `shapes` by their names.
         coefficients : Float64 (dim,) of every sag, front first.
         """
-        moved = dict(zip(self.free, coefficients))
+        jets = [self.jet(mitsuba, name, c) for name, c in zip(self.free, coefficients)]
+        self.follow(mitsuba, parameters, jets)
+
+    def follow(self, mitsuba: ModuleType, parameters: Any, jets: Sequence[Jet]) -> None:
+        """Move the vertices of a scene's lens to other heights and slopes, as `update` does.
+
+        jets : of every surface that carries a sag, front first.
+        """
+        moved = dict(zip(self.free, jets))
         for name in FACES:
             if f"{name}.vertex_positions" in parameters and (name in moved or name == "edges"):
                 buffers = self._buffers(mitsuba, name, moved)
@@ -229,41 +169,49 @@ class LensMesh:
                     parameters[f"{name}.{key}"] = values
         parameters.update()
 
-    def _buffers(
-        self, mitsuba: ModuleType, name: str, coefficients: dict[str, DrArray]
-    ) -> dict[str, DrArray]:
+    def _buffers(self, mitsuba: ModuleType, name: str, jets: dict[str, Jet]) -> dict[str, DrArray]:
         """Return what a face's mesh stores, by Mitsuba's names."""
         dr = mitsuba_backend(mitsuba).dr
         if name == "edges":
             rim = mitsuba.UInt32(self.rim)
-            sides = (self.vertices(mitsuba, side, coefficients.get(side))[0] for side in self.surfaces)
+            sides = (self.vertices(mitsuba, side, jets.get(side))[0] for side in self.surfaces)
             return {
                 "vertex_positions": dr.concat(
                     [dr.ravel(dr.gather(mitsuba.Point3f, side, rim)) for side in sides]
                 )
             }
-        positions, normals = self.vertices(mitsuba, name, coefficients.get(name))
+        positions, normals = self.vertices(mitsuba, name, jets.get(name))
         return {"vertex_positions": dr.ravel(positions), "vertex_normals": dr.ravel(normals)}
 
+    def leaves(self, mitsuba: ModuleType, coefficients: Sequence[Floats]) -> list[Jet]:
+        """Return heights and slopes of every surface that carries a sag, front first, to be derived by."""
+        backend = mitsuba_backend(mitsuba)
+        jets = []
+        for name, c in zip(self.free, coefficients):
+            z, zx, zy = (backend.array(row) for row in self.surfaces[name].jet(c))
+            backend.dr.enable_grad(z, zx, zy)
+            jets.append((z, zx, zy))
+        return jets
 
-def _jet_operation(backend: Backend, surface: SurfaceVertices) -> type:
-    """Return the Dr.Jit operation coefficients -> z, zx, zy, Float64 (n,) each."""
+    def pull_back(
+        self, leaves: Sequence[Jet], knots: Sequence[Sequence[KnotVector]] | None = None
+    ) -> list[Floats]:
+        """Return the derivative by each sag's coefficients from those that the leaves carry.
 
-    base: Any = backend.dr.CustomOp
+        knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
+        """
+        out, count = [], len(self.s) * len(self.t)
+        for name, jet, pair in zip(self.free, leaves, knots or repeat(None)):
+            gradients = np.stack([np.broadcast_to(leaf.grad.numpy(), count) for leaf in jet])
+            out.append(self.surfaces[name].pull_back(gradients, pair))
+        return out
 
-    class Jet(base):
-        def eval(self, coefficients: DrArray) -> tuple[DrArray, ...]:
-            return tuple(backend.array(row) for row in surface.jet(coefficients.numpy()))
-
-        def forward(self) -> None:
-            direction = np.broadcast_to(self.grad_in("coefficients").numpy(), surface.matrix.shape[1])
-            self.set_grad_out(tuple(backend.array(row) for row in surface.push_forward(direction)))
-
-        def backward(self) -> None:
-            gradients = [np.broadcast_to(g.numpy(), len(surface.positions[0])) for g in self.grad_out()]
-            self.set_grad_in("coefficients", backend.array(surface.pull_back(np.stack(gradients))))
-
-        def name(self) -> str:
-            return "heights and slopes of a THB surface"
-
-    return Jet
+    def set_directions(
+        self, mitsuba: ModuleType, leaves: Sequence[Jet], directions: Sequence[Floats]
+    ) -> list[DrArray]:
+        """Set the derivatives of the leaves to those along a direction in the coefficients; return them."""
+        backend = mitsuba_backend(mitsuba)
+        for name, jet, direction in zip(self.free, leaves, directions):
+            for leaf, row in zip(jet, self.surfaces[name].push_forward(direction)):
+                backend.dr.set_grad(leaf, backend.array(row))
+        return [leaf for jet in leaves for leaf in jet]

@@ -1,17 +1,16 @@
 """Rays through the lens's meshes, traced by Mitsuba: front, rear, target.
 
-The pipeline of the exact tracer with one part exchanged: where a ray meets a surface, and the normal there,
-come from `Scene.ray_intersect` in single precision, the normal interpolated between the vertices.  Every
-surface is a scene of its own, so that no ray starts on a mesh that it can meet again, and Embree's robust
-tests let no ray slip through between two triangles: without them those on the grid lines do, and cost 5e-3 of
-the irradiance.
+The pipeline of the exact tracer with one part exchanged: a ray meets the triangle that Mitsuba finds for it,
+in single precision, and the normal there is interpolated between the vertices.  Every surface is a scene of
+its own, so that no ray starts on a mesh that it can meet again, and Embree's robust tests let no ray slip
+through between two triangles: without them those on the grid lines do, and cost 5e-3 of the irradiance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isinf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +20,10 @@ from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.mitsuba.mesh import LensMesh
 from optics.optimisation import Objective
 from optics.sources import RayGrid, Rays
-from optics.target import Splat
-from optics.tracing import Landing, device_flux, refract
+from optics.tracing import Landing, device_flux, refract, rim_fade
 
 if TYPE_CHECKING:
+    from optics.mitsuba.surface_vertices import Jet
     from optics.runtime import DrArray
     from optics.system import OpticalSystem
     from optics.target import Window
@@ -37,11 +36,21 @@ if TYPE_CHECKING:
 class MeshTracer:
     """Rays of one source through the meshes of a lens whose sags may change: a `RayTracer`.
 
-    A front without sag is traced once.  target_z : mm, inf is the far field.
+    A front without sag is traced once.
+
+    target_z : mm, inf is the far field.  soft_rim, fresnel : as of `Tracer`.
     """
 
-    def __init__(self, mesh: LensMesh, rays: RayGrid | Rays, target_z: float) -> None:
+    def __init__(
+        self,
+        mesh: LensMesh,
+        rays: RayGrid | Rays,
+        target_z: float,
+        soft_rim: float = 0.0,
+        fresnel: bool = True,
+    ) -> None:
         self._mitsuba, self._mesh, self._target_z = current_mitsuba(), mesh, target_z
+        self._soft_rim, self._fresnel = soft_rim, fresnel
         self.backend = mitsuba_backend(self._mitsuba, "single")
         dr, Float = self.backend.dr, self.backend.Float
         self._index = {
@@ -54,29 +63,33 @@ class MeshTracer:
             name: self._mitsuba.load_dict(robust | {name: shape}) for name, shape in shapes.items()
         }
         self._parameters = [self._mitsuba.traverse(self._scenes[name]) for name in mesh.free]
+        self._triangles = {
+            name: [self._mitsuba.UInt32(np.ascontiguousarray(row)) for row in mesh.triangles(name).T]
+            for name in shapes
+        }
         self._flux = device_flux(self.backend, rays.flux)
         rays = rays.rays(_before(mesh)) if isinstance(rays, RayGrid) else rays
         ox, oy, oz = (self.backend.array(row) for row in rays.origin)
         dx, dy, dz = (self.backend.array(row) for row in rays.direction)
         self._origin, self._direction = (ox, oy, oz), (dx, dy, dz)
-        self._behind = None if "front" in mesh.free else self._through_front()
+        self._behind = None if "front" in mesh.free else self._through_front({})
         dr.eval(self._behind)
 
-    def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[DrArray], Landing]:
-        """Return (leaves, Landing), differentiable in the leaves: the coefficients of every sag, front
-        first."""
-        double = mitsuba_backend(self._mitsuba)
-        leaves = [double.array(c) for c in coefficients]
-        double.dr.enable_grad(*leaves)
-        for parameters in self._parameters:
-            self._mesh.update(self._mitsuba, parameters, leaves)
-        return leaves, self.landing()
+    def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Jet], Landing]:
+        """Return (leaves, Landing), differentiable in the leaves.
 
-    def landing(self) -> Landing:
-        """Return the Landing of the meshes as they are."""
+        These are heights and slopes at the vertices of every surface that carries a sag, front first.
+        """
+        leaves = self._mesh.leaves(self._mitsuba, coefficients)
+        for parameters in self._parameters:
+            self._mesh.follow(self._mitsuba, parameters, leaves)
+        return leaves, self._landing(dict(zip(self._mesh.free, leaves)))
+
+    def _landing(self, jets: dict[str, Jet]) -> Landing:
+        """Return the Landing of the meshes as they are.  jets : of the free surfaces."""
         dr = self.backend.dr
-        origin, direction, entering, met = self._behind or self._through_front()
-        point, (dx, dy, dz), flux, hit = self._through("rear", origin, direction, entering)
+        origin, direction, entering, met = self._behind or self._through_front(jets)
+        point, (dx, dy, dz), flux, hit = self._through("rear", jets, origin, direction, entering)
         forward = dz > 0
         dz = dr.select(forward, dz, 1)
         if isinf(self._target_z):
@@ -94,53 +107,77 @@ class MeshTracer:
             entering=entering,
             decided=always,
             met=met,
-            found=always,
+            found=hit,
             hit=hit,
             refracted=forward,
         )
 
     def pull_back(
-        self, leaves: Sequence[DrArray], knots: Sequence[Sequence[KnotVector]] | None = None
+        self, leaves: Sequence[Jet], knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[NDArray[np.float64]]:
         """Return the derivative by each sag's coefficients after `dr.backward`.
 
-        Raises
-        ------
-        ValueError : knots; a mesh follows the coefficients of its lens only.
+        knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
         """
-        if knots is not None:
-            raise ValueError("a mesh has derivatives by the coefficients of its lens only")
-        return [np.array(np.broadcast_to(leaf.grad.numpy(), len(leaf))) for leaf in leaves]
+        return self._mesh.pull_back(leaves, knots)
 
     def set_directions(
-        self, leaves: Sequence[DrArray], directions: Sequence[NDArray[np.float64]]
+        self, leaves: Sequence[Jet], directions: Sequence[NDArray[np.float64]]
     ) -> list[DrArray]:
-        """Set the derivatives of the leaves to a direction in the coefficients; return them."""
-        double = mitsuba_backend(self._mitsuba)
-        for leaf, direction in zip(leaves, directions):
-            double.dr.set_grad(leaf, double.array(direction))
-        return list(leaves)
+        """Set the derivatives of the leaves to those along a direction in the coefficients; return them."""
+        return self._mesh.set_directions(self._mitsuba, leaves, directions)
 
-    def _through_front(self) -> tuple[Vector, Vector, DrArray, DrArray]:
-        return self._through("front", self._origin, self._direction, self._flux)
+    def _through_front(self, jets: dict[str, Jet]) -> tuple[Vector, Vector, DrArray, DrArray]:
+        return self._through("front", jets, self._origin, self._direction, self._flux)
 
     def _through(
-        self, name: str, origin: Vector, direction: Vector, flux: DrArray
+        self, name: str, jets: dict[str, Jet], origin: Vector, direction: Vector, flux: DrArray
     ) -> tuple[Vector, Vector, DrArray, DrArray]:
         """Return (meeting point, refracted direction, flux, met).
 
         flux : zero for rays that do not pass.  met : the mask of rays that meet the surface.
         """
-        mi, dr = self._mitsuba, self.backend.dr
-        ray = mi.Ray3f(mi.Point3f(*origin), mi.Vector3f(*direction))
-        meeting = self._scenes[name].ray_intersect(
-            ray, ray_flags=mi.RayFlags.All, coherent=True, active=flux > 0
-        )
-        normal, hit = meeting.sh_frame.n, meeting.is_valid()
+        dr = self.backend.dr
+        point, normal, hit = self._meeting(name, jets, origin, direction, flux > 0)
         zx, zy = (dr.select(hit, -a / normal.z, 0) for a in (normal.x, normal.y))
-        refracted, transmittance, _ = refract(dr, direction, (zx, zy), self._index[name])
-        x, y, z = meeting.p
-        return (x, y, z), refracted, dr.select(hit, flux * transmittance, 0), hit
+        refracted, transmittance, passes = refract(dr, direction, (zx, zy), self._index[name])
+        x, y, z = (dr.select(hit, a, 0) for a in point)
+        passing = flux * (transmittance if self._fresnel else dr.select(passes, self.backend.Float(1), 0))
+        if self._soft_rim and name in self._mesh.free:
+            half_width = self._mesh.surfaces[name].surface.half_width
+            passing = passing * rim_fade(self.backend, (x, y), half_width, self._soft_rim)
+        return (x, y, z), refracted, dr.select(hit, passing, 0), hit
+
+    def _meeting(
+        self, name: str, jets: dict[str, Jet], origin: Vector, direction: Vector, active: DrArray
+    ) -> tuple[Any, Any, DrArray]:
+        """Return (point, normal, met) of rays at a mesh, differentiable in rays and vertices.
+
+        Mitsuba finds the triangle p q r.  With e = q - p, f = r - p and the ray o + t d, in its plane
+
+            (u, v) = ((o - p) . (d x f), d . ((o - p) x e)) / (e . (d x f))
+
+        gives the point p + u e + v f and the normal between those of the corners.
+
+        Source: T. Moeller, B. Trumbore, Fast, minimum storage ray-triangle intersection, J. Graphics Tools 2
+        (1997).
+        """
+        mi, dr = self._mitsuba, self.backend.dr
+        o, d = mi.Point3f(*origin), mi.Vector3f(*direction)
+        ray = dr.detach(mi.Ray3f(o, d))
+        met = self._scenes[name].ray_intersect_preliminary(ray, coherent=True, active=active)
+        hit, triangle = met.is_valid(), met.prim_index
+        # derivatives must not look for the triangles again: the mesh may have moved on by then
+        dr.eval(hit, triangle)
+        positions, normals = self._mesh.vertices(mi, name, jets.get(name))
+        corners = [dr.gather(mi.UInt32, row, triangle, hit) for row in self._triangles[name]]
+        p, q, r = (dr.gather(mi.Point3f, positions, corner, hit) for corner in corners)
+        e, f, s = q - p, r - p, o - p
+        across, turned = dr.cross(d, f), dr.cross(s, e)
+        scale = 1 / dr.select(hit, dr.dot(e, across), 1)
+        u, v = dr.dot(s, across) * scale, dr.dot(d, turned) * scale
+        n, along_e, along_f = (dr.gather(mi.Normal3f, normals, corner, hit) for corner in corners)
+        return p + u * e + v * f, n * (1 - u - v) + along_e * u + along_f * v, hit
 
 
 def _before(mesh: LensMesh) -> float:
@@ -163,9 +200,7 @@ def mesh_irradiance(
     """
     tracer = MeshTracer(LensMesh.uniform(lens, vertices), system.source.rays(counts), system.target.z)
     screen = system.target.screen()
-    landing = tracer.landing()
-    image = Splat(tracer.backend, screen, window)(landing.x, landing.y, landing.flux)
-    return image.numpy().astype(np.float64).reshape(screen.padded, order="F")
+    return TracedModel(tracer.backend, tracer, screen, window).image([sag.coefficients for sag in lens.sags])
 
 
 def mesh_pipeline(

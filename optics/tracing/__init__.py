@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from optics.tracing.sequential import (
         Tracer as Tracer,
         device_flux as device_flux,
+        rim_fade as rim_fade,
     )
 
 _FILES = {
@@ -84,6 +85,7 @@ _FILES = {
     "sequential": (
         "Tracer",
         "device_flux",
+        "rim_fade",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -243,14 +243,24 @@ class Tracer:
         return out, transmittance, passes
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
-        """Return 1 inside a surface, falling to 0 at its rim by 3 s^2 - 2 s^3."""
+        """Return 1 inside a surface, falling to 0 at its rim, see `rim_fade`."""
         if not self._soft_rim or surface.sag is None or isinstance(self._rear, KnownHits):
             return 1.0
-        dr, factor = self._backend.dr, 1.0
-        for a, h in zip((hits.x, hits.y), surface.half_width):
-            s = dr.clip((h - dr.abs(a)) * (1 / (self._soft_rim * h)), 0, 1)
-            factor = factor * (s * s * (3 - 2 * s))
-        return factor
+        return rim_fade(self._backend, (hits.x, hits.y), surface.half_width, self._soft_rim)
+
+
+def rim_fade(
+    backend: Backend, point: Sequence[DrArray], half_width: Sequence[float], width: float
+) -> DrArray:
+    """Return 1 inside a rectangle, falling to 0 at its rim by 3 s^2 - 2 s^3 in each direction.
+
+    point : x and y, mm.  width : of the fall, a fraction of the half-width.
+    """
+    dr, factor = backend.dr, 1.0
+    for a, h in zip(point, half_width):
+        s = dr.clip((h - dr.abs(a)) * (1 / (width * h)), 0, 1)
+        factor = factor * (s * s * (3 - 2 * s))
+    return factor
 
 
 def device_flux(backend: Backend, flux: NDArray[np.float64]) -> DrArray:

@@ -140,7 +140,7 @@ def test_derivatives_of_positions_and_normals(mi, name):
         return np.concatenate([np.stack([*rows.positions, z]), normal])
 
     def dual(c):
-        positions, normals = mesh.vertices(mi, name, c)
+        positions, normals = mesh.vertices(mi, name, mesh.jet(mi, name, c))
         return [mi.Float64(a) for a in (*positions, *normals)]
 
     c = mi.Float64(sag.coefficients)

@@ -1,0 +1,33 @@
+"""The engines of this room by the names that problem files give them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from optics.engines import ExactEngine
+from optics.mitsuba.loading import load_mitsuba, mitsuba_backend
+from optics.mitsuba.mesh_engine import MeshEngine
+from optics.mitsuba.rendered_model import RenderingEngine
+
+if TYPE_CHECKING:
+    from optics.engines import Engine
+    from optics.system import OpticalSystem
+
+
+def mitsuba_engine(name: str, system: OpticalSystem, threads: int = 0) -> Engine:
+    """Return the engine of a name; Mitsuba runs in the variant llvm_ad_mono.
+
+    name : "mitsuba-exact", whose rays meet the splines themselves; "mitsuba-mesh", whose rays meet meshes.
+    threads : of all Dr.Jit kernels, 0 for all cores.
+
+    Raises
+    ------
+    UserError : as `load_mitsuba`.  ValueError : another name.
+    """
+    mitsuba = load_mitsuba(threads=threads)
+    backend = mitsuba_backend(mitsuba)
+    if name == "mitsuba-exact":
+        return RenderingEngine(ExactEngine(backend))
+    if name == "mitsuba-mesh":
+        return MeshEngine(mitsuba_backend(mitsuba, "single"))
+    raise ValueError(f"there is no engine {name!r} in Mitsuba")
