@@ -42,8 +42,13 @@ class LightRequest:
         return f"light_{self.tracer}.png"
 
     @property
+    def page(self) -> str:
+        """The file of the page that shows picture and numbers."""
+        return f"light_{self.tracer}.html"
+
+    @property
     def record(self) -> str:
-        """The file of the numbers, and of the picture's hash."""
+        """The file of the numbers, and of the hashes of the others."""
         return f"light_{self.tracer}.json"
 
     def answered(self, system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> FileLight:
@@ -59,19 +64,23 @@ class LightRequest:
             light_comparison_checks,
             light_comparison_lines,
         )
-        from optics.report import two_lights_figure
+        from optics.report import check_page, two_lights_figure
         from optics.runtime import verification
         from thbcad.io import json_text, write_bytes, write_text
 
         note(f"{self.tracer} traces {self.rays} rays through the STEP file")
         found = compare_light(system, lens, file_tracer(self.tracer, file, system), self.rays, backend)
         checks = light_comparison_checks(found, system.problem.verify)
-        data = found.metrics | verification(checks)
+        checked, lines = verification(checks), light_comparison_lines(found)
         picture = two_lights_figure(found.theirs, found.ours, found.screen, self.tracer)
         write_bytes(self.folder / self.picture, picture)
-        written = {HASHES: hashes(self.folder, [self.picture])}
+        title = f"{system.problem.title}: the light of lens.step by {self.tracer}"
+        caption = f"The light that {self.tracer} makes of the file, the lens's own, and their difference."
+        write_text(self.folder / self.page, check_page(title, checked, lines, [(caption, picture)]))
+        data = found.metrics | checked
+        written = {HASHES: hashes(self.folder, [self.picture, self.page])}
         write_text(self.folder / self.record, json_text(data | written))
-        return FileLight(checks, data, [*light_comparison_lines(found), f"wrote {self.folder}"])
+        return FileLight(checks, data, [*lines, f"wrote {self.folder}"])
 
 
 def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
@@ -101,7 +110,8 @@ def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
         raise UserError(f"{options.result} is not a result folder: it has no problem.toml")
     request = LightRequest(options.light, rays, Path(options.out or Path(options.result) / "verify_light"))
     writable_folder(request.folder)
-    require_own(request.folder, (request.picture, request.record), request.record, options.force)
+    names = request.picture, request.page, request.record
+    require_own(request.folder, names, request.record, options.force)
     return request
 
 

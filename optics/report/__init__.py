@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     )
     from optics.report.html import (
         Report as Report,
+        check_page as check_page,
         report_html as report_html,
     )
     from optics.report.irradiance_files import (
@@ -54,6 +55,7 @@ _FILES = {
     "fresnel_curves": ("fresnel_figure",),
     "html": (
         "Report",
+        "check_page",
         "report_html",
     ),
     "irradiance_files": ("light_files",),

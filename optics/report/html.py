@@ -78,10 +78,7 @@ def report_html(report: Report, problem_text: str) -> str:
         else '<span class="bad">a check failed</span>'
     )
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{title}</title><style>{STYLE}</style>"
-        f"<h1>{title}</h1>{_banner(report)}"
+        f"{_head(title)}{_banner(report)}"
         f"<p>{_summary(metrics)}</p>"
         f'{_frame(report.view)}<div class="figures">{figures}</div>{levels}'
         f"<h2>Files</h2>{_file_list()}{_list(map(': '.join, report.run.items()), 'run')}"
@@ -97,6 +94,26 @@ def _figures(pictures: Iterable[tuple[str, bytes]]) -> str:
         f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
         for caption, png in pictures
+    )
+
+
+def check_page(
+    title: str,
+    verification: Mapping[str, Any],
+    sentences: Iterable[str],
+    pictures: Iterable[tuple[str, bytes]],
+) -> str:
+    """Return a page of checks by themselves, with sentences and pictures above them."""
+    shown = f'{_list(sentences, "notes")}<div class="levels">{_figures(pictures)}</div>'
+    return f"{_head(escape(title))}{shown}{_check_table(verification)}</html>\n"
+
+
+def _head(title: str) -> str:
+    """Return the begin of a page, up to its title; title : HTML."""
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
     )
 
 
@@ -177,7 +194,7 @@ def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
     return _table(("quantity", "value", "unit", "where"), texts)
 
 
-def _check_table(verification: dict[str, Any]) -> str:
+def _check_table(verification: Mapping[str, Any]) -> str:
     rows = ["<tr><th>check</th><th>got</th><th>at most</th><th>unit</th><th></th></tr>"]
     for check in verification["checks"]:
         mark = '<td class="good">passed</td>' if check["ok"] else '<td class="bad">failed</td>'
