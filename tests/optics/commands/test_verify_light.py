@@ -29,8 +29,12 @@ def test_the_light_of_the_file_is_checked_and_kept(capsys, result):
     printed = strict_json(capsys.readouterr().out)
     light = result / "verify_light"
     kept = strict_json((light / "light_occt.json").read_text("utf-8"))
-    assert kept["sha256"] == {"light_occt.png": sha256_of(light / "light_occt.png")}
-    assert {p.name for p in light.iterdir()} == {"light_occt.png", "light_occt.json"}
+    shown = {"light_occt.png", "light_occt.html"}
+    assert kept["sha256"] == {name: sha256_of(light / name) for name in shown}
+    assert {p.name for p in light.iterdir()} == {"light_occt.json", *shown}
+    page = (light / "light_occt.html").read_text("utf-8")
+    assert "data:image/png;base64," in page
+    assert "z-score" in page
     assert kept["rays"] == printed["light"]["rays"] == 1000
     assert kept["checks"] == printed["checks"][-len(kept["checks"]) :]
     assert len(kept["checks"]) == 4
