@@ -57,6 +57,7 @@ def test_the_record_holds_the_levels_and_the_report_a_row_of_each(kept):
     assert all(f"level {k}: " in page for k in range(3))
 
 
+@pytest.mark.slow
 def test_a_run_that_keeps_nothing_takes_the_levels_of_the_run_before_away(kept, tmp_path):
     design, _ = kept
     folder = design.save(tmp_path / "result")

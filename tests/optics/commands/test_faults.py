@@ -8,6 +8,7 @@ from __future__ import annotations
 import shutil
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from types import SimpleNamespace
 
 import pytest
@@ -22,6 +23,14 @@ from thbcad.io import write_bytes
 NEW = QUICK | {"lens.rear.freeform.max_level": 0, "title": "new", "run.threads": 1}
 EXPECTED = {"SIGINT": 130, "SIGTERM": 143, "ENOSPC": 2, "SIGKILL": None}
 FEWEST_OPERATIONS = 60
+
+
+STEPS = {  # of a design that compute: module and function
+    "optics.api.design_run": "shape",
+    "optics.api.design_record": "_measured",
+    "optics.api.design_files": "_checks",
+    "optics.commands.design_command": "system_of",
+}
 
 
 class Answers:
@@ -61,22 +70,22 @@ def kept(tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(design_command, "second_process", recorded)
-        for function in ("_optimised", "_measured", "_checks", "system_of"):
-            record(patch, function, kept.values)
+        for module, function in STEPS.items():
+            record(patch, module, function, kept.values)
         assert main(["design", str(kept.problem), "--out", str(root / "out"), "--json"]) == 0
     kept.answers.process = None
     return kept
 
 
-def record(patch, function, values):
-    """Let a function of the design command keep what it returns."""
-    genuine = getattr(design_command, function)
+def record(patch, module, function, values):
+    """Let a step of a design keep what it returns."""
+    genuine = getattr(import_module(module), function)
 
     def recorded(*arguments):
         values[function] = genuine(*arguments)
         return values[function]
 
-    patch.setattr(design_command, function, recorded)
+    patch.setattr(f"{module}.{function}", recorded)
 
 
 @pytest.fixture
@@ -87,17 +96,16 @@ def replayed(kept, monkeypatch):
     def answers():
         yield kept.answers
 
-    def optimised(run, system, backend, state, start):
-        lens, final = kept.values["_optimised"]
+    def shaped(system, backend, engine, state, progress, keep, *_):
+        lens, final = kept.values["shape"]
         for stage in (0, final.stage):  # as two levels would
-            at = State(final.moved, stage, final.sags, final.history)
-            design_command.write_checkpoint(run.folder.checkpoint, run.asked, system.problem, at, run.notes)
+            keep(State(final.moved, stage, final.sags, final.history))
         return lens, final
 
     monkeypatch.setattr(design_command, "second_process", answers)
-    monkeypatch.setattr(design_command, "_optimised", optimised)
-    for function in ("_measured", "_checks", "system_of"):
-        monkeypatch.setattr(design_command, function, lambda *_, value=kept.values[function]: value)
+    for module, function in STEPS.items():
+        monkeypatch.setattr(f"{module}.{function}", lambda *_, value=kept.values[function]: value)
+    monkeypatch.setattr("optics.api.design_run.shape", shaped)
     monkeypatch.setattr("optics.report.scene_paths", lambda *_: [])
     monkeypatch.setattr("optics.prediction.resolved", lambda system, backend: (system, None))
     return lambda out, *options: main(["design", str(kept.problem), "--out", str(out), "--json", *options])

@@ -150,6 +150,6 @@ def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_res
 
     problem, out = stopped_copy
     write_problem(problem.parent, LONG | {"title": "other"})
-    monkeypatch.setattr("optics.optimisation.design", interrupted)
+    monkeypatch.setattr("optics.api.design_run.shape", interrupted)
     assert main(["design", str(problem), "--out", str(out), "--force"]) == 130
     assert "nothing was kept" in capsys.readouterr().err
