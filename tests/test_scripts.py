@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import optics
-from tests.cases import EXAMPLES
+from tests.cases import EXAMPLES, ROOT
 from tests.optics.cases import rough, write_problem
 
 FOLDER = EXAMPLES / "scripts"
@@ -91,3 +91,24 @@ def test_the_custom_operation_has_the_gradient_of_the_model(script, tmp_path):
     dr.backward(dr.sum(light * Float(weights.ravel())))
     wanted = pull(weights)
     np.testing.assert_allclose(dr.grad(variable).numpy(), wanted, rtol=0, atol=1e-12 * abs(wanted).max())
+
+
+def test_the_recipe_for_jax_has_the_gradient_of_the_model(tmp_path):
+    jax = pytest.importorskip("jax")
+    (recipe,) = re.findall(
+        r"^```python jax\n(.*?)^```", (ROOT / "docs/scripts.md").read_text("utf-8"), re.M | re.S
+    )
+    assert sum(map(bool, recipe.splitlines())) <= 12
+    system = optics.System(optics.load_problem(write_problem(tmp_path)))
+    space = system.space(1)
+    names = {"model": system.model(space, (65, 65)), "np": np}
+    exec(recipe, names)
+    model, c = names["model"], rough(space, 0.03)
+
+    def loss(c):
+        return ((names["light"](c) - model.target) ** 2).sum()
+
+    image, pull = model.vjp(c)
+    wanted = pull(2 * (image - model.target))
+    for derivative in (jax.grad(loss), jax.jit(jax.grad(loss))):
+        np.testing.assert_allclose(derivative(c), wanted, rtol=0, atol=1e-12 * abs(wanted).max())
