@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import cached_property
+from importlib.util import find_spec
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -15,6 +16,7 @@ REDRAWN = 0.5  # seconds, between two drawings of the bar in a phase that says n
 DRAWN = 0.1  # seconds, at least, between two drawings in a phase that says much
 SAID = 0.1  # of the whole: between two plain lines of a phase that goes on
 FORM = "{percentage:3.0f}% |{bar:20}| {elapsed}, {desc}"
+WIDGETS = "{percentage:3.0f}% |{bar}| {elapsed}, {desc}"  # where the bar is drawn by the browser
 
 
 def time_words(seconds: float) -> str:
@@ -70,18 +72,18 @@ class Lines:
 class Bar:
     """A bar with the time left and the phase, and a line for every phase with details that is over.
 
-    make : makes the bar, as tqdm does; it is called with the first Moment
+    make : makes the bar, as tqdm does; it is called with the first Moment.  form : of the bar, as of tqdm.
     """
 
-    def __init__(self, stream: TextIO, make: Callable[..., Any]) -> None:
-        self._make, self._stream = make, stream
+    def __init__(self, stream: TextIO, make: Callable[..., Any], form: str = FORM) -> None:
+        self._make, self._stream, self._form = make, stream, form
         self._last: Moment | None = None
         self._ended = Event()
         self._thread: Thread | None = None
 
     @cached_property
     def _bar(self) -> Any:
-        return self._make(total=1.0, bar_format=FORM, file=self._stream, mininterval=DRAWN, miniters=0)
+        return self._make(total=1.0, bar_format=self._form, file=self._stream, mininterval=DRAWN, miniters=0)
 
     def __call__(self, moment: Moment) -> None:
         last, self._last = self._last, moment
@@ -116,12 +118,13 @@ class Bar:
 
 def drawing(stream: TextIO) -> Bar | Lines:
     """Return what draws progress on a stream: a bar in a notebook and on a terminal, or else plain lines."""
-    if "ipykernel" in sys.modules:
-        from tqdm.auto import tqdm
+    notebook = "ipykernel" in sys.modules
+    if notebook and find_spec("ipywidgets"):
+        from tqdm.notebook import tqdm as notebook_tqdm
+
+        return Bar(stream, notebook_tqdm, WIDGETS)
+    if notebook or stream.isatty():
+        from tqdm import tqdm
 
         return Bar(stream, tqdm)
-    if stream.isatty():
-        from tqdm import tqdm as terminal_tqdm
-
-        return Bar(stream, terminal_tqdm)
     return Lines(stream)
