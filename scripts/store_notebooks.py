@@ -46,13 +46,15 @@ def stripped(notebook: NotebookNode) -> NotebookNode:
 
 
 def _kept(outputs: list[NotebookNode]) -> list[NotebookNode]:
-    """Return outputs without progress; what was printed in several pieces becomes one."""
+    """Return outputs without progress; of HTML and text only HTML, and printed pieces as one."""
     out: list[NotebookNode] = []
     for output in outputs:
         if output.get("name") == "stderr" or WIDGET in output.get("data", {}):
             continue
         if "execution_count" in output:
             output.execution_count = None
+        if "text/html" in output.get("data", {}):  # the other form of a problem names where its picture lies
+            output.data.pop("text/plain", None)
         if out and output.output_type == out[-1].output_type == "stream":
             out[-1].text += output.text
         else:
