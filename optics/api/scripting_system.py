@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from math import isqrt
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from optics.api.coefficient_vectors import (
     vectors,
 )
 from optics.api.engine_choice import engine_of
-from optics.api.irradiance_model import DEVICE, Model
+from optics.api.irradiance_model import DEVICE, PER_STERADIAN, Model
 from optics.api.prepared_problem import prepared
 from optics.engines import Film
 from optics.optimisation import (
@@ -129,12 +130,17 @@ class System:
             raise UserError(f"the lens cannot exist: {error}; take smaller coefficients") from None
 
     def measure(self, lens: Lens) -> Measurement:
-        """Return irradiance, target and metrics of a lens, by light that no optimiser has seen."""
+        """Return irradiance, target and metrics of a lens, by light that no optimiser has seen.
+
+        In W/mm^2; in the far field in W/sr, as the model's.
+        """
         from optics.analysis import measure
         from optics.runtime import load_backend
 
         with DEVICE:
-            return measure(self.optical, lens, load_backend("double", self.problem.run.threads))
+            found = measure(self.optical, lens, load_backend("double", self.problem.run.threads))
+        unit = PER_STERADIAN if self.optical.path.far_field else 1.0
+        return replace(found, irradiance=unit * found.irradiance, target=unit * found.target)
 
     @cached_property
     def _level_0(self) -> list[THBSpace]:

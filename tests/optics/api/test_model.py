@@ -87,8 +87,9 @@ def test_the_far_field_is_in_watts_per_steradian(tmp_path):
     intensity = system.model(space, RAYS, "cells")(np.zeros(space.dim))
     screen = system.optical.target.screen()
     solid_angles = screen.projection() * screen.pixel_area * (np.pi / 180) ** 2
-    efficiency = system.measure(system.lens(space, np.zeros(space.dim))).metrics["efficiency"]
-    assert (intensity * solid_angles).sum() == pytest.approx(efficiency, rel=1e-3)
+    measured = system.measure(system.lens(space, np.zeros(space.dim)))
+    assert (intensity * solid_angles).sum() == pytest.approx(measured.metrics["efficiency"], rel=1e-3)
+    np.testing.assert_allclose(measured.irradiance, intensity, rtol=0, atol=1e-3 * intensity.max())
 
 
 def test_two_models_used_in_turn_give_the_bytes_of_each_alone(tmp_path):
