@@ -10,6 +10,8 @@ from optics.commands.outcome import Outcome
 from optics.results import HASHES, hashes
 from optics.runtime import UserError, check_lines
 
+SCENE = ".xml"  # suffix of a scene for Mitsuba
+
 if TYPE_CHECKING:
     from thbcad.lens import Flange
 
@@ -20,6 +22,8 @@ def export(options: Namespace) -> Outcome:
     from optics.runtime import verification
     from thbcad.io import json_text, write_text
 
+    if options.out.lower().endswith(SCENE) and options.format is None:
+        return _scene(options)
     name = format_of(options.out, options.format)
     body = Body(
         options.aperture and tuple(options.aperture),
@@ -41,6 +45,42 @@ def export(options: Namespace) -> Outcome:
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
     return Outcome(data, [*check_lines(data), *written], data["ok"])
+
+
+def _scene(options: Namespace) -> Outcome:
+    """Write the scene of a result for the program `mitsuba`.
+
+    Raises
+    ------
+    UserError : no result folder, Mitsuba is not installed or cannot express the problem.
+    """
+    from pathlib import Path
+
+    from optics.export import report_of, require_free_files
+    from optics.mitsuba import current_mitsuba, scene_checks, scene_file_names, scene_files
+    from optics.results import ResultFolder
+    from optics.runtime import verification
+    from optics.system import OpticalSystem
+    from thbcad.io import json_text, write_files, write_text
+
+    out, folder = Path(options.out), Path(options.result)
+    if not folder.is_dir():
+        raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
+    require_free_files(scene_file_names(out), options.out, options.force)
+    problem, lens, _ = ResultFolder(folder).read()
+    current_mitsuba()
+    files = scene_files(OpticalSystem(problem), lens, out)
+    write_files(files)
+    checks, report = scene_checks(lens, out), report_of(options.out)
+    data = {
+        "format": "mitsuba",
+        "files": [str(file) for file in files],
+        **verification(checks),
+        HASHES: hashes(report.parent, [file.name for file in files]),
+    }
+    write_text(report, json_text(data))
+    written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
+    return Outcome(data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], data["ok"])
 
 
 def _flange(numbers: Sequence[float] | None) -> Flange | None:

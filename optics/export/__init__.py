@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         labelled_lens as labelled_lens,
         report_of as report_of,
         require_free as require_free,
+        require_free_files as require_free_files,
     )
 
 _FILES = {
@@ -24,6 +25,7 @@ _FILES = {
         "labelled_lens",
         "report_of",
         "require_free",
+        "require_free_files",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -174,8 +174,12 @@ def require_free(out: str, name: str, body: Body, force: bool) -> None:
 
     force : replace it nevertheless, but never a file of a result
     """
+    require_free_files(output_files(Path(out), name, body), out, force)
+
+
+def require_free_files(files: Sequence[Path], out: str, force: bool) -> None:
+    """Raise UserError as `require_free` where files, or the report of an export, would replace others."""
     report = report_of(out)
-    files = output_files(Path(out), name, body)
     for path in (*files, report):
         require_writable(path)
         if is_result_file(path.name) and ResultFolder(path.parent).has_result():

@@ -30,6 +30,12 @@ if TYPE_CHECKING:
         REFLECTANCE as REFLECTANCE,
         camera_irradiance as camera_irradiance,
         mitsuba_scene as mitsuba_scene,
+        scene_dictionary as scene_dictionary,
+    )
+    from optics.mitsuba.scene_xml import (
+        scene_checks as scene_checks,
+        scene_file_names as scene_file_names,
+        scene_files as scene_files,
     )
 
 _FILES = {
@@ -54,6 +60,12 @@ _FILES = {
         "REFLECTANCE",
         "camera_irradiance",
         "mitsuba_scene",
+        "scene_dictionary",
+    ),
+    "scene_xml": (
+        "scene_checks",
+        "scene_file_names",
+        "scene_files",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from optics.engines import ExactEngine
+from optics.mitsuba.camera_engine import CameraEngine
 from optics.mitsuba.loading import load_mitsuba, mitsuba_backend
 from optics.mitsuba.mesh_engine import MeshEngine
 from optics.mitsuba.rendered_model import RenderingEngine
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 def mitsuba_engine(name: str, system: OpticalSystem, threads: int = 0) -> Engine:
     """Return the engine of a name; Mitsuba runs in the variant llvm_ad_mono.
 
-    name : "mitsuba-exact", whose rays meet the splines themselves; "mitsuba-mesh", whose rays meet meshes.
+    name : "mitsuba-exact", whose rays meet the splines themselves; "mitsuba-mesh", whose rays meet meshes;
+        "mitsuba-ptracer", whose random light paths end on a screen that a camera sees.
     threads : of all Dr.Jit kernels, 0 for all cores.
 
     Raises
@@ -30,4 +32,6 @@ def mitsuba_engine(name: str, system: OpticalSystem, threads: int = 0) -> Engine
         return RenderingEngine(ExactEngine(backend))
     if name == "mitsuba-mesh":
         return MeshEngine(mitsuba_backend(mitsuba, "single"))
+    if name == "mitsuba-ptracer":
+        return CameraEngine(backend)
     raise ValueError(f"there is no engine {name!r} in Mitsuba")

@@ -9,7 +9,7 @@ misses the lens and meets the screen all the same.
 
 from __future__ import annotations
 
-from math import atan2, cos, degrees, pi, radians, tan
+from math import cos, pi, radians
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -18,49 +18,67 @@ from numpy.typing import NDArray
 
 from optics.mitsuba.loading import current_mitsuba
 from optics.mitsuba.mesh import LensMesh
+from optics.mitsuba.scene_screen import screen_rectangle, square_pixels, watching_camera
 from optics.runtime import UserError
+from thbcad.lens import Lens
 
 if TYPE_CHECKING:
-    from optics.problem import Problem, Source
+    from optics.problem import Source
     from optics.sources import Profile
     from optics.system import OpticalSystem
+    from optics.target import Screen
 
 REFLECTANCE = 2.0**-7  # of the screen
-FIELD = 40.0  # degrees, of the camera, where the lens leaves room
-NEAREST = 0.9  # of the distance from the screen to the lens: the camera is not farther away
+VERTICES = (449, 449)
 DEPTH = 16  # most vertices of a light path
 TEXTURE = 512  # columns and rows of a source's density, where it is no picture
-FLAT = 1e-6  # relative difference of a pixel's sides
 
 
 def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:
     """Return the Mitsuba scene, mi.Scene, of a problem and its lens; lengths in mm, fluxes in W.
 
+    `mesh.update` moves the lens.
+
+    Raises
+    ------
+    UserError : as `scene_dictionary`.
+    """
+    return current_mitsuba().load_dict(scene_dictionary(system, mesh))
+
+
+def scene_dictionary(
+    system: OpticalSystem, lens: Lens | LensMesh, screen: Screen | None = None, sigma: float = 0.0
+) -> dict[str, Any]:
+    """Return a problem and its lens as a dictionary for mi.load_dict; lengths in mm, fluxes in W.
+
     Its objects are "source", "front", "rear", "edges", "screen", "sensor" and "integrator" (a particle
-    tracer); `mesh.update` moves the lens.
+    tracer).  The camera sees the irradiance E as pi L / REFLECTANCE, mirrored in x: see `camera_irradiance`.
+
+    lens : or its mesh; a lens has one of VERTICES in each direction.
+    screen : and its pixels, those of the target where it is left out.
+    sigma : pixels, of the Gaussian in which the camera's film measures; 0 is a film of box pixels.
 
     Raises
     ------
     UserError : a target in the far field, pixels that are not square, a point source of another intensity
         than a uniform one.
     """
-    problem = system.problem
     if system.target.far_field:
         raise UserError("Mitsuba's screen is a plane: target.distance must be finite, got inf")
-    mi = current_mitsuba()
+    screen = screen or system.target.screen()
+    square_pixels(screen)
+    mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES) if isinstance(lens, Lens) else lens
     glass = mi.load_dict({"type": "dielectric", "int_ior": mesh.lens.index, "ext_ior": 1.0})
     heights = [surface.jet()[0] for surface in mesh.surfaces.values()]
     lowest, highest = float(heights[0].min()), float(np.concatenate(heights).max())
-    return mi.load_dict(
-        {
-            "type": "scene",
-            "integrator": {"type": "ptracer", "max_depth": DEPTH},
-            "source": _emitter(mi, system, lowest),
-            **mesh.shapes(mi, bsdf=glass),
-            "screen": _screen(mi, problem),
-            "sensor": _camera(mi, problem, highest),
-        }
-    )
+    return {
+        "type": "scene",
+        "integrator": {"type": "ptracer", "max_depth": DEPTH},
+        "source": _emitter(mi, system, lowest),
+        **mesh.shapes(mi, bsdf=glass),
+        "screen": screen_rectangle(mi, screen, system.target.z, REFLECTANCE),
+        "sensor": watching_camera(mi, screen, system.target.z, highest, sigma),
+    }
 
 
 def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> NDArray[np.float64]:
@@ -135,43 +153,3 @@ def _point(source: Source) -> dict[str, Any]:
     cone = {"cutoff_angle": source.half_angle, "beam_width": source.half_angle}
     towards = current_mitsuba().ScalarTransform4f().look_at(origin=position, target=[0, 0, 0], up=[0, 1, 0])
     return {"type": "spot", "to_world": towards, "intensity": intensity, **cone}
-
-
-def _screen(mi: ModuleType, problem: Problem) -> dict[str, Any]:
-    hx, hy = problem.target.half_width
-    plane = mi.ScalarTransform4f().translate([0, 0, problem.target_z])
-    return {
-        "type": "rectangle",
-        "to_world": plane.rotate([0, 1, 0], 180).scale([hx, hy, 1]),
-        "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": REFLECTANCE}},
-    }
-
-
-def _camera(mi: ModuleType, problem: Problem, highest: float) -> dict[str, Any]:
-    """Return a pinhole camera between the lens and the screen that sees just the screen.
-
-    highest : z of the lens's highest point, mm.
-    """
-    (hx, hy), (columns, rows) = problem.target.half_width, problem.target.pixels
-    if abs(hx * rows / (hy * columns) - 1) > FLAT:
-        raise UserError(
-            "the camera's pixels are square: target.pixels must be in proportion to target.half_width, "
-            f"got {columns} x {rows} pixels on {hx:g} x {hy:g} mm"
-        )
-    away = min(max(hx, hy) / tan(radians(FIELD / 2)), NEAREST * (problem.target_z - highest))
-    view = {"origin": [0, 0, problem.target_z - away], "target": [0, 0, problem.target_z], "up": [0, 1, 0]}
-    return {
-        "type": "perspective",
-        "fov": 2 * degrees(atan2(hx, away)),
-        "fov_axis": "x",
-        "near_clip": 1e-3 * away,
-        "far_clip": 10 * (away + hx + hy),
-        "to_world": mi.ScalarTransform4f().look_at(**view),
-        "film": {
-            "type": "hdrfilm",
-            "width": columns,
-            "height": rows,
-            "pixel_format": "luminance",
-            "rfilter": {"type": "box"},
-        },
-    }

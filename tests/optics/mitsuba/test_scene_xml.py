@@ -1,0 +1,97 @@
+"""Scenes as files: Mitsuba reads them by itself, and sees the light that we compute."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("mitsuba")
+
+from optics.mitsuba import scene
+from optics.mitsuba.loading import load_mitsuba
+from optics.mitsuba.scene import REFLECTANCE
+from optics.mitsuba.scene_xml import scene_checks, scene_file_names, scene_files
+from optics.problem import load_problem
+from optics.system import OpticalSystem
+from optics.target import PixelWindow, Splat
+from optics.tracing import Tracer
+from tests.optics.cases import coefficients, picture, rough
+from thbcad.surfaces import THBSurface
+
+RENDER = """
+import sys, numpy, mitsuba
+mitsuba.set_variant("llvm_ad_mono")
+picture = mitsuba.render(mitsuba.load_file(sys.argv[1]), spp=int(sys.argv[2]))
+numpy.save(sys.argv[3], numpy.array(picture))
+"""
+POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 30.0}
+CASES = {
+    "beam": {},
+    "picture": {"source.profile": "image", "source.image": "source.png"},
+    "disk": {"source.profile": "round"},
+    "spot": POINT | {"source.half_angle": 12.0},
+    "glowing": {"source.kind": "lambertian", "source.distance": 30.0},
+}
+
+
+@pytest.fixture(autouse=True)
+def mi(backend, monkeypatch):
+    """Mitsuba on one thread, and meshes of 65 vertices in each direction."""
+    for module in (scene, sys.modules["optics.mitsuba.scene_xml"]):
+        monkeypatch.setattr(module, "VERTICES", (65, 65))
+    threads = backend.dr.thread_count()
+    yield load_mitsuba(threads=1)
+    load_mitsuba(threads=threads)
+
+
+@pytest.fixture
+def make(problem_file, tmp_path):
+    """A function that returns (system, lens, XML file) of the small problem with changes."""
+
+    def build(changes):
+        Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
+        system = OpticalSystem(load_problem(problem_file(changes)))
+        lens = system.lens.with_sags([THBSurface(s.space, rough(s.space, 0.1)) for s in system.lens.sags])
+        out = tmp_path / "scene.xml"
+        files = scene_files(system, lens, out)
+        assert set(files) <= set(scene_file_names(out))
+        for path, data in files.items():
+            path.write_bytes(data)
+        return system, lens, out
+
+    return build
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
+    system, lens, out = make(CASES[name])
+    assert all(check.ok for check in scene_checks(lens, out))
+    given = scene.mitsuba_scene(system, scene.LensMesh.uniform(lens, (65, 65)))
+    given, read = (mi.traverse(s) for s in (given, mi.load_file(str(out), optimize=False)))
+    compared = [key for key, _ in given if key in read]
+    assert {"front.vertex_normals", "rear.faces", "screen.to_world", "sensor.x_fov"} <= set(compared)
+    assert any(key.startswith("source.") for key in compared)
+    for key in compared:
+        if key != "edges.vertex_normals":
+            rows = [np.array(getattr(p[key], "matrix", p[key]), dtype=float) for p in (given, read)]
+            np.testing.assert_allclose(*rows, rtol=1e-6, atol=1e-6)
+
+
+def test_a_process_that_knows_mitsuba_alone_sees_our_light(make, backend, tmp_path):
+    """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %, as of the scene in memory."""
+    system, lens, out = make({})
+    image = tmp_path / "image.npy"
+    subprocess.run([sys.executable, "-c", RENDER, str(out), "256", str(image)], check=True)
+    seen = np.pi / REFLECTANCE * np.load(image)[:, ::-1, 0]
+    screen = system.target.screen()
+    _, landing = Tracer(backend, lens, system.source.rays((301, 301)), system.target.z).trace(
+        coefficients(lens)
+    )
+    exact = Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
+    exact = exact.numpy().reshape(screen.shape, order="F")
+    blocks = [a.reshape(6, 8, 6, 8).mean((1, 3)) for a in (seen, exact)]
+    assert np.linalg.norm(blocks[0] - blocks[1]) < 0.03 * np.linalg.norm(blocks[1])
