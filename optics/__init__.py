@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         System as System,
         design as design,
         minimise as minimise,
+        mitsuba_scene as mitsuba_scene,
     )
     from optics.problem import (
         Export as Export,
@@ -49,6 +50,7 @@ _FILES = {
         "System",
         "design",
         "minimise",
+        "mitsuba_scene",
     ),
     "problem": (
         "Export",

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from optics.api.prepared_problem import (
         prepared_system as prepared_system,
     )
+    from optics.api.scenes import (
+        mitsuba_scene as mitsuba_scene,
+    )
     from optics.api.scripting_system import (
         System as System,
     )
@@ -50,6 +53,7 @@ _FILES = {
         "minimise",
     ),
     "prepared_problem": ("prepared_system",),
+    "scenes": ("mitsuba_scene",),
     "scripting_system": ("System",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

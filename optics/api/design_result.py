@@ -15,7 +15,7 @@ from optics.api.design_files import save, verified
 from optics.api.design_record import DesignRecord
 from optics.api.irradiance_model import DEVICE, PER_STERADIAN
 from optics.api.level_records import read_levels
-from optics.api.scene_view import SceneView
+from optics.api.scenes import SceneView
 from optics.progress import Notes
 from optics.results import ResultFolder
 from optics.system import OpticalSystem

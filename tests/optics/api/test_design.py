@@ -93,6 +93,16 @@ def test_it_shows_itself_without_touching_the_scripts_plots(done):
     assert repr(design).startswith("Design('small'")
 
 
+def test_a_design_is_a_scene_that_mitsuba_loads(done):
+    mi = pytest.importorskip("mitsuba")
+    design, _, _ = done
+    scene = optics.mitsuba_scene(design)
+    loaded = mi.load_dict(scene)
+    assert {"front", "rear", "edges", "screen"} <= {shape.id() for shape in loaded.shapes()}
+    with pytest.raises(optics.UserError, match="mitsuba_scene takes a Design"):
+        optics.mitsuba_scene(design.problem)
+
+
 def test_an_interrupt_gives_back_the_best_lens_so_far(tmp_path):
     seen = []
 
