@@ -74,15 +74,15 @@ class System:
         self,
         space: Spaces,
         rays: int | tuple[int, int] = (449, 449),
-        window: str = "pixel",
+        window: str | None = None,
         engine: str | Engine | None = None,
     ) -> Model:
         """Return the differentiable map from coefficients to irradiance.
 
         space : of the sag, a refinement of `space(0)`; two free surfaces have a tuple.
         rays : in x and y, or their total.
-        window : "cells", "pixel", "bspline" or "gaussian", as of `optimizer.window`; in cells, the light of
-            sources without extent is measured exactly.
+        window : "cells", "pixel", "bspline" or "gaussian", as of `optimizer.window`; left out, the problem's
+            own.  In cells the light of sources without extent is measured exactly; extended ones have pixels.
         engine : a name as of `optimizer.engine`, an `optics.engines.Engine`, or None for the problem's own.
 
         Raises
@@ -90,6 +90,9 @@ class System:
         UserError : what does not suit, or an engine that is not installed; one sentence says so.
         """
         spaces, optical = space_rows(space, self._level_0), self.optical
+        if window is None:
+            own = self.problem.optimizer.window
+            window = "pixel" if own == "cells" and optical.source.extended else own
         if window == "cells" and optical.source.extended:
             raise UserError('window = "cells" needs a source without extent; take "pixel" or "bspline"')
         film = Film(
