@@ -1,8 +1,9 @@
-"""Relative error against the seconds of a whole design, for every start and every optimiser.
+"""Relative error against the seconds of a whole design, for every start, every optimiser and every engine.
 
 Two problems: the square top hat, and the pearl on coarse levels.  A design runs in its own process, with a
 few iterations and with many; `exports/bench/designs.png` shows the curves.  The thesis's method optimises in
 this process, batch by batch; to its seconds are added those that a design takes beside its optimisation.
+Mitsuba's particle tracer takes 30 steps of Adam on its one level, the last.
 
 Run: thbcad bench designs
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from statistics import median
@@ -29,6 +31,8 @@ FIGURE = ROOT / "exports" / "bench" / "designs.png"
 STARTS = ("transport", "flat")
 BUDGETS = (5, 20, 60)  # iterations of L-BFGS on every level that is optimised
 BATCHES = 2  # of the thesis's six: each takes longer than all other designs
+ENGINES = ("mitsuba-exact", "mitsuba-mesh")
+PATHS_BUDGET = 30  # steps of Mitsuba's particle tracer: each takes seconds
 PEARL_LEVEL = 3  # of the five in the example
 
 
@@ -71,10 +75,12 @@ def _points(name: str, problem: Problem) -> Iterator[Point]:
     beside = []
     for start in STARTS:
         for budget in BUDGETS:
-            run = _run(problem, start, budget)
+            run = _run(problem, {"start": start}, budget)
             beside.append(run.seconds - run.metrics["wall_s"]["optimise"])
             method, effort = f"L-BFGS, {start} start", f"{budget} iterations a level"
             yield Point(name, method, effort, run.seconds, run.metrics["rel_l2"])
+    for method, effort, run in _others(problem):
+        yield Point(name, method, effort, run.seconds, run.metrics["rel_l2"])
     system, backend = OpticalSystem(problem), load_backend("double")
     seconds, start_time = median(beside), perf_counter()
     for k, lens in enumerate(islice(adam_batches(system, backend), BATCHES), 1):
@@ -84,9 +90,24 @@ def _points(name: str, problem: Problem) -> Iterator[Point]:
         start_time = perf_counter()
 
 
-def _run(problem: Problem, start: str, budget: int) -> DesignRun:
-    """Design a problem with another start and number of iterations."""
-    optimizer = replace(problem.optimizer, start=start, iterations=(budget,))
+def _others(problem: Problem) -> Iterator[tuple[str, str, DesignRun]]:
+    """Yield (method, effort, design) by Adam and by the engines of Mitsuba, where it is installed."""
+    for budget in BUDGETS:
+        run = _run(problem, {"method": "adam"}, budget)
+        yield "Adam, transport start", f"{budget} steps a level", run
+    if find_spec("mitsuba") is None:
+        return
+    for engine in ENGINES:
+        for budget in BUDGETS:
+            run = _run(problem, {"engine": engine}, budget)
+            yield f"L-BFGS, {engine}", f"{budget} iterations a level", run
+    run = _run(problem, {"engine": "mitsuba-ptracer", "method": "adam"}, PATHS_BUDGET)
+    yield "Adam, mitsuba-ptracer", f"{PATHS_BUDGET} steps", run
+
+
+def _run(problem: Problem, changes: dict[str, str], budget: int) -> DesignRun:
+    """Design a problem with other settings of the optimiser and number of iterations."""
+    optimizer = replace(problem.optimizer, **changes, iterations=(budget,))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "problem.toml"
         path.write_text(problem_to_toml(replace(problem, optimizer=optimizer)), "utf-8")

@@ -64,6 +64,8 @@ def _scene(options: Namespace) -> Outcome:
     from thbcad.io import json_text, write_files, write_text
 
     out, folder = Path(options.out), Path(options.result)
+    if options.aperture or options.flange or options.patches or options.separate:
+        raise UserError("a scene holds the whole lens: leave out --aperture, --flange, --patches, --separate")
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
     require_free_files(scene_file_names(out), options.out, options.force)
