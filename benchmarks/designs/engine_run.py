@@ -12,23 +12,18 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter, time
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.checkout import ROOT
 from optics.analysis import measure
-from optics.engines import ExactEngine
+from optics.api import engine_of
 from optics.optimisation import design, stage_objective, stages, transmitted_flux
 from optics.problem import load_problem
 from optics.runtime import load_backend, median_seconds, peak_mb
 from optics.system import OpticalSystem
 from thbcad import read_lens
-
-if TYPE_CHECKING:
-    from optics.engines import Engine
-    from optics.runtime import Backend
 
 REPEATS = 5
 
@@ -64,15 +59,6 @@ def run_engine(problem: Path, lens: Path, engine: str, whole: bool) -> EngineRun
     command = [sys.executable, "-m", "benchmarks.designs.engine_run", *arguments]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     return EngineRun(gradient=np.load(gradient), **json.loads(done.stdout.splitlines()[-1]))
-
-
-def engine_of(name: str, system: OpticalSystem, backend: Backend) -> Engine:
-    """Return the engine of a name that problem files know."""
-    if name == "exact":
-        return ExactEngine(backend)
-    from optics.mitsuba import mitsuba_engine
-
-    return mitsuba_engine(name, system)
 
 
 def main(arguments: list[str]) -> None:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
         design as design,
         shaped as shaped,
     )
+    from optics.api.engine_choice import (
+        engine_of as engine_of,
+    )
     from optics.api.irradiance_model import (
         Model as Model,
     )
@@ -47,6 +50,7 @@ _FILES = {
         "design",
         "shaped",
     ),
+    "engine_choice": ("engine_of",),
     "irradiance_model": ("Model",),
     "minimisation": (
         "Minimum",

@@ -98,11 +98,9 @@ def write_result(
         writer.write(name, data)
     for name, (_, png) in pictures.items():
         writer.write(f"figures/{name}.png", png)
-    for names, level in zip(level_files(len(design.levels)), design.levels):
-        for name, data in zip(names, level_contents(level)):
+    for names, level, (_, png) in zip(level_files(len(design.levels)), design.levels, figures.levels()):
+        for name, data in zip(names, (*level_contents(level), png)):
             writer.write(name, data)
-    for (*_, name), (_, png) in zip(level_files(len(design.levels)), figures.levels()):
-        writer.write(name, png)
     clock.lap("figures")
     peak = peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result()
     metrics = design.metrics | {"wall_s": dict(clock.total()), "peak_mb": peak}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 
 from optics.api.design_files import save, verified
 from optics.api.design_record import DesignRecord
-from optics.api.irradiance_model import DEVICE, PER_STERADIAN
+from optics.api.irradiance_model import DEVICE, unit_of
 from optics.api.level_records import read_levels
 from optics.api.scenes import SceneView
+from optics.optimisation import stages
 from optics.progress import Notes
 from optics.results import ResultFolder
 from optics.system import OpticalSystem
@@ -23,11 +25,12 @@ from optics.system import OpticalSystem
 if TYPE_CHECKING:
     from optics.analysis import Measurement
     from optics.api.level_records import LevelRecord
-    from optics.optimisation import State
+    from optics.optimisation import Row, State
     from optics.problem import Problem
     from optics.report import OverviewFigure
 
 Floats = NDArray[np.float64]
+HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
 OF_THE_RUN = ("run_id", "step_sha256", "verdict", "notes")  # keys of metrics.json that measure nothing
 
 
@@ -72,14 +75,17 @@ class Design(DesignRecord):
         """
         results = ResultFolder(folder)
         problem, lens, record = results.read()
-        notes = Notes(map(str, record.get("notes", ())))
+        levels = results.kept_levels()
+        results.require_recorded([HISTORY, METRICS, IRRADIANCE, *chain.from_iterable(levels)])
+        system, history = OpticalSystem(problem), results.read_history()
         loaded = cls(
             asked=problem,
-            system=OpticalSystem(problem),
+            system=system,
             lens=lens,
-            history=results.read_history(),
-            notes=notes,
-            levels=read_levels(results.path),
+            history=history,
+            notes=Notes(map(str, record.get("notes", ()))),
+            moved=_moved(system, history),
+            levels=read_levels(results.path, levels, system),
         )
         loaded.__dict__["measurement"] = _read_measurement(results.path)
         return loaded
@@ -87,12 +93,12 @@ class Design(DesignRecord):
     @property
     def irradiance(self) -> Floats:
         """What the lens makes on the target's pixels, (rows, columns), W/mm^2; in the far field W/sr."""
-        return self._unit * self.measurement.irradiance
+        return unit_of(self.system) * self.measurement.irradiance
 
     @property
     def target(self) -> Floats:
         """What was asked for, with the flux that leaves the lens, in the same unit."""
-        return self._unit * self.measurement.target
+        return unit_of(self.system) * self.measurement.target
 
     def save(self, folder: str | Path, force: bool = False) -> Path:
         """Write the result folder of `thbcad design`: STEP solid, checks, report; return its path.
@@ -135,17 +141,21 @@ class Design(DesignRecord):
 
         return overview_html(self.system, self.measurement, self.metrics, self.notes)
 
-    @property
-    def _unit(self) -> float:
-        """From the unit of measurements."""
-        return PER_STERADIAN if self.system.path.far_field else 1.0
+
+def _moved(system: OpticalSystem, history: Sequence[Row]) -> bool:
+    """Return whether a history is that of a design which started from an optimal-transport map.
+
+    Its stages then have other levels than those of a flat start.
+    """
+    plan = stages(system, False)
+    return any(row.stage >= len(plan) or plan[row.stage].level != row.level for row in history)
 
 
 def _read_measurement(folder: Path) -> Measurement:
     """Return what a result folder says of the light."""
     from optics.analysis import Measurement
 
-    with np.load(folder / "irradiance.npz", allow_pickle=False) as arrays:
+    with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
         irradiance, target = arrays["irradiance"], arrays["target"]
-    metrics: dict[str, Any] = json.loads((folder / "metrics.json").read_text("utf-8"))
+    metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
     return Measurement(irradiance, target, {k: v for k, v in metrics.items() if k not in OF_THE_RUN})

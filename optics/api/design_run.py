@@ -45,15 +45,13 @@ def design(
     if not isinstance(problem, Problem):
         raise UserError(f"design takes a Problem, got {problem!r}; optics.load_problem reads a file")
     clock, notes = RunClock(_progress(progress)), Notes()
-    with clock.progress, DEVICE:
-        ready = prepared(problem)
-        for sentence in advice(ready.system):
-            notes(sentence)
-        try:
+    try:
+        with clock.progress, DEVICE:
+            ready = prepared(problem)
             return shaped(problem, ready, clock, notes, engine)
-        except Interrupted as stop:
-            notes("stopped by Ctrl-C: this is the best lens so far")
-            return Design.of_state(problem, ready.system, stop.state, notes, clock.total(), interrupted=True)
+    except Interrupted as stop:
+        notes("stopped by Ctrl-C: this is the best lens so far")
+        return Design.of_state(problem, ready.system, stop.state, notes, clock.total(), interrupted=True)
 
 
 def shaped(
@@ -75,6 +73,8 @@ def shaped(
     Interrupted : on Ctrl-C.
     """
     system, backend = ready.system, ready.backend
+    for sentence in advice(system):
+        notes(sentence)
     chosen = engine_of(engine, system, backend)
     moved = state.moved if state else system.problem.optimizer.start == "transport"
     clock.progress.planned(Size.of(system), stages(system, moved))

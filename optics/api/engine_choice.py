@@ -33,4 +33,4 @@ def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backe
         return ExactEngine(backend)
     from optics.mitsuba import mitsuba_engine
 
-    return mitsuba_engine(engine, system, system.problem.run.threads)
+    return mitsuba_engine(engine, system.problem.run.threads)

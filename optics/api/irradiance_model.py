@@ -21,6 +21,7 @@ from optics.api.coefficient_vectors import Coefficients, image_of, packed, vecto
 if TYPE_CHECKING:
     from optics.engines import LightModel
     from optics.optimisation import Objective
+    from optics.system import OpticalSystem
     from thbcad.hierarchy import THBSpace
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,11 @@ Pull = Callable[[ArrayLike], Coefficients]
 
 DEVICE = RLock()  # Dr.Jit is one for the whole process
 PER_STERADIAN = (180 / np.pi) ** 2  # square degrees
+
+
+def unit_of(system: OpticalSystem) -> float:
+    """Return the factor from measurements to the unit of scripts: W per square degree become W/sr."""
+    return PER_STERADIAN if system.path.far_field else 1.0
 
 
 class Model:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.api.irradiance_model import unit_of
 from optics.optimisation import Indicators
-from optics.results import lens_of, level_files
+from optics.results import lens_of
 from optics.runtime import load_backend
 from thbcad.io import json_text, lens_to_dict
 
@@ -32,18 +34,19 @@ class LevelRecord:
     name : such as "level 3" or "finish".
     gradients : for every free surface, front first, the sum of |dL/dz| of a grid of vertices over every leaf
         cell (thesis 6.2).
-    measurement : irradiance, target and metrics of its lens.
+    measurement : irradiance, target and metrics of its lens.  unit : of scripts, see `unit_of`.
     """
 
     name: str
     lens: Lens = field(repr=False)
     gradients: tuple[Floats, ...] = field(repr=False)
     measurement: Measurement = field(repr=False)
+    unit: float = field(default=1.0, repr=False)
 
     @property
     def irradiance(self) -> Floats:
-        """On the target's pixels, (rows, columns), W/mm^2; in the far field W per square degree."""
-        return self.measurement.irradiance
+        """On the target's pixels, (rows, columns), W/mm^2; in the far field W/sr."""
+        return self.unit * self.measurement.irradiance
 
     @property
     def metrics(self) -> dict[str, Any]:
@@ -63,30 +66,32 @@ class LevelKeeper:
         indicators = Indicators(self._system, self._engine, target, None)
         measurement = measure(self._system, lens, load_backend("double", self._system.problem.run.threads))
         name = "finish" if stage.finish else f"level {stage.level}"
-        self.records.append(LevelRecord(name, lens, tuple(indicators.vertex(lens, stage)), measurement))
+        gradients = tuple(indicators.vertex(lens, stage))
+        self.records.append(LevelRecord(name, lens, gradients, measurement, unit_of(self._system)))
 
 
 def level_contents(level: LevelRecord) -> tuple[bytes, bytes]:
     """Return what a result keeps of a level: its lens as JSON, and its arrays as .npz."""
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {f"gradients_{k}": g for k, g in enumerate(level.gradients)}
-    arrays |= {"irradiance": level.irradiance, "target": level.measurement.target}
+    arrays |= {"irradiance": level.measurement.irradiance, "target": level.measurement.target}
     np.savez_compressed(buffer, name=np.array(level.name), **arrays)
     return json_text(lens_to_dict(level.lens)).encode(), buffer.getvalue()
 
 
-def read_levels(folder: Path) -> tuple[LevelRecord, ...]:
-    """Return the levels that a result folder keeps."""
+def read_levels(
+    folder: Path, files: Sequence[tuple[str, str, str]], system: OpticalSystem
+) -> tuple[LevelRecord, ...]:
+    """Return the levels that a result folder keeps.  files : names as of `level_files`."""
     from optics.analysis import Measurement, rel_l2
 
     levels = []
-    for lens, arrays, _ in level_files(len(list(folder.glob("level_*.npz")))):
+    for lens, arrays, _ in files:
         with np.load(folder / arrays, allow_pickle=False) as data:
             irradiance, target = data["irradiance"], data["target"]
             gradients = tuple(data[key] for key in sorted(data.files) if key.startswith("gradients_"))
             name = str(data["name"])
         measurement = Measurement(irradiance, target, {"rel_l2": rel_l2(irradiance, target)})
-        levels.append(
-            LevelRecord(name, lens_of(folder / lens, "run the design again"), gradients, measurement)
-        )
+        read = lens_of(folder / lens, "run the design again")
+        levels.append(LevelRecord(name, read, gradients, measurement, unit_of(system)))
     return tuple(levels)

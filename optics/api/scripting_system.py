@@ -18,7 +18,7 @@ from optics.api.coefficient_vectors import (
     vectors,
 )
 from optics.api.engine_choice import engine_of
-from optics.api.irradiance_model import DEVICE, PER_STERADIAN, Model
+from optics.api.irradiance_model import DEVICE, Model, unit_of
 from optics.api.prepared_problem import prepared
 from optics.engines import Film
 from optics.optimisation import (
@@ -142,7 +142,7 @@ class System:
 
         with DEVICE:
             found = measure(self.optical, lens, load_backend("double", self.problem.run.threads))
-        unit = PER_STERADIAN if self.optical.path.far_field else 1.0
+        unit = unit_of(self.optical)
         return replace(found, irradiance=unit * found.irradiance, target=unit * found.target)
 
     @cached_property

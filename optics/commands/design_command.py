@@ -13,7 +13,7 @@ from optics.optimisation import Interrupted, earlier_state
 from optics.progress import DesignProgress, Notes, RunClock
 from optics.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.runtime import UserError, check_lines, note, second_process
-from optics.system import OpticalSystem, advice
+from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.api import Written
@@ -56,8 +56,6 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
     with run.clock.progress, second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         ready = prepared_system(system)
-        for sentence in advice(ready.system):
-            run.notes(sentence)
         state = _resumed(run, ready.system) if options.resume else None
         if options.iterations:
             ready = replace(ready, system=_with_iterations(ready.system, options.iterations))

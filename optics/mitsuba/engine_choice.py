@@ -12,10 +12,9 @@ from optics.mitsuba.rendered_model import RenderingEngine
 
 if TYPE_CHECKING:
     from optics.engines import Engine
-    from optics.system import OpticalSystem
 
 
-def mitsuba_engine(name: str, system: OpticalSystem, threads: int = 0) -> Engine:
+def mitsuba_engine(name: str, threads: int = 0) -> Engine:
     """Return the engine of a name; Mitsuba runs in the variant llvm_ad_mono.
 
     name : "mitsuba-exact", whose rays meet the splines themselves; "mitsuba-mesh", whose rays meet meshes;

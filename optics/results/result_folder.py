@@ -40,7 +40,8 @@ FIGURES = tuple(
 CLAIMS = (RECORD, "report.html", *CHECKED, *LIGHT, *FIGURES)
 FILES = ("problem.toml", "lens.json", "lens.step", "history.csv", *CLAIMS)
 LEVEL_FILE = re.compile(r"level_\d+\.(json|npz)|figures/level_\d+\.png")
-KEYS_SHOWN = 4  # in which two problems differ
+FILES_OF_A_LEVEL = 3  # lens, arrays, picture
+KEYS_SHOWN = 4  # in which two problems differ; files that are named
 
 
 class Result(NamedTuple):
@@ -110,13 +111,21 @@ class ResultFolder:
 
     def read_history(self) -> tuple[Row, ...]:
         """Return the rows of history.csv; the time of an evaluation is not kept, it reads as 0."""
-        try:
-            with (self.path / "history.csv").open(newline="", encoding="utf-8") as file:
-                return tuple(_row(**row) for row in csv.DictReader(file))
-        except OSError as error:
-            raise UserError(f"cannot read {error.filename}: {error.strerror}; run the design again") from None
-        except (TypeError, ValueError):
-            raise UserError(f"{self.path / 'history.csv'} is damaged; run the design again") from None
+        with (self.path / "history.csv").open(newline="", encoding="utf-8") as file:
+            return tuple(_row(**row) for row in csv.DictReader(file))
+
+    def kept_levels(self) -> list[tuple[str, str, str]]:
+        """Return the files of the levels that the record speaks of, as `level_files`."""
+        return level_files(sum(map(is_level_file, self._record()[HASHES])) // FILES_OF_A_LEVEL)
+
+    def require_recorded(self, names: Iterable[str]) -> None:
+        """Raise UserError unless files are there, and as the record says."""
+        wrong = [name for name in names if not self._is_recorded(name)]
+        if wrong:
+            raise UserError(
+                f"{self.path} is no whole result: {', '.join(wrong[:KEYS_SHOWN])} is missing or changed "
+                f"since the run that {RECORD} speaks of; run the design again, or put the file back"
+            )
 
     def has_result(self) -> bool:
         return (self.path / RECORD).exists()

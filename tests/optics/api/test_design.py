@@ -54,6 +54,7 @@ def test_a_saved_design_is_read_back_as_it_was(done):
     ]
     assert {k: loaded.metrics[k] for k in design.metrics} == design.metrics
     assert list(loaded.notes) == list(design.notes)
+    assert loaded.moved == design.moved
 
 
 def test_the_saved_folder_is_a_whole_result(done):

@@ -1,6 +1,8 @@
 """Levels that are kept: surface, light and gradients of each, in Python, in the folder and in the report."""
 
 import json
+import re
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -71,3 +73,19 @@ def test_somebody_elses_level_file_is_not_replaced(kept, tmp_path):
     with pytest.raises(optics.UserError, match=r"level_1\.npz would be replaced"):
         design.save(tmp_path)
     assert (tmp_path / "level_1.npz").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "name", ["irradiance.npz", "metrics.json", "history.csv", "level_1.json", "level_0.npz"]
+)
+@pytest.mark.parametrize("harm", ["missing", "damaged"])
+def test_a_folder_without_one_of_its_files_is_refused(kept, tmp_path, name, harm):
+    folder = copytree(kept[1], tmp_path / "result")
+    if harm == "missing":
+        (folder / name).unlink()
+    else:
+        (folder / name).write_bytes(b"{")
+    with pytest.raises(
+        optics.UserError, match=f"{re.escape(name)} (is missing or changed|belongs to another)"
+    ):
+        optics.Design.load(folder)

@@ -38,7 +38,7 @@ def models(folder, backend, changes=None):
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(1, 3), (121, 121), GaussianWindow(1.0))
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-ptracer", system, 1)
+    engines = ExactEngine(backend), mitsuba_engine("mitsuba-ptracer", 1)
     return *(e.model(system, lens, film) for e in engines), [sag.coefficients for sag in lens.sags]
 
 
@@ -100,14 +100,14 @@ def test_a_lens_without_reflections_is_refused(problem_file, backend):
     system = OpticalSystem(load_problem(problem_file({"optimizer.fresnel": False})))
     film = Film(system.target.screen(), (64, 64), GaussianWindow(1.0))
     with pytest.raises(UserError, match=r"optimizer\.fresnel must be true"):
-        mitsuba_engine("mitsuba-ptracer", system, 1).model(system, system.lens, film)
+        mitsuba_engine("mitsuba-ptracer", 1).model(system, system.lens, film)
 
 
 @pytest.mark.slow
 def test_a_whole_design_runs_through_all_levels(problem_file, backend):
     changes = STUDY | {"optimizer.start": "flat", "optimizer.iterations": [3], "optimizer.method": "adam"}
     system = OpticalSystem(load_problem(problem_file(changes)))
-    _, state = design(system, backend, mitsuba_engine("mitsuba-ptracer", system, 1))
+    _, state = design(system, backend, mitsuba_engine("mitsuba-ptracer", 1))
     fits = [row.fit for row in state.history]
     assert len({row.level for row in state.history}) == 3
     assert min(fits) <= fits[0]

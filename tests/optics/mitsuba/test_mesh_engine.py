@@ -51,7 +51,7 @@ def models(folder, backend, changes, window, axes):
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(4, 3), (91, 87) if not axes else (91, 91), window)
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", system, 1)
+    engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
     return *(e.model(system, lens, film, axes) for e in engines), lens
 
 
@@ -118,7 +118,7 @@ def test_a_whole_design_ends_near_that_of_the_exact_engine(problem_file, backend
     system = OpticalSystem(
         load_problem(problem_file({"optimizer.start": "flat", "optimizer.iterations": [3]}))
     )
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", system, 1)
+    engines = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
     states = [design(system, backend, engine)[1] for engine in engines]
     fits = [[row.fit for row in state.history] for state in states]
     assert len({row.level for row in states[1].history}) == 3

@@ -41,7 +41,7 @@ def models(folder, backend, changes, window, axes):
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.3, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(2, 3), (91, 87) if not axes else (91, 91), window)
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", system, 1)
+    engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", 1)
     bar = np.random.default_rng(4).standard_normal(film.screen.padded)
     return *(e.model(system, lens, film, axes) for e in engines), lens, (bar, 0.3)
 
@@ -99,7 +99,7 @@ def test_a_render_and_its_derivative_trace_once(mi, tmp_path, backend):
 def test_a_whole_design_ends_where_that_of_the_exact_engine_does(problem_file, backend):
     """Its film rounds weights by 6e-8; six steps of L-BFGS make more of that."""
     system = OpticalSystem(load_problem(problem_file()))
-    engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", system, 1)
+    engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", 1)
     states = [design(system, backend, engine)[1] for engine in engines]
     fits = [min(row.fit for row in state.history) for state in states]
     assert np.array_equal(*(state.sags[0].space.cells for state in states))

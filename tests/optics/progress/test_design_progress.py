@@ -10,7 +10,7 @@ import pytest
 
 from optics.optimisation import Stage
 from optics.progress.design_progress import DesignProgress, Size
-from optics.progress.progress_bar import Bar, Lines, time_words
+from optics.progress.progress_bar import Bar, Lines, drawing, time_words
 from tests.cases import DATA
 
 RUNS = json.loads((DATA / "recorded_runs.json").read_text())
@@ -198,3 +198,9 @@ def test_a_bar_is_drawn_again_while_a_phase_says_nothing():
 )
 def test_times_are_said_with_as_many_digits_as_are_known(seconds, words):
     assert time_words(seconds) == words
+
+
+def test_clients_of_notebook_kernels_are_no_notebooks():
+    """They import ipykernel; a bar that widgets draw would be written to their stdout."""
+    pytest.importorskip("ipykernel.kernelapp")
+    assert isinstance(drawing(io.StringIO()), Lines)
