@@ -5,22 +5,22 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.analysis.closed_lens_light import (
+        NEGLIGIBLE as NEGLIGIBLE,
+        light_by_other_ways as light_by_other_ways,
+    )
     from optics.analysis.judgement import (
+        counted_ways as counted_ways,
         delivery_checks as delivery_checks,
         loss_notes as loss_notes,
         verdict as verdict,
     )
     from optics.analysis.lens_trace import (
-        NEGLIGIBLE as NEGLIGIBLE,
         conservation as conservation,
         nonsequential as nonsequential,
         sections as sections,
         sequential as sequential,
         sequential_metrics as sequential_metrics,
-    )
-    from optics.analysis.light_fates import (
-        fans as fans,
-        nonsequential_metrics as nonsequential_metrics,
     )
     from optics.analysis.light_of_cells import (
         cell_irradiance as cell_irradiance,
@@ -31,24 +31,27 @@ if TYPE_CHECKING:
         measure as measure,
         rel_l2 as rel_l2,
     )
+    from optics.analysis.ray_fans import (
+        fans as fans,
+    )
 
 _FILES = {
     "judgement": (
+        "counted_ways",
         "delivery_checks",
         "loss_notes",
         "verdict",
     ),
     "lens_trace": (
-        "NEGLIGIBLE",
         "conservation",
         "nonsequential",
         "sections",
         "sequential",
         "sequential_metrics",
     ),
-    "light_fates": (
-        "fans",
-        "nonsequential_metrics",
+    "closed_lens_light": (
+        "NEGLIGIBLE",
+        "light_by_other_ways",
     ),
     "light_of_cells": ("cell_irradiance",),
     "metrics": (
@@ -57,5 +60,6 @@ _FILES = {
         "measure",
         "rel_l2",
     ),
+    "ray_fans": ("fans",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

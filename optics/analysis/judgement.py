@@ -40,6 +40,11 @@ def loss_notes(metrics: dict[str, Any]) -> list[str]:
     ]
 
 
+def counted_ways(metrics: dict[str, Any]) -> str:
+    """Return in words which light the metrics and the irradiance of a Measurement count."""
+    return "all paths" if metrics["paths"] == "all" else "front and rear only"
+
+
 def verdict(checks: Sequence[Check]) -> str:
     """Return one sentence on a design."""
     failed = [c for c in checks if not c.ok]

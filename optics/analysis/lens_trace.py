@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.analysis.closed_lens_light import NEGLIGIBLE
 from optics.sources import single_rays
 from optics.target import BoxWindow, Splat
 from optics.tracing import (
@@ -34,8 +35,6 @@ NONSEQUENTIAL_RAYS = (256, 256)
 SAMPLES = (33, 33)  # rays whose neighbours are traced for the conservation of etendue
 LINES = 201  # of the grid in the sections of phase space, in each direction
 WIDEST = 0.98  # of the sine of the source's half-angle: where the grid ends
-# of the light on the target: what may come by other paths where the sequential tracer is said to suffice
-NEGLIGIBLE = 0.01
 
 
 def sequential(

@@ -1,27 +1,27 @@
 """What the lens delivers, measured in float64 on box pixels, with light that the optimiser has not seen.
 
 Light of one direction at every point of the source is measured as cells (`light_of_cells`), exact but for
-their size.  That of an extended source is measured as rays of two scrambled Sobol sequences.
+their size.  That of an extended source is measured as rays (`light_of_rays`).  Spreading light is also
+followed on all other ways through the closed lens (`light_by_other_ways`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from functools import reduce
+from dataclasses import asdict, dataclass, replace
 from math import isqrt, sqrt
-from operator import add
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.analysis.closed_lens_light import light_by_other_ways
+from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_cells import cell_irradiance
-from optics.target import PixelWindow, Splat
-from optics.tracing import Tracer
+from optics.analysis.light_of_rays import ray_irradiance
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend, DrArray
+    from optics.analysis.closed_lens_light import OtherWays
+    from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.target import Screen
     from optics.tracing import SequentialFates
@@ -31,11 +31,8 @@ CELLS_PER_PIXEL, CELLS_PER_SPAN = 8, 6  # in each direction
 LEAST_CELLS = 64
 COARSER = 2  # the second grid, with which the first is compared
 ORDER = 1.05  # of the error in the number of cells; 1 of the map, 1.5 of what pixel borders cut: measured
-RAYS_PER_PIXEL = 11  # of extended sources, in each direction, for each of the two ray sets
-BLUR = 0.5 / RAYS_PER_PIXEL  # pixels: a ray that lands so near to a border counts for both pixels
-LEAST_PER_PIXEL, MOST_RAYS = 3, 4096  # on large screens: so many per pixel, or so many per direction
+LEAST_PER_PIXEL, MOST_CELLS = 3, 4096  # in each direction, on large screens: per pixel, or in all
 DARK = 0.01  # of the greatest irradiance: what counts as dark
-RAYS_AT_ONCE = 1 << 19  # more only take more memory
 
 Floats = NDArray[np.float64]
 
@@ -56,40 +53,68 @@ class Measurement:
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
-    `rel_l2_floor` is the estimator's own error of the irradiance, relative to the target: from two grids of
-    cells, whose errors fall with the square of the cells' size, or from two sets of rays.
+    Light that takes other ways than front and rear is part of it where it is not negligible, and
+    `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what the estimate's own
+    error does to rel_l2.
     """
-    screen, flux = system.target.screen(), system.problem.source.flux
-    estimate = _by_rays if system.source.extended else _by_cells
-    irradiance, error, by_fate = estimate(system, lens, screen, backend)
-    target = system.target.irradiance(screen, by_fate.transmitted)
+    screen = system.target.screen()
+    estimate = ray_irradiance if system.source.extended else _by_cells
+    direct, fates = estimate(system, lens, screen, backend)
+    other = light_by_other_ways(system, lens, screen, backend) if system.path.by_edges else None
+    all_ways = other is not None and not other.negligible
+    light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
-    irradiance, target, error = irradiance / shown, target / shown, error / shown
+    target = system.target.irradiance(screen, light.on_target + light.off_target) / shown
+    irradiance, flux = light.irradiance / shown, system.problem.source.flux
     metrics = compare(irradiance, target)
-    metrics["rel_l2_floor"] = float(np.linalg.norm(error) / np.linalg.norm(target))
+    metrics |= replace(light, irradiance=irradiance, error=light.error / shown).error_of_rel_l2(target)
+    metrics["rel_l2_sequential"] = rel_l2(direct.irradiance / shown, target)
+    metrics["paths"] = "all" if all_ways else "sequential"
     metrics["estimator"] = "rays" if system.source.extended else "cells"
-    metrics["efficiency"] = by_fate.on_target / flux
-    metrics["lit_efficiency"] = float((irradiance * shown)[target > 0].sum() * screen.pixel_area / flux)
-    metrics["stray"] = by_fate.off_target / flux
-    metrics["fates_w"] = asdict(by_fate)
+    metrics["efficiency"] = light.on_target / flux
+    metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
+    metrics["stray"] = light.off_target / flux
+    metrics["fates_w"] = asdict(fates)
+    if other:
+        metrics["nonsequential"] = _all_ways(direct, other, target, screen)
     return Measurement(irradiance, target, metrics)
+
+
+def _all_ways(
+    direct: LightEstimate, other: OtherWays, target: Floats, screen: Screen
+) -> dict[str, float | dict[str, float]]:
+    """Return the flux on the lit pixels, W, by every way and by front and rear, and that by fate."""
+    lit = _lit(direct.irradiance, target, screen)
+    return {
+        "by_other_ways": other.share,
+        "lit_w": lit + _lit(other.light.irradiance, target, screen),
+        "lit_direct_w": lit,
+        "target_w": other.fates.onto,
+        "fates_w": asdict(other.fates),
+    }
+
+
+def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
+    """Return the flux on pixels that are to be lit, W."""
+    return float(irradiance[target > 0].sum() * screen.pixel_area)
 
 
 def _by_cells(
     system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
-) -> tuple[Floats, Floats, SequentialFates]:
-    """Return (irradiance, its error, flux by fate)."""
+) -> tuple[LightEstimate, SequentialFates]:
+    """Return (irradiance through front and rear, flux by fate)."""
     spans = [0, 0]
     for sag in lens.sags:
         embedding = sag.space.embedding
         spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
     wanted = [max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * k) for n, k in zip(screen.pixels, spans)]
-    most = [max(LEAST_PER_PIXEL * n, MOST_RAYS) for n in screen.pixels]
+    most = [max(LEAST_PER_PIXEL * n, MOST_CELLS) for n in screen.pixels]
     counts = [_prime_from(max(LEAST_CELLS, min(w, m))) for w, m in zip(wanted, most)]
     fewer = [_prime_from(round(n / COARSER)) for n in counts]
     fine, fates = cell_irradiance(system, lens, screen, counts, backend)
     coarse, _ = cell_irradiance(system, lens, screen, fewer, backend)
-    return fine, (fine - coarse) / _excess((counts[0] * counts[1] / (fewer[0] * fewer[1])) ** ORDER), fates
+    error = (fine - coarse) / _excess((counts[0] * counts[1] / (fewer[0] * fewer[1])) ** ORDER)
+    return LightEstimate(fine, error, fates.on_target, fates.off_target), fates
 
 
 def _excess(ratio: float) -> float:
@@ -108,23 +133,6 @@ def _prime_from(least: int) -> int:
     while any(n % k == 0 for k in range(2, isqrt(n) + 1)):
         n += 1
     return n
-
-
-def _by_rays(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
-) -> tuple[Floats, Floats, SequentialFates]:
-    """Return (irradiance, its error, flux by fate)."""
-    rng = np.random.default_rng(system.problem.run.seed)
-    images, fates = [], []
-    for extra in (0, 1):
-        counts = [
-            min(RAYS_PER_PIXEL * n, max(LEAST_PER_PIXEL * n, MOST_RAYS)) + 2 * extra + 1
-            for n in screen.pixels
-        ]
-        image, by_fate = _trace(system, lens, screen, counts, rng, backend)
-        images.append(image)
-        fates.append(by_fate)
-    return (images[0] + images[1]) / 2, (images[0] - images[1]) / 2, fates[0]
 
 
 def compare(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> dict[str, Any]:
@@ -160,24 +168,3 @@ def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> floa
 def dark_fraction(target: NDArray[np.float64]) -> float:
     """Return the fraction of pixels with at most DARK of the greatest irradiance."""
     return float((target <= DARK * target.max()).mean())
-
-
-def _trace(
-    system: OpticalSystem,
-    lens: Lens,
-    screen: Screen,
-    counts: Sequence[int],
-    fresh: np.random.Generator,
-    backend: Backend,
-) -> tuple[NDArray[np.float64], SequentialFates]:
-    """Return (irradiance, flux by fate) of fresh rays, traced in parts."""
-    splat = Splat(backend, screen, PixelWindow(BLUR))
-    image: DrArray = 0.0
-    fates = []
-    for part in system.source.parts(counts, fresh, RAYS_AT_ONCE):
-        tracer = Tracer(backend, lens, part, system.target.z)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-            image = image + splat(landing.x, landing.y, landing.flux)
-            fates.append(tracer.fates(landing, screen.half_width))
-    return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)

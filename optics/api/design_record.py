@@ -71,11 +71,8 @@ class DesignRecord:
 
 
 def _measured(design: DesignRecord, backend: Backend) -> Measurement:
-    """Return the Measurement of a lens, also of light that takes other paths where there may be some.
-
-    Sentences on lost light go to its notes.
-    """
-    from optics.analysis import loss_notes, measure, nonsequential_metrics
+    """Return the Measurement of a lens; sentences on lost light go to its notes."""
+    from optics.analysis import loss_notes, measure
     from optics.tracing import efficiency_bound
 
     system, lens, notes = design.system, design.lens, design.notes
@@ -88,6 +85,4 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
             "no light reaches the target; raise optimizer.lost_flux_weight, "
             "or make the target larger or nearer to the beam"
         )
-    if system.path.by_edges:
-        metrics["nonsequential"] = nonsequential_metrics(system, lens, backend, measurement.target)
     return replace(measurement, metrics=metrics)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from optics.analysis import counted_ways
 from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
 from optics.optimisation import Interrupted, earlier_state
@@ -114,7 +115,8 @@ def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[s
     return [
         *check_lines(checked),
         *fit,
-        f"rel_l2 {metrics['rel_l2']:.4f} (floor {metrics['rel_l2_floor']:.4f})   "
+        f"rel_l2 {metrics['rel_l2']:.4f}, without noise {metrics['rel_l2_debiased']:.4f} "
+        f"+- {metrics['rel_l2_error']:.1g} ({counted_ways(metrics)})   "
         f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
         f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
         f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",

@@ -76,17 +76,7 @@ def distances(one: LandingPoints, other: LandingPoints, emitted: Floats, screen:
 
 def binned(landing: LandingPoints, screen: Screen) -> Floats:
     """Return flux and sum of squared flux of the rays on every pixel, (2, rows, columns), W and W^2."""
-    lit = landing.flux > 0
-    points, flux = landing.points[lit], landing.flux[lit]
-    (sx, ox), (sy, oy) = screen.pixel_map()
-    rows, columns = screen.shape
-    column, row = np.floor(points[:, 0] * sx + ox), np.floor(points[:, 1] * sy + oy)
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    pixel = (row[inside] * columns + column[inside]).astype(np.int64)
-    sums = np.empty((2, rows * columns))
-    for power, total in enumerate(sums, 1):
-        total[:] = np.bincount(pixel, flux[inside] ** power, rows * columns)
-    return sums.reshape(2, rows, columns)
+    return np.stack([screen.binned(landing.points, landing.flux**power) for power in (1, 2)])
 
 
 def on_target(landing: LandingPoints, screen: Screen) -> int:

@@ -92,19 +92,25 @@ def stage_objective(
     engine: Engine,
     axes: Sequence[int] = (),
     fresh: np.random.Generator | None = None,
+    background: NDArray[np.float64] | None = None,
 ) -> Objective:
     """Return the Objective of a stage: its light, its target, and the problem's charges.
 
     axes : directions of mirror symmetry, in which half of the rays may do.
     fresh : draws other rays than those of the optimiser; cells are always the same.
+    background : light of other ways, irradiance on the stage's pixels.
     """
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
     model = engine.model(system, lens, stage_film(system, stage), axes, fresh)
-    return charged_objective(system, lens, model, target)
+    return charged_objective(system, lens, model, target, background)
 
 
 def charged_objective(
-    system: OpticalSystem, lens: Lens, model: LightModel, target: NDArray[np.float64]
+    system: OpticalSystem,
+    lens: Lens,
+    model: LightModel,
+    target: NDArray[np.float64],
+    background: NDArray[np.float64] | None = None,
 ) -> Objective:
     """Return the Objective of a light model with the charges of a problem."""
     options, limits = system.problem.optimizer, system.problem.limits
@@ -117,6 +123,7 @@ def charged_objective(
         lost_flux_weight=options.lost_flux_weight,
         dark_flux_weight=options.dark_flux_weight,
         shape=shape,
+        background=background,
     )
 
 
@@ -146,6 +153,7 @@ class Indicators:
     engine: Engine
     target: NDArray[np.float64]
     start: TransportStart | None
+    background: NDArray[np.float64] | None = None
 
     def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         indicator = self.system.problem.refinement.indicator
@@ -164,12 +172,15 @@ class Indicators:
             vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])
             for h, row in zip(rectangles, spans)
         ]
-        objective = stage_objective(self.system, lens, stage, self.target, self.engine)
+        objective = self._objective(lens, stage)
         gradients = objective.vertex_gradients([sag.coefficients for sag in lens.sags], knots)
         return [
             summed_over_cells(sag.space, kv_x.greville(), kv_y.greville(), gradient)
             for sag, (kv_x, kv_y), gradient in zip(lens.sags, knots, gradients)
         ]
+
+    def _objective(self, lens: Lens, stage: Stage) -> Objective:
+        return stage_objective(self.system, lens, stage, self.target, self.engine, background=self.background)
 
     def _decrease(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
         spaces = [refined_once(sag.space, f.finest) for sag, f in zip(lens.sags, self.system.freeforms)]
@@ -178,7 +189,7 @@ class Indicators:
             for sag, space in zip(lens.sags, spaces)
         ]
         refined = lens.with_sags(finer)
-        objective = stage_objective(self.system, refined, stage, self.target, self.engine)
+        objective = self._objective(refined, stage)
         coefficients = [sag.coefficients for sag in finer]
         gradients = objective(coefficients).gradients
         probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))

@@ -1,12 +1,13 @@
 """The objective of one level and its gradient by the THB coefficients of every free surface.
 
-    L(c) = ||E - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
+    L(c) = ||E + B - T||^2 / ||T||^2 + w sum_k phi_k d_k^2 / (r^2 Phi) + v (1 - Phi_lit / Phi) + shape
 
 E is the irradiance on the target's pixels and a dark margin around them, as an engine measures it, and T the
-target irradiance there, measured in the same window (thesis 5.4, squared and normalised).  Phi is the flux
-asked for.  The second term charges light beside the target: d_k is the distance of landing point k from the
-target rectangle, r the target's larger half-width.  The third charges light that misses the pixels where
-T > 0, wherever it is lost.  The last is `ShapePenalty`.
+target irradiance there, measured in the same window (thesis 5.4, squared and normalised).  B is a
+background that no coefficient changes: light that other ways through the lens bring.  Phi is the flux asked
+for.  The second term charges light beside the target: d_k is the distance of landing point k from the target
+rectangle, r the target's larger half-width.  The third charges light that misses the pixels where T > 0,
+wherever it is lost.  The last is `ShapePenalty`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The loss, its gradients by each sag's coefficients, and fit = ||E - T|| / ||T||."""
+    """The loss, its gradients by each sag's coefficients, and fit = ||E + B - T|| / ||T||."""
 
     loss: float
     gradients: list[Floats]
@@ -42,7 +43,7 @@ class Objective:
     Call it with the THB coefficients of every sag, front first.
 
     model : of the light.
-    target : irradiance on the screen's pixels without margin, W/mm^2.
+    target, background : irradiance on the screen's pixels without margin, W/mm^2.
     """
 
     def __init__(
@@ -52,10 +53,13 @@ class Objective:
         lost_flux_weight: float,
         dark_flux_weight: float = 0.0,
         shape: ShapePenalty | None = None,
+        background: Floats | None = None,
     ) -> None:
         self._model, self._shape, self._dark = model, shape, dark_flux_weight
         screen = model.screen
         self._target = model.filtered(screen.pad(target))
+        around = 0.0 if background is None else model.filtered(screen.pad(background))
+        self._missing = self._target - around
         scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
         self._norm = 1.0 / np.square(self._target).sum()
         self._charge = lost_flux_weight / scale
@@ -119,7 +123,7 @@ class Objective:
 
     def _charged(self, light: Light) -> tuple[float, float, Floats]:
         """Return (loss without the shape, fit, the loss's derivative by the image)."""
-        difference = light.image - self._target
+        difference = light.image - self._missing
         fit = self._norm * float(np.vdot(difference, difference))
         loss = fit + self._charge * light.lost + self._dark - float(np.vdot(light.image, self._reward))
         return loss, float(np.sqrt(fit)), 2 * self._norm * difference - self._reward

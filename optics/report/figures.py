@@ -12,6 +12,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from optics.analysis import counted_ways
 from optics.report.canvas import block, new_figure, plane_figure, plt, png_bytes
 
 if TYPE_CHECKING:
@@ -58,7 +59,8 @@ def light_figures(
             picture(target, label, "gray", 0, top),
         ),
         "irradiance": (
-            "The light that the lens makes (fresh rays, box pixels), on the scale of the light asked for.",
+            f"The light that the lens makes ({counted_ways(measurement.metrics)}; fresh rays, box pixels), "
+            "on the scale of the light asked for.",
             picture(irradiance, label, "gray", 0, top),
         ),
         "error": (

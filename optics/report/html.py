@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from optics.analysis import NEGLIGIBLE
+from optics.analysis import NEGLIGIBLE, counted_ways
 from optics.report.metric_words import PERCENT, metric_rows, number_text
 
 if TYPE_CHECKING:
@@ -152,29 +152,35 @@ def _file_list() -> str:
 
 def _summary(metrics: dict[str, Any]) -> str:
     return (
-        f"Relative error {number_text(metrics['rel_l2'], PERCENT)} %, "
+        f"Relative error {_error(metrics)} ({counted_ways(metrics)}), "
         f"{metrics['efficiency']:.1%} of the source flux inside the target "
         f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), "
         f"{metrics['stray']:.2%} stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
         f"{metrics['wall_s']['total']:.1f} s."
-        f"{_other_paths(metrics.get('nonsequential'))}"
+        f"{_other_ways(metrics)}"
     )
 
 
-def _other_paths(fluxes: dict[str, Any] | None) -> str:
-    """Return a sentence on whether the sequential tracer suffices.
+def _error(metrics: dict[str, Any]) -> str:
+    """Return rel_l2 in percent; behind it what is left without the estimate's noise, and how sure that is."""
+    raw = f"{number_text(metrics['rel_l2'], PERCENT)} %"
+    texts = [number_text(metrics[f"rel_l2_{name}"], PERCENT) for name in ("debiased", "error")]
+    return f"{raw}, without noise {texts[0]} +- {texts[1]} %"
 
-    It is empty where all paths were not traced, or no light arrives.
-    """
-    if not fluxes or not fluxes["lit_w"]:
+
+def _other_ways(metrics: dict[str, Any]) -> str:
+    """Return a sentence on light that other ways than front and rear bring, or "" where none was followed."""
+    fluxes = metrics.get("nonsequential")
+    if not fluxes or not fluxes["target_w"]:
         return ""
-    other = 1 - fluxes["lit_direct_w"] / fluxes["lit_w"]
-    verdict = "suffices" if other <= NEGLIGIBLE else "does not suffice"
-    return (
-        f" {other:.2%} of the light on the lit pixels comes by other paths than front and rear: "
-        f"the sequential tracer {verdict}."
+    alone = number_text(metrics["rel_l2_sequential"], PERCENT)
+    verdict = (
+        f"it counts in all figures and pictures here; front and rear only make a relative error of {alone} %"
+        if metrics["paths"] == "all"
+        else f"below {NEGLIGIBLE:.0%} it counts nowhere"
     )
+    return f" {fluxes['by_other_ways']:.2%} of the light on the target comes by other ways: {verdict}."
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

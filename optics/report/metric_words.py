@@ -16,7 +16,11 @@ WORDS = {
     "rel_l2": (PERCENT, "difference from the light asked for, ||E - T|| / ||T||, both scaled to mean 1"),
     "psnr_db": ("dB", "peak signal-to-noise ratio; the peak is the brightest pixel asked for"),
     "ssim": ("", "structural similarity, 1 for equal pictures"),
-    "rel_l2_floor": (PERCENT, "error of the measurement itself, as part of rel_l2"),
+    "rel_l2_floor": (PERCENT, "error of the measured irradiance itself, on the scale of rel_l2"),
+    "rel_l2_debiased": (PERCENT, "rel_l2 without what that error adds to it"),
+    "rel_l2_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "rel_l2_sequential": (PERCENT, "rel_l2 of the light through front and rear only"),
+    "paths": ("", "light that counts: all ways through the lens, or front and rear only"),
     "estimator": ("", "what was traced: cells between rays, or single rays"),
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
@@ -24,6 +28,7 @@ WORDS = {
     "efficiency_bound": (PERCENT, "of the source flux passes two uncoated faces at most"),
     "fates_w": ("W", "traced through front and rear"),
     "nonsequential": ("W", "traced with all reflections at all six faces"),
+    "by_other_ways": (PERCENT, "of the light on the target comes by other ways than front and rear"),
     "dof": ("", "degrees of freedom of the free surfaces"),
     "levels": ("", "levels of the finest mesh"),
     "evaluations": ("", "evaluations of loss and gradient"),
@@ -51,8 +56,8 @@ def number_text(value: Any, unit: str = "") -> str:
 def metric_rows(metrics: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
     """Yield (name, value, unit, meaning) of metrics; those of a group have its name before theirs."""
     for name, value in metrics.items():
-        unit, meaning = WORDS.get(name, ("", ""))
         for part, number in _parts(value):
+            unit, meaning = WORDS.get(part) or WORDS.get(name, ("", ""))
             words = f"light that {SENTENCES[part]}; {meaning}" if part in SENTENCES else meaning
             row_name = f"{name} {part}".rstrip()
             yield row_name, number_text(number, unit), unit if number is not None else "", words

@@ -14,12 +14,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from optics.analysis import counted_ways
+
 if TYPE_CHECKING:
     from optics.analysis import Measurement
     from optics.system import OpticalSystem
 
 SIZE, DPI = (11.0, 3.4), 80
-SHOWN = ("rel_l2", "psnr_db", "ssim", "efficiency", "stray", "dof", "evaluations")  # metrics
+SHOWN = (
+    "rel_l2",
+    "rel_l2_debiased",
+    "psnr_db",
+    "ssim",
+    "efficiency",
+    "stray",
+    "dof",
+    "evaluations",
+)  # metrics
 
 
 class OverviewFigure(Figure):
@@ -42,7 +53,7 @@ def overview_figure(system: OpticalSystem, measurement: Measurement) -> Overview
     figure = OverviewFigure(figsize=SIZE, layout="constrained")
     pictures = (
         ("asked for", target, "gray", 0.0, top),
-        ("made", irradiance, "gray", 0.0, top),
+        (f"made ({counted_ways(measurement.metrics)})", irradiance, "gray", 0.0, top),
         ("difference", error, "RdBu_r", -span, span),
     )
     for axes, (title, data, colours, low, high) in zip(figure.subplots(1, 3), pictures):

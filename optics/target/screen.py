@@ -67,6 +67,20 @@ class Screen:
         (px, py), (hx, hy) = self.pitch, self.half_width
         return (1 / px, hx / px + self.margin), (-1 / py, hy / py + self.margin)
 
+    def binned(self, points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sum of weights in every pixel, (rows, columns), without the margin.
+
+        points : (n, 2), mm or degrees; those beside the screen, and NaN, count nowhere.  weights : (n,).
+        """
+        columns, rows = self.pixels
+        maps = self.pixel_map()
+        with np.errstate(invalid="ignore"):  # NaN compares as beside
+            column, row = (np.floor(points[:, k] * maps[k][0] + maps[k][1] - self.margin) for k in range(2))
+            on = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        pixel = (row[on] * columns + column[on]).astype(np.int64)
+        sums = np.bincount(pixel, weights[on], rows * columns)
+        return np.asarray(sums, dtype=np.float64).reshape(self.shape)
+
     def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image with the dark margin."""
         return np.pad(image, self.margin)

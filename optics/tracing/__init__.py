@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from optics.tracing.fates import (
         FATES as FATES,
         SENTENCES as SENTENCES,
+        Fates as Fates,
         SequentialFates as SequentialFates,
     )
     from optics.tracing.intersections import (
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 _FILES = {
     "fates": (
         "FATES",
+        "Fates",
         "SENTENCES",
         "SequentialFates",
     ),

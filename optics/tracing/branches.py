@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,6 +60,14 @@ class Branches:
         return Branches(
             *(np.concatenate([getattr(b, f.name) for b in (self, other)], axis=-1) for f in fields(self))
         )
+
+    def survivors(self, least: NDArray[np.float64], roulette: np.random.Generator) -> Branches:
+        """Return the branches that Russian roulette leaves, none with less flux than `least`, (m,) W.
+
+        A branch of flux F < least survives with the probability F / least and then carries `least`.
+        """
+        lives = roulette.random(len(least)) * least < self.flux
+        return replace(self, flux=np.maximum(self.flux, least))[lives]
 
 
 @dataclass(frozen=True, eq=False)

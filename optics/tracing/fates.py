@@ -49,6 +49,9 @@ class SequentialFates:
     def __add__(self, other: SequentialFates) -> SequentialFates:
         return SequentialFates(*(a + b for a, b in zip(asdict(self).values(), asdict(other).values())))
 
+    def __truediv__(self, count: int) -> SequentialFates:
+        return SequentialFates(*(flux / count for flux in asdict(self).values()))
+
 
 @dataclass(frozen=True)
 class Fates:
@@ -65,6 +68,16 @@ class Fates:
     back: float
     trapped: float
     failed: float
+
+    @property
+    def onto(self) -> float:
+        """Flux on the target rectangle, by any way through the lens."""
+        return self.on_target + self.edges_on_target + self.front_on_target
+
+    @property
+    def beside(self) -> float:
+        """Flux in the target plane beside the rectangle, by any way through the lens."""
+        return self.off_target + self.edges_off_target + self.front_off_target
 
 
 FATES = tuple(field.name for field in fields(Fates))

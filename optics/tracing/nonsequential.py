@@ -60,11 +60,14 @@ def trace_nonsequential(
     target: TargetPlane,
     bounces: int = 64,
     threshold: float = 1e-4,
+    roulette: np.random.Generator | None = None,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
     bounces : the most faces that a branch meets.  threshold : of a branch's flux, relative to its source ray.
     Both drop branches into the fate `trapped`.
+    roulette : decides on branches below the threshold instead.  They survive with the probability
+        flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens)
@@ -88,9 +91,13 @@ def trace_nonsequential(
             break
         refracted, reflected = split(branches, meetings)
         branches = refracted[~leaving & (meetings.transmittance > 0)] + reflected[~leaving]
-        weak = branches.flux <= threshold * rays.flux[branches.ray]
-        account(branches[weak], FATES.index("trapped"))
-        branches = branches[~weak]
+        least = threshold * rays.flux[branches.ray]
+        if roulette is None:
+            weak = branches.flux <= least
+            account(branches[weak], FATES.index("trapped"))
+            branches = branches[~weak]
+        else:
+            branches = branches.survivors(least, roulette)
         if not len(branches.ray):
             break
     x, y, flux, *labels = (np.concatenate(column) for column in zip(*landings))

@@ -1,0 +1,73 @@
+"""Light on a screen as it was estimated, with the estimate's own error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LightEstimate:
+    """Light in the target plane.
+
+    irradiance : (rows, columns), W/mm^2.  error : of it, (rows, columns), as a standard deviation.
+    on_target, off_target : W in the target plane, on the screen and beside it.
+    """
+
+    irradiance: Floats
+    error: Floats
+    on_target: float
+    off_target: float
+
+    @classmethod
+    def of_replicates(cls, replicates: Iterable[tuple[Floats, float, float]]) -> LightEstimate:
+        """Return the mean of independent estimates (irradiance, on_target, off_target) of the same light.
+
+        The error of the mean of R images is their standard deviation / sqrt(R).  At least two are needed.
+        """
+        count, mean, squares, on, off = 0, np.zeros(()), np.zeros(()), 0.0, 0.0
+        for image, onto, beside in replicates:  # Welford's recurrence: one image at a time is kept
+            count += 1
+            before = image - mean
+            mean = mean + before / count
+            squares = squares + before * (image - mean)
+            on, off = on + onto, off + beside
+        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off / count)
+
+    def __add__(self, other: LightEstimate) -> LightEstimate:
+        """Return the sum of two independent estimates."""
+        return LightEstimate(
+            self.irradiance + other.irradiance,
+            np.hypot(self.error, other.error),
+            self.on_target + other.on_target,
+            self.off_target + other.off_target,
+        )
+
+    def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
+        """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.
+
+        rel_l2_floor : f, the L2 norm of E's error, relative to T.  Noise adds f^2 to rel_l2^2 on average.
+        rel_l2_debiased : sqrt(rel_l2^2 - f^2), or 0.
+        rel_l2_error : the standard deviation of that, at most f.  With the residual r = E - T and pixel
+            errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2.
+        """
+        norm = float(np.linalg.norm(target)) / target.mean()
+        scale = self.irradiance.mean()
+        if scale <= 0:
+            return {"rel_l2_floor": 0.0, "rel_l2_debiased": 1.0, "rel_l2_error": 0.0}
+        residual, error = self.irradiance / scale - target / target.mean(), self.error / scale
+        floor = float(np.linalg.norm(error)) / norm
+        debiased = sqrt(max(float(np.linalg.norm(residual)) ** 2 / norm**2 - floor**2, 0.0))
+        variance = float(np.sum((4 * residual**2 - 2 * error**2) * error**2))
+        spread = sqrt(max(variance, 0.0)) / norm**2 / 2
+        return {
+            "rel_l2_floor": floor,
+            "rel_l2_debiased": debiased,
+            "rel_l2_error": min(spread / debiased, floor) if debiased else floor,
+        }

@@ -1,0 +1,74 @@
+"""Irradiance by rays: the mean of independent replicates, whose spread is its error.
+
+Every replicate traces another scrambling of the source's quasi-random points, which is unbiased.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from math import isqrt
+from operator import add
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.analysis.light_estimate import LightEstimate
+from optics.target import BoxWindow, Splat
+from optics.tracing import Tracer
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend, DrArray
+    from optics.system import OpticalSystem
+    from optics.target import Screen
+    from optics.tracing import SequentialFates
+    from thbcad.lens import Lens
+
+REPLICATES = 8
+RAYS_PER_PIXEL = 240  # of all replicates together
+LEAST_PER_PIXEL, MOST_RAYS = 18, 1 << 25  # on large screens: so many per pixel, or so many in all
+RAYS_AT_ONCE = 1 << 19  # more only take more memory
+
+Floats = NDArray[np.float64]
+
+
+def ray_irradiance(
+    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
+) -> tuple[LightEstimate, SequentialFates]:
+    """Return (irradiance in box pixels through front and rear, W/mm^2, mean flux by fate)."""
+    pixels = screen.pixels[0] * screen.pixels[1]
+    rays = max(LEAST_PER_PIXEL * pixels, min(RAYS_PER_PIXEL * pixels, MOST_RAYS))
+    side = isqrt(rays // REPLICATES) + 1
+    rng = np.random.default_rng(system.problem.run.seed)
+    fates: list[SequentialFates] = []
+
+    def replicates() -> Iterator[tuple[Floats, float, float]]:
+        for _ in range(REPLICATES):
+            image, by_fate = _trace(system, lens, screen, (side, side), rng, backend)
+            fates.append(by_fate)
+            yield image, by_fate.on_target, by_fate.off_target
+
+    light = LightEstimate.of_replicates(replicates())
+    return light, reduce(add, fates) / REPLICATES
+
+
+def _trace(
+    system: OpticalSystem,
+    lens: Lens,
+    screen: Screen,
+    counts: Sequence[int],
+    fresh: np.random.Generator,
+    backend: Backend,
+) -> tuple[Floats, SequentialFates]:
+    """Return (irradiance, flux by fate) of fresh rays, traced in parts."""
+    splat = Splat(backend, screen, BoxWindow())
+    image: DrArray = 0.0
+    fates = []
+    for part in system.source.parts(counts, fresh, RAYS_AT_ONCE):
+        tracer = Tracer(backend, lens, part, system.target.z)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+            image = image + splat(landing.x, landing.y, landing.flux)
+            fates.append(tracer.fates(landing, screen.half_width))
+    return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)
