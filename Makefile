@@ -1,7 +1,8 @@
 # make demo   sets everything up and designs the lens of examples/pearl.toml
 # make test   sets everything up and runs the tests, on all cores
 # make quick  a fast part of the tests, of every room
-# make slow   the tests that `make test` leaves out: whole programs, statistical repetitions
+# make slow   the tests that `make test` leaves out: whole programs, statistical repetitions; and the
+#             property tests once more, with more examples
 # make coverage  runs the tests and prints what they cover
 # make lint   ruff and mypy
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
@@ -26,7 +27,7 @@ test: setup
 	@$(PYTEST) -m "not slow"
 
 slow: setup
-	@$(PYTEST) -m slow
+	@HYPOTHESIS_PROFILE=thorough $(PYTEST) -m "slow or hypothesis"
 
 coverage: setup
 	@$(PYTEST) -m "not slow" --cov --cov-report=term

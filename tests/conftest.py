@@ -1,7 +1,7 @@
-"""One thread for numpy's BLAS, and one hypothesis profile for all tests.
+"""One thread for numpy's BLAS, and two hypothesis profiles.
 
 The tests run side by side, and so do the programs that they start.  Hypothesis tries the same examples on
-every run, and without a time limit: the machine may be busy.
+every run, and without a time limit: the machine may be busy.  `make slow` tries more of them.
 """
 
 import os
@@ -10,5 +10,6 @@ from hypothesis import settings
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-settings.register_profile("thbcad", deadline=None, derandomize=True, max_examples=60)
-settings.load_profile("thbcad")
+for profile, examples in (("quick", 20), ("thorough", 60)):
+    settings.register_profile(profile, deadline=None, derandomize=True, max_examples=examples)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))

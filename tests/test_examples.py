@@ -20,6 +20,7 @@ def mount():
     return module
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own", [True, False], ids=["its own lens", "a rear larger than the front"])
 def test_the_mount_holds_the_lens(mount, own, tmp_path, capsys):
     """The file holds two valid solids that do not meet; no face is nearer to the mount than the clearance

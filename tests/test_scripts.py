@@ -93,6 +93,7 @@ def test_the_custom_operation_has_the_gradient_of_the_model(script, tmp_path):
     np.testing.assert_allclose(dr.grad(variable).numpy(), wanted, rtol=0, atol=1e-12 * abs(wanted).max())
 
 
+@pytest.mark.slow
 def test_the_recipe_for_jax_has_the_gradient_of_the_model(tmp_path):
     jax = pytest.importorskip("jax")
     (recipe,) = re.findall(

@@ -86,6 +86,7 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(copy, tmp_path, mo
     assert ((out / "problem.toml").read_text(), (out / "lens.json").read_text()) == before
 
 
+@pytest.mark.slow
 def test_a_step_file_that_cannot_be_written_is_one_sentence(tmp_path, capsys, monkeypatch):
     """The second process writes it: what fails there ends as if it had failed here."""
 
@@ -169,6 +170,7 @@ def test_a_picture_of_3_by_3_pixels_works(tmp_path, capsys, changes):
     strict_json(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_new_run_replaces_an_old_result(copy, tmp_path, capsys):
     before = strict_json((copy / "metrics.json").read_text())
     problem = write_problem(tmp_path, QUICK | {"lens.rear.freeform.max_level": 0}, picture()[::-1].copy())

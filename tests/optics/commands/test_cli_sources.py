@@ -50,6 +50,7 @@ def extended(tmp_path_factory):
     return SimpleNamespace(path=folder / "result", code=code, given=folder / "problem.toml")
 
 
+@pytest.mark.slow
 def test_an_extended_problem_ends_well_too(extended):
     assert extended.code == 0
     assert {p.stem for p in (extended.path / "figures").iterdir()} == FIGURES | {"front_sag", "front_mesh"}
@@ -65,6 +66,7 @@ def test_an_extended_problem_ends_well_too(extended):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tmp_path, capsys):
     """The folder holds all that its problem file names."""
     assert main(["verify", str(extended.path)]) == 0
@@ -75,6 +77,7 @@ def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tm
     assert main(["verify", str(moved), "--no-optiland"]) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.slow
 def test_an_extended_run_starts_from_an_earlier_design(extended, tmp_path, capsys):
     out = tmp_path / "out"

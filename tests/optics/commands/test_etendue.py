@@ -53,6 +53,7 @@ def test_figures_of_an_extended_source(hollow, tmp_path):
     assert (tmp_path / "bound.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_less_light_allows_smaller_images(hollow):
     most, less = (run(hollow(), share)[0]["bound"] for share in (None, 0.4))
     # and a little larger, since they come nearer to the target
@@ -60,6 +61,7 @@ def test_less_light_allows_smaller_images(hollow):
     assert less["lower_bound"] < most["lower_bound"]
 
 
+@pytest.mark.slow
 def test_images_of_a_designed_lens(hollow, tmp_path):
     write_lens(hollow_lens(), tmp_path / "lens.json")
     data, lines, _ = run(hollow({"target.pixels": [24, 24]}), measure=str(tmp_path))

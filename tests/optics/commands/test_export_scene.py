@@ -18,6 +18,7 @@ def result(tmp_path):
     return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
 
 
+@pytest.mark.slow
 def test_the_scene_is_written_read_back_and_recorded(capsys, result, tmp_path):
     pytest.importorskip("mitsuba")
     out = tmp_path / "scene.xml"

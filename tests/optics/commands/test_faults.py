@@ -149,7 +149,10 @@ def operations(golden, replayed, tmp_path, capsys):
     return disk.count
 
 
-@pytest.mark.parametrize("fault", EXPECTED)
+@pytest.mark.parametrize(
+    "fault",
+    ["SIGINT", "SIGKILL", *(pytest.param(fault, marks=pytest.mark.slow) for fault in ("SIGTERM", "ENOSPC"))],
+)
 def test_a_run_stopped_at_some_file_operations_claims_nothing_false(
     golden, replayed, operations, capsys, tmp_path, fault
 ):

@@ -136,6 +136,7 @@ def test_more_iterations_need_a_run_to_resume(tmp_path, capsys, options):
     assert "--iterations" in refused(capsys, "design", problem, "--out", tmp_path / "out", *options)
 
 
+@pytest.mark.slow
 def test_going_on_from_a_finished_result_keeps_what_was_changed_since(copy, golden, capsys):
     (copy / "problem.toml").write_text("# mine\n" + (copy / "problem.toml").read_text())
     message = refused(capsys, "design", golden.problem, "--out", copy, "--resume", "--iterations", "9")

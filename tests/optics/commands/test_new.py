@@ -22,6 +22,7 @@ def keys(record, prefix=""):
     return found
 
 
+@pytest.mark.slow
 def test_new_prints_a_problem_that_can_be_checked(tmp_path, capsys):
     assert main(["new"]) == 0
     text = capsys.readouterr().out

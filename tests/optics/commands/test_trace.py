@@ -67,6 +67,7 @@ def test_rays_are_counted_as_the_flux_is(backend, result):
         assert count / 4096 == pytest.approx(getattr(budget, name), abs=1e-6), name
 
 
+@pytest.mark.slow
 def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
     done = run(capsys, result(), "--rays", 33, "--out", tmp_path / "deep" / "there", "--precision", "single")
     assert done.code == 0
@@ -75,6 +76,7 @@ def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
     assert (tmp_path / "deep" / "there" / "trace.json").exists()
 
 
+@pytest.mark.slow
 def test_a_far_field_is_traced_in_sequence(capsys, result):
     done = run(
         capsys,

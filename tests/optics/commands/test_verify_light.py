@@ -40,6 +40,7 @@ def test_the_light_of_the_file_is_checked_and_kept(capsys, result):
     assert len(kept["checks"]) == 4
 
 
+@pytest.mark.slow
 def test_a_file_with_other_light_fails(capsys, result):
     text = (result / "lens.step").read_text("ascii")
     (result / "lens.step").write_text(text.replace("refractive index 1.5", "refractive index 1.6"), "ascii")

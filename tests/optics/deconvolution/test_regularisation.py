@@ -90,6 +90,7 @@ def test_maximum_entropy_against_another_optimiser():
     assert_allclose(maximum_entropy(kernel, target, mu).ravel(), found.x, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_conjugate_gradients_find_a_solution_that_exists():
     """Figure 7.9: 50 steps give the non-negative response of the square and a shift of 8 pixels; Figure 7.10:
     they do not."""

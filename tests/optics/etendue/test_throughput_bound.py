@@ -267,6 +267,7 @@ def test_the_least_mean_is_that_of_convex_optimisation(seed, error):
     assert least_mean(values, picture, float("inf")) == values.min()
 
 
+@pytest.mark.slow
 def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     """The images' areas over the middle of the rear are at least the flux times D^2 / cos^3 there over L,
     losses given back.

@@ -113,6 +113,7 @@ def test_vertices_follow_the_levels_spans(tmp_path):
         assert len(mesh.s) > max(mesh_engine.FEWEST, mesh_engine.PER_SPAN * spans)
 
 
+@pytest.mark.slow
 def test_a_whole_design_ends_near_that_of_the_exact_engine(problem_file, backend):
     """With 10 vertices per knot span of the last level."""
     system = OpticalSystem(

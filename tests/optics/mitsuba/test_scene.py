@@ -124,6 +124,7 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
         assert np.linalg.norm(turned - blocks[1]) > 0.1 * np.linalg.norm(blocks[1])
 
 
+@pytest.mark.slow
 def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend):
     """Eight pictures give the mean and its standard error; the other tracer follows every reflection too."""
     problem, lens = make({"source.half_width": [8.0, 9.0]})

@@ -81,6 +81,7 @@ def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
             np.testing.assert_allclose(*rows, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_process_that_knows_mitsuba_alone_sees_our_light(make, backend, tmp_path):
     """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %, as of the scene in memory."""
     system, lens, out = make({})

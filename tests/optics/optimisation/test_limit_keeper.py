@@ -74,6 +74,7 @@ def test_a_limit_beyond_the_unlimited_design_is_kept_at_a_small_cost(unlimited, 
     assert done.state.history[-1].fit < 2 * unlimited.state.history[-1].fit
 
 
+@pytest.mark.slow
 def test_limits_of_two_free_surfaces_are_kept_together(tmp_path, backend):
     limits = {"radius": 7.0, "greatest_thickness": 9.0, "edge_thickness": 6.5, "slope": 28.0}
     done = designed(tmp_path, backend, BOTH_FREE | {f"limits.{k}": v for k, v in limits.items()})

@@ -5,9 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 from tests.cases import ROOT
 
 
+@pytest.mark.slow
 def test_kernels_read_no_further_than_their_arrays():
     """Dr.Jit maps numpy's memory and reads whole packets of it: arrays must be copied or padded before they
     are handed over."""

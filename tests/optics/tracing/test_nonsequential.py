@@ -162,6 +162,7 @@ NARROWING = Lens(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lens", [dome_lens(3), NARROWING], ids=["dome with THB sag", "rear smaller than front"]
 )

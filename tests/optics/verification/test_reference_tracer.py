@@ -134,6 +134,7 @@ def test_any_waves(backend, height, waves, phase, seed):
     require_first(backend, lens, *grazing(lens, 250, seed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("height", "waves", "spans"), [(2.0, (4, 2.8), 16), (1.5, (6, 5), 20)], ids=str)
 def test_a_slope_that_turns_within_a_sample_loses_no_ray(height, waves, spans):
     """Newton's steps from the chord between two samples leave some of these rays for places behind the origin

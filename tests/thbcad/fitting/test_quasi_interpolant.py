@@ -43,6 +43,7 @@ def test_quasi_interpolation_is_a_projector(space):
     assert_projector(space)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [2, 7])
 def test_quasi_interpolation_is_a_projector_on_level_10(degree):
     assert_projector(corner(degree, 10))

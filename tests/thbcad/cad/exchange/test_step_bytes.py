@@ -28,6 +28,7 @@ def test_the_same_lens_gives_the_same_bytes(name, tmp_path):
     assert files[0].read_bytes() == files[1].read_bytes() == files[2].read_bytes()
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_bytes_and_prints_nothing(tmp_path):
     program = (
         "from thbcad import *; import sys\n"
