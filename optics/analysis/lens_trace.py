@@ -18,8 +18,8 @@ from optics.tracing import (
     TargetPlane,
     Tracer,
     at_target,
-    efficiency_bound,
     jacobian_determinants,
+    normal_incidence_transmittance,
     source_points,
     trace_nonsequential,
 )
@@ -67,7 +67,7 @@ def sequential_metrics(
         "counts": counts,
         "fates_w": asdict(fates),
         "efficiency": fates.on_target / system.problem.source.flux,
-        "efficiency_bound": efficiency_bound(lens.index),
+        "normal_incidence_transmittance": normal_incidence_transmittance(lens.index),
     }
 
 

@@ -73,11 +73,13 @@ class DesignRecord:
 def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     """Return the Measurement of a lens; sentences on lost light go to its notes."""
     from optics.analysis import loss_notes, measure
-    from optics.tracing import efficiency_bound
+    from optics.tracing import normal_incidence_transmittance
 
     system, lens, notes = design.system, design.lens, design.notes
     measurement = measure(system, lens, backend)
-    metrics = measurement.metrics | {"efficiency_bound": efficiency_bound(lens.index)}
+    metrics = measurement.metrics | {
+        "normal_incidence_transmittance": normal_incidence_transmittance(lens.index)
+    }
     for sentence in loss_notes(metrics):
         notes(sentence)
     if not metrics["efficiency"]:

@@ -12,7 +12,7 @@ from optics.commands.problem_options import system_of
 from optics.etendue import LENS_CLASS, ProblemBound, certain_bound, problem_bound, rear_area, throughput
 from optics.results import ResultFolder, require_own, require_writable
 from optics.runtime import UserError
-from optics.tracing import efficiency_bound
+from optics.tracing import normal_incidence_transmittance
 
 if TYPE_CHECKING:
     from optics.etendue import Throughput
@@ -115,13 +115,14 @@ def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, An
 
 
 def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
-    transmittance = efficiency_bound(system.lens.index)
+    transmittance = normal_incidence_transmittance(system.lens.index)
     lines = [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",
         f"{passing.front:10.4g} mm^2 sr  of its light that meets the front",
         f"{passing.target:10.4g} mm^2 sr  between rear aperture and target",
-        f"{passing.meets_front:10.4g} W  meet the front; two uncoated faces pass at most {transmittance:.4f}",
-        f"{passing.arriving:10.4g} W  can arrive at most",
+        f"{passing.meets_front:10.4g} W  meet the front",
+        f"{transmittance:10.4f}    of them pass two uncoated faces at normal incidence, once",
+        f"{passing.arriving:10.4g} W  can arrive at most where the lens passes no more than that",
     ]
     if passing.source:
         lines.append(

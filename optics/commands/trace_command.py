@@ -65,7 +65,7 @@ def _lines(data: dict[str, Any]) -> list[str]:
         lines.append(f"{abs(flux):10.6f} W {count}  {SENTENCES[name]}")
     lines.append(
         f"efficiency {data['efficiency']:.4f}, "
-        f"at most {data['efficiency_bound']:.4f} through two uncoated faces"
+        f"beside {data['normal_incidence_transmittance']:.4f} of one pass through two uncoated faces"
     )
     etendue = data["etendue"]
     lines.append(f"etendue is conserved to {etendue['median']:.1e} (median of {etendue['rays']} rays)")

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.sources import Rays
-from optics.tracing import efficiency_bound
+from optics.tracing import normal_incidence_transmittance
 
 if TYPE_CHECKING:
     from optics.problem import Problem
@@ -54,7 +54,7 @@ class Throughput:
     target : etendue of the rays between a flat aperture in the position of the rear and the target, mm^2 sr
     radiance : the greatest of the source, W / (mm^2 sr); inf without extent
     meets_front : flux on the front, W
-    arriving : greatest flux of any light on the target, W
+    arriving : greatest flux on the target, W, of a lens that passes T of its light
     asked : greatest ratio of the target irradiance, made of all of `arriving`, to the possible irradiance
     """
 
@@ -75,13 +75,14 @@ class Throughput:
 def throughput(system: OpticalSystem) -> Throughput:
     """Return the Throughput of a problem.  Of the lens only the front and the width of the rear matter.
 
-    arriving = T min(Phi, L U) with the flux Phi that meets the front, the transmittance T of two uncoated
-    faces and U = integral of S cos^3 / D^2 over the target.
+    arriving = T min(Phi, L U) with the flux Phi that meets the front and U = integral of S cos^3 / D^2 over
+    the target.  T is what two uncoated faces pass once at normal incidence: what a lens can be expected to
+    pass, and no bound.  The bound for any lens has T = 1.
     """
     problem, lens = system.problem, system.lens
     flux, etendue = problem.source.flux, source_etendue(problem)
     fraction = front_fraction(system)
-    passing = efficiency_bound(lens.index)
+    passing = normal_incidence_transmittance(lens.index)
     target = aperture_etendue(problem)
     if not etendue:
         return Throughput(

@@ -154,7 +154,7 @@ def _summary(metrics: dict[str, Any]) -> str:
     return (
         f"Relative error {_error(metrics)} ({counted_ways(metrics)}), "
         f"{metrics['efficiency']:.1%} of the source flux inside the target "
-        f"(at most {metrics['efficiency_bound']:.1%} passes two uncoated faces), "
+        f"(two uncoated faces at normal incidence pass {metrics['normal_incidence_transmittance']:.1%}), "
         f"{metrics['stray']:.2%} stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
         f"{metrics['wall_s']['total']:.1f} s."

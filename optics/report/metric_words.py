@@ -25,7 +25,10 @@ WORDS = {
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
     "stray": (PERCENT, "of the source flux leaves the lens and misses the target"),
-    "efficiency_bound": (PERCENT, "of the source flux passes two uncoated faces at most"),
+    "normal_incidence_transmittance": (
+        PERCENT,
+        "passes two uncoated faces once at normal incidence; no bound",
+    ),
     "fates_w": ("W", "traced through front and rear"),
     "nonsequential": ("W", "traced with all reflections at all six faces"),
     "by_other_ways": (PERCENT, "of the light on the target comes by other ways than front and rear"),

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     )
     from optics.tracing.refraction import (
         critical_angle as critical_angle,
-        efficiency_bound as efficiency_bound,
+        normal_incidence_transmittance as normal_incidence_transmittance,
         refract as refract,
         traced_transmittance as traced_transmittance,
         transmittances as transmittances,
@@ -78,7 +78,7 @@ _FILES = {
     ),
     "refraction": (
         "critical_angle",
-        "efficiency_bound",
+        "normal_incidence_transmittance",
         "refract",
         "traced_transmittance",
         "transmittances",

@@ -1,9 +1,12 @@
 """Admissible refinement: few levels meet on every cell.
 
 A hierarchy is admissible of class m when the truncated functions that act on a cell belong to at
-most m successive levels.  It stays so when a cell Q of level l is refined after its
-T-neighbourhood: the leaf cells of level l - m + 1 that meet the support extension of Q at level
-l - m + 2, the union of the supports of the functions that act on Q there.
+most m successive levels.  The level of the cell does not count: a few fine cells carry coarse functions only.
+
+What refinement keeps is stricter: on a cell of level l act functions of the levels l - m + 1 to l.  A
+hierarchy that starts as a tensor-product space stays so when a cell Q of level l is refined after its
+T-neighbourhood: the leaf cells of level l - m + 1 that meet the support extension of Q at level l - m + 2,
+the union of the supports of the functions that act on Q there.
 
 Source: A. Buffa, C. Giannelli, Adaptive isogeometric methods with hierarchical splines: error
 estimator and convergence, M3AS 26 (2016); C. Bracco, C. Giannelli, R. Vazquez, Refinement

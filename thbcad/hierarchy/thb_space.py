@@ -160,8 +160,8 @@ class THBSpace:
         """Return the space in which the given leaf cells are cut into four.
 
         cells : {level: [(i, j), ...]}; repeats are harmless.
-        admissible : a class m of 2 or more also refines the T-neighbourhoods of the cells, so that an
-            admissible hierarchy of class m stays one (see `admissibility`).
+        admissible : a class m of 2 or more also refines the T-neighbourhoods of the cells.  A tensor-product
+            space that is always refined so stays admissible of class m (see `admissibility`).
 
         Raises
         ------
@@ -263,10 +263,16 @@ class THBSpace:
     @cached_property
     def admissibility(self) -> int:
         """The least class m of admissibility: the functions on any leaf cell belong to at most m successive
-        levels."""
+        levels.
+
+        It is the greatest (finest level - coarsest level + 1) of the functions on a cell.  A cell may be finer
+        than all functions on it: its own level does not count.
+        Source: A. Buffa, C. Giannelli, M3AS 26 (2016), definition of admissible meshes.
+        """
         acting = self.incidence()
-        coarsest = np.minimum.reduceat(self.functions[acting.indices, 0], acting.indptr[:-1])
-        return int((self.cells[:, 0] - coarsest).max()) + 1
+        levels = self.functions[acting.indices, 0]
+        ends = [extreme.reduceat(levels, acting.indptr[:-1]) for extreme in (np.minimum, np.maximum)]
+        return int((ends[1] - ends[0]).max()) + 1
 
     def collocation(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> csr_array:
         """Return A[k, f] = d^(a+b)/du^a dv^b of function f at (u_k, v_k), csr_array (n, dim).

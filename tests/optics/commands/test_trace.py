@@ -49,7 +49,7 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
     assert data["counts"]["unresolved"] == 0
     assert data["counts"]["missed_rear"] > 0
     assert data["efficiency"] == data["fates_w"]["on_target"]
-    assert data["efficiency"] < data["efficiency_bound"] == pytest.approx(0.96**2)
+    assert data["efficiency"] < data["normal_incidence_transmittance"] == pytest.approx(0.96**2)
     assert 0 < data["nonsequential"]["by_other_paths"] < 1
     light = {"irradiance.npz", "irradiance_16bit.png"}
     files = {"fresnel.png", "irradiance.png", "phase_space.png", "trace.json"} | light

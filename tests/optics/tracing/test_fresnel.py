@@ -6,7 +6,12 @@ from hypothesis import given, settings, strategies as st
 from matplotlib import pyplot as plt
 
 from optics.report import fresnel_figure
-from optics.tracing.refraction import critical_angle, efficiency_bound, traced_transmittance, transmittances
+from optics.tracing.refraction import (
+    critical_angle,
+    normal_incidence_transmittance,
+    traced_transmittance,
+    transmittances,
+)
 
 EPS = np.finfo(float).eps
 FEW = settings(deadline=None, derandomize=True, max_examples=60)
@@ -107,10 +112,20 @@ def test_glass_of_1_5_reflects_totally_from_41_81_degrees_on():
     assert critical_angle(1.0, 1.5) is None
 
 
-def test_the_bound_of_two_faces():
+def test_two_faces_at_normal_incidence():
     """n = 1.5 loses 4 % at each (thesis 2.13), n = 1 nothing."""
-    assert efficiency_bound(1.5) == pytest.approx(0.96**2, rel=1e-15)
-    assert efficiency_bound(1.0) == 1.0
+    assert normal_incidence_transmittance(1.5) == pytest.approx(0.96**2, rel=1e-15)
+    assert normal_incidence_transmittance(1.0) == 1.0
+
+
+def test_one_pass_at_normal_incidence_is_no_bound():
+    """A plate with all its reflections passes 2 n / (n^2 + 1), and oblique faces of n = 4 pass more."""
+    one_pass = normal_incidence_transmittance(1.5)
+    face = np.sqrt(one_pass)
+    assert one_pass < face / (2 - face)
+    assert face / (2 - face) == pytest.approx(2 * 1.5 / (1.5**2 + 1), rel=16 * EPS)
+    oblique = np.mean(transmittances(1.0, 4.0, np.radians(57.5)))
+    assert oblique**2 > 1.003 * normal_incidence_transmittance(4.0)
 
 
 def test_the_picture_is_made_again_bit_for_bit_and_depends_on_the_index(backend):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from tests.thbcad.cases import points, seeds, spaces, tensor_spaces
+from oracles.spline_definitions import DefinitionTHB
+from tests.thbcad.cases import hierarchies, points, seeds, spaces, tensor_spaces
 from thbcad import KnotVector, THBSpace
 
 
@@ -16,12 +17,20 @@ def some_leaves(rng, space, deepest):
     return {int(level): leaves[near, 1:]}
 
 
+def coarsest_above(space):
+    """Return how many levels the coarsest function on a cell lies above it, at most."""
+    acting = space.incidence()
+    rows = np.repeat(np.arange(len(space.cells)), np.diff(acting.indptr))
+    return (space.cells[rows, 0] - space.functions[acting.indices, 0]).max()
+
+
 @settings(max_examples=40)
 @given(tensor_spaces(max_degree=4), st.integers(2, 4), seeds())
 def test_the_class_is_kept(space, m, rng):
     for _ in range(6):
         cells = some_leaves(rng, space, 5)
         finer = space.refine(cells, admissible=m)
+        assert coarsest_above(finer) < m
         assert finer.admissibility <= m
         plain = space.refine(cells)
         assert all(
@@ -52,12 +61,32 @@ def test_a_wide_refinement_needs_no_neighbours():
     assert space.refine({1: block}, admissible=2).dim == space.refine({1: block}).dim
 
 
-@given(spaces())
-def test_admissibility_by_definition(space):
+def levels_on_cells(space, refined):
+    """Return for every leaf cell the levels of the functions that are not zero in it, by brute force.
+
+    What is positive at one point inside a cell is so everywhere inside; nets of THB functions are not negative.
+    """
+    twin = DefinitionTHB(space.kv_u, space.kv_v, refined)
     u0, u1, v0, v1 = space.boxes.T
-    values = space.collocation(0.3 * u0 + 0.7 * u1, 0.4 * v0 + 0.6 * v1).toarray() > 0
-    spread = [cell[0] - space.functions[row, 0].min() + 1 for cell, row in zip(space.cells, values)]
-    assert space.admissibility == max(spread)
+    values = twin.collocation(0.3 * u0 + 0.7 * u1, 0.4 * v0 + 0.6 * v1)
+    levels = np.array(twin.functions)[:, 0]
+    return [levels[row > 0] for row in values]
+
+
+@given(hierarchies())
+def test_admissibility_by_definition(pair):
+    """Of all levels on a cell, as A. Buffa and C. Giannelli define it."""
+    found = levels_on_cells(*pair)
+    assert pair[0].admissibility == max(np.ptp(levels) + 1 for levels in found)
+
+
+def test_the_level_of_a_cell_does_not_count():
+    """One fine cell is too small for functions of its own: only those of level 0 act on it."""
+    kv = KnotVector.uniform(3, 8)
+    space = THBSpace(kv, kv).refine({0: [(4, 4)]})
+    assert space.levels == 2
+    assert space.admissibility == 1
+    assert {0} == set(np.concatenate(levels_on_cells(space, [{(4, 4)}])))
 
 
 @pytest.mark.parametrize("m", [1, 0, -2, 2.0, True, "2"])
