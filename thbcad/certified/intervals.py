@@ -27,26 +27,44 @@ Rows = Integers
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Numbers between `low` and `high`, (n,) float each, with the arithmetic of intervals (not rounded
-    outward)."""
+    """Numbers between `low` and `high`, (n,) float each, with the arithmetic of intervals.
+
+    Sums, products and quotients are rounded outward: ends are moved to the next float64, so that they enclose
+    the true result of float64 operands, infinite ones excepted.
+    """
 
     low: Floats
     high: Floats
 
+    @classmethod
+    def at(cls, number: Floats) -> Interval:
+        """Return the intervals that hold one number each; number : (n,)."""
+        return cls(number, number)
+
+    @classmethod
+    def rounded(cls, number: float, like: Floats) -> Interval:
+        """Return enclosures of what one operation rounded to a number, as many as `like` has numbers."""
+        return _outward(np.full_like(like, number), np.full_like(like, number))
+
     def __add__(self, other: Interval) -> Interval:
-        return Interval(self.low + other.low, self.high + other.high)
+        return _outward(self.low + other.low, self.high + other.high)
 
     def __sub__(self, other: Interval) -> Interval:
-        return Interval(self.low - other.high, self.high - other.low)
+        return _outward(self.low - other.high, self.high - other.low)
 
     def __mul__(self, other: Interval) -> Interval:
         corners = [a * b for a in (self.low, self.high) for b in (other.low, other.high)]
-        return Interval(np.min(corners, axis=0), np.max(corners, axis=0))
+        return _outward(np.min(corners, axis=0), np.max(corners, axis=0))
+
+    def __truediv__(self, other: Interval) -> Interval:
+        """Return the quotients by intervals of positive numbers."""
+        corners = [a / b for a in (self.low, self.high) for b in (other.low, other.high)]
+        return _outward(np.min(corners, axis=0), np.max(corners, axis=0))
 
     def scaled(self, factor: float) -> Interval:
         """Return the products with one number."""
         ends = factor * self.low, factor * self.high
-        return Interval(np.minimum(*ends), np.maximum(*ends))
+        return _outward(np.minimum(*ends), np.maximum(*ends))
 
     @property
     def magnitude(self) -> Floats:
@@ -58,15 +76,20 @@ class Interval:
         return Interval(np.clip(self.low, low, high), np.clip(self.high, low, high))
 
 
+def _outward(low: Floats, high: Floats) -> Interval:
+    return Interval(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
+
+
 def range_over(
     surface: BSplineSurface, u: Interval, v: Interval, orders: tuple[int, int] = (0, 0)
 ) -> Interval:
     """Return bounds of a value or derivative (orders 0 and 1) of a scalar surface over rectangles u x v
-    inside its domain.
+    inside its domain.  What rounding puts outside is cut off.
 
     They are the least and the greatest Bernstein coefficient on the rectangles, rounding included, and meet
     as these shrink.
     """
+    u, v = u.clipped(surface.kv_u.start, surface.kv_u.stop), v.clipped(surface.kv_v.start, surface.kv_v.stop)
     low, high = np.full(len(u.low), np.inf), np.full(len(u.low), -np.inf)
     (first_u, count_u), (first_v, count_v) = _spans(surface.kv_u, u), _spans(surface.kv_v, v)
     pieces = np.repeat(np.arange(len(low)), count_u * count_v)

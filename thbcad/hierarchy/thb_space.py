@@ -265,8 +265,8 @@ class THBSpace:
         """The least class m of admissibility: the functions on any leaf cell belong to at most m successive
         levels.
 
-        It is the greatest (finest level - coarsest level + 1) of the functions on a cell.  A cell may be finer
-        than all functions on it: its own level does not count.
+        It is the greatest (finest level - coarsest level + 1) of the functions on a cell.  A cell may be
+        finer than all functions on it: its own level does not count.
         Source: A. Buffa, C. Giannelli, M3AS 26 (2016), definition of admissible meshes.
         """
         acting = self.incidence()

@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thbcad.certified import Interval, minimum, positive, range_over, rounding
-from thbcad.checks import Floats
+from thbcad.checks import EPS, Floats
 from thbcad.lens.graph_pieces import oriented, segment, steepest
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
@@ -105,40 +105,36 @@ class _EdgeOverBase:
     def lower(self, t: Interval, w: Interval) -> Floats:
         """Return bounds of g / w on boxes that touch w = 0, of g on others, and inf on those beside the base;
         t keeps its sign in a box."""
-        base = self.base
-        gap = self.gap
-        b = self.base.kv_v.stop
-        rim = Interval(*[np.full_like(t.low, base.kv_u.stop)] * 2)
-        end = Interval(*[np.full_like(t.low, gap.kv_u.stop)] * 2)
-        width = w.scaled(self.e) + Interval(*[np.full_like(w.low, b)] * 2)
-        x, y = rim - w.scaled(self.d), (t * width).clipped(-b, b)
+        base, gap, b = self.base, self.gap, self.base.kv_v.stop
+        rim, side, end = (Interval.at(np.full_like(t.low, x)) for x in (base.kv_u.stop, b, gap.kv_u.stop))
+        d, e = (Interval.rounded(x, t.low) for x in (self.d, self.e))
+        width = side + w * e
+        x, y = rim - w * d, (t * width).clipped(-b, b)
         in_x, in_y = range_over(base, x, y, (1, 0)), range_over(base, x, y, (0, 1))
         along = t.scaled(gap.kv_v.stop)
-        by_w = range_over(gap, end, along) + in_x.scaled(self.d) - (t * in_y).scaled(self.e)
-        by_t = (
-            range_over(base, rim, t.scaled(b), (0, 1)).scaled(b)
-            + (w * range_over(gap, end, along, (0, 1))).scaled(gap.kv_v.stop)
-            - width * in_y
-        )
+        by_w = range_over(gap, end, along) + in_x * d - t * in_y * e
+        at_rim = range_over(base, rim, t.scaled(b), (0, 1)).scaled(b)
+        by_lift = range_over(gap, end, along, (0, 1)).scaled(gap.kv_v.stop)
+        by_t = at_rim + w * by_lift - width * in_y
         near = np.where(abs(t.low) < abs(t.high), t.low, t.high)
         centre = (t.low + t.high) / 2, (w.low + w.high) / 2
         whole = self._inside(
             *centre
         )  # else from the corner that lies over the base if any point of the box does
         at = np.where(whole, centre[0], near), np.where(whole, centre[1], w.low)
-        widths = [np.where(whole, 0.5, 1.0) * (side.high - side.low) for side in (t, w)]
-        value = (
-            np.where(self._inside(*at), self(*at) * at[1], np.inf)
-            - by_t.magnitude * widths[0]
-            - by_w.magnitude * widths[1]
-        )
+        reach = [Interval.at(np.where(whole, 0.5, 1.0) * (box.high - box.low)) for box in (t, w)]
+        change = Interval.at(by_t.magnitude) * reach[0] + Interval.at(by_w.magnitude) * reach[1]
+        value = np.where(self._inside(*at), self(*at) * at[1], np.inf)
+        # positions are rounded a few times, values and their sum as `count` says
+        slip = in_x.magnitude * base.kv_u.stop + in_y.magnitude * b + at_rim.magnitude + by_lift.magnitude
         count = 8 * (base.kv_u.degree + base.kv_v.degree + 4)
-        value = value - rounding(count, abs(base.coefficients).max() + abs(gap.coefficients).max())
+        error = rounding(count, abs(base.coefficients).max() + abs(gap.coefficients).max()) + 8 * EPS * slip
+        value = (Interval.at(value) - change - Interval.at(error)).low
         return np.where(w.low > 0, value, np.where(self._inside(near, w.low), by_w.low, np.inf))
 
     def _inside(self, t: Floats, w: Floats) -> NDArray[np.bool_]:
         b = self.base.kv_v.stop
-        return abs(t) * (b + w * self.e) <= b * (1 + 4 * np.finfo(float).eps)
+        return abs(t) * (b + w * self.e) <= b * (1 + 4 * EPS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +162,11 @@ class _Corner:
     def lower(self, w: Interval, later: Interval) -> Floats:
         """Return bounds that are positive only where the distance is, or the distance over later - w; inf on
         boxes with w >= later."""
-        (a, b), (c, d) = ([Interval(x, x) for x in self._ends(g, w.low)] for g in (self.front, self.gap))
+        (a, b), (c, d) = ([Interval.at(x) for x in self._ends(g, w.low)] for g in (self.front, self.gap))
         ones = np.ones_like(w.low)
-        nearest = self._relative(w.high, later.low)
-        farthest = self._relative(w.low, later.high)
-        s, t = (Interval(x, y).clipped(0, 1) for x, y in zip(farthest, nearest))
+        da, db = (Interval.rounded(x, w.low) for x in (self.da, self.db))
+        s = ((a + w * da) / (a + later * da)).clipped(0, 1)
+        t = ((b - later * db) / (b - w * db)).clipped(0, 1)
         high = range_over(self.front, s * a, b) + later * range_over(self.gap, s * c, d)
         low = range_over(self.front, a, t * b) + w * range_over(self.gap, c, t * d)
         s, t = Interval(s.low, ones), Interval(t.low, ones)  # from the corner on
@@ -178,9 +174,8 @@ class _Corner:
             range_over(self.front, s * a, b, (1, 0)) * a + later * range_over(self.gap, s * c, d, (1, 0)) * c
         )
         by_t = range_over(self.front, a, t * b, (0, 1)) * b + w * range_over(self.gap, c, t * d, (0, 1)) * d
-        x, y = a + later.scaled(self.da), b - w.scaled(self.db)
-        ratio = range_over(self.gap, c, d) - by_s * Interval(self.da / x.high, self.da / x.low)
-        ratio = ratio + by_t * Interval(self.db / y.high, self.db / y.low)
+        x, y = a + later * da, b - w * db
+        ratio = range_over(self.gap, c, d) - by_s * (da / x) + by_t * (db / y)
         return np.where(w.low < later.high, np.maximum((high - low).low, ratio.low), np.inf)
 
     def _relative(self, w: Floats, later: Floats) -> tuple[Floats, Floats]:

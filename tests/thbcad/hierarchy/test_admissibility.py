@@ -64,7 +64,7 @@ def test_a_wide_refinement_needs_no_neighbours():
 def levels_on_cells(space, refined):
     """Return for every leaf cell the levels of the functions that are not zero in it, by brute force.
 
-    What is positive at one point inside a cell is so everywhere inside; nets of THB functions are not negative.
+    What is positive at one point inside a cell is so everywhere inside, as nets of THB functions are.
     """
     twin = DefinitionTHB(space.kv_u, space.kv_v, refined)
     u0, u1, v0, v1 = space.boxes.T

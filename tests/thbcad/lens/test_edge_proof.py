@@ -2,7 +2,9 @@
 where the sentence says."""
 
 import re
+from fractions import Fraction
 from itertools import product
+from operator import add, mul, sub, truediv
 
 import numpy as np
 import pytest
@@ -114,6 +116,22 @@ def test_ranges_hold_and_are_tight(rng, orders):
             # spacing
         ):
             assert found.high[k] - found.low[k] <= 1.01 * (z.max() - z.min()) + 1e-2
+
+
+@given(seeds(), st.sampled_from(["+", "-", "*", "/", "scaled"]))
+def test_intervals_enclose_exact_results(rng, operation):
+    """Also of numbers of very different size, and of the ends themselves; compared as Fractions."""
+    ends = np.sort(rng.uniform(-1, 1, (2, 2, 50)) * 10.0 ** rng.integers(-12, 13, (2, 2, 50)), axis=1)
+    if operation == "/":
+        ends[1] = np.sort(abs(ends[1]), axis=0)
+    a, b = Interval(*ends[0]), Interval(*ends[1])
+    exact = {"+": add, "-": sub, "*": mul, "/": truediv, "scaled": mul}[operation]
+    factor = b.low[0]
+    found = a.scaled(factor) if operation == "scaled" else exact(a, b)
+    for k in range(50):
+        others = [factor] if operation == "scaled" else [b.low[k], b.high[k], b.low[k] / 2 + b.high[k] / 2]
+        for x, y in product((a.low[k], a.high[k]), others):
+            assert found.low[k] < exact(Fraction(x), Fraction(y)) < found.high[k]
 
 
 def test_bounds_meet_with_the_square_of_the_size():
