@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from optics.etendue.kernel import Array, Blur, PixelBlur, Real
+from thbcad.checks import EPS
 
 
 def gradient(blur: Blur, light: Real, target: Real, sums: Real) -> Real:
@@ -42,8 +43,9 @@ def lower_bound(blur: PixelBlur, target: Array, residual: Real) -> float:
 
     because A f is the projection of g on a convex cone: ||A f|| <= ||g||.  So
     d >= (<y, g> - delta sqrt(n m) ||g||) / ||y||.  Here y is the residual less a correction that makes delta
-    = 0 up to rounding: with q = max(0, A^T residual / s), c[i] = max of q over the pixels whose blur reaches
-    i gives A^T c >= s q, and so does the greatest q everywhere.  The better of the two counts; y = 0 gives 0.
+    = 0 up to rounding, which `greatest_mean` bounds: with q = max(0, A^T residual / s), c[i] = max of q over
+    the pixels whose blur reaches i gives A^T c >= s q, and so does the greatest q everywhere.  The better of
+    the two counts; y = 0 gives 0.
 
     Source: weak duality; S. Boyd and L. Vandenberghe, Convex Optimization, 5.2.
     """
@@ -52,21 +54,33 @@ def lower_bound(blur: PixelBlur, target: Array, residual: Real) -> float:
     (k, l), (n, m) = blur.weights.shape, target.shape
     # the light of pixel (i, j) of the image is centred on (i + k // 2, j + l // 2)
     near = maximum_filter(excess, (k, l), mode="constant")[k // 2 : k // 2 + n, l // 2 : l // 2 + m]
-    return max(_bound(blur, target, residual - c) for c in (near, excess.max()))
+    return max(bound_by(blur, target, residual - c) for c in (near, excess.max()))
 
 
 def scaled_bound(blur: Blur, target: Array, residual: Real) -> float:
-    """Return the bound of `lower_bound` for any non-negative linear map, corrected by the greatest q only."""
-    excess = max(0.0, per_column_sum(blur.adjoint(residual), blur.column_sums(target.shape)).max())
-    return _bound(blur, target, residual - excess)
+    """Return the bound of `lower_bound` for any non-negative linear map, corrected by the greatest q only.
+
+    It holds but for the rounding of A^T y, which is not known of every map.
+    """
+    sums = blur.column_sums(target.shape)
+    y = residual - max(0.0, per_column_sum(blur.adjoint(residual), sums).max())
+    return _bound(target, y, max(0.0, float(per_column_sum(blur.adjoint(y), sums).max())))
 
 
-def _bound(blur: Blur, target: Array, y: Real) -> float:
-    size = norm(y)
+def bound_by(blur: PixelBlur, target: Array, y: Array) -> float:
+    """Return the bound of `lower_bound` for one y, rounding included."""
+    return _bound(target, y, blur.greatest_mean(y))
+
+
+def _bound(target: Array, y: Real, delta: float) -> float:
+    """Return (<y, g> / ||g|| - delta sqrt(n m)) / ||y||, rounded towards 0 by all that its sums can err."""
+    error = y.size * EPS  # of a sum of positive terms in any order
+    along = float((y * target).sum() - error * np.abs(y * target).sum())
+    size, goal = norm(y) * (1 + error), norm(target) * (1 + error)
     if size == 0:
         return 0.0
-    delta = max(0.0, per_column_sum(blur.adjoint(y), blur.column_sums(target.shape)).max())
-    return max(0.0, float(((y * target).sum() / norm(target) - delta * np.sqrt(y.size)) / size))
+    bound = (along / goal - delta * np.sqrt(y.size) * (1 + 4 * EPS)) / size
+    return max(0.0, float(bound) * (1 - 8 * EPS))
 
 
 def norm(image: Real) -> float:

@@ -22,6 +22,11 @@ from thbcad.checks import EPS, read_only
 Array = NDArray[np.float64]
 Real = NDArray[np.floating]
 
+Rows = NDArray[np.intp]
+
+MOST_FAINT = 2048  # pixels of light that are summed tap by tap: those that meet the image least
+# roundings of a transform per factor of 2 in its size: radices up to 5 take 11 at most
+BUTTERFLY = 16
 FEW_TAPS = 12  # up to so many, shifted copies are added faster than transforms are made
 
 
@@ -47,6 +52,9 @@ class PixelBlur(Blur, Protocol):
 
     def light_shape(self, shape: tuple[int, ...], /) -> tuple[int, int]:
         """Return the shape of the light for images of the given shape."""
+
+    def greatest_mean(self, image: Array, /) -> float:
+        """Return a number that no A^T y / A^T 1 exceeds, see `Kernel.greatest_mean`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +181,36 @@ class Kernel:
         placed[k - 1 : k - 1 + n, l - 1 : l - 1 + m] = image
         return fft.irfft2(fft.rfft2(placed) * transfer.conj(), size)[: shape[0], : shape[1]]
 
+    def greatest_mean(self, image: Array) -> float:
+        """Return a number that no A^T y / A^T 1 exceeds where A^T 1 > 0, rounding included, from 0 on.
+
+        These quotients are weighted means of the pixels y.  A sum tap by tap errs by n_taps EPS max |y| of
+        A^T 1, transforms by the same amount everywhere (`_transform_error`).  So the pixels of light that
+        hardly meet the image are summed.  image : (n, m) float64.
+        """
+        sums = self.column_sums(image.shape)
+        relative = len(self.taps) * EPS * float(np.abs(image).max())
+        error = relative * sums
+        light = self.adjoint(image)
+        if len(self.taps) > FEW_TAPS:
+            everywhere = _transform_error(self.weights, image)
+            faint = np.argsort(np.where(sums > 0, sums, np.inf), axis=None)[:MOST_FAINT]
+            rows, columns = np.unravel_index(faint, sums.shape)
+            light[rows, columns] = self._summed(image, rows, columns)
+            error = np.where(np.isin(np.arange(sums.size), faint).reshape(sums.shape), error, everywhere)
+        most = np.divide(light + error, sums, out=np.zeros_like(sums), where=sums > 0).max()
+        # the sums of k l positive taps, and the last few operations
+        return max(0.0, float(most)) * (1 + (sum(self.weights.shape) + 4) * EPS)
+
+    def _summed(self, image: Array, rows: Rows, columns: Rows) -> Array:
+        """Return A^T y at some pixels of light, tap by tap."""
+        k, l = self.weights.shape
+        padded = np.pad(image, [(k - 1, k - 1), (l - 1, l - 1)])
+        total = np.zeros(len(rows))
+        for i, j, weight in self.taps:
+            total += weight * padded[rows + i, columns + j]
+        return total
+
     def column_sums(self, shape: tuple[int, ...]) -> Array:
         """Return A^T 1: the fraction of every pixel of light that falls on an image of this shape.
 
@@ -205,6 +243,22 @@ def require_light(name: str, values: ArrayLike) -> Array:
     if not image.any():
         raise ValueError(f"{name} must have some flux, got zeros only")
     return image
+
+
+def _transform_error(weights: Array, image: Array) -> float:
+    """Return a bound of the rounding errors of a convolution or correlation by fast Fourier transforms.
+
+    A transform of N numbers errs by at most r = BUTTERFLY log2(N) u of its norm, u = EPS / 2.  With the
+    errors of both factors, and of the way back with the product's,
+
+        |error| <= r (2 ||y||_2 ||w||_1 + ||y||_1 ||w||_2).
+
+    Source: N. Higham, Accuracy and Stability of Numerical Algorithms, section 24.1.
+    """
+    size = np.prod([fft.next_fast_len(n + k - 1, real=True) for n, k in zip(image.shape, weights.shape)])
+    y, w = np.abs(image), np.abs(weights)
+    most = 2 * np.sqrt((y**2).sum()) * w.sum() + y.sum() * np.sqrt((w**2).sum())
+    return float((BUTTERFLY * np.log2(size) + 8) * EPS / 2 * 1.01 * most)
 
 
 def _window_sums(taps: Array, side: int) -> Array:

@@ -19,7 +19,7 @@ from scipy import fft
 from scipy.ndimage import maximum_filter
 
 from optics.etendue.approximation import Approximation, approximate
-from optics.etendue.certificate import per_column_sum
+from optics.etendue.certificate import bound_by, per_column_sum
 from optics.etendue.kernel import Array, Kernel, Real
 
 
@@ -83,6 +83,10 @@ class KernelStack:
         placed[k - 1 : k - 1 + n, l - 1 : l - 1 + m] = image
         return fft.irfft2(fft.rfft2(placed) * transfers.conj(), size)[:, :rows, :columns].reshape(-1, columns)
 
+    def greatest_mean(self, image: Array) -> float:
+        """Return a number that no A^T y / A^T 1 exceeds, rounding included: the greatest of the kernels'."""
+        return max(kernel.greatest_mean(image) for kernel in self.kernels)
+
     def column_sums(self, shape: tuple[int, ...]) -> Array:
         """Return A^T 1: the fraction of every pixel of light that falls on an image of this shape, over
         K."""
@@ -96,20 +100,16 @@ def stack_approximation(
 
     The bound is that of `optics.etendue.certificate`: y = e - c with e = G - E.  Here c[i] is the greatest of
     max(0, A^T e / A^T 1) over the pixels of all lights whose blur covers pixel i, so that A^T y <= 0 but for
-    rounding, delta.
+    rounding, which delta holds.
     """
     best = approximate(stack, target, tolerance, most_iterations)
-    error, norm = target - best.image, np.linalg.norm(target)
+    error = target - best.image
     sums = stack.column_sums(target.shape)
     each = per_column_sum(stack.adjoint(error), sums).reshape(len(stack.kernels), -1, sums.shape[1])
     excess = np.maximum(each.max(axis=0), 0)
     (k, l), (n, m) = stack.kernels[0].weights.shape, target.shape
     near = maximum_filter(excess, (k, l), mode="constant")[k // 2 : k // 2 + n, l // 2 : l // 2 + m]
-    y = error - near
-    size = np.linalg.norm(y)
-    delta = max(0.0, per_column_sum(stack.adjoint(y), sums).max())
-    bound = (np.vdot(y, target) / norm - delta * np.sqrt(y.size)) / size if size else 0.0
-    return best, float(np.clip(bound, best.lower_bound, best.residual))
+    return best, float(np.clip(bound_by(stack, target, error - near), best.lower_bound, best.residual))
 
 
 @lru_cache(maxsize=2)

@@ -18,7 +18,9 @@ Mitsuba's tensors are float32: what a render returns, and what comes back to it,
 pixel.  What lies between is in double precision.
 
 The parameters "front_coefficients" and "rear_coefficients" (Float64, of the surfaces that are free) are
-differentiable, in backward and in forward mode.  The scene's shapes and emitters play no part.
+differentiable, in backward and in forward mode.  Pixels are float32 both ways, so a derivative errs by about
+1e-7 of the sum of its terms' sizes; near a minimum, where these cancel, that is much of the gradient, unless
+the loss adds the channel "rounding".  The scene's shapes and emitters play no part.
 
 Mitsuba 3.9.1 can construct no shape written in Python.  When it can, the splines belong in such a shape,
 which serves every integrator, and this one is no longer needed.

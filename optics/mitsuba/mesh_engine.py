@@ -3,7 +3,7 @@
 Normals are those of the splines at the vertices and interpolated between them, so that slopes err by
 h^2 / 8 of their second derivative, with the spacing h of the vertices.  At least PER_SPAN of these lie on
 every knot span of the finest level, on which the optimiser bends the surface.  Mitsuba meets the triangles in
-single precision.
+single precision, and derivatives pass through float32.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """What manufacturing asks of a lens: thicknesses, slopes, radii, heights, features, volume, areas and mass.
 
 Extremes come as certified enclosures of the spline graphs of `Lens.graphs`, which are the surfaces that the
-CAD files hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Volume and areas come
-by Gauss quadrature.
+CAD files hold: conics other than paraboloids and planes lie within 1e-11 mm of them.  Slopes and radii are
+those of the splines too; radii of such a conic differ from the splines' by up to 1e-4 of them where it is
+steep.  Volume and areas come by Gauss quadrature.
 
 Concave and convex are meant as seen from the air, where the tool works: a front is concave where z bends
 towards -z, a rear where it bends towards +z.

@@ -1,8 +1,10 @@
 """Kernels: taps by area, the linear convolution and its adjoint."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.testing import assert_allclose
 from scipy.signal import convolve
 
@@ -129,3 +131,39 @@ def test_an_even_picture_gets_a_dark_edge():
 def test_errors_in_one_sentence(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def exact_greatest_mean(kernel, image):
+    """Return the greatest A^T y / A^T 1 where A^T 1 > 0, in Fractions."""
+    a = matrix(kernel, image.shape)
+    y = [Fraction(x) for x in image.ravel().tolist()]
+    means = []
+    for column in a.T:
+        weights = {k: Fraction(column[k]) for k in np.flatnonzero(column).tolist()}
+        if weights:
+            means.append(sum(w * y[k] for k, w in weights.items()) / sum(weights.values()))
+    return max(means)
+
+
+@settings(max_examples=10)
+@given(kernels(), targets(), st.integers(0, 2**32 - 1), st.booleans())
+def test_the_greatest_mean_is_rounded_upward(kernel, target, seed, faint):
+    """Also of taps of 1e-13, which transforms drown: the pixels of light that they reach are summed."""
+    if faint:
+        kernel = Kernel.rectangle(2.5 + 1e-13, 1.5 + 1e-13)
+    image = np.random.default_rng(seed).normal(size=target.shape)
+    exact = exact_greatest_mean(kernel, image)
+    found = kernel.greatest_mean(image)
+    assert found >= exact
+    # n_taps EPS max |y|, and a few operations
+    assert found <= max(0, exact) * (1 + 40 * EPS) + 2 * kernel.weights.size * EPS * abs(image).max()
+
+
+@given(kernels(), targets(), st.integers(0, 2**32 - 1))
+def test_the_error_of_transforms_stays_within_its_bound(kernel, target, seed):
+    image = np.random.default_rng(seed).normal(size=target.shape)
+    if len(kernel.taps) > module.FEW_TAPS:
+        error = abs(kernel.adjoint(image).ravel() - matrix(kernel, target.shape).T @ image.ravel()).max()
+        # the sums tap by tap err too
+        assert error <= module._transform_error(kernel.weights, image) + 60 * EPS * abs(image).max()
+        assert error >= module._transform_error(kernel.weights, image) / 1e4
