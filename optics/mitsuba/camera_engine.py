@@ -6,7 +6,8 @@ every derivative.  A derivative has other paths than its picture, so that it is 
 that averages over steps is Adam.  Other coefficients have other paths, the same ones always the same.
 
 Images and derivatives are float32.  There are no landing points.  The screen is at least twice as wide and
-tall as the target.  With the flux Phi that passes the lens, the irradiance E on the pixels, of area A, and their distance d <= r from the target,
+tall as the target.  With the flux Phi that passes the lens, the irradiance E on the pixels, of area A, and
+their distance d <= r from the target,
 
     lost = r^2 Phi - sum of E A (r^2 - d^2),
 
