@@ -1,21 +1,22 @@
 """Irradiance under a uniform Lambertian rectangle through a lens, by the image of the source that a target
 point sees.
 
-From a point t of the target the source is seen through those points r of the rear whose rays, traced backwards,
-meet it.  With the radiance L = Phi / (pi A) and the light's direction e = (t - r) / |t - r|,
+From a point t of the target the source is seen through those points r of the rear z(x, y) whose rays, traced
+backwards, meet it.  With the radiance L = Phi / (pi A) and the light's direction e = (t - r) / |t - r|,
 
-    E(t) = L integral of T e_z (e . (-z_x, -z_y, 1)) / |t - r|^2 dx dy   over these points of the rear z(x, y).
+    E(t) = L integral of T e_z (e . (-z_x, -z_y, 1)) / |t - r|^2 dx dy   over these points of z(x, y).
 
 T is what both faces pass (unpolarised at each).  If T were 1 this would be L times the area that the outline
-of the source's image encloses in direction cosines, a contour integral (Stokes); T varies, so the enclosed area
-is integrated.  Cells of the rear are traced at their corners; those whose corners see near the source are cut
-into pieces, whose middles are traced.  Nothing is random, and no ray is wasted on light that lands elsewhere.
+of the source's image encloses in direction cosines, a contour integral (Stokes); T varies, so the enclosed
+area is integrated.  Cells of the rear are traced at their corners; those whose corners see near the source
+are cut into pieces, whose middles are traced.  Nothing is random, and no ray is wasted on light that lands
+elsewhere.  Light that enters the glass again behind the rear is not followed.
 
 The rear is a spline evaluated by scipy's B-splines on the coefficients of the lens; the front is a conic, met
 in closed form.  No code is shared with the tracer.
 
-Source: S. Hirst, J. Muschaweck, P. Benitez, Fast, deterministic computation of irradiance values using a single
-extended source in 3D, Optics Express 26 (2018), A651.
+Source: S. Hirst, J. Muschaweck, P. Benitez, Fast, deterministic computation of irradiance values using a
+single extended source in 3D, Optics Express 26 (2018), A651.
 """
 
 from __future__ import annotations

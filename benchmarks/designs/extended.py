@@ -12,18 +12,23 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import IRRADIANCE, LANDING, run_design
 from benchmarks.designs.thesis_method import adam_batches
-from optics.analysis import counted_ways, measure
+from optics.analysis import counted_ways, measure, ray_irradiance
 from optics.engines import ExactEngine
 from optics.optimisation import State, design
 from optics.problem import load_problem, problem_to_toml
+from optics.results import ResultFolder
 from optics.runtime import Backend, Row, load_backend
 from optics.system import OpticalSystem
 from optics.verification import StepFile, verify
+from oracles.source_image import Scene, SourceImage, pixel_irradiance
 from thbcad import write_step
 
+BLOCKS = 8  # of the target in each direction, with one pixel of each compared
 THESIS_SECONDS, THESIS_FLUX = "thesis 1763 s", "thesis 0.74 W"
 
 
@@ -32,7 +37,7 @@ def rows() -> list[Row]:
     system, backend = OpticalSystem(load_problem(EXAMPLES / "extended.toml")), load_backend("double")
     with tempfile.TemporaryDirectory() as folder:
         adam, other = _adam(system, backend)
-        one = _design("extended", Path(folder) / "one", other)
+        one = [*_design("extended", Path(folder) / "one", other), *_source_image(Path(folder) / "one")]
         two = _design("extended_two", Path(folder) / "two", other)
         batches = _batches(system, backend, Path(folder) / "batch.step")
         short = _without_finish(Path(folder))
@@ -49,6 +54,35 @@ def _design(name: str, folder: Path, other: dict[str, float]) -> list[Row]:
         Row(f"{name}: evaluations of loss and gradient", metrics["evaluations"], "", "thesis 1500"),
         Row(f"{name}: landing points, independent trace", run.checks[LANDING], "mm", "", 1e-8),
         Row(f"{name}: irradiance, independent trace", run.checks[IRRADIANCE], "", "", 1e-6),
+    ]
+
+
+def _source_image(folder: Path) -> list[Row]:
+    """Return how far rays through front and rear are from the source's image that points of the target see.
+
+    One pixel of each of BLOCKS x BLOCKS blocks is compared.  Norms are relative to that of the target.
+    """
+    problem, lens, _ = ResultFolder(folder).read()
+    system = OpticalSystem(problem)
+    screen, rng = system.target.screen(), np.random.default_rng(0)
+    light, _ = ray_irradiance(system, lens, screen, load_backend("double"))
+    target = system.target.irradiance(screen, light.on_target + light.off_target)
+    blocks = np.argwhere(np.ones((BLOCKS, BLOCKS))) + rng.random((BLOCKS**2, 2))
+    pixels = (blocks * np.divide(screen.shape, BLOCKS)).astype(int)
+    exact, error = pixel_irradiance(SourceImage(Scene.of(system, lens)), pixels, screen, 3)
+    own, spread = (image[tuple(pixels.T)] for image in (light.irradiance, light.error))
+    norm = float(np.sqrt(np.mean(target**2)))
+    name = f"extended, front and rear, {BLOCKS**2} pixels against the source's image"
+    return [
+        Row(f"{name}: error of the irradiance by rays", float(np.sqrt(np.mean((own - exact) ** 2))) / norm),
+        Row(f"{name}: the same as the replicates state it", float(np.sqrt(np.mean(spread**2))) / norm),
+        Row(
+            f"{name}: difference of the flux on all of them",
+            float(abs((own - exact).sum()) / exact.sum()),
+            "",
+            f"rays: +-{np.linalg.norm(spread) / exact.sum():.2g}",
+        ),
+        Row(f"{name}: error of the source's image", float(np.sqrt(np.mean(error**2))) / norm, "", "", 1e-3),
     ]
 
 

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from optics.analysis.light_of_cells import (
         cell_irradiance as cell_irradiance,
     )
+    from optics.analysis.light_of_rays import (
+        ray_irradiance as ray_irradiance,
+    )
     from optics.analysis.metrics import (
         Measurement as Measurement,
         dark_fraction as dark_fraction,
@@ -54,6 +57,7 @@ _FILES = {
         "light_by_other_ways",
     ),
     "light_of_cells": ("cell_irradiance",),
+    "light_of_rays": ("ray_irradiance",),
     "metrics": (
         "Measurement",
         "dark_fraction",
