@@ -57,7 +57,7 @@ class LightEstimate:
         rel_l2_error : the standard deviation of that, at most f.  With the residual r = E - T and pixel
             errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2.
         """
-        norm = float(np.linalg.norm(target)) / target.mean()
+        norm = float(np.linalg.norm(target) / target.mean())
         scale = self.irradiance.mean()
         if scale <= 0:
             return {"rel_l2_floor": 0.0, "rel_l2_debiased": 1.0, "rel_l2_error": 0.0}

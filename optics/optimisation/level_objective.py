@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.analysis import light_by_other_ways
 from optics.engines import Film
 from optics.optimisation.indicators import (
     mark,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from optics.optimisation.stage_plan import Stage
     from optics.optimisation.transport_start import TransportStart
     from optics.problem import Problem
+    from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
@@ -103,6 +105,26 @@ def stage_objective(
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
     model = engine.model(system, lens, stage_film(system, stage), axes, fresh)
     return charged_objective(system, lens, model, target, background)
+
+
+def background(
+    system: OpticalSystem, backend: Backend, lens: Lens, stage: Stage, axes: Sequence[int]
+) -> NDArray[np.float64] | None:
+    """Return the irradiance that a lens sends to a stage's pixels by other ways than front and rear, W/mm^2.
+
+    It is None where it is negligible, before the last level, and where no finish renews it: what the level
+    changes moves it.
+    axes : directions in which it is averaged with its mirror image.
+    """
+    if not (stage.final and system.problem.optimizer.finish and system.path.by_edges):
+        return None
+    other = light_by_other_ways(system, lens, stage.screen, backend)
+    if other.negligible:
+        return None
+    image = other.light.irradiance
+    for axis in axes:
+        image = (image + np.flip(image, 1 - axis)) / 2
+    return image
 
 
 def charged_objective(

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.optimisation.level_objective import Indicators, marked_cells, stage_objective
+from optics.optimisation.level_objective import Indicators, background, marked_cells, stage_objective
 from optics.optimisation.limit_keeper import LimitKeeper
 from optics.optimisation.recorder import Interrupted, Recorder
 from optics.optimisation.stage_plan import stages
@@ -109,16 +109,18 @@ def design(
         if progress:
             progress(plan, stage, state.dof, None)
         lens = _with_sags(system.lens, state.sags)
-        target = _asked(system, backend, lens, stage, flux)
+        around = background(system, backend, lens, stage, axes) if stage.iterations else None
+        target = _asked(system, backend, lens, stage, flux, around)
         if stage.iterations:
-            objective = stage_objective(system, lens, stage, target, engine, axes)
+            of_stage = partial(stage_objective, stage=stage, target=target, engine=engine, background=around)
+            objective = of_stage(system, lens, axes=axes)
             report = progress and partial(progress, plan, stage, state.dof)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
             keeper = LimitKeeper(system, lens, note) if stage is plan[-1] else None
             begun, lens = lens, _optimised(lens, recorder, stage, note, keeper)
             if system.source.extended:
                 fresh = np.random.default_rng((system.problem.run.seed, FRESH))
-                recorder.measure_afresh(stage_objective(system, begun, stage, target, engine, axes, fresh))
+                recorder.measure_afresh(of_stage(system, begun, axes=axes, fresh=fresh))
             if stage is plan[-1] and recorder.fall > FALLING:
                 note(
                     f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
@@ -128,7 +130,9 @@ def design(
         if seen:
             seen(stage, lens, target)
         try:
-            marked = marked_cells(system, lens, stage, axes, Indicators(system, engine, target, guide))
+            marked = marked_cells(
+                system, lens, stage, axes, Indicators(system, engine, target, guide, around)
+            )
             following, new_fit = _refined(state, plan, marked, guide)
         except KeyboardInterrupt:
             raise Interrupted(state) from None
@@ -146,15 +150,22 @@ def design(
 
 
 def _asked(
-    system: OpticalSystem, backend: Backend, lens: Lens, stage: Stage, flux: float
+    system: OpticalSystem,
+    backend: Backend,
+    lens: Lens,
+    stage: Stage,
+    flux: float,
+    around: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
     """Return the target irradiance that a stage asks for.
 
     Its flux is what the unoptimised lens sends on, W, but in the finish: there it is what the present lens
-    sends on, since asking for light that cannot arrive spoils what does.
+    sends on, since asking for light that cannot arrive spoils what does.  The background's flux is added.
     """
     if stage.finish:
         flux = transmitted_flux(system, backend, lens)
+    if around is not None:
+        flux += float(around.sum()) * stage.screen.pixel_area
     return system.target.irradiance(stage.screen, flux)
 
 
