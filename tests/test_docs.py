@@ -74,10 +74,18 @@ def test_no_time_is_quoted_without_its_mark(page):
 
 @pytest.mark.parametrize("name", STORED)
 def test_every_stored_row_says_whether_it_was_measured_or_extrapolated(name):
-    """What was extrapolated names its law; a comparison of run times at an error names quantity and error."""
+    """What was extrapolated names its law."""
     for full, row in STORED[name].named():
         assert row["basis"] in ("measured", "extrapolated"), full
         assert row["basis"] == "measured" or row["reference"], full
+
+
+def test_rows_that_compare_methods_name_quantity_and_estimator():
+    lenses = ("base: ", "pearl: ", "extended: ")
+    rows = [*STORED["pixels"].rows, *(r for r in STORED["error"].rows if r["name"].startswith(lenses))]
+    # gradients held against differences have no other method beside them
+    compared = [row for row in rows if "worst of 20 differences" not in row["name"]]
+    assert [row["name"] for row in compared if not {"quantity", "estimator"} <= set(row)] == []
 
 
 def test_no_ratio_sets_box_pixels_against_a_window():
