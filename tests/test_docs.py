@@ -19,6 +19,10 @@ QUOTING = [page for page in PAGES if page.name not in ("CONTRIBUTING.md", "CHANG
 STORED = read_rows(ROOT / "docs" / "data")
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TOML = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
+CODE = re.compile(r"^```.*?^```|`[^`]*`", re.DOTALL | re.MULTILINE)
+TIME = re.compile(
+    r"(?<![\w.^])\d[\d.]*(?:e-?\d+)? ?(?:ns|us|ms|s|min|seconds?|minutes?|hours?|rays/s)\b(?!\^)"
+)
 LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
 
 
@@ -55,6 +59,47 @@ def test_marked_numbers_are_the_stored_ones(page):
     """`thbcad bench --markdown` refreshes them."""
     wrong = [q for q in marked_numbers(page.read_text("utf-8"), STORED) if q.text != q.wanted]
     assert wrong == []
+
+
+@pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.name)
+def test_no_time_is_quoted_without_its_mark(page):
+    """Times are measured, but for limits, which stand in the last column of the README's table."""
+    text = without_marked_numbers(CODE.sub("", page.read_text("utf-8")))
+    lines = [
+        line.rpartition("|")[0].rpartition("|")[0] if line.startswith("|") else line
+        for line in text.splitlines()
+    ]
+    assert [line for line in lines if TIME.search(line)] == []
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_every_stored_row_says_whether_it_was_measured_or_extrapolated(name):
+    """What was extrapolated names its law."""
+    for full, row in STORED[name].named():
+        assert row["basis"] in ("measured", "extrapolated"), full
+        assert row["basis"] == "measured" or row["reference"], full
+
+
+def test_rows_that_compare_methods_name_quantity_and_estimator():
+    lenses = ("base: ", "pearl: ", "extended: ")
+    rows = [*STORED["pixels"].rows, *(r for r in STORED["error"].rows if r["name"].startswith(lenses))]
+    # gradients held against differences have no other method beside them
+    compared = [row for row in rows if "worst of 20 differences" not in row["name"]]
+    assert [row["name"] for row in compared if not {"quantity", "estimator"} <= set(row)] == []
+
+
+def test_no_ratio_sets_box_pixels_against_a_window():
+    """The particle tracer is compared in each of the two measures with our light in the same one."""
+    rows = {f"{name}: {full}": row for name in STORED for full, row in STORED[name].named()}
+    ratios = {full: row for full, row in rows.items() if "ptracer to" in full}
+    assert {row["quantity"] for row in ratios.values()} == {
+        "irradiance, box pixels",
+        "irradiance, Gaussian window",
+    }
+    for full, row in ratios.items():
+        assert ("Gaussian window" in full) == ("Gaussian window" in row["quantity"]), full
+        assert row["basis"] == "extrapolated"
+        assert row["error"] > 0
 
 
 def test_the_page_of_benchmarks_is_that_of_the_stored_rows():

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+
+from optics.runtime import Row
 
 LANDING = "landing points, independent trace of the file"
 IRRADIANCE = "irradiance, independent trace of the file, relative"
@@ -25,6 +28,20 @@ class DesignRun:
     seconds: float
     metrics: dict[str, Any]
     checks: dict[str, float]
+
+
+def rel_l2_row(name: str, metrics: Mapping[str, Any], reference: str = "", limit: float | None = None) -> Row:
+    """Return the row of a design's rel_l2, with the error of the measured irradiance."""
+    return Row(
+        name,
+        metrics["rel_l2"],
+        "",
+        reference,
+        limit,
+        quantity="irradiance, box pixels, unit mean",
+        estimator=metrics["estimator"],
+        error=metrics["rel_l2_floor"],
+    )
 
 
 def run_design(problem: Path, folder: Path) -> DesignRun:

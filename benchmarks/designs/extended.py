@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.checkout import EXAMPLES
-from benchmarks.designs.design_run import IRRADIANCE, LANDING, run_design
+from benchmarks.designs.design_run import IRRADIANCE, LANDING, rel_l2_row, run_design
 from benchmarks.designs.thesis_method import adam_batches
 from optics.analysis import counted_ways, measure, ray_irradiance
 from optics.engines import ExactEngine
@@ -113,7 +113,7 @@ def _light(name: str, metrics: dict[str, Any], other: dict[str, float] | None = 
     limits = other or {"rel_l2": None, "lit": None}
     count = metrics["nonsequential"]
     return [
-        Row(f"{name}: rel_l2, {counted_ways(metrics)}", metrics["rel_l2"], "", "", limits["rel_l2"]),
+        rel_l2_row(f"{name}: rel_l2, {counted_ways(metrics)}", metrics, "", limits["rel_l2"]),
         Row(f"{name}: the same without noise", metrics["rel_l2_debiased"]),
         Row(
             f"{name}:    its standard error, relative",

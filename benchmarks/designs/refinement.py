@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
+from benchmarks.designs.design_run import rel_l2_row
 from optics.analysis import measure
 from optics.engines import ExactEngine
 from optics.optimisation import design
@@ -117,14 +118,14 @@ def _run(name: str, problem: Problem, backend: Backend) -> _Run:
     lens, state = design(system, backend, ExactEngine(backend))
     seconds = perf_counter() - start
     dof, loss = lens.rear.sag.space.dim, min(row.loss for row in state.history[-LAST:])
-    error = measure(system, lens, backend).metrics["rel_l2"]
+    metrics = measure(system, lens, backend).metrics
     rows = [
         Row(f"{name}: degrees of freedom", dof),
         Row(f"{name}: loss", loss),
-        Row(f"{name}: rel_l2", error),
+        rel_l2_row(f"{name}: rel_l2", metrics),
         Row(f"{name}: optimisation", seconds, "s"),
     ]
-    return _Run(dof, error, rows)
+    return _Run(dof, metrics["rel_l2"], rows)
 
 
 def _with_mesh(problem: Problem, level: int, refinement: Refinement) -> Problem:

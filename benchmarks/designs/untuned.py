@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from benchmarks.checkout import EXAMPLES
-from benchmarks.designs.design_run import run_design
+from benchmarks.designs.design_run import rel_l2_row, run_design
 from optics.prediction import expected
 from optics.problem import AUTO, Optimizer, load_problem, problem_to_toml
 from optics.runtime import Row, load_backend
@@ -48,9 +48,7 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for name, picture in pictures():
             metrics = _design(Path(folder), name, picture)
-            out.append(
-                Row(f"{name}: rel_l2", metrics["rel_l2"], "", f"level {metrics['levels'] - 1}", WANTED)
-            )
+            out.append(rel_l2_row(f"{name}: rel_l2", metrics, f"level {metrics['levels'] - 1}", WANTED))
             out.append(Row(f"{name}: psnr", metrics["psnr_db"], "dB"))
             out.append(Row(f"{name}: efficiency", metrics["efficiency"]))
             out.append(Row(f"{name}: wall time without imports", metrics["wall_s"]["total"], "s"))

@@ -3,8 +3,7 @@
 Times are of one thread and of tracing and measuring alone: rays, meshes and scenes are ready.  The error of
 the gradient is that of the derivative of ||E - T||^2 / ||T||^2 by all THB coefficients.
 
-`ptracer`'s camera has a film with the same Gaussian filter, so that all methods measure the same;
-`camera_noise` is that of box pixels.
+`ptracer`'s camera has a film with the same Gaussian filter, so that all methods measure the same.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from time import perf_counter
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from benchmarks.tracing.error_cases import WINDOW, Case, Reference, grid_rays
 from optics.engines import TracedModel
 from optics.optimisation import Objective
-from optics.runtime import Backend, load_backend, median_seconds
+from optics.runtime import Backend, Row, load_backend, median_seconds
 from optics.target import Splat, filter_image
 from optics.tracing import Tracer
 from oracles.error_measures import Point, relative, slope_of_fit
@@ -37,8 +37,9 @@ MOST, LONG = 1 << 21, 1 << 22  # rays of a gradient; of a longer run in single p
 MESH_COUNTS = COUNTS[:3]
 VERTICES = (449, 449)
 SPP, GRADIENT_SPP = (1, 4, 8), 4
-REPEATS = 5
-CAMERA, BOX = "Mitsuba ptracer + camera", "its box pixels"
+REPEATS = 3
+CAMERA = "Mitsuba ptracer + camera"
+BOX, GAUSSIAN = "box pixels", "Gaussian window"
 SAMPLINGS = {"random": random_points, "jittered": jittered_points, "Sobol": sobol_points}
 CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 
@@ -52,6 +53,43 @@ class Method:
     rays: int
     irradiance: Callable[[], Floats]
     gradient: Callable[[], list[Floats]]
+
+
+def quantity(window: str) -> str:
+    """Return what is compared, in the words of the rows."""
+    return f"irradiance, {window}"
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Relative L2 noise of a picture by a number of light paths, which took some seconds."""
+
+    value: float
+    seconds: float
+    paths: int
+
+    def seconds_at(self, error: float) -> float:
+        """Return the time at which the noise has fallen to an error, as 1 / sqrt(time)."""
+        return self.seconds * (self.value / error) ** 2
+
+    def ratio(self, name: str, seconds: float, error: float, window: str, limit: float | None = None) -> Row:
+        """Return the row of the time at an error, extrapolated, to the seconds of another method in the same
+        window."""
+        note = f"at error {error:.2g}: {self.seconds_at(error):.3g} s, by noise {self.value:.2g} in "
+        note += f"{self.seconds:.3g} s and noise ~ time^(-1/2); ours {seconds:.3g} s"
+        value = self.seconds_at(error) / seconds
+        return Row(
+            name,
+            value,
+            "",
+            note,
+            limit,
+            ">=",
+            quantity=quantity(window),
+            estimator=name.partition(", ")[2],
+            error=error,
+            extrapolated=True,
+        )
 
 
 def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -> list[Point]:
@@ -141,28 +179,27 @@ def _seen(picture: Any) -> Floats:
     return np.pi / REFLECTANCE * np.array(picture, dtype=np.float64)[..., 0][:, ::-1]
 
 
-def camera_noise(case: Case) -> list[tuple[str, float, float]]:
-    """Return (measure, relative L2 noise, seconds) of the camera's box pixels and of the window, at the most
-    light paths.
+def camera_noise(case: Case, window: str, paths: int = SPP[-1]) -> Noise:
+    """Return the noise of the camera's picture in box pixels or in the Gaussian window.
 
     Two pictures are sqrt(2) noises apart.  Light by other paths than front, rear, screen is seen alike
-    in both, unlike in `Point`.
+    in both, unlike in `Point`.  paths : per pixel.
     """
     from optics.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi = current_mitsuba()
     scene = mitsuba_scene(case.system, LensMesh.uniform(case.lens, VERTICES))
-    cameras = {BOX: scene.sensors()[0], "the same window": gaussian_camera(mi, scene, case)}
-    out = []
-    for measure, camera in cameras.items():
-        one, other = (_seen(mi.render(scene, sensor=camera, spp=SPP[-1], seed=seed)) for seed in (7, 8))
-        apart = np.square(one - other).sum() / 2
-        noise = float(np.sqrt(apart / (np.square((one + other) / 2).sum() - apart / 2)))
-        seconds = median_seconds(
-            lambda c=camera: np.array(mi.render(scene, sensor=c, spp=SPP[-1], seed=9)), REPEATS
-        )
-        out.append((measure, noise, seconds))
-    return out
+    camera = scene.sensors()[0] if window == BOX else gaussian_camera(mi, scene, case)
+    np.array(mi.render(scene, sensor=camera, spp=1))  # compiles
+    pictures, seconds = [], []
+    for seed in (7, 8, 9):
+        start = perf_counter()
+        pictures.append(_seen(mi.render(scene, sensor=camera, spp=paths, seed=seed)))
+        seconds.append(perf_counter() - start)
+    one, other, _ = pictures
+    apart = np.square(one - other).sum() / 2
+    noise = float(np.sqrt(apart / (np.square((one + other) / 2).sum() - apart / 2)))
+    return Noise(noise, median(seconds), paths * one.size)
 
 
 def gaussian_camera(mi: ModuleType, scene: Any, case: Case) -> Any:

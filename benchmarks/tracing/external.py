@@ -46,9 +46,10 @@ def _measured(name: str, system: OpticalSystem, lens: Lens, file: StepFile) -> l
     ready = perf_counter() - start
     count = FEWER.get(name, FULL[name])
     found = compare_light(system, lens, tracer, count, load_backend("double"))
-    extrapolated = f", extrapolated from {count:.0e}" if name in FEWER else ""
+    law = f"from {count:.0e} rays, in proportion to their number" if name in FEWER else ""
+    seconds = found.seconds * FULL[name] / count
     return [
-        Row(f"{name}: {FULL[name]:.0e} rays{extrapolated}", found.seconds * FULL[name] / count, "s"),
+        Row(f"{name}: {FULL[name]:.0e} rays", seconds, "s", law, extrapolated=bool(law)),
         Row("   file and meshes before", ready, "s"),
         *_differences(found, system),
     ]

@@ -26,7 +26,7 @@ from optics.problem import load_problem
 from optics.runtime import Backend, DrArray, Row, load_backend, median_seconds
 from optics.sources import RayGrid, collimated_beam, single_rays
 from optics.system import OpticalSystem
-from optics.target import BSplineWindow, GaussianWindow, PixelWindow
+from optics.target import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Splat
 from optics.tracing import TargetPlane, Tracer, trace_nonsequential
 from thbcad import Lens, THBSurface
 
@@ -228,8 +228,11 @@ def _taps(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
 
 
 def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
-    """Mitsuba's particle tracer with screen and camera, light forward only: its noise hides every other
-    difference."""
+    """Mitsuba's particle tracer with screen and camera, and about as many rays binned in the same box pixels,
+    light forward only.
+
+    Its noise hides every other difference: `thbcad bench pixels` compares times at equal errors.
+    """
     if find_spec("mitsuba") is None:
         return []
     from optics.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
@@ -237,12 +240,16 @@ def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     load_mitsuba("llvm_ad_mono", 1)
     scene = mitsuba_scene(system, LensMesh.uniform(lens, (COUNT, COUNT)))
     tracer = Tracer(backend, lens, system.source.rays((COUNT, COUNT)), system.target.z)
-    objective, c = _objective(system, backend, tracer, PixelWindow()), [sag.coefficients for sag in lens.sags]
-    image, other = objective.image(c), camera_irradiance(scene, SPP)
-    seconds = (
-        median_seconds(lambda: objective.image(c), REPEATS),
-        median_seconds(lambda: camera_irradiance(scene, SPP), 3),
-    )
+    screen, c = system.target.screen(), [sag.coefficients for sag in lens.sags]
+    splat = Splat(backend, screen, BoxWindow())
+
+    def binned() -> NDArray[np.float64]:
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace(c)
+            return splat(landing.x, landing.y, landing.flux).numpy().reshape(screen.shape, order="F")
+
+    image, other = binned(), camera_irradiance(scene, SPP)
+    seconds = median_seconds(binned, REPEATS), median_seconds(lambda: camera_irradiance(scene, SPP), 3)
     return _timed("camera", *seconds, float(np.linalg.norm(image - other) / np.linalg.norm(image)), None)
 
 

@@ -13,6 +13,10 @@ class Row:
     """One result.
 
     sense : the value must not be above the limit ("<=") or below it (">=").  limit : None is no limit.
+    quantity : what is computed, and estimator : by which method; blank for times and counts without one.
+    error : of the quantity by the estimator, relative; of a value that is such an error, that of the
+        reference.  None where there is none to state.
+    extrapolated : the value was not reached, it follows from less by a law that `reference` names.
     """
 
     name: str
@@ -21,6 +25,14 @@ class Row:
     reference: str = ""
     limit: float | None = None
     sense: str = "<="
+    quantity: str = ""
+    estimator: str = ""
+    error: float | None = None
+    extrapolated: bool = False
+
+    @property
+    def basis(self) -> str:
+        return "extrapolated" if self.extrapolated else "measured"
 
     @property
     def ok(self) -> bool:
@@ -29,8 +41,9 @@ class Row:
         return bool(self.value <= self.limit if self.sense == "<=" else self.value >= self.limit)
 
     def plain(self) -> dict[str, str | float | bool | None]:
-        """Return the row as data."""
+        """Return the row as data; quantity, estimator and error where it has them."""
         limit = None if self.limit is None else f"{self.sense} {self.limit:g}"
+        optional = {"quantity": self.quantity, "estimator": self.estimator, "error": self.error}
         return {
             "name": self.name,
             "value": self.value,
@@ -38,6 +51,8 @@ class Row:
             "reference": self.reference,
             "limit": limit,
             "ok": self.ok,
+            "basis": self.basis,
+            **{key: value for key, value in optional.items() if value not in (None, "")},
         }
 
 
@@ -54,11 +69,13 @@ def median_seconds(function: Callable[[], object], repeats: int) -> float:
 
 def table(rows: Sequence[Row]) -> list[str]:
     """Return the rows as lines of text."""
-    lines = [f"{'quantity':<66} {'value':>12} {'unit':<6} {'limit':<10} {'ok':<4} reference"]
+    lines = [f"{'row':<66} {'value':>12} {'unit':<6} {'limit':<10} {'ok':<4} {'basis':<12} reference"]
     for row in rows:
         limit = "" if row.limit is None else f"{row.sense} {row.limit:g}"
+        error = "" if row.error is None else f"error {row.error:.1e}"
+        notes = "; ".join(filter(None, (row.quantity, row.estimator, error, row.reference)))
         lines.append(
             f"{row.name:<66} {row.value:>12.4g} {row.unit:<6} {limit:<10} {'yes' if row.ok else 'NO':<4} "
-            f"{row.reference}"
+            f"{row.basis:<12} {notes}"
         )
     return lines

@@ -1,7 +1,7 @@
 """Rows of benchmarks that are kept: one file per benchmark, and the page of all of them.
 
-A row is kept as it is printed: name, value, unit, reference, limit, ok.  A row whose name is indented belongs
-to the last row before it that is not; its full name is "name of that row > its own name".
+A row is kept as it is printed.  A row whose name is indented belongs to the last row before it
+that is not; its full name is "name of that row > its own name".
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from typing import Any
 from optics.runtime.errors import UserError
 from thbcad.io import json_text, write_text
 
-KEYS = ("name", "value", "unit", "reference", "limit", "ok")
+KEYS = ("name", "value", "unit", "reference", "limit", "ok", "basis")
+OPTIONAL = ("quantity", "estimator", "error")  # of some rows, and columns of their tables
 INTRODUCTION = """\
 # Benchmarks
 
@@ -23,6 +24,9 @@ Every table below is the result of one benchmark.
 `thbcad bench NAME --store` measures it and keeps the rows in `docs/data/NAME.json`.
 `thbcad bench --markdown` writes this page from these files.
 Each row has a limit or none; `ok` says whether the limit is met.
+The column `basis` says whether the value was measured, or extrapolated by the law that `reference` names.
+Where there are such columns, `quantity` is what the `estimator` computes, and `error` is its relative error.
+Of a value that is itself an error, `error` is that of the light it was measured against.
 The column `reference` names another code in the same run, or the thesis.
 """
 
@@ -71,7 +75,7 @@ def _read(path: Path) -> StoredRows:
     try:
         data = json.loads(path.read_text("utf-8"))
         stored = StoredRows(path.stem, data["date"], data["machine"], data["rows"])
-        if not all(set(row) == set(KEYS) for row in stored.rows):
+        if not all(set(KEYS) <= set(row) <= {*KEYS, *OPTIONAL} for row in stored.rows):
             raise KeyError("rows")
     except (ValueError, KeyError, TypeError):
         raise UserError(
@@ -87,6 +91,7 @@ def rows_page(stored: Sequence[StoredRows], sentences: Mapping[str, str]) -> str
 
 def _section(stored: StoredRows, sentence: str) -> str:
     m = stored.machine
+    extra = [key for key in OPTIONAL if any(key in row for row in stored.rows)]
     lines = [
         f"## {stored.name}",
         "",
@@ -95,14 +100,26 @@ def _section(stored: StoredRows, sentence: str) -> str:
         f"Measured on {stored.date}: {m['processor']}, {m['cores']} cores, {m['memory_gib']} GiB, "
         f"{m['system']}, Python {m['python']}.",
         "",
-        "| quantity | value | unit | limit | ok | reference |",
-        "|---|---:|---|---|---|---|",
+        "| " + " | ".join(["row", "value", "unit", "limit", "ok", "basis", *extra, "reference"]) + " |",
+        "|---|---:|---|---|---|---|" + "---|" * (len(extra) + 1),
     ]
     for row in stored.rows:
         ok = "" if row["limit"] is None else "yes" if row["ok"] else "**no**"
-        cells = [_indented(row["name"]), shown(row["value"]), row["unit"], row["limit"] or "", ok]
+        cells = [
+            _indented(row["name"]),
+            shown(row["value"]),
+            row["unit"],
+            row["limit"] or "",
+            ok,
+            row["basis"],
+        ]
+        cells += [_text(row.get(key, "")) for key in extra]
         lines.append("| " + " | ".join(_escaped(cell) for cell in [*cells, row["reference"]]) + " |")
     return "\n".join([*lines, ""])
+
+
+def _text(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:.1e}"
 
 
 def shown(value: float | None) -> str:

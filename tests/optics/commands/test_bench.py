@@ -19,7 +19,8 @@ from optics.runtime import Row
 
 def rows():
     first = [Row("time", 12.3456, "s", "peer 3 s", 15), Row("   of this", 2489)]
-    return [*first, Row("worst", float("inf"), "", "", 1)]
+    light = {"quantity": "light", "estimator": "rays", "error": 0.0123, "extrapolated": True}
+    return [*first, Row("worst", float("inf"), "", "", 1), Row("ratio", 3.0, "", "by a law", **light)]
 '''
 
 
@@ -56,7 +57,10 @@ def test_rows_are_stored_as_they_are_printed(checkout, capsys):
         "reference": "peer 3 s",
         "limit": "<= 15",
         "ok": True,
+        "basis": "measured",
     }
+    light = {"basis": "extrapolated", "quantity": "light", "estimator": "rays", "error": 0.0123}
+    assert stored["rows"][-1].items() >= light.items()
     assert stored["machine"] == machine_facts()
     assert len(stored["date"]) == len("2026-11-20")
 
@@ -66,6 +70,13 @@ def test_nothing_is_stored_unasked(checkout):
     assert not (checkout / "docs" / "data").exists()
 
 
+def test_the_table_of_a_benchmark_says_what_was_extrapolated(checkout, capsys):
+    main(["bench", "tiny"])
+    first, *_, last = capsys.readouterr().out.splitlines()[2:]
+    assert first.split()[-4:] == ["measured", "peer", "3", "s"]
+    assert last.endswith("extrapolated light; rays; error 1.2e-02; by a law")
+
+
 def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, capsys):
     main(["bench", "tiny", "--store"])
     assert main(["bench", "--markdown"]) == 0
@@ -73,9 +84,11 @@ def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, caps
     page = (checkout / "docs" / "benchmarks.md").read_text().splitlines()
     assert "## tiny" in page
     assert "Two lines | of one sentence." in page
-    assert "| time | 12.35 | s | &lt;= 15 | yes | peer 3 s |" in page
-    assert "| &nbsp;&nbsp;of this | 2 489 |  |  |  |  |" in page
-    assert "| worst | - |  | &lt;= 1 | **no** |  |" in page
+    assert "| row | value | unit | limit | ok | basis | quantity | estimator | error | reference |" in page
+    assert "| time | 12.35 | s | &lt;= 15 | yes | measured |  |  |  | peer 3 s |" in page
+    assert "| &nbsp;&nbsp;of this | 2 489 |  |  |  | measured |  |  |  |  |" in page
+    assert "| worst | - |  | &lt;= 1 | **no** | measured |  |  |  |  |" in page
+    assert "| ratio | 3 |  |  |  | extrapolated | light | rays | 1.2e-02 | by a law |" in page
     assert (checkout / "README.md").read_text() == "It took 12.3 s<!-- tiny: time -->.\n"
     quoted = (checkout / "docs" / "page.md").read_text()
     assert quoted == "Of 2 489<!-- tiny: time > of this --> rows 3 are old.\n"
