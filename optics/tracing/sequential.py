@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.sources import RayGrid, Rays, single_rays
-from optics.tracing.device_rays import DeviceRays
 from optics.tracing.fates import SequentialFates
-from optics.tracing.intersections import Hits, KnownHits
+from optics.tracing.intersections import DeviceRays, Hits, KnownHits
 from optics.tracing.landings import Landing
 from optics.tracing.refraction import refract
 from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.device_rays import Vector
+    from optics.tracing.intersections import Vector
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector
 
@@ -35,8 +34,8 @@ class Tracer:
     lens : Lens.  rays : RayGrid or Rays.  target_z : mm, inf is the far field.
     soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
-    sure : grazing rays are led to the first of several meetings with a rough surface.  This costs up to
-        twice the time.
+    sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
+        `SearchedHits`.  This costs up to three times the time.
     fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
     """
 
