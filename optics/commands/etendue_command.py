@@ -13,6 +13,7 @@ from optics.commands.problem_options import system_of
 from optics.etendue import (
     FIXED,
     ONE_BLUR,
+    SEARCH,
     base_rear,
     blur_sentence,
     curve_sentence,
@@ -66,13 +67,13 @@ def etendue(options: Namespace) -> Outcome:
     ]
     if stretchable(system):
         start = perf_counter()
-        free = one_blur(system, system.lens, efficiency)
+        free = one_blur(system, system.lens, efficiency, SEARCH)
         blurs["any_proportions"] = _blur_data(free, start)
         lines += _blur_lines(system, free, blurs["any_proportions"], True)
     data |= {"efficiency": efficiency, "universal": _universal_data(universal, efficiency), "one_blur": blurs}
     if options.measure:
         start = perf_counter()
-        measured = images_bound(system, _measured_half_width(system, options.measure))
+        measured = images_bound(system, _measured_half_width(system, options.measure), SEARCH)
         data["measured"] = _blur_data(measured, start)
         lines += [
             f"the lens of {options.measure}: "

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     )
     from optics.etendue.problem_bounds import (
         FIXED as FIXED,
+        FIXED_QUICK as FIXED_QUICK,
         ONE_BLUR as ONE_BLUR,
         SEARCH as SEARCH,
         SEARCH_QUICK as SEARCH_QUICK,
@@ -96,6 +97,7 @@ _FILES = {
     "nonnegative_solvers": ("descend",),
     "problem_bounds": (
         "FIXED",
+        "FIXED_QUICK",
         "ONE_BLUR",
         "OneBlur",
         "SEARCH",

@@ -35,7 +35,7 @@ class Care:
     widest : merged pixels across a square image, at most
     pixels : merged pixels in each direction of the target, at most
     finest : KKT residual of the solver
-    most : problems solved in the search over proportions, at most
+    most : sizes solved in the search over proportions, at most
     """
 
     widest: float
@@ -46,7 +46,7 @@ class Care:
 
 FIXED = Care(12.0, float("inf"))  # in the source's proportions
 FIXED_QUICK = Care(8.0, 256.0)  # some seconds
-SEARCH = Care(5.0, 128.0, 1e-4, 150)  # over all proportions
+SEARCH = Care(5.0, 128.0, 1e-4, 100)  # over all proportions
 SEARCH_QUICK = Care(3.5, 64.0, 1e-4, 30)  # some seconds: beside other work
 
 
