@@ -151,8 +151,11 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     if least is None or rel_l2 < least:
         first += "; this lens does, so it is not within the envelope or was not measured well enough"
     said = [first, curve_sentence(universal)]
+    forms = [(False, FIXED_QUICK)]
+    if stretchable(system):
+        forms.insert(0, (True, SEARCH_QUICK))
     model = f"{ONE_BLUR}, {rear_area(lens):.4g} mm^2 as this lens has it; at this efficiency "
-    for any_form, care in ((True, SEARCH_QUICK), (False, FIXED_QUICK))[not stretchable(system) :]:
+    for any_form, care in forms:
         images = one_blur(system, lens, efficiency, care, any_form)
         said.append(model + blur_sentence(images, any_form))
         if rel_l2 < images.bound.lower_bound:

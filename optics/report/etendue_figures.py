@@ -45,7 +45,7 @@ def bound_figure(universal: UniversalBound, bound: ImageBound, screen: Screen) -
     axes[0].set_ylabel(f"y / {unit}")
     figure.colorbar(shown, ax=list(axes[:3]), label="light / brightest asked for")
     points = [(efficiency, least) for efficiency, least in universal.curve() if least is not None]
-    axes[3].plot(*zip(*points), marker="o") if points else None
+    axes[3].plot([e for e, _ in points], [least for _, least in points], marker="o")
     axes[3].set(
         xlim=(0, 1.02), xlabel="efficiency", ylabel="rel_l2", title="least of any lens in the envelope"
     )
