@@ -1,4 +1,4 @@
-"""The limits of extended sources: run time, certified gap and errors beside their limits, on one core.
+"""The limits of extended sources: both rungs, run time, certified gap and errors beside limits, on one core.
 
 Run on one core: OPENBLAS_NUM_THREADS=1 thbcad bench etendue
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from time import process_time
 from typing import TypeVar
 
@@ -15,12 +16,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.deconvolution import CASES, RectangleResponse, compare, disk, landscape, square
-from optics.etendue import Approximation, Kernel, approximate
+from optics.etendue import (
+    FIXED,
+    SEARCH,
+    Approximation,
+    Kernel,
+    approximate,
+    one_blur,
+    rounded_down,
+    universal_bound,
+    usual_efficiency,
+)
 from optics.runtime import Row
+from optics.system import load_system
 
 T = TypeVar("T")
 
 LIMIT_MIB = 500.0
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+SCARCE = {  # extended.toml with a source of 8 mm and a target of 40 mm that is near: etendue is scarce
+    "source.half_width": [4.0, 4.0],
+    "source.distance": 7.0,
+    "target.half_width": [20.0, 20.0],
+    "target.distance": 50.0,
+}
 MEMORY = """
 from pathlib import Path
 from benchmarks.etendue import picture
@@ -33,7 +52,7 @@ print(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) /
 
 def rows() -> list[Row]:
     """Return the measured rows."""
-    return [*_landscapes(), *_general(), *_large(), *_analytic(), *_comparison()]
+    return [*_universal(), *_one_blur(), *_landscapes(), *_general(), *_large(), *_analytic(), *_comparison()]
 
 
 def picture(pixels: int) -> NDArray[np.float64]:
@@ -43,6 +62,56 @@ def picture(pixels: int) -> NDArray[np.float64]:
     stripes = 0.5 + 0.5 * np.cos(np.pi * (40 * u**2 + 15 * v))
     hill = np.exp(-3 * ((u - 0.3) ** 2 + (v + 0.2) ** 2))
     return np.where(np.hypot(u, v) < 0.8, 0.6 * hill + 0.4 * stripes, 0.05) * (np.abs(u + v) > 0.15)
+
+
+def _universal() -> list[Row]:
+    """Return the rung that holds for every lens in the envelope."""
+    found = []
+    for name in ("extended", "extended_two"):
+        system = load_system(EXAMPLES / f"{name}.toml")
+        usual = usual_efficiency(system)
+        bound, seconds = _timed(lambda system=system: universal_bound(system))
+        (curve, curve_seconds) = _timed(bound.curve)
+        found += [
+            Row(f"any lens, {name}", seconds + curve_seconds, "s", "256 x 256 pixels, with its curve", 1.0),
+            Row("   least rel_l2 with all light of the source", curve[-1][1] or 0.0),
+            Row("   least rel_l2 with one pass of two uncoated faces", bound.least_rel_l2(usual) or 0.0),
+            Row("   greatest flux on the lit pixels", bound.most_on_lit, "W"),
+            Row("   highest irradiance", bound.peak, "W/mm^2"),
+        ]
+    scarce = universal_bound(load_system(EXAMPLES / "extended.toml", SCARCE))
+    curve = [(e, least) for e, least in scarce.curve() if least is not None]
+    return [
+        *found,
+        Row(
+            "any lens, source of 8 mm, target of 40 mm at 50 mm: exact picture up to", scarce.exact_efficiency
+        ),
+        Row("   greatest flux on the target", scarce.most_on_target, "W"),
+        Row("   greatest flux on the lit pixels", scarce.most_on_lit, "W"),
+        *(Row(f"   least rel_l2 at the efficiency {e:g}", least) for e, least in curve),
+    ]
+
+
+def _one_blur() -> list[Row]:
+    """Return the rung of one blur everywhere, a model, for the rear of the base lens."""
+    found = []
+    for name in ("extended", "extended_two"):
+        system = load_system(EXAMPLES / f"{name}.toml")
+        usual = usual_efficiency(system)
+        for form, care in (("source's", FIXED), ("any", SEARCH)):
+            start = process_time()
+            images = one_blur(system, system.lens, usual, care, any_form=form == "any").bound
+            found += [
+                Row(
+                    f"one blur in {form} proportions, {name}",
+                    process_time() - start,
+                    "s",
+                    f"{images.sizes} sizes",
+                ),
+                Row("   rel_l2 is at least", float(rounded_down(images.lower_bound)), "", "rounded down"),
+                Row("   the solver attains", images.attained),
+            ]
+    return found
 
 
 def _timed(function: Callable[[], T]) -> tuple[T, float]:

@@ -70,7 +70,7 @@ def write_result(
 
     folder : taken by this run.
     """
-    from optics.etendue import limit_sentence
+    from optics.etendue import reached_sentences
     from optics.report import light_files
     from thbcad.lens import manufacturability
 
@@ -84,9 +84,8 @@ def write_result(
     clock.lap("export")
     measurement = design.measurement
     figures.draw_light(system, lens, measurement, load_backend("double", problem.run.threads))
-    limit = limit_sentence(system, lens, measurement.metrics)
-    if limit:
-        design.notes(limit)
+    for sentence in reached_sentences(system, lens, measurement.metrics):
+        design.notes(sentence)
     clock.lap("measure")
     product = manufacturability(lens, problem.lens.density or None)
     step = exported.result()

@@ -228,7 +228,7 @@ def _etendue_options(command: argparse.ArgumentParser) -> None:
         "--efficiency",
         type=float,
         metavar="FRACTION",
-        help="of the light on the target (default: the most that can arrive)",
+        help="of the light on the target (default: one pass through two uncoated faces)",
     )
     command.add_argument(
         "--measure",
@@ -236,7 +236,7 @@ def _etendue_options(command: argparse.ArgumentParser) -> None:
         help="also measure the images of the source that a designed lens throws",
     )
     command.add_argument(
-        "--out", metavar="FILE.png", help="picture of target, best light and the source's image"
+        "--out", metavar="FILE.png", help="picture of target, both rungs and the source's image"
     )
     _force_option(command)
 
@@ -269,7 +269,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
         _trace_options,
     ),
     "etendue": (
-        "what light the source can make at all: etendue, flux, a certified bound of rel_l2",
+        "what light the source can make at all: what etendue forbids, what one blur would cost",
         _etendue_options,
     ),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),

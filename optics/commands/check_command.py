@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from optics.analysis import dark_fraction
 from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
-from optics.etendue import etendue_note
+from optics.etendue import etendue_notes
 from optics.optimisation import surfaces_can_cross
 from optics.prediction import expectation_lines, expected, resolved
 from optics.runtime import load_backend, speaking_of
@@ -84,7 +84,7 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
-    return [*notes, *advice(system), *etendue_note(system)]
+    return [*notes, *advice(system), *etendue_notes(system)]
 
 
 def _by(size: Sequence[int]) -> str:

@@ -1,4 +1,4 @@
-"""What light a source can make at all, with certified bounds (thesis, chapter 7)."""
+"""What light a source can make at all, with bounds for every lens and for one blur (thesis, chapter 7)."""
 
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,11 @@ if TYPE_CHECKING:
         approximate as approximate,
         certified as certified,
         require_target as require_target,
+    )
+    from optics.etendue.brightness_limit import (
+        UniversalBound as UniversalBound,
+        least_distance as least_distance,
+        universal_bound as universal_bound,
     )
     from optics.etendue.certificate import (
         kkt_residual as kkt_residual,
@@ -31,16 +36,29 @@ if TYPE_CHECKING:
         descend as descend,
     )
     from optics.etendue.problem_bounds import (
-        LENS_CLASS as LENS_CLASS,
-        QUICK as QUICK,
-        ProblemBound as ProblemBound,
-        certain_bound as certain_bound,
-        etendue_note as etendue_note,
-        limit_sentence as limit_sentence,
-        problem_bound as problem_bound,
+        FIXED as FIXED,
+        FIXED_QUICK as FIXED_QUICK,
+        ONE_BLUR as ONE_BLUR,
+        SEARCH as SEARCH,
+        SEARCH_QUICK as SEARCH_QUICK,
+        OneBlur as OneBlur,
+        base_rear as base_rear,
+        blur_sentence as blur_sentence,
+        curve_sentence as curve_sentence,
+        etendue_notes as etendue_notes,
+        images_bound as images_bound,
+        one_blur as one_blur,
+        reached_sentences as reached_sentences,
+        rounded_down as rounded_down,
+        stretchable as stretchable,
+        universal_lines as universal_lines,
+        universal_sentence as universal_sentence,
+        usual_efficiency as usual_efficiency,
     )
     from optics.etendue.source_image_bound import (
         ImageBound as ImageBound,
+        any_proportions as any_proportions,
+        image_bound as image_bound,
     )
     from optics.etendue.throughput_bound import (
         Array as Array,
@@ -59,6 +77,11 @@ _FILES = {
         "certified",
         "require_target",
     ),
+    "brightness_limit": (
+        "UniversalBound",
+        "least_distance",
+        "universal_bound",
+    ),
     "certificate": (
         "kkt_residual",
         "norm",
@@ -73,15 +96,30 @@ _FILES = {
     "measured_images": ("patch_images",),
     "nonnegative_solvers": ("descend",),
     "problem_bounds": (
-        "LENS_CLASS",
-        "ProblemBound",
-        "QUICK",
-        "certain_bound",
-        "etendue_note",
-        "limit_sentence",
-        "problem_bound",
+        "FIXED",
+        "FIXED_QUICK",
+        "ONE_BLUR",
+        "OneBlur",
+        "SEARCH",
+        "SEARCH_QUICK",
+        "base_rear",
+        "blur_sentence",
+        "curve_sentence",
+        "etendue_notes",
+        "images_bound",
+        "one_blur",
+        "reached_sentences",
+        "rounded_down",
+        "stretchable",
+        "universal_lines",
+        "universal_sentence",
+        "usual_efficiency",
     ),
-    "source_image_bound": ("ImageBound",),
+    "source_image_bound": (
+        "ImageBound",
+        "any_proportions",
+        "image_bound",
+    ),
     "throughput_bound": (
         "Array",
         "Throughput",

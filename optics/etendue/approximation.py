@@ -48,13 +48,18 @@ class Approximation:
 
 
 def approximate(
-    blur: PixelBlur, target: ArrayLike, tolerance: float = 1e-5, most_iterations: int = 5000
+    blur: PixelBlur,
+    target: ArrayLike,
+    tolerance: float = 1e-5,
+    most_iterations: int = 5000,
+    splitting: int = SPLIT,
 ) -> Approximation:
     """Return light F >= 0 that minimises ||E * F - G||^2, with its certificate.
 
     target : (n, m), G >= 0, not smaller than the kernel.  Light that misses the image does not count.
     tolerance : of the relative KKT residual; `most_iterations` steps may end above it, see
         `Approximation.kkt`
+    splitting : steps of the splitting
 
     Splitting, then gradient steps in single precision, then in double precision, see
     `optics.etendue.nonnegative_solvers`.
@@ -75,7 +80,7 @@ def approximate(
         -coarse,
         blur.column_sums(goal.shape).astype(np.float32),
     )
-    steps = min(SPLIT, most_iterations)
+    steps = min(splitting, most_iterations)
     light = split(blur, start, coarse, steps)
     light, single = descend(blur, light, coarse, max(tolerance, SINGLE), most_iterations - steps)
     left = most_iterations - steps - single

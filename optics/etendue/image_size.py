@@ -23,13 +23,23 @@ UNIT_MEAN = 1e-14  # how far above 1 the mean of its result may be
 def image_half_width(
     system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: float
 ) -> tuple[float, float]:
-    """Return half the least width and height of the images of a shift-invariant lens, mm or degrees.
+    """Return half the width and height of an image of `image_area` in the proportions of the source.
 
-    The images have the proportions of the source, sides along x and y, and at least the area a of the module
-    docstring: for a rear of the lens's area, and for the least mean of D^2 / cos^3 over all irradiances of
-    that rel_l2 (in the far field over any light on the target).
+    In mm, in the far field in degrees.
+    """
+    scale = np.sqrt(image_area(system, lens, efficiency, rel_l2) / source_area(system.problem))
+    hx, hy = system.problem.source.half_width
+    return float(scale * hx), float(scale * hy)
 
-    efficiency : fraction of the source's flux that the lens brings to the target
+
+def image_area(system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: float) -> float:
+    """Return the least area of the images of a lens that throws the same image through all of its rear, mm^2.
+
+    It is a of `optics.etendue.throughput_bound`, in the far field in square degrees: for the least mean of
+    D^2 / cos^3 over all irradiances of that rel_l2, in the far field over any light on the target.
+
+    lens : its rear's area counts.  The rear lies within the z_freedom of the problem.
+    efficiency : fraction of the source's flux that the lens brings to the target, at least
     rel_l2 : of the lens, at most
     """
     problem, target = system.problem, system.target
@@ -40,8 +50,7 @@ def image_half_width(
         mean = least_mean(values, picture / picture.mean(), rel_l2)
     else:
         mean = float(values.min())
-    scale = np.sqrt(mean * used / rear_area(lens) / source_area(problem))
-    return float(scale * problem.source.half_width[0]), float(scale * problem.source.half_width[1])
+    return mean * used / rear_area(lens)
 
 
 def least_mean(values: Array, picture: Array, rel_l2: float) -> float:

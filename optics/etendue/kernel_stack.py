@@ -102,7 +102,8 @@ def stack_approximation(
     max(0, A^T e / A^T 1) over the pixels of all lights whose blur covers pixel i, so that A^T y <= 0 but for
     rounding, which delta holds.
     """
-    best = approximate(stack, target, tolerance, most_iterations)
+    # the splitting is made for one kernel and gains nothing here
+    best = approximate(stack, target, tolerance, most_iterations, splitting=0)
     error = target - best.image
     sums = stack.column_sums(target.shape)
     each = per_column_sum(stack.adjoint(error), sums).reshape(len(stack.kernels), -1, sums.shape[1])

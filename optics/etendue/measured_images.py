@@ -34,15 +34,13 @@ class PatchImages:
     flux: Array
     width: Array
 
-    def narrowest(self, fraction: float) -> tuple[float, float]:
-        """Return the widths in x and y below which the images of this fraction of the light lie."""
-        known = np.isfinite(self.width[0])
-        widths = []
-        for width in self.width[:, known]:
-            order = np.argsort(width)
-            light = np.cumsum(self.flux[known][order])
-            widths.append(float(width[order][np.searchsorted(light, fraction * light[-1])]))
-        return widths[0], widths[1]
+    def smallest(self, fraction: float) -> float:
+        """Return the area of an image that this fraction of the light has at most, mm^2 or square degrees."""
+        area = np.prod(self.width, axis=0)
+        known = np.isfinite(area)
+        order = np.argsort(area[known])
+        light = np.cumsum(self.flux[known][order])
+        return float(area[known][order][np.searchsorted(light, fraction * light[-1])])
 
 
 def patch_images(system: OpticalSystem, lens: Lens, backend: Backend) -> PatchImages:

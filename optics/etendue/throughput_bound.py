@@ -1,4 +1,4 @@
-"""What etendue says about a problem before it is solved: the greatest flux, the least images of the source.
+"""The etendue of a problem's source, front and target, and what it takes for one image of the source.
 
 Etendue is dU = dx dy dp dq with the direction cosines p, q (thesis 2.30), and lossless optics conserves it. A
 source of radiance at most L is seen with that radiance at most, whatever the lens.  At a point x of the
@@ -8,7 +8,7 @@ target
       <= L S(x) cos^3(theta) / D^2
 
 over the part of the rear surface, of area S(x), through which x sees the source.  N is the normal, d the ray,
-D the distance along z.  With the whole rear for S(x) this limits the irradiance.
+D the distance along z.
 
 Through every point of the rear the source lights a part of the target, its image.  The integral of S(x) over
 the target is that of the images' areas over the rear.  So the mean area over a rear of area S is
@@ -23,14 +23,13 @@ throws the same image through every point.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isinf, pi, radians, sin
+from math import inf, isinf, pi, radians, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.sources import Rays
-from optics.tracing import normal_incidence_transmittance
 
 if TYPE_CHECKING:
     from optics.problem import Problem
@@ -53,9 +52,7 @@ class Throughput:
     front : etendue of its light that meets the front, mm^2 sr
     target : etendue of the rays between a flat aperture in the position of the rear and the target, mm^2 sr
     radiance : the greatest of the source, W / (mm^2 sr); inf without extent
-    meets_front : flux on the front, W
-    arriving : greatest flux on the target, W, of a lens that passes T of its light
-    asked : greatest ratio of the target irradiance, made of all of `arriving`, to the possible irradiance
+    meets_front : flux on the front of the base lens, W
     """
 
     source: float
@@ -63,51 +60,25 @@ class Throughput:
     target: float
     radiance: float
     meets_front: float
-    arriving: float
-    asked: float
-
-    @property
-    def picture(self) -> float:
-        """W, at most, of light that makes the picture asked for."""
-        return self.arriving / max(1.0, self.asked)
 
 
 def throughput(system: OpticalSystem) -> Throughput:
-    """Return the Throughput of a problem.  Of the lens only the front and the width of the rear matter.
-
-    arriving = T min(Phi, L U) with the flux Phi that meets the front and U = integral of S cos^3 / D^2 over
-    the target.  T is what two uncoated faces pass once at normal incidence: what a lens can be expected to
-    pass, and no bound.  The bound for any lens has T = 1.
-    """
-    problem, lens = system.problem, system.lens
-    flux, etendue = problem.source.flux, source_etendue(problem)
-    fraction = front_fraction(system)
-    passing = normal_incidence_transmittance(lens.index)
-    target = aperture_etendue(problem)
-    if not etendue:
-        return Throughput(
-            source=0.0,
-            front=0.0,
-            target=target,
-            radiance=float("inf"),
-            meets_front=fraction * flux,
-            arriving=passing * fraction * flux,
-            asked=0.0,
-        )
-    radiance = flux * brightest(system.source.profile) / etendue
-    screen = system.target.screen()
-    most = radiance * rear_area(lens) / spread(system)
-    arriving = passing * min(fraction * flux, float(most.sum()) * screen.pixel_area)
-    wanted = system.target.irradiance(screen, arriving)
+    """Return the Throughput of a problem.  Of the lens only the front and the width of the rear matter."""
+    problem = system.problem
+    etendue, fraction = source_etendue(problem), front_fraction(system)
     return Throughput(
         source=etendue,
         front=fraction * etendue,
-        target=target,
-        radiance=radiance,
-        meets_front=fraction * flux,
-        arriving=arriving,
-        asked=float((wanted / (passing * most)).max()),
+        target=aperture_etendue(problem),
+        radiance=radiance(system),
+        meets_front=fraction * problem.source.flux,
     )
+
+
+def radiance(system: OpticalSystem) -> float:
+    """Return the greatest radiance of the source, W / (mm^2 sr); inf without extent."""
+    etendue = source_etendue(system.problem)
+    return system.problem.source.flux * brightest(system.source.profile) / etendue if etendue else inf
 
 
 def source_etendue(problem: Problem) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis import cell_irradiance, rel_l2
-from optics.etendue import image_half_width, throughput
+from optics.etendue import image_half_width, usual_efficiency
 from optics.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
 from optics.prediction.cost import memory_mb, seconds
 from optics.prediction.picture_error import predicted_rel_l2
@@ -181,5 +181,4 @@ def _blur(system: OpticalSystem) -> float | None:
     """Return the least width of the images of the source, None where it has no extent."""
     if not system.source.extended:
         return None
-    efficiency = throughput(system).picture / system.problem.source.flux
-    return 2 * max(image_half_width(system, system.lens, efficiency, 1.0))
+    return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))

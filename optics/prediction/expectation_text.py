@@ -49,7 +49,7 @@ def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
 
 def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if system.source.extended:
-        return "rel_l2: not predicted for a source with extent; the notes have its bound by etendue"
+        return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
     start = f"the start has {expected.start_rel_l2:.2g}"
     if not expected.moved:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"

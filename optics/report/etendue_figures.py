@@ -1,4 +1,4 @@
-"""The picture of `thbcad etendue` (matplotlib)."""
+"""The picture of `thbcad etendue`: both rungs (matplotlib)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import numpy as np
 from optics.report.canvas import plt, png_bytes
 
 if TYPE_CHECKING:
-    from optics.etendue import ImageBound
+    from optics.etendue import ImageBound, UniversalBound
     from optics.target import Screen
 
 
-def bound_figure(bound: ImageBound, screen: Screen) -> bytes:
-    """Draw the target irradiance, the best irradiance made of images of the source, and such an image.
+def bound_figure(universal: UniversalBound, bound: ImageBound, screen: Screen) -> bytes:
+    """Draw the target irradiance, the best irradiance of one blur and its image of the source, and the least
+    rel_l2 of any lens over its efficiency.
 
-    All have the same scale.
+    The pictures have the same scale.
     """
     unit = "degrees" if screen.angular else "mm"
     top, (hx, hy) = float(bound.target.max()), screen.half_width
@@ -28,10 +29,13 @@ def bound_figure(bound: ImageBound, screen: Screen) -> bytes:
     source[r : r + k, c : c + l] = bound.kernel / bound.kernel.max()
     pictures = [
         ("asked for", bound.target / top),
-        (f"best light: {bound.attained:.1%} off, at least {bound.lower_bound:.1%}", bound.image / top),
-        ("the source's image", source),
+        (
+            f"one blur everywhere: {bound.attained:.1%} off, at least {bound.lower_bound:.1%}",
+            bound.image / top,
+        ),
+        ("that blur", source),
     ]
-    figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained", sharey=True)
+    figure, axes = plt.subplots(1, 4, figsize=(17, 4.2), layout="constrained")
     for panel, (title, image) in zip(axes, pictures):
         shown = panel.imshow(
             image, cmap="gray", vmin=0, vmax=1, extent=(-hx, hx, -hy, hy), interpolation="nearest"
@@ -39,5 +43,10 @@ def bound_figure(bound: ImageBound, screen: Screen) -> bytes:
         panel.set_title(title, fontsize=10)
         panel.set_xlabel(f"x / {unit}")
     axes[0].set_ylabel(f"y / {unit}")
-    figure.colorbar(shown, ax=list(axes), label="light / brightest asked for")
+    figure.colorbar(shown, ax=list(axes[:3]), label="light / brightest asked for")
+    points = [(efficiency, least) for efficiency, least in universal.curve() if least is not None]
+    axes[3].plot([e for e, _ in points], [least for _, least in points], marker="o")
+    axes[3].set(
+        xlim=(0, 1.02), xlabel="efficiency", ylabel="rel_l2", title="least of any lens in the envelope"
+    )
     return png_bytes(figure)

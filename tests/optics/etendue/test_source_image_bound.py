@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.optimize import nnls
 
+from optics.etendue.approximation import approximate
 from optics.etendue.kernel import Kernel
 from optics.etendue.kernel_stack import KernelStack, stack_approximation
-from optics.etendue.source_image_bound import image_bound
+from optics.etendue.source_image_bound import any_proportions, image_bound
 from optics.sources import Profile
 
 SIDES = st.integers(1, 4)
@@ -110,6 +111,40 @@ def test_light_of_images_is_not_excluded(wide, larger, seed):
     rng, shape = np.random.default_rng(seed), (16, 16)
     target = sum(rng.exponential() * rectangle(rng, (larger * wide, larger * wide), shape) for _ in range(30))
     assert image_bound(target, (wide, wide), Profile(), 1, 1e-5).lower_bound <= 1e-9
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.floats(4.0, 20.0), st.floats(-2.0, 2.0), st.floats(1.0, 3.0), st.integers(1, 2), SEEDS)
+def test_no_light_of_images_in_any_proportions_is_nearer(area, stretch, larger, merge, seed):
+    """Images of one size, at least the area, in any number and anywhere, against any target."""
+    rng, shape = np.random.default_rng(seed), (13, 14)
+    target = (rng.uniform(size=shape) > 0.6) + 0.01
+    bound = any_proportions(target, area, merge, 1e-3, 12)
+    side = np.sqrt(larger * area)
+    size = side * np.exp(stretch), side * np.exp(-stretch)
+    light = sum(rng.exponential() * rectangle(rng, size, shape) for _ in range(20))
+    assert bound.lower_bound <= nearest(light, target) + 1e-12
+    assert bound.lower_bound <= bound.attained + 1e-12
+
+
+@settings(max_examples=2, deadline=None)
+@given(st.floats(6.0, 9.0), st.floats(-1.2, 1.2), SEEDS)
+def test_light_of_stretched_images_is_not_excluded(area, stretch, seed):
+    """A target that is itself such light has the bound 0 up to the solver's residual."""
+    rng, shape = np.random.default_rng(seed), (16, 16)
+    size = np.sqrt(area) * np.exp(stretch), np.sqrt(area) * np.exp(-stretch)
+    target = sum(rng.exponential() * rectangle(rng, size, shape) for _ in range(30))
+    assert any_proportions(target, area, 1, 1e-4).lower_bound <= 1e-9
+
+
+def test_the_search_over_proportions_stays_below_all_that_are_tried():
+    """A chequerboard, whose contrast boxes of 12 square pixels lose: each of six sizes by itself is no
+    better."""
+    target = (np.indices((15, 15)).sum(axis=0) % 2) + 0.05
+    found = any_proportions(target, 12.0, 1, 1e-5)
+    tried = [approximate(Kernel.rectangle(h / 2, 6 / h), target).residual for h in (1, 2, 3, 4, 6, 12)]
+    assert 0.1 < found.lower_bound <= min(tried)
+    assert found.lower_bound >= 0.95 * found.attained
 
 
 def test_a_fine_pattern_is_excluded():

@@ -74,8 +74,8 @@ def test_etendue_of_sources(problem_file, half_angle):
 def test_sources_without_extent_have_none(problem_file, changes):
     problem = load_problem(problem_file(changes, drop=("source.half_width",) if changes else ()))
     found = throughput(OpticalSystem(problem))
-    assert (found.source, found.front, found.asked) == (0, 0, 0)
-    assert found.arriving == found.picture == pytest.approx(0.96**2 * found.meets_front)
+    assert (found.source, found.front, found.radiance) == (0, 0, float("inf"))
+    assert 0 < found.meets_front <= 1
 
 
 @pytest.mark.parametrize("distance", [60.0, 1000.0])
@@ -175,18 +175,6 @@ def test_share_that_meets_a_hollow_front(backend, problem_file, distance):
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     beside = tracer.fates(landing, problem.target.half_width).beside_lens
     assert front_fraction(OpticalSystem(problem)) == pytest.approx(1 - beside, abs=1e-12)
-
-
-def test_a_small_target_limits_the_flux(problem_file):
-    """T L S cos^3 / D^2 per area, with 1 W from pi / 2 mm^2 sr."""
-    problem = load_problem(
-        problem_file(LAMBERTIAN | FLAT | {"target.half_width": [0.2, 0.2], "target.distance": 500.0})
-    )
-    found = throughput(OpticalSystem(problem))
-    assert found.radiance == pytest.approx(2 / pi)
-    assert found.arriving == pytest.approx(0.96**2 * 2 / pi * 400 / 499**2 * 0.16)
-    assert found.asked == pytest.approx(found.arriving / found.picture)
-    assert found.asked > 1  # the picture is not even
 
 
 def test_a_picture_is_as_bright_as_its_brightest_place(problem_file):
@@ -296,5 +284,4 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     radiance = problem.source.flux / source_etendue(problem)
     least = (rays.flux[through] * distances[through]).sum() / radiance
     assert least < areas < 1.2 * least
-    narrow = images.narrowest(0.05)
-    assert (np.array(narrow) <= images.narrowest(0.5)).all()
+    assert 0 < images.smallest(0.05) <= images.smallest(0.5) < np.nanmax(np.prod(images.width, axis=0))
