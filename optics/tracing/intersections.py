@@ -1,4 +1,4 @@
-"""Where rays meet a surface, and how derivatives of the light by the surface's changes act there.
+"""Rays on the device, where they meet a surface, and how derivatives of the light by its changes act there.
 
 `KnownHits` serves parallel rays along z, `SearchedHits` all others.  Both answer the same question: `meet`
 gives the points where rays meet the surface conic + spline(net), with z, zx, zy there as differentiable
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,26 @@ if TYPE_CHECKING:
     from optics.sources import RayGrid
     from thbcad.sags import Conic
     from thbcad.splines import KnotVector
+
+Vector: TypeAlias = "tuple[DrArray, DrArray, DrArray]"
+
+
+@dataclass(eq=False)
+class DeviceRays:
+    """Rays on the device of the backend.
+
+    origin : mm.  direction : unit vectors.  flux : W.  inside : the mask of rays in glass.
+    """
+
+    origin: Vector
+    direction: Vector
+    flux: DrArray = None
+    inside: DrArray | bool = False
+
+    def at(self, t: DrArray) -> Vector:
+        """Return the points at the path length t, mm."""
+        x, y, z = (o + t * d for o, d in zip(self.origin, self.direction))
+        return x, y, z
 
 
 @dataclass(eq=False)

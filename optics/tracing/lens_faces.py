@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing.device_rays import DeviceRays
+from optics.tracing.intersections import DeviceRays
 from optics.tracing.ray_roots import first_crossing, last_root
 from optics.tracing.searched_intersections import conic_jet
 from optics.tracing.spline_table import PolynomialTable

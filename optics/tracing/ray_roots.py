@@ -1,12 +1,13 @@
-"""Roots of a function along rays: the first change of sign from below, then Newton's method in a bracket."""
+"""Roots along rays: the first change of sign from below, Newton's method in a bracket, that of a conic."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
+    from thbcad.sags import Conic
 
     AlongRay = Callable[[DrArray], tuple[DrArray, DrArray, DrArray]]  # t -> f, f', anything
     State = tuple[DrArray, ...]
@@ -95,3 +96,24 @@ def last_root(
     low, high = bracket
     state = (found, low, high, high + 0, 0 * high)
     return dr.while_loop(state, lambda active, *_: active, body)[3]
+
+
+def conic_distance(
+    backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]
+) -> DrArray:
+    """Return the ray parameter at which rays meet a conic from the side of -z.
+
+    Where they miss it, it is that of the closest approach.
+
+    With F = c (x^2 + y^2 + (1 + K) z^2) - 2 z the ray has F = A t^2 + 2 B t + C; the wanted root is the
+    falling one.
+    """
+    dr = backend.dr
+    c, k = (dr.opaque(backend.Float, v) for v in (1.0 / conic.radius, 1.0 + conic.constant))
+    (ox, oy, oz), (dx, dy, dz) = origin, direction
+    a = c * (dx * dx + dy * dy + k * dz * dz)
+    b = c * (ox * dx + oy * dy + k * oz * dz) - dz
+    f = c * (ox * ox + oy * oy + k * oz * oz) - 2 * oz
+    root = dr.sqrt(dr.maximum(b * b - a * f, 0))
+    falling = root - b
+    return dr.select(b < 0, f / dr.select(b < 0, falling, 1), -(b + root) / dr.select(a == 0, 1, a))

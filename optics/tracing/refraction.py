@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.device_rays import Vector
+    from optics.tracing.intersections import Vector
 
     Array = NDArray[np.float64]
 

@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.tracing.intersections import Hits
+from optics.tracing.intersections import Hits, Vector
+from optics.tracing.proven_steps import box_bounds, first_fall, rounding_errors
+from optics.tracing.ray_roots import conic_distance
 from optics.tracing.spline_table import PolynomialTable, steepest_along
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.device_rays import Vector
+    from optics.tracing.proven_steps import Bounds, Fall
     from thbcad.sags import Conic
     from thbcad.splines import KnotVector
 
     Surface = Callable[[DrArray, DrArray], list[DrArray]]  # x, y -> z, zx, zy, zxx, zxy, zyy
 
 ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
+
+
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A surface with its sag: a height above it, mm, its greatest slope, net and power coefficients."""
+
+    jet: Surface
+    top: float
+    steepest: float
+    net: NDArray[np.float64] | None
+    power: DrArray
 
 
 class SearchedHits:
@@ -31,11 +45,13 @@ class SearchedHits:
     Newton's method starts at the conic's meeting point.  A step that leaves the bracket of f's signs is
     replaced by halving the bracket.
 
-    Of several meetings the search returns one, as a rule the first.  With `sure` the path of a ray that is
-    flatter than the surface is steep is sampled for the first.  Without knots the surface is the conic alone.
+    Of several meetings the search returns one, as a rule the first.  With `sure` it is the first: rays that
+    are flatter than the surface is steep are led to it by steps that are proven to pass none, and are not
+    `found` where rounding decides (in single precision nothing is proven).  A ray that comes over the
+    rectangle above the surface misses it then.  Without knots the surface is the conic alone.
     """
 
-    steps, samples = 100, 32
+    steps = 100
     settled = 0.5  # of the resolution: a residual after which one more of Newton's steps is the last
 
     def __init__(
@@ -51,6 +67,7 @@ class SearchedHits:
         self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
         self._backend, self._conic, self._half_width = backend, conic, half_width
         self._table = None if knots is None else PolynomialTable(backend, knots)
+        self._size = backend.dr.opaque(backend.Float, float(max(half_width)))
         self._unit = backend.dr.opaque(backend.Float, backend.resolution * max(half_width))
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
 
@@ -59,29 +76,26 @@ class SearchedHits:
 
         origin : mm, z from the surface's vertex.  net : of the sag, needed just where the surface has one.
         """
-        dr = self._backend.dr
-        top, steepest, power = self._top, self._slope, None
-        if self._table is not None and net is not None:
-            power = self._table.power(net)
-            top += max(0.0, float(net.max()))
-            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
-            steepest += float(np.hypot(along_x, along_y))
+        dr, shape = self._backend.dr, self._shape(net)
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
-            surface = partial(self._surface, power)
-            t, first, last, decided = self._search(surface, o, d, top, steepest)
+            t, first, last, decided = self._search(shape, o, d)
             x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
-            jet = surface(x, y)
+            jet = shape.jet(x, y)
             speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
-            hit = (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o)) & (first <= t) & (t <= last)
+            hit = (
+                (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o))
+                & (first <= t)
+                & (t <= last)
+                & decided
+            )
             dr.eval(t, x, y, jet, hit, speed, decided)
-        found = hit | decided
         if self._table is None and not dr.grad_enabled(origin, direction):
             z, zx, zy, *_ = jet
-            return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=found, hit=hit, leaves=(), at=(x, y), dr=dr)
+            return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=decided, hit=hit, leaves=(), at=(x, y), dr=dr)
         leaves = () if self._table is None else tuple(self._backend.Float(a) for a in jet[:3])
         dr.enable_grad(*leaves)
-        return self._attached(origin, direction, t, (x, y), jet, speed, found, hit, leaves)
+        return self._attached(origin, direction, t, (x, y), jet, speed, decided, hit, leaves)
 
     def jet(self, hits: Hits, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
         """Return z, zx, zy of a sag net alone at the meeting points."""
@@ -97,22 +111,44 @@ class SearchedHits:
             raise ValueError("a surface without a sag has no coefficients")
         return table.pull_back(*hits.at, hits.gradients())
 
+    def _shape(self, net: NDArray[np.float64] | None) -> _Shape:
+        top, steepest, power = self._top, self._slope, None
+        if self._table is not None and net is not None:
+            power = self._table.power(net)
+            top += max(0.0, float(net.max()))
+            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
+            steepest += float(np.hypot(along_x, along_y))
+        return _Shape(partial(self._surface, power), top, steepest, net, power)
+
     def _search(
-        self, surface: Surface, o: list[DrArray], d: list[DrArray], top: float, steepest: float
+        self, shape: _Shape, o: list[DrArray], d: list[DrArray]
     ) -> tuple[DrArray, DrArray, DrArray, DrArray]:
         """Return (ray parameter, t_0, t_1, decided); a decided ray that is not on the surface misses it.
 
-        decided : the search came to an end.
-        top : mm, the surface lies below.  steepest : no slope of the surface is greater.
+        decided : the search came to an end, and where it is to be sure, it is proven.
         """
         dr = self._backend.dr
         tolerance = self.settled * self._resolution(o)
-        first, last = self._span(o, d, dr.opaque(self._backend.Float, top))
+        low, high = first, last = self._span(o, d, dr.opaque(self._backend.Float, shape.top))
+        t = conic_distance(self._backend, self._conic, o, d)
+        t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
+        known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
+        decided = dr.isfinite(sum(o) + sum(d))
+        if self._sure and shape.net is not None:
+            doubtful = self._may_meet_twice(shape, d) & (first < last)
+            if dr.any(doubtful):
+                fall = self._first_fall(shape, o, d, (first, last), doubtful)
+                if self._backend.dtype is np.float64:
+                    decided &= fall.decided | ~doubtful
+                known = dr.select(doubtful & (fall.low < fall.high), 1, known)
+                ends = (fall.low, low), (fall.high, high), (fall.low, t)
+                low, high, t = (dr.select(doubtful, proven, wide) for proven, wide in ends)
+        t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
 
         def step(
             t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
         ) -> tuple[DrArray, ...]:
-            jet = surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
+            jet = shape.jet(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
             residual = jet[0] - (o[2] + t * d[2])
             newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])  # not a number on a tangent ray
             before = residual > 0
@@ -124,59 +160,42 @@ class SearchedHits:
             t = dr.select((newton > low) & (newton < high), newton, dr.select(settled, t, halved))
             return t, low, high, known, active & ~settled & (low < high), count + 1
 
-        def goes_on(
-            t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
-        ) -> DrArray:
-            return active & (count < self.steps)
-
-        t = conic_distance(self._backend, self._conic, o, d)
-        t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
-        known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
-        low, high = first, last
-        if self._sure:
-            low, high, known = self._first_change(surface, o, d, first, last, steepest)
-            t = dr.select((t > low) & (t < high), t, 0.5 * (low + high))
-        t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
+        state = t, low, high, known, first < last, count
         t, _, _, _, active, _ = dr.while_loop(
-            (t, low, high, known, first < last, count), goes_on, step, mode="symbolic"
+            state, lambda *s: s[4] & (s[5] < self.steps), step, mode="symbolic"
         )
-        return t, first, last, ~active & dr.isfinite(sum(o) + sum(d))
+        return t, first, last, decided & ~active
 
-    def _first_change(
+    def _may_meet_twice(self, shape: _Shape, d: list[DrArray]) -> DrArray:
+        """Return the mask of rays that are flatter than the surface is steep."""
+        dr = self._backend.dr
+        steep = dr.opaque(self._backend.Float, shape.steepest * (1 + self._backend.resolution))
+        return steep * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2]
+
+    def _first_fall(
         self,
-        surface: Surface,
+        shape: _Shape,
         o: list[DrArray],
         d: list[DrArray],
-        first: DrArray,
-        last: DrArray,
-        steepest: float,
-    ) -> tuple[DrArray, DrArray, DrArray]:
-        """Return (low, high, known signs): a bracket of the first fall of f through zero.
+        interval: tuple[DrArray, DrArray],
+        doubtful: DrArray,
+    ) -> Fall:
+        """Return the first Fall of doubtful rays through the surface."""
+        backend, dr, table = self._backend, self._backend.dr, self._table
+        assert table is not None
+        assert shape.net is not None
+        boxes = box_bounds(backend, self._conic, self._half_width, self._knots, shape.net)
+        bounds = rounding_errors(backend, self._knots, table.moduli(shape.power), shape.steepest)
+        fixed, per_length, slope_error = (dr.opaque(backend.Float, e) for e in bounds)
+        errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error
 
-        The bits of the known signs are those of `_search`.  Only rays that may meet the surface twice are
-        sampled; others keep their whole span.
-        """
-        dr = self._backend.dr
-        steepest = dr.opaque(self._backend.Float, steepest)
-        doubtful = (first < last) & (steepest * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2])
-        step = (last - first) * (1 / self.samples)
-        none = dr.zeros(self._backend.Index, dr.width(first))
+        def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
+            x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
+            z, (height, zx, zy, *_) = o[2] + t * d[2], shape.jet(x, y)
+            within = [box.along((x, y, z), d, errors[0]) for box in boxes]
+            return height - z, zx * d[0] + zy * d[1] - d[2], within
 
-        def march(high: DrArray, index: DrArray, passed: DrArray) -> tuple[DrArray, DrArray, DrArray]:
-            high = high + step
-            z, *_ = surface(*self._clip(o[0] + high * d[0], o[1] + high * d[1]))
-            return high, index + 1, z < o[2] + high * d[2]
-
-        def goes_on(high: DrArray, index: DrArray, passed: DrArray) -> DrArray:
-            return doubtful & ~passed & (index < self.samples)
-
-        high, _, passed = dr.while_loop((first, none, first > last), goes_on, march, mode="symbolic")
-        passed &= doubtful
-        return (
-            dr.select(passed, high - step, first),
-            dr.select(passed, high, last),
-            dr.select(passed, 3, none),
-        )
+        return first_fall(backend, along, interval, doubtful, errors)
 
     def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
         """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
@@ -254,27 +273,6 @@ class SearchedHits:
     def _surface(self, power: DrArray, x: DrArray, y: DrArray) -> list[DrArray]:
         base = conic_jet(self._backend, self._conic, x, y)
         return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(power, x, y))]
-
-
-def conic_distance(
-    backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]
-) -> DrArray:
-    """Return the ray parameter at which rays meet a conic from the side of -z.
-
-    Where they miss it, it is that of the closest approach.
-
-    With F = c (x^2 + y^2 + (1 + K) z^2) - 2 z the ray has F = A t^2 + 2 B t + C; the wanted root is the
-    falling one.
-    """
-    dr = backend.dr
-    c, k = (dr.opaque(backend.Float, v) for v in (1.0 / conic.radius, 1.0 + conic.constant))
-    (ox, oy, oz), (dx, dy, dz) = origin, direction
-    a = c * (dx * dx + dy * dy + k * dz * dz)
-    b = c * (ox * dx + oy * dy + k * oz * dz) - dz
-    f = c * (ox * ox + oy * oy + k * oz * oz) - 2 * oz
-    root = dr.sqrt(dr.maximum(b * b - a * f, 0))
-    falling = root - b
-    return dr.select(b < 0, f / dr.select(b < 0, falling, 1), -(b + root) / dr.select(a == 0, 1, a))
 
 
 def conic_jet(

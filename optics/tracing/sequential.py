@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.sources import RayGrid, Rays, single_rays
-from optics.tracing.device_rays import DeviceRays
 from optics.tracing.fates import SequentialFates
-from optics.tracing.intersections import Hits, KnownHits
+from optics.tracing.intersections import DeviceRays, Hits, KnownHits
 from optics.tracing.landings import Landing
 from optics.tracing.refraction import refract
 from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.device_rays import Vector
+    from optics.tracing.intersections import Vector
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector
 

@@ -46,6 +46,11 @@ class PolynomialTable:
         table[..., :q] = cells.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
         return self._backend.array(table)
 
+    def moduli(self, power: DrArray) -> float:
+        """Return the greatest sum of the moduli of a cell's power coefficients."""
+        table = power.numpy().reshape(self._cells[0] * self._cells[1], -1)
+        return float(abs(table).sum(axis=1).max())
+
     def __call__(self, power: DrArray, x: DrArray, y: DrArray) -> tuple[DrArray, ...]:
         """Return z, zx, zy, zxx, zxy, zyy of the spline with these power coefficients."""
         dr = self._backend.dr
