@@ -9,9 +9,11 @@ Source: S. Basu, R. Pollack, M.-F. Roy, Algorithms in Real Algebraic Geometry, s
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import pairwise
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +30,8 @@ class ExactGraph:
     """z = (x^2 + y^2) / 2R + spline."""
 
     def __init__(self, surface: FreeformSurface) -> None:
-        self._knots, net = tensor_net(surface)
+        knots, net = tensor_net(surface)
+        self._axes = [_Axis(kv) for kv in knots]
         self._net = [[Fraction(c) for c in row] for row in net.tolist()]
         self._half = [Fraction(h) for h in surface.half_width]
         self._bend = Fraction(0) if surface.conic.is_plane else 1 / (2 * Fraction(surface.conic.radius))
@@ -69,74 +72,92 @@ class ExactGraph:
     def _pieces(
         self, o: Sequence[Fraction], d: Sequence[Fraction], first: Fraction, last: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Polynomial]]:
-        """Yield (low, high, f) between knot lines that the ray crosses, of the first one and where it may meet
-        the surface."""
+        """Yield (low, high, f) between knot lines: of the first piece, and where the surface may be met."""
         lines = {first, last}
-        for s, v, kv in zip(o, d, self._knots):
+        for s, v, axis in zip(o, d, self._axes):
             if v:
-                lines |= {t for t in ((Fraction(b) - s) / v for b in kv.breaks.tolist()) if first < t < last}
+                lines |= {t for t in ((b - s) / v for b in axis.breaks) if first < t < last}
         ends = sorted(lines)
         for low, high in pairwise(ends):
             middle = (low + high) / 2
-            spans = [_span_of(kv, s + middle * v) for kv, s, v in zip(self._knots, o, d)]
+            spans = [axis.span(s + middle * v) for axis, s, v in zip(self._axes, o, d)]
             if low == first or o[2] + high * d[2] >= self._lowest(spans):
                 yield low, high, self._along(o, d, spans)
 
     def _lowest(self, spans: Sequence[int]) -> Fraction:
         """Return a height below the surface within a cell."""
-        rows, columns = (slice(span - kv.degree, span + 1) for kv, span in zip(self._knots, spans))
+        rows, columns = (slice(k - axis.degree, k + 1) for axis, k in zip(self._axes, spans))
         return min(min(row[columns]) for row in self._net[rows]) + self._least
 
     def _along(self, o: Sequence[Fraction], d: Sequence[Fraction], spans: Sequence[int]) -> Polynomial:
         """Return f within a cell.  spans : the knots at its left ends."""
-        axes = [_basis(kv, span, s, v) for kv, span, s, v in zip(self._knots, spans, o, d)]
+        bases = [axis.basis(k, s, v) for axis, k, s, v in zip(self._axes, spans, o, d)]
         (x, y, z), (dx, dy, dz) = o, d
         f = [self._bend * (x * x + y * y) - z, 2 * self._bend * (x * dx + y * dy) - dz]
         f.append(self._bend * (dx * dx + dy * dy))
-        first = [span - kv.degree for kv, span in zip(self._knots, spans)]
-        for i, a in enumerate(axes[0]):
+        first = [k - axis.degree for axis, k in zip(self._axes, spans)]
+        for i, a in enumerate(bases[0]):
             row: Polynomial = []
-            for j, b in enumerate(axes[1]):
+            for j, b in enumerate(bases[1]):
                 row = _sum(row, [self._net[first[0] + i][first[1] + j] * c for c in b])
             f = _sum(f, _product(a, row))
         return f
 
 
-def _span_of(kv: KnotVector, x: Fraction) -> int:
-    """Return the number of the last knot that is not above x."""
-    return int(np.clip(sum(Fraction(k) <= x for k in kv.knots.tolist()) - 1, kv.degree, kv.dim - 1))
+class _Axis:
+    """Knots of one direction."""
 
+    def __init__(self, kv: KnotVector) -> None:
+        self.degree = kv.degree
+        self.breaks = [Fraction(b) for b in kv.breaks.tolist()]
+        self._knots = [Fraction(k) for k in kv.knots.tolist()]
 
-def _basis(kv: KnotVector, span: int, s: Fraction, v: Fraction) -> list[Polynomial]:
-    """Return the p + 1 B-splines that act on a span as polynomials of t, at s + v t: Cox and de Boor."""
-    knots, p = [Fraction(k) for k in kv.knots.tolist()], kv.degree
-    rows: list[Polynomial] = [[Fraction(1)]]
-    for k in range(1, p + 1):
-        after: list[Polynomial] = [[] for _ in range(k + 1)]
-        for r, b in enumerate(rows):
-            left, right = knots[span - k + 1 + r], knots[span + 1 + r]
-            rising = [(s - left) / (right - left), v / (right - left)]
-            falling = [1 - rising[0], -rising[1]]
-            after[r], after[r + 1] = _sum(after[r], _product(falling, b)), _product(rising, b)
-        rows = after
-    return rows
+    def span(self, x: Fraction) -> int:
+        """Return the number of the last knot that is not above x."""
+        return bisect_right(self._knots, x, self.degree + 1, len(self._knots) - self.degree - 1) - 1
+
+    def basis(self, span: int, s: Fraction, v: Fraction) -> list[Polynomial]:
+        """Return the B-splines that act on a span as polynomials of t, at s + v t: Cox and de Boor."""
+        rows: list[Polynomial] = [[Fraction(1)]]
+        for k in range(1, self.degree + 1):
+            after: list[Polynomial] = [[] for _ in range(k + 1)]
+            for r, b in enumerate(rows):
+                left, right = self._knots[span - k + 1 + r], self._knots[span + 1 + r]
+                rising = [(s - left) / (right - left), v / (right - left)]
+                falling = [1 - rising[0], -rising[1]]
+                after[r], after[r + 1] = _sum(after[r], _product(falling, b)), _product(rising, b)
+            rows = after
+        return rows
 
 
 def _first_root(f: Polynomial, low: Fraction, high: Fraction) -> tuple[Fraction, Fraction] | None:
     """Return an interval that holds the first root of f in (low, high], where f falls below zero there.
 
-    None stands for no root, or for roots at which f does not change its sign.
+    None stands for no root, or for one at which f does not change its sign.
     """
+    if all(c > 0 for c in _bernstein(f, low, high)):
+        return None
     chain = _sturm(f)
-    while roots := _roots(chain, low, high):
-        if roots == 1 and high - low < WIDTH:
-            return (low, high) if _value(f, high) <= 0 else None
+    roots = _roots(chain, low, high)
+    while roots > 1:
         middle = (low + high) / 2
-        if _roots(chain, low, middle):
-            high = middle
-        else:
-            low = middle
-    return None
+        before = _roots(chain, low, middle)
+        low, high, roots = (low, middle, before) if before else (middle, high, roots)
+    if not roots or _value(f, high) > 0:
+        return None
+    while high - low > WIDTH:
+        middle = (low + high) / 2
+        low, high = (middle, high) if _value(f, middle) > 0 else (low, middle)
+    return low, high
+
+
+def _bernstein(f: Polynomial, low: Fraction, high: Fraction) -> list[Fraction]:
+    """Return the Bernstein coefficients of f on [low, high], between which it lies."""
+    degree, local = len(f) - 1, [Fraction(0)]
+    for c in reversed(f):  # f(low + (high - low) s) as a polynomial of s, by Horner's scheme
+        local = _sum([c], _product(local, [low, high - low]))
+    weights = [[Fraction(comb(k, j), comb(degree, j)) for j in range(k + 1)] for k in range(degree + 1)]
+    return [sum((w * c for w, c in zip(row, local)), Fraction(0)) for row in weights]
 
 
 def _sturm(f: Polynomial) -> list[Polynomial]:

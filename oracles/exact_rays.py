@@ -53,8 +53,11 @@ class Quadric:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A lens of two Quadrics, and rays towards a target plane.  origin, direction : (3, n).  distance : mm
-    behind the rear vertex."""
+    """A lens of two Quadrics, and rays towards a target plane.
+
+    origin, direction : (3, n).  distance : mm behind the rear vertex; inf is the far field, where landing
+    points are angles in degrees.
+    """
 
     front: Quadric
     rear: Quadric
@@ -109,13 +112,11 @@ def exact_trace(setup: Setup) -> Traced:
         passes = passes & (direction[2] > 0)
         fate = np.where(met & entered, np.where(hit, np.where(passes, ARRIVES, TOTAL), MISSED), BESIDE)
         arrives = fate == ARRIVES
-        travel = (distance - point[2]) / np.where(arrives, direction[2], Decimal(1))
+        across = direction[:2] / np.where(arrives, direction[2], Decimal(1))
+        landing = point[:2] + (distance - point[2]) * across if distance.is_finite() else _degrees(across)
         return Traced(
             fate,
-            *(
-                np.where(arrives, r, Decimal(0))
-                for r in (*(point[:2] + travel * direction[:2]), share * share_rear)
-            ),
+            *(np.where(arrives, r, Decimal(0)) for r in (*landing, share * share_rear)),
         )
 
 
@@ -213,6 +214,22 @@ def _refract(direction: Exact, normal: Exact, eta: Decimal) -> tuple[Exact, Exac
     return eta * direction + (cos_t - eta * cos_i) * normal, np.where(passes, share, Decimal(0)), passes
 
 
+def _degrees(tangent: Exact) -> Exact:
+    """Return the angles, in degrees, of which these are the tangents."""
+    return _arctan(tangent) / _arctan(Decimal(1)) * 45
+
+
+def _arctangent(tangent: Decimal) -> Decimal:
+    """Return x - x^3 / 3 + x^5 / 5 ... of the tangent of an eighth of the angle, times eight."""
+    for _ in range(3):
+        tangent = tangent / (1 + (1 + tangent * tangent).sqrt())
+    total, power, k = Decimal(0), tangent, 1
+    while abs(power) > Decimal(10) ** (-DIGITS - 10):
+        total += power / k
+        power, k = -power * tangent * tangent, k + 2
+    return 8 * total
+
+
 def _squares(kv: KnotVector) -> NDArray[np.float64]:
     """Return the B-spline coefficients of x^2: the mean product of two of the p inner knots of every
     function."""
@@ -221,4 +238,5 @@ def _squares(kv: KnotVector) -> NDArray[np.float64]:
 
 
 _decimal: Callable[[ArrayLike], Exact] = np.vectorize(Decimal, otypes=[object])
+_arctan: Callable[[ArrayLike | Decimal], Exact] = np.vectorize(_arctangent, otypes=[object])
 _root: Callable[[Exact], Exact] = np.vectorize(Decimal.sqrt, otypes=[object])

@@ -110,7 +110,7 @@ def first_meetings(surface: FreeformSurface, origin: Floats, direction: Floats) 
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """Pieces of rays between two path lengths, with the coefficients of f, (n, p + q + 1), and their radius."""
+    """Pieces of rays between two path lengths.  f : its Bernstein coefficients, (n, p + q + 1)."""
 
     ray: Integers
     low: Floats

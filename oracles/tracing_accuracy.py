@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import Backend
-from optics.sources import Rays
+from optics.sources import Profile, RayGrid, Rays, lambertian_parts, point_rays
 from optics.tracing import Tracer
 from oracles.exact_rays import (
     ARRIVES,
@@ -40,13 +40,17 @@ COUNT = 40  # rays
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Rays of one kind.  spline : degree, spans, share and depth of `Quadric.surface`.  strict : every fate
-    must be the exact one."""
+    """Rays of one kind.
+
+    spline : degree, spans, share and depth of `Quadric.surface`.  strict : every fate must be the exact one.
+    grid : the same rays as the tracer takes parallel ones.
+    """
 
     name: str
     setup: Setup
     spline: dict[str, float] = field(default_factory=dict)
     strict: bool = False
+    grid: RayGrid | None = None
 
 
 @dataclass(frozen=True)
@@ -80,17 +84,19 @@ def cases() -> Iterator[Case]:
         yield Case(f"slopes to {slope:g} degrees", steep(slope))
     for distance in (1e-6, 0.0):
         yield Case(f"source {distance:g} mm before the front", touching(distance), strict=True)
+    yield from sources()
 
 
 def measure(backend: Backend, case: Case) -> Found:
     """Return how a case comes out."""
     unit = float(np.finfo(backend.dtype).eps) / 2
     rays = Rays(case.setup.origin, case.setup.direction, np.ones(case.setup.origin.shape[1]))
+    traced = case.grid or rays
     # the tracer rounds the rays to its precision: the exact ones are those
     rounded = (a.astype(backend.dtype).astype(float) for a in (rays.origin, rays.direction))
     setup = replace(case.setup, **dict(zip(("origin", "direction"), rounded)))
     lens = setup.lens(**case.spline)
-    tracer = Tracer(backend, lens, rays, setup.thickness + setup.distance)
+    tracer = Tracer(backend, lens, traced, setup.thickness + setup.distance)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     decided, met, found, hit, refracted, *values = (
         np.broadcast_to(np.asarray(getattr(landing, name).numpy()), len(rays.origin[0]))
@@ -222,3 +228,23 @@ def touching(distance: float) -> Setup:
     """Return rays up to 80 degrees from a source so close to a plane front."""
     origin, direction = oblique(80.0, -distance)
     return Setup(FLAT, Quadric((0.0, 0.05, -0.03, -0.01, -0.01), 14.0), 9.0, INDEX, 100.0, origin, direction)
+
+
+def sources() -> Iterator[Case]:
+    """Yield the sources of the examples before their lenses: a point, a square of 1 mm, and a beam."""
+    target, far = 300.0, np.inf
+    point = point_rays(60.0, 1.0, 30.0, 0.0, (7, 6), (0.0, 0.0))
+    square = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 89.9, Profile(), 64, 0, 64))
+    front, dome = Quadric(FLAT.terms, 40.0), Quadric((0.0, 0.0, 0.0, -0.1, -0.1), 5.0)
+    rears = Quadric((0.0, 0.0, 0.0, -1 / 140, -1 / 140), 45.0), Quadric((0.0, 0.0, 0.0, -0.05, -0.05), 8.0)
+    for name, distance in (("", target), (" in the far field", far)):
+        lit = Setup(front, rears[0], 35.0, INDEX, distance, point.origin, point.direction)
+        yield Case(f"point source{name}", lit)
+        lit = Setup(dome, rears[1], 5.0, INDEX, distance, square.origin, square.direction)
+        yield Case(f"extended source{name}", lit)
+    axis = np.linspace(-9.5, 9.5, 7)
+    grid = RayGrid(axis, axis, np.ones((7, 7)))
+    beam, rear = grid.rays(-10.0), Quadric((0.0, 0.0, 0.0, 1 / 60, 1 / 60), 10.0)
+    for name, distance in (("", target), (" in the far field", far)):
+        lit = Setup(Quadric(FLAT.terms, 10.0), rear, 8.0, INDEX, distance, beam.origin, beam.direction)
+        yield Case(f"parallel beam{name}", lit, {"depth": 2}, grid=grid)

@@ -2,13 +2,23 @@
 
 Run: thbcad bench tracing_stability
 
-`oracles.tracing_accuracy` says what a roundoff is, and when a fate is wrong.
+`oracles.tracing_accuracy` says what a roundoff is, and when a fate is wrong.  `oracles.rough_fronts` judges
+first meetings with rough fronts.
 """
 
 from __future__ import annotations
 
-from optics.runtime import Row, load_backend
+import numpy as np
+
+from optics.runtime import Backend, Row, load_backend
+from oracles.rough_fronts import SOURCES, judge, rough_front
 from oracles.tracing_accuracy import LIMIT, cases, measure
+
+SLOPES = (1.0, 2.0, 3.0)  # root mean square
+ROUGH = 350_000  # rays of each source: a million for every slope
+EXACT = 112  # of them judged by rational numbers: a thousand in all
+UNSURE = 5_000  # rays that show what the faster search does
+UNDECIDED = 1e-4  # of the rays
 
 
 def rows() -> list[Row]:
@@ -32,4 +42,22 @@ def rows() -> list[Row]:
                     0,
                 )
             )
+    return [*out, *_rough_fronts(load_backend("double", 1))]
+
+
+def _rough_fronts(backend: Backend) -> list[Row]:
+    """Return how many rays come to another meeting with a rough front than the first, or to none for sure."""
+    out = []
+    for slope in SLOPES:
+        for number, (name, source) in enumerate(SOURCES.items()):
+            front = rough_front(slope, radius=-16.0 if number else np.inf, seed=int(10 * slope) + number)
+            rays = source(front, ROUGH, 5 + number)
+            judged = judge(backend, front, rays, EXACT)
+            faster = judge(backend, front, next(rays.slices(UNSURE)), sure=False)
+            title = f"rough front of slope {slope:g}, {name}"
+            how = f"{judged.rays} rays, {judged.exact} by rational numbers"
+            out.append(Row(f"{title}: another meeting than the first", judged.wrong, "rays", how, 0))
+            out.append(Row(f"{title}: undecided", judged.undecided, "rays", "", int(UNDECIDED * ROUGH)))
+            share = faster.wrong / faster.rays
+            out.append(Row(f"{title}: another meeting, not sure", share, "", f"{faster.rays} rays"))
     return out

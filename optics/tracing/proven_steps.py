@@ -200,7 +200,10 @@ def _finest_bounds(
     conic: Conic, half_width: tuple[float, float], knots: Sequence[KnotVector], net: Floats, count: int
 ) -> list[Floats]:
     """Return the least and the greatest z_xx, z_yy, z_xy and z on count x count boxes, (count, count, 4)
-    each."""
+    each.
+
+    The second derivative of the conic is bounded in all directions at once, as part of z_xx and z_yy.
+    """
     bends, heights = _conic_bounds(conic, half_width, count)
     zeros = np.zeros_like(bends)
     tables = [np.empty((count, count, 4)) for _ in range(2)]

@@ -22,7 +22,9 @@ from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurfac
 
 CASES = {case.name: case for case in cases()}
 QUICK = ["degree 2", "degree 10", "lengths times 1e-06", "lengths times 1e+06"]
-HARD = [name for name in CASES if not name.startswith(("degree", "lengths"))]
+QUICK += ["extended source in the far field", "parallel beam in the far field"]
+SOURCES = "point source", "extended source", "parallel beam"
+HARD = [name for name in CASES if not name.startswith(("degree", "lengths", *SOURCES))]
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +63,15 @@ def test_the_referee_knows_the_ray_through_a_plate():
     np.testing.assert_array_equal(traced.fate, ARRIVES)
     np.testing.assert_allclose(traced.x.astype(float), 11 * outside + 2 * inside, rtol=1e-14)
     assert float(traced.share[0]) == pytest.approx(0.96**2, rel=1e-15)
+
+
+def test_the_referee_knows_the_angles_of_the_far_field():
+    """Behind a plate rays keep their directions: atan(d_x / d_z) in double precision."""
+    plate = Quadric((0.0, 0.0, 0.0, 0.0, 0.0), 80.0)
+    sine = np.array([-0.99, 1e-9, 0.3, 0.9])
+    origin, direction = np.zeros((3, 4)), np.stack([sine, 0 * sine, np.sqrt(1 - sine**2)])
+    traced = exact_trace(Setup(plate, plate, 2.0, 1.5, np.inf, origin, direction))
+    np.testing.assert_allclose(traced.x.astype(float), np.degrees(np.arctan2(sine, direction[2])), rtol=1e-13)
 
 
 # Other units
