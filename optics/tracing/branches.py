@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 # what a branch in air met last: nothing, a face that it did not pass, the face it left by
 NEVER, OUTSIDE, FRONT, REAR, EDGE = range(5)
+UNDECIDED = 5  # what a branch meets next, where no face is proven to be the first
 SOURCE, ENTERED, LEFT, INDIRECT = range(4)  # stages of the direct path: front refracts, rear refracts
 
 
@@ -72,7 +73,10 @@ class Branches:
 
 @dataclass(frozen=True, eq=False)
 class Meetings:
-    """What branches meet next, (m,) or (3, m): face is FRONT, REAR, EDGE, or NEVER where they leave."""
+    """What branches meet next, (m,) or (3, m).
+
+    face : FRONT, REAR, EDGE, NEVER where they leave, or UNDECIDED.
+    """
 
     face: NDArray[np.int8]
     point: NDArray[np.float64]
@@ -98,14 +102,16 @@ class ClosedLens:
         dx, dy, dz = (backend.array(a) for a in branches.direction)
         rays = DeviceRays((ox, oy, oz), (dx, dy, dz), inside=backend.array(branches.inside) > 0)
         path, nx, ny, nz = (backend.Float(a) for a in (dr.inf, 0, 0, 0))
-        face = backend.Float(NEVER)
+        face, doubt = backend.Float(NEVER), backend.Float(dr.inf)
         for kind, one in zip((FRONT, REAR, EDGE, EDGE, EDGE, EDGE), self._faces):
-            t, normal = one.meet(rays)
-            first = t < path
-            path = dr.select(first, t, path)
+            meeting = one.meet(rays)
+            first = meeting.path < path
+            path = dr.select(first, meeting.path, path)
             face = dr.select(first, float(kind), face)
-            nx, ny, nz = (dr.select(first, a, b) for a, b in zip(normal, (nx, ny, nz)))
-            dr.eval(path, (nx, ny, nz), face)
+            nx, ny, nz = (dr.select(first, a, b) for a, b in zip(meeting.normal, (nx, ny, nz)))
+            doubt = dr.minimum(doubt, meeting.doubt)
+            dr.eval(path, (nx, ny, nz), face, doubt)
+        face = dr.select(doubt < path, float(UNDECIDED), face)
         refracted, reflected, transmittance = self._split(rays, (nx, ny, nz))
         point = rays.at(path)
         dr.eval(face, point, refracted, reflected, transmittance)

@@ -21,7 +21,7 @@ SENTENCES = {
     "front_off_target": "leaves by the front and passes beside the target",
     "back": "leaves and never reaches the target plane",
     "trapped": "falls below the threshold, or meets too many faces",
-    "failed": "is lost: in glass, but no face was found",
+    "failed": "is lost: no face was found in glass, or none was certain to be the first",
 }
 
 

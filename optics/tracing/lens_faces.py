@@ -17,19 +17,29 @@ from numpy.typing import NDArray
 
 from optics.tracing.intersections import DeviceRays
 from optics.tracing.ray_roots import first_crossing, last_root
-from optics.tracing.searched_intersections import conic_jet
-from optics.tracing.spline_table import PolynomialTable
+from optics.tracing.spline_table import PlacedSurface
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.lens import Lens
 
 Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # Z, dZ/dx, dZ/dy, or a vector
 
 RIM = 1e-12  # of the lens's size: faces reach this far over their rims, so that no gap opens between them
 START = 1e-10  # of the lens's size: a ray that starts so near a face is on its own side of it
 WALL = 1e-9  # of the lens's size: rims whose half-widths differ by less are joined by a wall
-NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """Where rays meet a face: path length, mm, inf where they miss it, and the outward unit normal.
+
+    doubt : mm, from where on it is not decided whether the face is met; inf where it is.
+    """
+
+    path: DrArray
+    normal: Jet
+    doubt: DrArray
 
 
 @dataclass(eq=False)
@@ -39,6 +49,7 @@ class GraphFace:
     height : x, y -> Z, Zx, Zy.  outward : +1 where air lies at greater z, else -1.
     domain : (m, 4) rows (a, b, c, e) with unit (a, b, c); two of them bound z, loosely.
     cell : lengths in x and y, mm, within which Z is smooth.
+    surface : where the face is one, its first meetings are proven; else paths are sampled, twice a cell.
     """
 
     backend: Backend
@@ -47,6 +58,7 @@ class GraphFace:
     domain: NDArray[np.float64]
     cell: tuple[float, float]
     size: float
+    surface: PlacedSurface | None = None
 
     def __post_init__(self) -> None:
         # opaque numbers do not become part of the kernels, which then serve every lens
@@ -55,8 +67,8 @@ class GraphFace:
         self._per_cell = [self._opaque(1 / c) for c in self.cell]
         self._near, self._resolution = self._opaque(START * self.size), self._opaque(2.0**-51 * self.size)
 
-    def meet(self, rays: DeviceRays) -> tuple[DrArray, Jet]:
-        """Return (path length, inf where the ray misses, and the outward unit normal)."""
+    def meet(self, rays: DeviceRays) -> Meeting:
+        """Return the Meeting of rays with the face."""
         dr = self.backend.dr
         side = dr.select(rays.inside, self._side, -self._side)
         start, stop = self._interval(rays)
@@ -70,14 +82,23 @@ class GraphFace:
 
         value, _, scale = f(start)
         before = (value < 0) | ((start <= 0) & (dr.abs(value) <= self._near * scale))
-        crossed = [dr.abs(d) * (stop - start) * c for d, c in zip(rays.direction, self._per_cell)]
-        count = dr.ceil(2 * dr.maximum(*crossed)) + 2
-        low, high, found = first_crossing(self.backend, f, (start, stop), count, before)
+        doubt = self.backend.Float(dr.inf)
+        if self.surface is None:
+            crossed = [dr.abs(d) * (stop - start) * c for d, c in zip(rays.direction, self._per_cell)]
+            count = dr.ceil(2 * dr.maximum(*crossed)) + 2
+            low, high, found = first_crossing(self.backend, f, (start, stop), count, before)
+        else:
+            fall = self.surface.first_fall(rays, side > 0, (start, stop), before & (start < stop))
+            low, high = fall.low, fall.high
+            ahead = before & (low < high)
+            # where f falls to the end of the ray, the meeting may lie beyond
+            found = ahead & fall.decided & ((high < stop) | (f(high)[0] >= 0))
+            doubt = dr.select(ahead & ~fall.decided, low, doubt)
         t = last_root(self.backend, f, (low, high), found, self._resolution)
         x, y, _ = rays.at(t)
         _, zx, zy = self.height(x, y)
         length = self._side * dr.rsqrt(1 + zx * zx + zy * zy)
-        return dr.select(found, t, dr.inf), (-zx * length, -zy * length, length)
+        return Meeting(dr.select(found, t, dr.inf), (-zx * length, -zy * length, length), doubt)
 
     def covers(self, x: DrArray, y: DrArray) -> DrArray:
         """Return the mask of points whose plan lies in the domain."""
@@ -128,8 +149,8 @@ class WallFace:
             self.backend.dr.opaque(self.backend.Float, float(a)) for a in (self.sign, self.half_width)
         )
 
-    def meet(self, rays: DeviceRays) -> tuple[DrArray, Jet]:
-        """Return (path length, inf where the ray misses, and the outward unit normal)."""
+    def meet(self, rays: DeviceRays) -> Meeting:
+        """Return the Meeting of rays with the face."""
         dr, Float = self.backend.dr, self.backend.Float
         speed = self._sign * rays.direction[self.axis]
         t = (self._half - self._sign * rays.origin[self.axis]) / speed
@@ -148,13 +169,13 @@ class WallFace:
             found = found & (~above | face.encloses((x, y, z)))
         zero = Float(0)
         normal = (self._sign, zero, zero) if self.axis == 0 else (zero, self._sign, zero)
-        return dr.select(found & covered, t, dr.inf), normal
+        return Meeting(dr.select(found & covered, t, dr.inf), normal, Float(dr.inf))
 
 
 def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace]:
     """Return the front, the rear and the edges +x, -x, +y, -y."""
     size = max(*lens.front.half_width, *lens.rear.half_width, lens.thickness)
-    surfaces = [_Surface(backend, lens.front, 0.0), _Surface(backend, lens.rear, lens.thickness)]
+    surfaces = [PlacedSurface(backend, lens.front, 0.0), PlacedSurface(backend, lens.rear, lens.thickness)]
     rims = list(zip(lens.front.half_width, lens.rear.half_width))
     graphs = [_surface_face(backend, s, outward, size) for s, outward in zip(surfaces, (-1.0, 1.0))]
     sides = [(axis, sign) for axis in (0, 1) for sign in (1.0, -1.0)]
@@ -168,36 +189,6 @@ def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace]:
     return [*graphs, *walls]
 
 
-class _Surface:
-    """A FreeformSurface with its vertex at z = vertex, on Dr.Jit arrays."""
-
-    def __init__(self, backend: Backend, surface: FreeformSurface, vertex: float) -> None:
-        self.backend, self.half_width = backend, surface.half_width
-        self._conic, self._table = surface.conic, None
-        self._vertex = backend.dr.opaque(backend.Float, vertex)
-        corner = float(surface.conic(*surface.half_width))
-        self.low, self.high = vertex + min(corner, 0.0), vertex + max(corner, 0.0)
-        hx, hy = self.half_width
-        self.cell = hx / 4, hy / 4
-        if surface.sag is None:
-            return
-        sag = surface.sag.to_bspline()
-        knots = [kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
-        self._table = PolynomialTable(backend, knots)
-        self._power = self._table.power(sag.coefficients)
-        self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()
-        x, y = (max(np.diff(kv.breaks).min(), 2 * h * NARROWEST) for kv, h in zip(knots, self.half_width))
-        self.cell = min(x, self.cell[0]), min(y, self.cell[1])
-
-    def jet(self, x: DrArray, y: DrArray) -> Jet:
-        """Return z, zx, zy."""
-        z, zx, zy, *_ = conic_jet(self.backend, self._conic, x, y)
-        if self._table is not None:
-            sag = self._table(self._power, x, y)
-            z, zx, zy = z + sag[0], zx + sag[1], zy + sag[2]
-        return z + self._vertex, zx, zy
-
-
 class _Edge:
     """The ruled edge on the side of `axis` towards `sign`, between rims of different half-width.
 
@@ -205,7 +196,7 @@ class _Edge:
     a = (1 - w) a_front + w a_rear and b = s ((1 - w) b_front + w b_rear) give w and s.
     """
 
-    def __init__(self, surfaces: list[_Surface], axis: int, sign: float) -> None:
+    def __init__(self, surfaces: list[PlacedSurface], axis: int, sign: float) -> None:
         backend = surfaces[0].backend
         self.backend, self.surfaces, self.axis, self.sign = backend, surfaces, axis, sign
         self.along = [s.half_width[axis] for s in surfaces]
@@ -247,11 +238,11 @@ class _Edge:
         return [[self.sign * a, b, 0, e] if self.axis == 0 else [b, self.sign * a, 0, e] for a, b, e in rows]
 
 
-def _surface_face(backend: Backend, surface: _Surface, outward: float, size: float) -> GraphFace:
+def _surface_face(backend: Backend, surface: PlacedSurface, outward: float, size: float) -> GraphFace:
     hx, hy = surface.half_width
     plan = [[1, 0, 0, hx], [-1, 0, 0, hx], [0, 1, 0, hy], [0, -1, 0, hy]]
     domain = _domain(plan, surface.low, surface.high, size)
-    return GraphFace(backend, surface.jet, outward, domain, surface.cell, size)
+    return GraphFace(backend, surface.jet, outward, domain, surface.cell, size, surface)
 
 
 def _edge_face(edge: _Edge, size: float) -> GraphFace:

@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.sources import require_rays
-from optics.tracing.branches import FRONT, LEFT, NEVER, OUTSIDE, Branches, ClosedLens, split
+from optics.tracing.branches import (
+    FRONT,
+    LEFT,
+    NEVER,
+    OUTSIDE,
+    UNDECIDED,
+    Branches,
+    ClosedLens,
+    split,
+)
 from optics.tracing.fates import FATES, Fates
 from optics.tracing.landings import LandingPoints
 
@@ -80,9 +89,9 @@ def trace_nonsequential(
     branches = Branches.start(rays)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
-        leaving = meetings.face == NEVER
-        gone = branches[leaving]
-        fate, x, y, reaches = _fates(gone, target)
+        leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
+        fate, x, y, reaches = _fates(gone, undecided, target)
         account(gone, fate)
         gone = gone[reaches]
         landings.append((x[reaches], y[reaches], gone.flux, gone.ray, fate[reaches], gone.stage == LEFT))
@@ -126,9 +135,9 @@ def trace_paths(
     fates = ["trapped"] * len(points)
     for generation in range(bounces + 1):
         meetings = solid.meet(branches)
-        leaving = meetings.face == NEVER
-        gone = branches[leaving]
-        fate, x, y, reaches = _fates(gone, target)
+        leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
+        fate, x, y, reaches = _fates(gone, undecided, target)
         stub = (gone.origin + lens.thickness * gone.direction).T
         ends = np.where(reaches[:, None], np.column_stack([x, y, np.full_like(x, target.z)]), stub)
         for ray, end, which in zip(gone.ray, ends, fate):
@@ -145,14 +154,15 @@ def trace_paths(
 
 
 def _fates(
-    gone: Branches, target: TargetPlane
+    gone: Branches, undecided: NDArray[np.bool_], target: TargetPlane
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return (fates, x, y, crossing) of branches that meet no face.
+    """Return (fates, x, y, crossing) of branches that meet no face, or none for sure.
 
     x, y : mm, in the target plane.  crossing : the mask of those that cross it.
     """
     dz = gone.direction[2]
-    reaches = (dz > 0) & (gone.origin[2] <= target.z) & ~gone.inside
+    failed = gone.inside | undecided
+    reaches = (dz > 0) & (gone.origin[2] <= target.z) & ~failed
     t = (target.z - gone.origin[2]) / np.where(reaches, dz, 1.0)
     x, y = gone.origin[:2] + t * gone.direction[:2]
     onto = (abs(x) <= target.half_width[0]) & (abs(y) <= target.half_width[1])
@@ -164,4 +174,4 @@ def _fates(
     fate = np.where(reaches, np.where(onto, on[exit_face], off[exit_face]), FATES.index("back"))
     fate = np.where(gone.left == NEVER, FATES.index("beside_lens"), fate)
     fate = np.where(gone.left == OUTSIDE, FATES.index("reflected_outside"), fate)
-    return np.where(gone.inside, FATES.index("failed"), fate), x, y, reaches
+    return np.where(failed, FATES.index("failed"), fate), x, y, reaches

@@ -72,10 +72,16 @@ class BoxBounds:
     half_width: tuple[DrArray, DrArray]
     per_length: tuple[DrArray, DrArray]
 
-    def along(self, point: Sequence[DrArray], direction: Sequence[DrArray], error: DrArray) -> Bounds:
-        """Return the Bounds of f along rays from points in the direction.
+    def along(
+        self,
+        point: Sequence[DrArray],
+        direction: Sequence[DrArray],
+        error: DrArray,
+        below: DrArray | bool = True,
+    ) -> Bounds:
+        """Return the Bounds along rays from points in the direction.
 
-        error : mm, of a height.
+        error : mm, of a height.  below : the ray is below the surface; else f is its height above it.
         """
         dr, Index, axes = self.backend.dr, self.backend.Index, []
         leave = dr.inf
@@ -93,8 +99,12 @@ class BoxBounds:
         xx, yy, xy = dx * dx, dy * dy, 2 * dx * dy
         least = xx * low[0] + yy * low[1] + xy * dr.select(xy < 0, high[2], low[2])
         greatest = xx * high[0] + yy * high[1] + xy * dr.select(xy < 0, low[2], high[2])
-        below = (low[3] - point[2] - error) / dr.select(dz > 0, dz, 1)
-        return least, greatest, dr.select(dz > 0, below, 0), leave
+        free = dr.select(dz > 0, (low[3] - point[2] - error) / dr.select(dz > 0, dz, 1), 0)
+        if below is True:
+            return least, greatest, free, leave
+        over = dr.select(dz < 0, (high[3] - point[2] + error) / dr.select(dz < 0, dz, 1), 0)
+        turned = (least, -greatest), (greatest, -least), (free, over)
+        return *(dr.select(below, a, b) for a, b in turned), leave
 
 
 def first_fall(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from optics.tracing.intersections import Hits, Vector
 from optics.tracing.proven_steps import box_bounds, first_fall, rounding_errors
 from optics.tracing.ray_roots import conic_distance
-from optics.tracing.spline_table import PolynomialTable, steepest_along
+from optics.tracing.spline_table import PolynomialTable, conic_jet, steepest_along
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -273,23 +273,3 @@ class SearchedHits:
     def _surface(self, power: DrArray, x: DrArray, y: DrArray) -> list[DrArray]:
         base = conic_jet(self._backend, self._conic, x, y)
         return list(base) if self._table is None else [a + b for a, b in zip(base, self._table(power, x, y))]
-
-
-def conic_jet(
-    backend: Backend, conic: Conic, x: DrArray, y: DrArray
-) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
-    """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
-    dr, Float = backend.dr, backend.Float
-    # opaque, so that every conic runs the same compiled kernel
-    c, k = dr.opaque(Float, 1.0 / conic.radius), dr.opaque(Float, (1.0 + conic.constant) / conic.radius**2)
-    r2 = x * x + y * y
-    inverse = dr.rsqrt(1 - k * r2)
-    slope, bend = c * inverse, c * k * inverse * inverse * inverse
-    return (
-        c * r2 / (1 + 1 / inverse),
-        slope * x,
-        slope * y,
-        slope + bend * x * x,
-        bend * x * y,
-        slope + bend * y * y,
-    )

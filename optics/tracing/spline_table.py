@@ -1,4 +1,4 @@
-"""Tensor-product splines on Dr.Jit arrays, as one polynomial per cell.
+"""Surfaces on Dr.Jit arrays: conics, and tensor-product splines as one polynomial per cell.
 
 The map from spline coefficients to the power coefficients of every cell is a constant sparse
 matrix in each direction; a point then needs its cell and (p + 1)(q + 1) numbers.
@@ -15,12 +15,19 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from optics.runtime import PACKED
+from optics.tracing.proven_steps import Fall, box_bounds, first_fall, rounding_errors
+from thbcad.splines import KnotVector
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from thbcad.splines import KnotVector
+    from optics.tracing.intersections import DeviceRays, Vector
+    from optics.tracing.proven_steps import Bounds
+    from thbcad.lens import FreeformSurface
+    from thbcad.sags import Conic
 
 MOST_BINS = 1 << 16
+PLAIN = 16  # cells across a conic without a sag, on which its second derivative is bounded
+NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
 ROUNDING = 1e-9  # of a bin: breaks that lie so close to its ends are taken for the ends
 
 
@@ -188,3 +195,93 @@ def steepest_along(kv: KnotVector, net: NDArray[np.float64]) -> float:
     """
     widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
     return float(np.abs(kv.degree * np.diff(net, axis=0) / widths[:, None]).max())
+
+
+class PlacedSurface:
+    """A FreeformSurface with its vertex at z = vertex, on Dr.Jit arrays.
+
+    low, high : mm, it lies between these z.  cell : lengths in x and y, mm, within which it is smooth.
+    """
+
+    def __init__(self, backend: Backend, surface: FreeformSurface, vertex: float) -> None:
+        self.backend, self.half_width = backend, surface.half_width
+        self._conic, self._table = surface.conic, None
+        self._vertex = backend.dr.opaque(backend.Float, vertex)
+        corner = float(surface.conic(*surface.half_width))
+        self.low, self.high = vertex + min(corner, 0.0), vertex + max(corner, 0.0)
+        hx, hy = self.half_width
+        self.cell = hx / 4, hy / 4
+        if surface.sag is None:
+            knots = [KnotVector.uniform(2, PLAIN, -h, h) for h in self.half_width]
+            self._prove(knots, np.zeros((PLAIN + 2, PLAIN + 2)), 0.0)
+            return
+        sag = surface.sag.to_bspline()
+        knots = [kv.rescaled(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
+        self._table = PolynomialTable(backend, knots)
+        self._power = self._table.power(sag.coefficients)
+        self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()
+        x, y = (max(np.diff(kv.breaks).min(), 2 * h * NARROWEST) for kv, h in zip(knots, self.half_width))
+        self.cell = min(x, self.cell[0]), min(y, self.cell[1])
+        self._prove(knots, sag.coefficients, self._table.moduli(self._power))
+
+    def _prove(self, knots: Sequence[KnotVector], net: NDArray[np.float64], moduli: float) -> None:
+        backend, conic, half = self.backend, self._conic, self.half_width
+        slope = np.hypot(conic(*half, (1, 0)), conic(*half, (0, 1)))
+        along_x, along_y = (steepest_along(kv, n) for kv, n in zip(knots, (net, net.T)))
+        slope += np.hypot(along_x, along_y)
+        self._boxes = box_bounds(backend, conic, half, knots, net)
+        self._errors = [
+            backend.dr.opaque(backend.Float, e)
+            for e in (*rounding_errors(backend, knots, moduli, float(slope)), max(half))
+        ]
+
+    def jet(self, x: DrArray, y: DrArray) -> Vector:
+        """Return z, zx, zy."""
+        z, zx, zy, *_ = conic_jet(self.backend, self._conic, x, y)
+        if self._table is not None:
+            sag = self._table(self._power, x, y)
+            z, zx, zy = z + sag[0], zx + sag[1], zy + sag[2]
+        return z + self._vertex, zx, zy
+
+    def first_fall(
+        self, rays: DeviceRays, below: DrArray, interval: tuple[DrArray, DrArray], active: DrArray
+    ) -> Fall:
+        """Return the first Fall of active rays through the surface, from below it or from above.
+
+        They start on this side, or on the surface within rounding: then the next meeting counts.
+        """
+        dr, d = self.backend.dr, rays.direction
+        fixed, per_length, slope_error, size = self._errors
+        error = fixed + per_length * (size + sum(dr.abs(a) for a in rays.origin))
+        sign = dr.select(below, self.backend.Float(1), -1)
+
+        def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
+            x, y, z = rays.at(t)
+            height, zx, zy = self.jet(x, y)
+            f = sign * (height - z)
+            f = dr.select(t <= interval[0], dr.maximum(f, 2 * error), f)
+            point = x, y, z - self._vertex
+            bounds = [box.along(point, d, error, below) for box in self._boxes]
+            return f, sign * (zx * d[0] + zy * d[1] - d[2]), bounds
+
+        return first_fall(self.backend, along, interval, active, (error, slope_error))
+
+
+def conic_jet(
+    backend: Backend, conic: Conic, x: DrArray, y: DrArray
+) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
+    """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
+    dr, Float = backend.dr, backend.Float
+    # opaque, so that every conic runs the same compiled kernel
+    c, k = dr.opaque(Float, 1.0 / conic.radius), dr.opaque(Float, (1.0 + conic.constant) / conic.radius**2)
+    r2 = x * x + y * y
+    inverse = dr.rsqrt(1 - k * r2)
+    slope, bend = c * inverse, c * k * inverse * inverse * inverse
+    return (
+        c * r2 / (1 + 1 / inverse),
+        slope * x,
+        slope * y,
+        slope + bend * x * x,
+        bend * x * y,
+        slope + bend * y * y,
+    )
