@@ -26,6 +26,7 @@ SAME = 1e-6  # mm, within which two meetings are the same: far below their dista
 AT_ONCE = 1 << 18  # rays
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -88,21 +89,19 @@ def judge(backend: Backend, front: FreeformSurface, rays: Rays, sample: int = 0,
 
     sample : of the rays are judged by rational numbers, whatever intervals say.
     """
-    parts = [
-        _judge(backend, front, part, sample * (k == 0), sure) for k, part in enumerate(rays.slices(AT_ONCE))
-    ]
-    return Judged(*(sum(column) for column in zip(*parts)))
+    parts = enumerate(rays.slices(AT_ONCE))
+    judged = [_judge(backend, front, part, 0 if k else sample) for k, part in parts]
+    return Judged(*(sum(column) for column in zip(*judged)))
 
 
-def _judge(
-    backend: Backend, front: FreeformSurface, rays: Rays, sample: int, sure: bool
-) -> tuple[int, int, int, int]:
-    decided, hit, path = _traced(backend, front, rays, sure)
-    intervals = first_meetings(front, rays.origin, rays.direction)
-    with np.errstate(invalid="ignore"):
-        near = (path >= intervals.low - SAME) & (path <= intervals.high + SAME)
-    meets = intervals.fate == MEETS
-    agrees = np.where(hit, meets & near, ~meets) & (intervals.fate != OPEN)
+def disagreeing(backend: Backend, front: FreeformSurface, rays: Rays, sure: bool) -> int:
+    """Return for how many rays intervals prove that a tracer takes another meeting than the first."""
+    decided, _, _, agrees, opens = _compared(backend, front, rays, sure)
+    return int((decided & ~agrees & ~opens).sum())
+
+
+def _judge(backend: Backend, front: FreeformSurface, rays: Rays, sample: int) -> tuple[int, int, int, int]:
+    decided, hit, path, agrees, _ = _compared(backend, front, rays, True)
     asked = decided & ~agrees
     asked[:sample] = decided[:sample]
     graph, wrong = ExactGraph(front), 0
@@ -113,9 +112,19 @@ def _judge(
     return len(rays.flux), wrong, int((~decided).sum()), int(asked.sum())
 
 
-def _traced(
+def _compared(
     backend: Backend, front: FreeformSurface, rays: Rays, sure: bool
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Floats]:
+) -> tuple[Mask, Mask, Floats, Mask, Mask]:
+    """Return (decided, hit, path length, mm, agrees with the intervals, they leave it open)."""
+    decided, hit, path = _traced(backend, front, rays, sure)
+    intervals = first_meetings(front, rays.origin, rays.direction)
+    with np.errstate(invalid="ignore"):
+        near = (path >= intervals.low - SAME) & (path <= intervals.high + SAME)
+    meets, opens = intervals.fate == MEETS, intervals.fate == OPEN
+    return decided, hit, path, np.where(hit, meets & near, ~meets) & ~opens, opens
+
+
+def _traced(backend: Backend, front: FreeformSurface, rays: Rays, sure: bool) -> tuple[Mask, Mask, Floats]:
     """Return (decided, hit, path length, mm) of the front's meetings."""
     lens = Lens(front, FreeformSurface((50.0, 50.0)), 50.0, 1.5)
     tracer = Tracer(backend, lens, rays, 200.0, sure=sure)

@@ -132,7 +132,7 @@ def first_fall(
             step = dr.maximum(step, dr.minimum(within, dr.maximum(safe, below)))
             reach = dr.maximum(reach, _fall(backend, f + error, rate + rate_error, greatest, within))
             falls_on = (leave >= rest) & (rate + rate_error + greatest * rest < 0)
-            reach = dr.select(falls_on, rest, reach)
+            reach = dr.select(falls_on, 2 * rest, reach)  # to the very end, whatever rounding does
         after = t + step
         met = (f > -error) & (reach > 0)
         gone = (f > error) & (after >= last)

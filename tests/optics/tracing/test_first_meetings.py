@@ -8,11 +8,12 @@ import pytest
 from optics.runtime import load_backend
 from optics.sources import Rays
 from optics.tracing import Tracer
+from optics.tracing.branches import FRONT, UNDECIDED, Branches, ClosedLens
 from optics.tracing.proven_steps import FINEST, ROOM, _finest_bounds
 from oracles.exact_meetings import ExactGraph
 from oracles.exact_rays import Quadric
 from oracles.first_meetings import BEHIND, MEETS, MISSES, first_meetings
-from oracles.rough_fronts import SOURCES, judge, rough_front
+from oracles.rough_fronts import SAME, SOURCES, disagreeing, judge, rough_front
 from tests.optics.cases import coefficients
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 
@@ -30,8 +31,7 @@ def test_no_ray_comes_to_another_meeting_than_the_first(backend, name, slope, ra
 
 def test_the_referee_sees_the_rays_that_the_faster_search_leads_astray(backend):
     front = rough_front(2.0)
-    judged = judge(backend, front, SOURCES["oblique rays"](front, 80, 1), sure=False)
-    assert judged.wrong > 0
+    assert disagreeing(backend, front, SOURCES["oblique rays"](front, 1000, 1), sure=False) > 10
 
 
 @pytest.mark.parametrize("radius", [np.inf, -16.0], ids=["plane", "paraboloid"])
@@ -61,6 +61,24 @@ def test_the_referees_know_the_meeting_with_a_paraboloid():
     assert found.fate[0] == fate == MEETS
     for a, b in ((found.low[0], found.high[0]), (float(low), float(high))):
         assert a - 1e-12 <= exact <= b + 1e-12
+
+
+@pytest.mark.parametrize("name", ["point source", "oblique rays"])
+def test_with_all_reflections_a_rough_front_is_met_first_where_it_is(backend, name):
+    """The walls of the lens stand on the rims: what meets the front meets no other face before."""
+    front = rough_front(2.0)
+    rays = SOURCES[name](front, 3000, 4)
+    solid = ClosedLens(backend, Lens(front, FreeformSurface((5.0, 5.0)), 50.0, 1.5))
+    meetings, found = (
+        solid.meet(Branches.start(rays)),
+        first_meetings(front, rays.origin, rays.direction),
+    )
+    meets = found.fate == MEETS
+    np.testing.assert_array_equal(meetings.face == FRONT, meets)
+    assert not (meetings.face == UNDECIDED).any()
+    path = ((meetings.point - rays.origin) * rays.direction).sum(axis=0)[meets]
+    assert (path >= found.low[meets] - SAME).all()
+    assert (path <= found.high[meets] + SAME).all()
 
 
 # What rounding decides
@@ -108,7 +126,7 @@ def test_single_precision_decides_every_ray():
     single, front = load_backend("single", 1), rough_front(1.0)
     judged = judge(single, front, SOURCES["point source"](front, 1000, 1))
     assert judged.undecided == 0
-    assert judged.wrong < 10
+    assert judged.wrong < 10  # grazing ones: nothing is proven in single precision
 
 
 # The bounds
