@@ -59,5 +59,5 @@ def _rough_fronts(backend: Backend) -> list[Row]:
             out.append(Row(f"{title}: another meeting than the first", judged.wrong, "rays", how, 0))
             out.append(Row(f"{title}: undecided", judged.undecided, "rays", "", int(UNDECIDED * ROUGH)))
             name = f"{title}: another meeting by the faster search of designs"
-            out.append(Row(name, faster / UNSURE, "of the rays", f"{UNSURE} rays"))
+            out.append(Row(name, faster / UNSURE, "", f"{UNSURE} rays"))
     return out

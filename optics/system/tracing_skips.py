@@ -82,11 +82,11 @@ def _of_rays(problem: Problem, parallel: bool) -> list[Skip]:
         ),
         Skip(
             "first meetings",
-            "the sampled search for the first of several meetings, while optimising",
+            "the proof that of several meetings it is the first, while optimising",
             not parallel,
             "there is no search"
             if parallel
-            else "metrics, verify and trace search; a ray that meets a surface twice may take another "
+            else "metrics, verify and trace prove it; a ray that meets a surface twice may take another "
             "meeting",
             None,
         ),

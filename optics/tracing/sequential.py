@@ -34,8 +34,8 @@ class Tracer:
     lens : Lens.  rays : RayGrid or Rays.  target_z : mm, inf is the far field.
     soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
         of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
-    sure : grazing rays are led to the first of several meetings with a rough surface.  This costs up to
-        twice the time.
+    sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
+        `SearchedHits`.  This costs up to three times the time.
     fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
     """
 

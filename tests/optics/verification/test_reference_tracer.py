@@ -21,7 +21,7 @@ from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
 HALF, THICKNESS, DENSE, TARGET_Z = 8.0, 12.0, 1501, 200.0
-SHORT = 1 / (min(SAMPLES - 1, SearchedHits.samples))  # of the way: what both searches may step over
+SHORT = 1 / (SAMPLES - 1)  # of the way: what the independent search may step over
 
 
 def wavy_lens(height, waves, phase=(0.3, 1.1), index=1.05, spans=12):
