@@ -18,12 +18,12 @@ from optics.tracing import LandingPoints
 
 if TYPE_CHECKING:
     from optics.target import Screen
-    from thbcad.splines import BSplineSurface
+    from thbcad.splines import BSplineSurface, KnotVector
 
     Floats = NDArray[np.float64]
     Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
-HALVINGS = 12  # of the interval in which a ray falls through the face, before Newton's method
+HALVINGS = 12  # of steps in which a ray may fall through the face, before Newton's method
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
 ROOM = 1e-3  # of the width, above and below the poles
 STILL = 1e-12  # of a direction: components that count as zero
@@ -56,9 +56,13 @@ class ParametricFace:
         self.width = float(np.ptp(poles[:, 0]))
         room = [0.0, 0.0, ROOM * self.width]
         self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
+        heights = surface.coefficients[..., 2]
+        self._steepest = np.array(
+            [_steepest(kv, z) for kv, z in ((surface.kv_u, heights), (surface.kv_v, heights.T))]
+        )
 
     def start(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return parameters where rays first fall through the face, to a sample's width.
+        """Return parameters where rays first fall through the face, to a step's width.
 
         x and y are taken as linear in the parameters: a guess that Newton's method corrects.
         Rays parallel to z need no search.
@@ -77,24 +81,54 @@ class ParametricFace:
         return self.low + fraction * (self.high - self.low)
 
     def _search(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the parameters where slanted rays first fall through the face, by samples and halvings."""
+        """Return the parameters where slanted rays first fall through the face, to a step's width.
+
+        Steps are halved where f = height of the face - height of the ray may reach zero: where it changes its
+        sign, or is less at both ends together than the length times the greatest slope.
+        """
         first, last = self._within_box(points, directions)
+        per_length = (self.high - self.low) / (self._box[1] - self._box[0])[:2]
+        steepest = np.abs(directions[:, :2]) @ (self._steepest * per_length) + np.abs(directions[:, 2])
 
-        def at(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            here = points[:, None, :] + t[..., None] * directions[:, None, :]
-            uv = self._below(here[..., :2])
-            return uv, self._height(uv) - here[..., 2]
+        def above(ray: NDArray[np.int64], t: Floats) -> Floats:
+            here = points[ray] + t[:, None] * directions[ray]
+            return self._height(self._below(here[:, :2])) - here[:, 2]
 
-        t = first[:, None] + (last - first)[:, None] * np.linspace(0, 1, SAMPLES)
-        _, above = at(t)
-        falls = (above[:, :-1] > 0) & (above[:, 1:] <= 0)
-        k = np.where(falls.any(axis=1), falls.argmax(axis=1), np.abs(above[:, :-1]).argmin(axis=1))[:, None]
-        low, high = (np.take_along_axis(t, i, axis=1) for i in (k, k + 1))
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            over = at(middle)[1] > 0
-            low, high = np.where(over, middle, low), np.where(over, high, middle)
-        return at((low + high) / 2)[0][:, 0]
+        ray, k = (a.ravel() for a in np.indices((len(points), SAMPLES)))
+        t = first[ray] + (last - first)[ray] * (k / (SAMPLES - 1))
+        f = above(ray, t)
+        steps = np.array(
+            [a.reshape(-1, SAMPLES)[:, w].ravel() for a in (t, f) for w in (np.s_[:-1], np.s_[1:])]
+        )
+        nearest = np.abs(steps[2]).reshape(len(points), -1).argmin(axis=1) + np.arange(len(points)) * (
+            SAMPLES - 1
+        )
+        best = (steps[0] + steps[1])[nearest] / 2
+        ray = ray[k < SAMPLES - 1]
+        for halvings in range(HALVINGS + 1):
+            low, high, f_low, f_high = steps
+            falls = (f_low > 0) & (f_high <= 0)
+            fall = np.full(len(points), np.inf)
+            np.minimum.at(fall, ray[falls], low[falls])
+            unsafe = (f_low > 0) & (f_low + f_high <= steepest[ray] * (high - low))
+            chosen = (falls | unsafe) & (low <= fall[ray])
+            ray, steps = ray[chosen], steps[:, chosen]
+            if halvings < HALVINGS:
+                low, high, f_low, f_high = steps
+                middle = (low + high) / 2
+                f_middle = above(ray, middle)
+                steps = np.concatenate(
+                    [[low, middle, f_low, f_middle], [middle, high, f_middle, f_high]], axis=1
+                )
+                ray = np.concatenate([ray, ray])
+        falls = steps[3] <= 0
+        best[ray[falls]] = (steps[0] + steps[1])[falls] / 2
+        return self._below((points + best[:, None] * directions)[:, :2])
+
+    def behind(self, points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which rays come into the face's box above the face: they pass its rim."""
+        here = points + self._within_box(points, directions)[0][:, None] * directions
+        return here[:, 2] - self._height(self._below(here[:, :2])) > MEETS * self.width
 
     def _within_box(
         self, points: NDArray[np.float64], directions: NDArray[np.float64]
@@ -114,6 +148,12 @@ class ParametricFace:
     def jet(self, uv: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
         return [self._spline(uv, nu=nu) for nu in ((0, 0), (1, 0), (0, 1))]
+
+
+def _steepest(kv: KnotVector, heights: Floats) -> float:
+    """Return a bound of the derivative by the first parameter, from differences of the poles' heights."""
+    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
+    return float(np.max(kv.degree * np.abs(np.diff(heights, axis=0)) / widths[:, None]))
 
 
 def trace_step(
@@ -168,7 +208,7 @@ def _intersect(
     parts = [slice(k, k + AT_ONCE) for k in range(0, len(points), AT_ONCE)]
     meetings = [_newton(face, points[k], directions[k], face.start(points[k], directions[k])) for k in parts]
     on_face, normals, met = (np.concatenate(column) for column in zip(*meetings))
-    return on_face, normals, met
+    return on_face, normals, met & ~face.behind(points, directions)
 
 
 def _newton(

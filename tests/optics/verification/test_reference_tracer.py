@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 
 from optics.sources import Rays
 from optics.tracing import SearchedHits, Tracer
-from optics.verification.reference_tracer import SAMPLES, ParametricFace, _intersect, trace_step
+from optics.verification.reference_tracer import ParametricFace, _intersect, trace_step
 from oracles.light_formulas import refracted_vector
 from tests.optics.cases import coefficients, grazing_rays, landing_points
 from thbcad.hierarchy import THBSpace
@@ -21,7 +21,7 @@ from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
 HALF, THICKNESS, DENSE, TARGET_Z = 8.0, 12.0, 1501, 200.0
-SHORT = 1 / (SAMPLES - 1)  # of the way: what the independent search may step over
+SHORT = 2 / (DENSE - 1)  # of the way: what the samples of this test may step over
 
 
 def wavy_lens(height, waves, phase=(0.3, 1.1), index=1.05, spans=12):
