@@ -81,14 +81,15 @@ class GraphFace:
             return side * (z - height), side * (dz - zx * dx - zy * dy), dr.sqrt(1 + zx * zx + zy * zy)
 
         value, _, scale = f(start)
-        before = (value < 0) | ((start <= 0) & (dr.abs(value) <= self._near * scale))
+        on = (start <= 0) & (dr.abs(value) <= self._near * scale)
+        before = (value < 0) | on
         doubt = self.backend.Float(dr.inf)
         if self.surface is None:
             crossed = [dr.abs(d) * (stop - start) * c for d, c in zip(rays.direction, self._per_cell)]
             count = dr.ceil(2 * dr.maximum(*crossed)) + 2
             low, high, found = first_crossing(self.backend, f, (start, stop), count, before)
         else:
-            fall = self.surface.first_fall(rays, side > 0, (start, stop), before & (start < stop))
+            fall = self.surface.first_fall(rays, side > 0, (start, stop), before & (start < stop), on)
             low, high = fall.low, fall.high
             ahead = before & (low < high)
             # where f falls to the end of the ray, the meeting may lie beyond

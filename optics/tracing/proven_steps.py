@@ -113,10 +113,12 @@ def first_fall(
     interval: tuple[DrArray, DrArray],
     active: DrArray,
     errors: tuple[DrArray, DrArray],
+    on: DrArray,
 ) -> Fall:
     """Return the first Fall of f through zero in an interval, for active rays.
 
     along : t -> f, f' and Bounds for boxes of every size.  errors : of rounding, of f and of f'.
+    on : the ray starts on the surface, which it leaves; then the next fall counts.
     A ray that comes so near to the surface that rounding decides is not decided.
     """
     dr = backend.dr
@@ -135,10 +137,12 @@ def first_fall(
             reach = dr.select(falls_on, 2 * rest, reach)  # to the very end, whatever rounding does
         after = t + step
         met = (f > -error) & (reach > 0)
-        gone = (f > error) & (after >= last)
-        behind = (f < -error) & (t <= first)
+        starts = t <= first
+        positive = (f > error) | (starts & on & (rate > rate_error))
+        gone = positive & (after >= last)
+        behind = (f < -error) & starts & ~on
         end = backend.Index(dr.select(met, MET, dr.select(gone, GONE, dr.select(behind, BEHIND, NOT_YET))))
-        goes_on = (end == NOT_YET) & (f > error) & (after > t) & (count < MOST)
+        goes_on = (end == NOT_YET) & positive & (after > t) & (count < MOST)
         high = dr.select(met, dr.minimum(t + reach, last), dr.select(behind, t, last))
         return goes_on, dr.select(goes_on, after, t), high, end, count + 1
 

@@ -195,7 +195,7 @@ class SearchedHits:
             within = [box.along((x, y, z), d, errors[0]) for box in boxes]
             return height - z, zx * d[0] + zy * d[1] - d[2], within
 
-        return first_fall(backend, along, interval, doubtful, errors)
+        return first_fall(backend, along, interval, doubtful, errors, doubtful & False)
 
     def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
         """Return the ray parameters between which a ray is above the rectangle and not above `top`."""

@@ -244,11 +244,16 @@ class PlacedSurface:
         return z + self._vertex, zx, zy
 
     def first_fall(
-        self, rays: DeviceRays, below: DrArray, interval: tuple[DrArray, DrArray], active: DrArray
+        self,
+        rays: DeviceRays,
+        below: DrArray,
+        interval: tuple[DrArray, DrArray],
+        active: DrArray,
+        on: DrArray,
     ) -> Fall:
         """Return the first Fall of active rays through the surface, from below it or from above.
 
-        They start on this side, or on the surface within rounding: then the next meeting counts.
+        on : the ray starts on the surface, which it leaves.
         """
         dr, d = self.backend.dr, rays.direction
         fixed, per_length, slope_error, size = self._errors
@@ -258,13 +263,11 @@ class PlacedSurface:
         def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
             x, y, z = rays.at(t)
             height, zx, zy = self.jet(x, y)
-            f = sign * (height - z)
-            f = dr.select(t <= interval[0], dr.maximum(f, 2 * error), f)
             point = x, y, z - self._vertex
             bounds = [box.along(point, d, error, below) for box in self._boxes]
-            return f, sign * (zx * d[0] + zy * d[1] - d[2]), bounds
+            return sign * (height - z), sign * (zx * d[0] + zy * d[1] - d[2]), bounds
 
-        return first_fall(self.backend, along, interval, active, (error, slope_error))
+        return first_fall(self.backend, along, interval, active, (error, slope_error), on)
 
 
 def conic_jet(
