@@ -112,11 +112,10 @@ def background(
 ) -> NDArray[np.float64] | None:
     """Return the irradiance that a lens sends to a stage's pixels by other ways than front and rear, W/mm^2.
 
-    It is None where it is negligible, before the last level, and where no finish renews it: what the level
-    changes moves it.
+    It is None where it is negligible, and before the finish: what a level changes moves it.
     axes : directions in which it is averaged with its mirror image.
     """
-    if not (stage.final and system.problem.optimizer.finish and system.path.by_edges):
+    if not (stage.finish and system.path.by_edges):
         return None
     other = light_by_other_ways(system, lens, stage.screen, backend)
     if other.negligible:
