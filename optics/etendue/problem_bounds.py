@@ -171,13 +171,12 @@ def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficie
     free = {"front": system.problem.lens.front.freeform, "rear": system.problem.lens.rear.freeform}
     freedoms = [f"{side} {f.freedom:g} mm" for side, f in free.items() if f is not None]
     least = universal.least_rel_l2(efficiency)
-    below = "" if least is None else f" with rel_l2 below {rounded_down(least)}"
+    brought = f"{efficiency:.4g} of the source's light to the target"
+    envelope = f"within the envelope (six faces, z_freedom {' and '.join(freedoms)} included)"
     if least == 0:
-        below += " (nothing is forbidden)"
-    return (
-        f"by etendue no solid within the envelope (six faces, z_freedom {' and '.join(freedoms)} included), "
-        f"with light by all its paths, brings {efficiency:.4g} of the source's light to the target{below}"
-    )
+        return f"etendue forbids no rel_l2 to solids {envelope} that bring {brought}, by any path"
+    below = "" if least is None else f" with rel_l2 below {rounded_down(least)}"
+    return f"by etendue no solid {envelope}, with light by all its paths, brings {brought}{below}"
 
 
 def universal_lines(system: OpticalSystem, universal: UniversalBound) -> list[str]:

@@ -132,9 +132,9 @@ def test_the_notes_of_a_problem_name_both_classes(hollow):
     system = OpticalSystem(load_problem(hollow(SMALL)))
     every, _, _, alike = etendue_notes(system)
     assert every.startswith(
-        "by etendue no solid within the envelope (six faces, z_freedom rear 1 mm included)"
+        "etendue forbids no rel_l2 to solids within the envelope (six faces, z_freedom rear 1 mm included)"
     )
-    assert every.endswith("with rel_l2 below 0.0000 (nothing is forbidden)")
+    assert every.endswith("of the source's light to the target, by any path")
     assert "no bound for lenses" in alike
     assert "304.4 mm^2 as the base lens has it (z_freedom = 1 mm may make it larger" in alike
 
@@ -143,8 +143,8 @@ def test_a_report_judges_by_the_lens_of_the_design(hollow):
     """The rear's area is its own, and no bound is the value that was reached."""
     system, lens = OpticalSystem(load_problem(hollow(SMALL))), hollow_lens()
     every, curve, free, alike = reached_sentences(system, lens, {"rel_l2": 0.01, "efficiency": 0.9})
-    assert every.startswith("rel_l2 reached 0.0100; by etendue no solid within the envelope")
-    assert "0.9 of the source's light to the target with rel_l2 below 0.0000" in every
+    assert every.startswith("rel_l2 reached 0.0100; etendue forbids no rel_l2 to solids within the envelope")
+    assert "that bring 0.9 of the source's light to the target, by any path" in every
     assert curve.endswith("0.0000 up to 1")
     assert f"{rear_area(lens):.4g} mm^2 as this lens has it" in free
     assert "of any proportions" in free
