@@ -152,6 +152,7 @@ def seeded(folder, backend, changes, seed):
     return measure(OpticalSystem(problem), OpticalSystem(problem).lens, backend).irradiance
 
 
+@pytest.mark.slow
 def test_the_seed_moves_the_rays_and_only_it(tmp_path, backend):
     first, again, other = (seeded(tmp_path, backend, GLOWING, seed) for seed in (0, 0, 1))
     np.testing.assert_allclose(again, first, rtol=0, atol=1e-12 * first.max())

@@ -131,6 +131,7 @@ def test_a_title_becomes_one_line_in_the_step_file(tmp_path, title):
     assert lens_product(problem).name == (" ".join(re.sub("[\x00\x07]", " ", title).split())[:500] or "lens")
 
 
+@pytest.mark.slow
 def test_a_design_of_any_title_ends_well(tmp_path, capsys):
     title = "\"Größe\"\n'透镜' \\ */ ; bell\x07"
     done = designed(tmp_path, BRIEF | {"title": title})
@@ -166,6 +167,7 @@ def test_the_longest_names_arrive_in_iges_and_longer_ones_are_refused(copy, tmp_
 LIMITS = {"limits.edge_thickness": 50.0, "limits.slope": 1.0, "limits.mass": 0.1, "lens.density": 1.19}
 
 
+@pytest.mark.slow
 def test_limits_that_a_design_misses_end_it_with_1_and_say_where(tmp_path, capsys):
     """The lens is 6 mm thick on the axis and bends by up to 19.5 degrees."""
     done = designed(tmp_path, BRIEF | LIMITS)

@@ -9,6 +9,7 @@ from tests.optics.cases import write_problem
 from tests.optics.commands.cases import refused, strict_json
 
 
+@pytest.mark.slow
 def test_a_run_starts_from_an_earlier_design(golden, tmp_path, capsys):
     """The first loss is that of the earlier surface, on its mesh; the result is no worse."""
     before = strict_json((golden.path / "metrics.json").read_text())

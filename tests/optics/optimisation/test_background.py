@@ -87,10 +87,8 @@ def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeyp
 
     monkeypatch.setattr(loop, "background", known)
     monkeypatch.setattr(loop, "stage_objective", watched)
-    design(
-        system, backend, ExactEngine(backend), seen=lambda stage, lens, target: seen.append((stage, target))
-    )
-    first, last, finish = (target.sum() * stage.screen.pixel_area for stage, target in seen)
+    design(system, backend, ExactEngine(backend), seen=lambda *each: seen.append(each))
+    first, last, finish = (target.sum() * stage.screen.pixel_area for stage, _, target in seen)
     assert last == pytest.approx(first, rel=1e-12)
     passed = transmitted_flux(system, backend, seen[1][1])
     assert finish == pytest.approx(passed + 1e-8 * 4000.0**2, rel=1e-12)

@@ -83,6 +83,7 @@ def test_every_vector_is_the_adjoint_applied_to_signs(tiny):
         )
 
 
+@pytest.mark.slow
 def test_the_mean_square_converges_to_half_the_hessians_diagonal(tiny):
     """The square of a sum of signs varies by at most twice its squared mean: n probes err by sqrt(2 / n),
     seldom by five times that."""

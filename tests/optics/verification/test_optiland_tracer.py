@@ -224,6 +224,7 @@ def test_the_settings_of_optiland_are_put_back():
         backend.set_precision("float64")
 
 
+@pytest.mark.slow
 def test_to_ask_for_optiland_does_not_load_it():
     program = (
         "import sys; from optics.verification import optiland_available as a; print(a(), 'optiland' "

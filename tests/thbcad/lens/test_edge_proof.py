@@ -176,6 +176,7 @@ def quartic(half_width, height, axis):
 OFTEN = {(0, "front", 1.0), (1, "rear", 0.75), (1, "front", 1.25)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "wide", "other"),
     [
