@@ -169,8 +169,8 @@ def _summary(metrics: dict[str, Any]) -> str:
 def _error(metrics: dict[str, Any]) -> str:
     """Return rel_l2 in percent; behind it what is left without the estimate's noise, and how sure that is."""
     raw = f"{number_text(metrics['rel_l2'], PERCENT)} %"
-    texts = [number_text(metrics[f"rel_l2_{name}"], PERCENT) for name in ("debiased", "error")]
-    return f"{raw}, without noise {texts[0]} +- {texts[1]} %"
+    debiased = number_text(metrics["rel_l2_debiased"], PERCENT)
+    return f"{raw}, without noise {debiased} +- {100 * metrics['rel_l2_error']:.1g} %"
 
 
 def _other_ways(metrics: dict[str, Any]) -> str:
