@@ -43,6 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             # a package that a signal stops while it is loaded ends with another error
             if stop.requested or isinstance(error, KeyboardInterrupt):
                 print(f"thbcad: {stop.word}", file=sys.stderr)
+                # CPython marks an interrupt that ends code run from C, as packages do while they are loaded,
+                # as unhandled, and would end by SIGINT; the next code of this kind takes the mark away
+                exec("")
                 return stop.code
             if isinstance(error, Exception):
                 return _failed(error, options.verbose)
