@@ -14,6 +14,7 @@ import traceback
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr
+from ctypes import pythonapi
 from importlib import import_module
 
 from optics.commands.arguments import parsed
@@ -45,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"thbcad: {stop.word}", file=sys.stderr)
                 # CPython marks an interrupt that ends code run from C, as packages do while they are loaded,
                 # as unhandled, and would end by SIGINT; the next code of this kind takes the mark away
-                exec("")
+                pythonapi.PyRun_SimpleString(b"")
                 return stop.code
             if isinstance(error, Exception):
                 return _failed(error, options.verbose)
