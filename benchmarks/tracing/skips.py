@@ -187,7 +187,7 @@ def _edges(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
         median_seconds(sequential, REPEATS),
         median_seconds(lambda: trace_nonsequential(backend, lens, rays, plane), 3),
     )
-    other = Row("edges: light on the target by other paths, share", float(1 - direct / flux[onto].sum()))
+    other = Row("edges: light on the target by other ways, share", float(1 - direct / flux[onto].sum()))
     difference = abs(sequential() / direct - 1)
     return [*_timed("edges", fast, slow, difference, _tolerance(system, "edges")), other]
 

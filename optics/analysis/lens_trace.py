@@ -74,19 +74,19 @@ def sequential_metrics(
 def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, Any]:
     """Return the fates of the light in the closed lens, W.
 
-    `by_other_paths` is the fraction of the light on the target that did not pass front and rear once each.
+    `by_other_ways` is the fraction of the light on the target, through the lens, that did not pass front and
+    rear once each.
     """
     rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
     result = trace_nonsequential(backend, lens, rays, TargetPlane(system.target.z, half_width))
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
-    total = float(landings.flux[onto].sum())
-    direct = float(landings.flux[onto & result.direct].sum())
+    total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
     other = 1 - direct / total if total else 0.0
     return {
         "fates_w": asdict(result.fates),
-        "by_other_paths": other,
+        "by_other_ways": other,
         "sequential_suffices": other <= NEGLIGIBLE,
     }
 

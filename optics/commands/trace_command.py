@@ -78,7 +78,7 @@ def _lines(data: dict[str, Any]) -> list[str]:
         ]
         verdict = "suffices" if closed["sequential_suffices"] else "does not suffice"
         lines.append(
-            f"{closed['by_other_paths']:.2%} of the light on the target comes by other paths: "
+            f"{closed['by_other_ways']:.2%} of the light on the target comes by other ways: "
             f"the sequential tracer {verdict}"
         )
     return lines

@@ -39,7 +39,7 @@ class LightPath:
 
     @property
     def by_edges(self) -> bool:
-        """Whether light may reach the target by other paths than through front and rear.
+        """Whether light may reach the target by other ways than through front and rear.
 
         The non-sequential trace needs a target plane.  Parallel beams are left out: the fate `missed_rear`
         shows where a curved front sends them into the edges.

@@ -61,6 +61,15 @@ HOLLOW = {  # the problem of `hollow_lens`
     "lens.rear.freeform.spans": [2, 2],
     "target.distance": 1000.0,
 }
+DOME = HOLLOW | {  # thesis Table 6.3: a glowing square of 1 mm in the hollow of a dome
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 2.0,
+    "target.kind": "tophat",
+    "target.half_width": [2000.0, 1500.0],
+    "target.lit": [0.6, 0.4],
+    "target.pixels": [40, 30],
+}
 PLANE, PARABOLOID = Conic(), Conic(40.0, -1.0)
 TARGET_Z = 66.0  # of a plane 60 mm behind the small lens
 

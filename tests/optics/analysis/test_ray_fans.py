@@ -12,19 +12,9 @@ from optics.problem import load_problem
 from optics.sources import Rays
 from optics.system import OpticalSystem
 from optics.tracing import FATES, Tracer
-from tests.optics.cases import HOLLOW, rough, write_problem
+from tests.optics.cases import DOME, rough, write_problem
 from thbcad.surfaces import THBSurface
 
-DOME = HOLLOW | {  # thesis Table 6.3: a glowing square of 1 mm in the hollow of a dome
-    "source.kind": "lambertian",
-    "source.half_width": [0.5, 0.5],
-    "source.distance": 2.0,
-    "source.flux": 3.0,
-    "target.kind": "tophat",
-    "target.lit": [0.6, 0.4],
-    "target.half_width": [2000.0, 1500.0],
-    "target.pixels": [40, 30],
-}
 POINT = {"source.kind": "point", "source.half_angle": 60.0, "source.exponent": 2.0}
 
 

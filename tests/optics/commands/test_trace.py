@@ -1,4 +1,4 @@
-"""`thbcad trace`: fates by flux and by number, other paths of light, files, refusals."""
+"""`thbcad trace`: fates by flux and by number, other ways of light, files, refusals."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_every_ray_and_every_watt_has_a_fate(capsys, result):
     assert data["counts"]["missed_rear"] > 0
     assert data["efficiency"] == data["fates_w"]["on_target"]
     assert data["efficiency"] < data["normal_incidence_transmittance"] == pytest.approx(0.96**2)
-    assert 0 < data["nonsequential"]["by_other_paths"] < 1
+    assert 0 < data["nonsequential"]["by_other_ways"] < 1
     light = {"irradiance.npz", "irradiance_16bit.png"}
     files = {"fresnel.png", "irradiance.png", "phase_space.png", "trace.json"} | light
     assert {p.name for p in (folder / "trace").iterdir()} == files
