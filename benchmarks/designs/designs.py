@@ -127,13 +127,13 @@ def draw(points: Sequence[Point], path: Path) -> None:
     for name, axes in zip(names, panels):
         for method in dict.fromkeys(p.method for p in points):
             own = [(p.seconds, p.rel_l2) for p in points if (p.problem, p.method) == (name, method)]
-            axes.semilogy(*zip(*own), "o-", markersize=4, label=method)
+            axes.loglog(*zip(*own), "o-", markersize=4, label=method)
         axes.set_title(name, fontsize=10)
         axes.set_xlabel("seconds of a whole design")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 4)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlim(left=0)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 4)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
         axes.grid(which="both", color="0.9")
     panels[0].set_ylabel("relative L2 error")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
