@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
 from OCP.Geom import Geom_BSplineSurface
@@ -72,6 +74,23 @@ class SolidState:
     def volume(self) -> float:
         """The volume in mm^3 by OCCT."""
         return solid_volume(self.shape, VOLUME_TOLERANCE)
+
+    @property
+    def default_volume(self) -> float:
+        """The volume in mm^3 by the default quadrature of OCCT, as other programs show it.
+
+        It takes few points per face: on rough faces it is off by up to 2.5e-4.
+        """
+        properties = GProp_GProps()
+        BRepGProp.VolumeProperties_s(self.shape, properties)
+        return properties.Mass()
+
+    @property
+    def box(self) -> tuple[float, ...]:
+        """The box of the shape by OCCT, (x, y, z, x, y, z) in mm: that of the poles, not the least one."""
+        box = Bnd_Box()
+        BRepBndLib.Add_s(self.shape, box, False)
+        return box.Get()
 
     @cached_property
     def area(self) -> float:

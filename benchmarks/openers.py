@@ -1,0 +1,183 @@
+"""The STEP files of the examples opened by FreeCAD and gmsh: solids, faces, bounding box, volume, messages.
+
+Run: thbcad bench openers
+
+gmsh is the package of that name (extra `peers`), FreeCAD the program `freecadcmd`; what is not installed is
+left out.  Both integrate volumes by the default quadrature of OpenCASCADE, which is off by up to 2.5e-4 on
+rough faces: the same quadrature of our solid is the reference, not the closed form.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from benchmarks.cad import rough_lens
+from benchmarks.checkout import EXAMPLES
+from optics.export import Body
+from optics.problem import load_problem
+from optics.runtime import Row, UserError
+from optics.system import OpticalSystem
+from thbcad import Lens, THBSurface
+from thbcad.cad.exchange import SolidState, part_step
+from thbcad.cad.shapes import Part, lens_part
+from thbcad.lens import Product
+
+Programs = Mapping[str, Callable[[Path], dict[str, Any]]]
+
+BOX = 1e-6  # mm; both programs widen boxes by the tolerance of the faces
+VOLUME = 1e-9  # relative
+ROUND = (45.0, 45.0)  # mm, semi-axes of a round body
+RELIEF = 1e-3  # of the thickness: random heights of the unshaped surfaces
+GMSH = """
+import gmsh, json, sys
+gmsh.initialize(interruptible=False)
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+gmsh.logger.start()
+gmsh.model.occ.importShapes(sys.argv[1])
+gmsh.model.occ.synchronize()
+solids = gmsh.model.getEntities(3)
+print(json.dumps({
+    "solids": len(solids),
+    "faces": len(gmsh.model.getEntities(2)),
+    "volume": sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids),
+    "box": gmsh.model.getBoundingBox(-1, -1),
+    "messages": [line for line in gmsh.logger.get() if not line.startswith("Info")],
+}))
+"""
+FREECAD = """
+import json, os, Part
+shape = Part.Shape()
+shape.read(os.environ["STEP_FILE"])
+box = shape.BoundBox
+print("\\n" + json.dumps({
+    "solids": len(shape.Solids),
+    "faces": len(shape.Faces),
+    "volume": shape.Volume,
+    "box": [box.XMin, box.YMin, box.ZMin, box.XMax, box.YMax, box.ZMax],
+    "messages": [] if shape.isValid() and shape.Solids[0].isClosed() else ["not valid or not closed"],
+}))
+"""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """How far a file, as a program opened it, is from our solid.
+
+    faults : solids and faces too many or missing, and messages.  box : mm.  volume : relative.
+    """
+
+    faults: int
+    box: float
+    volume: float
+
+
+def rows() -> list[Row]:
+    """Return the measured rows.
+
+    Raises
+    ------
+    UserError : neither program is installed.
+    """
+    programs = _programs()
+    if not programs:
+        raise UserError("neither gmsh nor FreeCAD is installed; pip install gmsh, or install freecadcmd")
+    opened: dict[str, list[Opened]] = {program: [] for program in programs}
+    quadrature = []
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "lens.step"
+        for name, part, volume in _bodies():
+            path.write_bytes(part_step(part, Product()))
+            own = SolidState(part.solid)
+            off = abs(own.default_volume / volume - 1)
+            quadrature.append(Row(f"{name}: default quadrature against the closed form, relative", off))
+            for program, opens in programs.items():
+                opened[program].append(_compared(opens(path), own))
+    return [*(row for program in opened for row in _rows(program, opened[program])), *quadrature]
+
+
+def _rows(program: str, files: Sequence[Opened]) -> list[Row]:
+    """Return the rows of a program: the worst of all files."""
+    name = f"{program}, {len(files)} files"
+    return [
+        Row(f"{name}: solids, faces and messages that are wrong", sum(f.faults for f in files), "", "", 0),
+        Row(f"{name}: bounding box against ours", max(f.box for f in files), "mm", "", BOX),
+        Row(
+            f"{name}: volume against the same quadrature of ours, relative",
+            max(f.volume for f in files),
+            "",
+            "",
+            VOLUME,
+        ),
+    ]
+
+
+def _compared(seen: dict[str, Any], own: SolidState) -> Opened:
+    return Opened(
+        faults=abs(seen["solids"] - 1) + abs(seen["faces"] - own.faces) + len(seen["messages"]),
+        box=float(abs(np.subtract(seen["box"], own.box)).max()),
+        volume=abs(seen["volume"] / own.default_volume - 1),
+    )
+
+
+def _programs() -> Programs:
+    """Return what opens a file, by the name of the program."""
+    found: dict[str, Callable[[Path], dict[str, Any]]] = {}
+    if find_spec("gmsh"):
+        found["gmsh"] = _by_gmsh
+    if shutil.which("freecadcmd"):
+        found["FreeCAD"] = _by_freecad
+    return found
+
+
+def _by_gmsh(path: Path) -> dict[str, Any]:
+    done = subprocess.run([sys.executable, "-c", GMSH, str(path)], capture_output=True, text=True, check=True)
+    opened: dict[str, Any] = json.loads(done.stdout)
+    return opened
+
+
+def _by_freecad(path: Path) -> dict[str, Any]:
+    script = path.with_name("open.py")
+    script.write_text(FREECAD, "utf-8")
+    done = subprocess.run(
+        ["freecadcmd", str(script)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "STEP_FILE": str(path)},
+    )
+    opened: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return opened
+
+
+def _bodies() -> Iterator[tuple[str, Part, float]]:
+    """Yield (name, solid, volume in mm^3) of every example with random heights, and of two of 227^2 poles."""
+    for file in sorted(EXAMPLES.glob("*.toml")):
+        lens = _rough(OpticalSystem(load_problem(file)).lens)
+        yield file.stem, lens_part(lens), lens.volume()
+    rough, round_body = rough_lens(227), Body(aperture=ROUND)
+    yield "227^2 poles", lens_part(rough), rough.volume()
+    yield "227^2 poles, round", round_body.part(rough), round_body.volume(rough)
+
+
+def _rough(lens: Lens) -> Lens:
+    """Return a lens with random heights on its free surfaces."""
+    rng = np.random.default_rng(0)
+    return lens.with_sags(
+        [
+            THBSurface(sag.space, RELIEF * lens.thickness * rng.uniform(-1, 1, sag.space.dim))
+            for sag in lens.sags
+        ]
+    )
