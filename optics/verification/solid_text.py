@@ -61,7 +61,7 @@ def whole_checks(solid: Brep) -> tuple[list[Check], list[str]]:
 def measure_checks(solid: Brep, state: SolidState) -> tuple[list[Check], list[str]]:
     """Return the Checks of volume and area by OCCT against quadrature over the text, and what is left out.
 
-    Solids with faces that are neither planes nor whole splines are left out.  Where volume and area of
+    Solids with faces or edges of other kinds (`NotMeasured`) are left out.  Where volume and area of
     another solid are not found, their checks fail.
     """
     with np.errstate(all="ignore"):

@@ -42,6 +42,9 @@ if TYPE_CHECKING:
         blossom_rows as blossom_rows,
         greville_abscissae as greville_abscissae,
     )
+    from thbcad.splines.region_quadrature import (
+        Primitive as Primitive,
+    )
     from thbcad.splines.sparse_operators import (
         band_matrix as band_matrix,
         banded_least_squares as banded_least_squares,
@@ -83,6 +86,7 @@ _FILES = {
         "blossom_rows",
         "greville_abscissae",
     ),
+    "region_quadrature": ("Primitive",),
     "sparse_operators": (
         "band_matrix",
         "banded_least_squares",
