@@ -23,15 +23,13 @@ import numpy as np
 from thbcad.checks import Floats
 from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, edge_span
 from thbcad.io.parameter_curves import Passage, boundary, knots
-from thbcad.splines import UNIT, BSplineSurface, KnotVector, Primitive, gauss_rule
+from thbcad.splines import UNIT, BSplineSurface, KnotVector, Primitive, gauss_rule, grid_integral
 
 ACCURACY = 1e-10  # relative, of areas
 FLUX = 1e-13  # of the size of the solid, cubed: some rounding errors of a sum over all cells
-MOST_NODES = 64  # per span and direction
-STRIP = 2**18  # nodes that are taken at once
+MORE_NODES = 48  # per span and direction, than the degree
 PIECE = np.pi / 4  # of a turn, in which 16 nodes integrate sines and cosines to rounding errors
 SMOOTH_NODES = 16
-OFF = 1e-6  # of the size of the solid: edges farther from their images than CAD programs allow
 
 
 class NotMeasured(ValueError):
@@ -65,7 +63,7 @@ def areas(brep: Brep) -> tuple[float, ...]:
 
     Raises
     ------
-    ValueError : as `volume`, or a face whose area needs more than 64 Gauss nodes per span.
+    ValueError : as `volume`, or a face whose area needs more than 48 Gauss nodes per span.
     """
     edges = _edges(brep)
     return tuple(_area(face, edges) for face in brep.faces)
@@ -125,11 +123,12 @@ def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Floats, size: f
     exact = None
     if isinstance(surface, BSplineSurface):
         p, q = surface.kv_u.degree, surface.kv_v.degree
+        lines = surface.kv_u.breaks, surface.kv_v.breaks
         if _is_whole(face, surface, edges):
-            return sign * _whole(density, surface, (3 * p // 2 + 1, 3 * q // 2 + 1))
+            return sign * grid_integral(density, *lines, (3 * p // 2 + 1, 3 * q // 2 + 1))
         exact = 3 * p // 2 + 1, 3 * q
     loops = _loops(face, edges)
-    _require_on_face(face, loops, OFF * size)
+    _require_on_face(face, loops)
     return _converged(face, _estimates(density, loops, exact), FLUX * size**3)
 
 
@@ -140,10 +139,8 @@ def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
     density = Density(face)
     if isinstance(surface, BSplineSurface) and _is_whole(face, surface, edges):
         p, q = surface.kv_u.degree, surface.kv_v.degree
-        return _converged(
-            face,
-            lambda more: _whole(density, surface, (min(p + more, MOST_NODES), min(q + more, MOST_NODES))),
-        )
+        lines = surface.kv_u.breaks, surface.kv_v.breaks
+        return _converged(face, lambda more: grid_integral(density, *lines, (p + more, q + more)))
     return abs(_converged(face, _estimates(density, _loops(face, edges))))
 
 
@@ -151,21 +148,13 @@ def _converged(face: BrepFace, estimate: Callable[[int], float], within: float =
     """Return an integral that two numbers of nodes agree on, within a number or 1e-10 of it."""
     before = np.inf
     more = 2
-    while more <= MOST_NODES:
+    while more <= MORE_NODES:
         value = estimate(more)
         if abs(value - before) <= (within or ACCURACY * abs(value)):
             return value
         before = value
         more = more + max(2, more // 2)
-    raise ValueError(f"the measure of face #{face.number} cannot be found with {MOST_NODES} nodes per span")
-
-
-def _whole(density: Density, surface: BSplineSurface, nodes: tuple[int, int]) -> float:
-    """Return the integral over all spans, strip by strip."""
-    (u, wu), (v, wv) = (gauss_rule(kv.breaks, n) for kv, n in zip((surface.kv_u, surface.kv_v), nodes))
-    step = max(1, STRIP // len(v))
-    parts = (slice(first, first + step) for first in range(0, len(u), step))
-    return sum(float(wu[part] @ density.grid(u[part], v) @ wv) for part in parts)
+    raise ValueError(f"the measure of face #{face.number} needs more than {MORE_NODES} nodes per span")
 
 
 def _loops(face: BrepFace, edges: Mapping[int, BrepEdge]) -> list[Passage]:
@@ -176,12 +165,16 @@ def _loops(face: BrepFace, edges: Mapping[int, BrepEdge]) -> list[Passage]:
     return [passage for loop in loops for passage in loop]
 
 
-def _require_on_face(face: BrepFace, loops: Sequence[Passage], within: float) -> None:
-    """Raise NotMeasured unless the edges lie where their images say, at some points of them."""
+def _require_on_face(face: BrepFace, loops: Sequence[Passage]) -> None:
+    """Raise NotMeasured unless the edges lie where their images say, at some points, and end at
+    their vertices."""
     for passage in loops:
+        edge = passage.edge
         t = np.linspace(*passage.span, SMOOTH_NODES)
-        off = abs(face.points(*_inside(face, passage.points(t)).T) - passage.edge.points(t)).max()
-        if not off <= within:
+        points = edge.points(t)
+        on_face = face.points(*_inside(face, passage.points(t)).T)
+        off = max(abs(on_face - points).max(), abs(points[[0, -1]] - edge.ends).max())
+        if not off <= MATCH:
             raise NotMeasured(f"the edges of face #{face.number} must lie on it, got {off:.3g} beside it")
 
 

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     )
     from thbcad.splines.region_quadrature import (
         Primitive as Primitive,
+        grid_integral as grid_integral,
     )
     from thbcad.splines.sparse_operators import (
         band_matrix as band_matrix,
@@ -86,7 +87,10 @@ _FILES = {
         "blossom_rows",
         "greville_abscissae",
     ),
-    "region_quadrature": ("Primitive",),
+    "region_quadrature": (
+        "Primitive",
+        "grid_integral",
+    ),
     "sparse_operators": (
         "band_matrix",
         "banded_least_squares",

@@ -33,6 +33,14 @@ class Integrand(Protocol):
         """Return the values on the grid u x v, (len(u), len(v))."""
 
 
+def grid_integral(f: Integrand, u: Floats, v: Floats, nodes: tuple[int, int]) -> float:
+    """Return the integral of f over the rectangle of the lines u and v by Gauss's rules on all cells."""
+    (at_u, wu), (at_v, wv) = gauss_rule(u, nodes[0]), gauss_rule(v, nodes[1])
+    step = max(1, STRIP // len(at_v))
+    parts = (slice(first, first + step) for first in range(0, len(at_u), step))
+    return sum(float(wu[part] @ f.grid(at_u[part], at_v) @ wv) for part in parts)
+
+
 class Primitive:
     """G(u, v), the integral of f(., v) from the first line in u to u.
 
