@@ -1,4 +1,4 @@
-"""Polygon outlines: volumes against closed forms and OCCT, exact rims, solids that read back with every pole."""
+"""Polygon outlines: volumes against closed forms and OCCT, exact rims, solids that keep every pole."""
 
 import numpy as np
 import pytest
