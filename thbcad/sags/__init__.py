@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         volume_between as volume_between,
     )
     from thbcad.sags.placed_conic import (
+        NOT_BOUNDED as NOT_BOUNDED,
         ConicSection as ConicSection,
         PlacedConic as PlacedConic,
         patch_numbers as patch_numbers,
@@ -54,6 +55,7 @@ _FILES = {
     ),
     "placed_conic": (
         "ConicSection",
+        "NOT_BOUNDED",
         "PlacedConic",
         "patch_numbers",
     ),
