@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from optics.verification.text_volume import (
         text_volume_check as text_volume_check,
     )
-    from optics.verification.traced_light import (
+    from optics.verification.trace_comparison import (
         light_checks as light_checks,
     )
 
@@ -76,6 +76,6 @@ _FILES = {
     ),
     "text_comparison": ("fresh_export_checks",),
     "text_volume": ("text_volume_check",),
-    "traced_light": ("light_checks",),
+    "trace_comparison": ("light_checks",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
