@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         Brep as Brep,
         BrepEdge as BrepEdge,
         BrepFace as BrepFace,
+        ConicCurve as ConicCurve,
         ParameterCurve as ParameterCurve,
     )
     from thbcad.io.lens_json import (
@@ -78,6 +79,7 @@ _FILES = {
         "Brep",
         "BrepEdge",
         "BrepFace",
+        "ConicCurve",
         "MILLIMETRE",
         "ParameterCurve",
     ),

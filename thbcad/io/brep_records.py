@@ -1,18 +1,152 @@
-"""Boundary representations as STEP files hold them: one solid, its faces and its edges."""
+"""Boundary representations as STEP files hold them: one solid, its faces and its edges, and their points.
+
+Points are parametrised as ISO 10303-42 has it.  A placement has a centre C, an axis and a first direction;
+P3 is the axis and P1 the part of the first direction across it, both of length 1, and P2 = P3 x P1.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
+from thbcad.splines import BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 
 MILLIMETRE = "MILLI METRE"
 MATCH = 1e-7  # the distance within which edges and the sides of faces agree, as CAD programs have it in mm
+CLOSED = ("CIRCLE", "ELLIPSE")
+Order = Literal[0, 1]  # of a derivative
+Local = tuple[Floats, Floats, Floats]  # components along P1, P2 and P3
 
 
 @dataclass(frozen=True, eq=False)
+class ConicCurve:
+    """A circle, an ellipse, a hyperbola or a parabola.
+
+        circle, ellipse   C + a cos t P1 + b sin t P2
+        hyperbola         C + a cosh t P1 + b sinh t P2
+        parabola          C + a t^2 P1 + 2 a t P2
+
+    kind : "CIRCLE", "ELLIPSE", "HYPERBOLA" or "PARABOLA".
+    placement : (3, 3) float, rows C, axis and first direction, as the file has them; in a plane of parameters
+        the third components are those of (., ., 0), (0, 0, 1) and (., ., 0).
+    sizes : (a, b) float; twice the radius of a circle, twice the focal distance of a parabola.
+    """
+
+    kind: str
+    placement: Floats
+    sizes: Floats
+
+    def points(self, t: Floats, derivative: Order = 0) -> Floats:
+        """Return the points at the parameters t, (n,), or their derivatives, (n, 3)."""
+        a, b = self.sizes
+        if self.kind in CLOSED:
+            by_order = (a * np.cos(t), b * np.sin(t)), (-a * np.sin(t), b * np.cos(t))
+        elif self.kind == "HYPERBOLA":
+            by_order = (a * np.cosh(t), b * np.sinh(t)), (a * np.sinh(t), b * np.cosh(t))
+        else:
+            by_order = (a * t * t, 2 * a * t), (2 * a * t, 2 * a + 0 * t)
+        along: Floats = np.stack(by_order[derivative], axis=1) @ axes(self.placement)[:2]
+        return along if derivative else self.placement[0] + along
+
+    def parameters(self, points: Floats) -> Floats:
+        """Return the parameters of points of the curve, (n, 3), as (n,); angles lie within -pi to pi."""
+        a, b = self.sizes
+        x, y = axes(self.placement)[:2] @ (points - self.placement[0]).T
+        t: Floats = y / (2 * a)
+        if self.kind in CLOSED:
+            t = np.arctan2(y / b, x / a)
+        elif self.kind == "HYPERBOLA":
+            t = np.arcsinh(y / b)
+        return t
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BrepCurve:
+    """A curve in space, d = 3, or in the parameters of a surface, d = 2.
+
+    kv, poles : knots and poles (n, d) float of a spline.  A line has no knots; its poles are its point and
+        one a vector on.  Both are None for other curves.
+    weights : of the poles of a rational spline, (n,) float, else None.
+    conic : where the curve is one, else None.
+    """
+
+    kv: KnotVector | None = None
+    poles: Floats | None = None
+    weights: Floats | None = None
+    conic: ConicCurve | None = None
+
+    @property
+    def known(self) -> bool:
+        """True for lines, splines and conics."""
+        return self.poles is not None or self.conic is not None
+
+    @property
+    def closed_conic(self) -> bool:
+        """True for circles and ellipses, whose points repeat after 2 pi."""
+        return self.conic is not None and self.conic.kind in CLOSED
+
+    def points(self, t: Floats, derivative: Order = 0) -> Floats:
+        """Return the points of a known curve at the parameters t, (n,), or their derivatives, (n, d)."""
+        if self.poles is None:
+            assert self.conic is not None
+            return self.conic.points(t, derivative)
+        points: Floats
+        if self.kv is None:
+            step = self.poles[1] - self.poles[0]
+            points = np.ones((len(t), 1)) * step if derivative else self.poles[0] + t[:, None] * step
+        elif self.weights is not None:
+            points = NURBSCurve(self.kv, self.poles, self.weights)(t, derivative)
+        else:
+            points = self.kv.collocation(t, derivative) @ self.poles
+        return points
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterCurve(BrepCurve):
+    """A PCURVE: the image of an edge in the parameters of a surface, a curve with d = 2.
+
+    carrier : the number of the surface.
+    """
+
+    carrier: int
+
+    def points(self, t: Floats, derivative: Order = 0) -> Floats:
+        """Return points (u, v) or their derivatives, (n, 2)."""
+        return super().points(t, derivative)[:, :2]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BrepEdge(BrepCurve):
+    """An EDGE_CURVE, a curve with d = 3: ends (2, 3) float, in the direction of its curve.
+
+    images : of the edge in the parameters of surfaces.
+    """
+
+    number: int
+    ends: Floats
+    images: tuple[ParameterCurve, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Extrusion:
+    """A SURFACE_OF_LINEAR_EXTRUSION: X(u, v) = curve(u) + v vector, vector (3,) float."""
+
+    curve: BrepCurve
+    vector: Floats
+
+    def points(self, u: Floats, v: Floats, derivative: tuple[Order, Order] = (0, 0)) -> Floats:
+        """Return X(u, v), X_u or X_v at points, (n,) each, as (n, 3)."""
+        if derivative[1]:
+            return np.ones((len(u), 1)) * self.vector
+        swept = self.curve.points(u, derivative[0])
+        return swept if derivative[0] else swept + v[:, None] * self.vector
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BrepFace:
     """An ADVANCED_FACE: its number and its name in the file and the type of its surface.
 
@@ -20,6 +154,10 @@ class BrepFace:
     surface : where it is a spline, else None.
     plane : where it is one, a point, the normal and the direction of the first parameter, (3, 3) float, else
         None.
+    sphere, cylinder : where it is one, centre, axis, first direction and (radius, 0, 0), (4, 3) float, else
+        None.
+    cone : as a cylinder, with (radius, half angle, 0); the radius is that at its centre.
+    extrusion : where it is one, else None.
     outward : whether the normal of the surface points out of the solid.
     loops : around the face, seen from outside to the left: edges by number, each with whether it is passed
         along its curve.
@@ -29,39 +167,52 @@ class BrepFace:
     name: str
     carrier: int
     surface_type: str
-    surface: BSplineSurface | NURBSSurface | None
-    plane: Floats | None
+    surface: BSplineSurface | NURBSSurface | None = None
+    plane: Floats | None = None
+    sphere: Floats | None = None
+    cylinder: Floats | None = None
+    cone: Floats | None = None
+    extrusion: Extrusion | None = None
     outward: bool
     loops: tuple[tuple[tuple[int, bool], ...], ...]
 
+    @property
+    def known(self) -> bool:
+        """True where the points of the surface can be found."""
+        kinds = (self.surface, self.plane, self.sphere, self.cylinder, self.cone, self.extrusion)
+        return any(kind is not None for kind in kinds)
 
-@dataclass(frozen=True, eq=False)
-class ParameterCurve:
-    """A PCURVE: the image of an edge in the parameters of a surface.
+    @property
+    def turns(self) -> bool:
+        """True where the points of the surface repeat after 2 pi in u."""
+        swept = self.extrusion is not None and self.extrusion.curve.closed_conic
+        return swept or any(kind is not None for kind in (self.sphere, self.cylinder, self.cone))
 
-    carrier : the number of the surface.
-    kv, poles : as those of a BrepEdge, poles (n, 2) float.
-    """
+    def points(self, u: Floats, v: Floats, derivative: tuple[Order, Order] = (0, 0)) -> Floats:
+        """Return X(u, v), X_u or X_v of a known surface at points, (n,) each, as (n, 3)."""
+        if self.surface is not None:
+            return self.surface(u, v, derivative)
+        if self.extrusion is not None:
+            return self.extrusion.points(u, v, derivative)
+        rows = next(k for k in (self.plane, self.sphere, self.cylinder, self.cone) if k is not None)
+        local = _on_plane(u, v, derivative) if self.plane is not None else self._round(u, v, derivative)
+        along: Floats = np.stack(local, axis=1) @ axes(rows[:3])
+        return along if any(derivative) else rows[0] + along
 
-    carrier: int
-    kv: KnotVector | None
-    poles: Floats | None
-
-
-@dataclass(frozen=True, eq=False)
-class BrepEdge:
-    """An EDGE_CURVE: ends (2, 3) float, in the direction of its curve.
-
-    kv, poles : knots and poles (n, 3) float of a spline that is not rational.  A line has no knots; its poles
-        are its point and one a vector on.  Both are None for other curves.
-    images : of the edge in the parameters of surfaces.
-    """
-
-    number: int
-    ends: Floats
-    kv: KnotVector | None
-    poles: Floats | None
-    images: tuple[ParameterCurve, ...] = ()
+    def _round(self, u: Floats, v: Floats, derivative: tuple[Order, Order]) -> Local:
+        """Return the components along P1, P2 and P3 of r(v) (cos u P1 + sin u P2) + h(v) P3."""
+        by_u, by_v = derivative
+        if self.sphere is not None:
+            radius = self.sphere[3, 0]
+            r, h = ((np.cos(v), np.sin(v)), (-np.sin(v), np.cos(v)))[by_v]
+            r, h = radius * r, radius * h
+        else:
+            rows = self.cylinder if self.cylinder is not None else self.cone
+            assert rows is not None
+            slope = np.tan(rows[3, 1])
+            r, h = ((rows[3, 0] + slope * v, v), (slope + 0 * v, 1 + 0 * v))[by_v]
+        cos, sin = ((np.cos(u), np.sin(u)), (-np.sin(u), np.cos(u)))[by_u]
+        return r * cos, r * sin, 0 * h if by_u else h
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,3 +237,21 @@ class Brep:
     gaps: int
     contradictions: int
     labels: Mapping[str, tuple[str, ...]]
+
+
+def axes(placement: Floats) -> Floats:
+    """Return P1, P2 and P3 of a placement with rows centre, axis and first direction, (3, 3) float."""
+    _, axis, first = placement
+    axis = axis / np.linalg.norm(axis)
+    across = first - (first @ axis) * axis
+    across = across / np.linalg.norm(across)
+    return np.stack([across, np.cross(axis, across), axis])
+
+
+def _on_plane(u: Floats, v: Floats, derivative: tuple[Order, Order]) -> Local:
+    """Return the components along P1, P2 and P3 of u P1 + v P2."""
+    by_u, by_v = derivative
+    zero = 0 * u
+    if by_u or by_v:
+        return zero + by_u, zero + by_v, zero
+    return u, v, zero

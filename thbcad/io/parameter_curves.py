@@ -10,6 +10,9 @@ between the extrema of a Chebyshev polynomial: where the image is a line along t
 that rectangular lenses have, the difference is a polynomial of no higher degree there, and what lies between
 is at most a few times larger.
 
+On a sphere, a cylinder or a cone a circle may begin at any multiple of 2 pi; images follow each other round a
+face then.
+
 Source: ISO 10303-42, pcurve, surface_curve; L. N. Trefethen, Approximation Theory and Approximation Practice,
 chapter 15 (Lebesgue constants of Chebyshev points are below 4 up to degree 100).
 """
@@ -17,17 +20,22 @@ chapter 15 (Lebesgue constants of Chebyshev points are below 4 up to degree 100)
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.checks import Floats
-from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, ParameterCurve
+from thbcad.checks import Floats, Integers
+from thbcad.io.brep_records import MATCH, Brep, BrepCurve, BrepEdge, BrepFace, ParameterCurve, axes
 from thbcad.sags import lobatto_nodes
 from thbcad.splines import KnotVector
 
 NEWTON_STEPS = 20  # about 5 suffice where the point lies on the curve
 BEYOND = 1e-9  # of the size of a parameter rectangle: rounding
+TURN = 2 * np.pi
+CLOSE = 1e-3  # of a loop's extent: edges meet within a vertex's tolerance, or are a whole turn apart
+ROUND_NODES = 16  # of a circle, enough for a whole turn to rounding errors
+BISECTIONS = 50  # between samples: to rounding errors
 
 
 def image_distance(brep: Brep) -> tuple[float, tuple[str, ...]]:
@@ -37,29 +45,29 @@ def image_distance(brep: Brep) -> tuple[float, tuple[str, ...]]:
     It is inf where an image lies beside the parameters of its face, or on a surface that the edge does not
     border.
 
-    Curves that are neither lines nor splines, and surfaces that are neither planes nor splines, are not
-    compared: they come back as "LINE on a CYLINDRICAL_SURFACE", and so on, each with its number.
+    Compared are lines, splines and conics on planes, splines, spheres, cylinders, cones and extrusions.
+    Others come back as "2 images of edges on a TOROIDAL_SURFACE", and so on.
     """
     faces = {face.carrier: face for face in brep.faces}
     borders = {(face.carrier, number) for face in brep.faces for loop in face.loops for number, _ in loop}
     greatest = 0.0
     left: Counter[str] = Counter()
     for edge in brep.edges:
-        span = _span(edge)
+        span = edge_span(edge)
         if span is None:
-            left["edges that are neither lines nor splines"] += 1
+            left["edges that are neither lines, splines nor conics"] += 1
             continue
         greatest = max(greatest, _beside_ends(edge, span) if span[0] < span[1] else np.inf)
         for image in edge.images:
             face = faces.get(image.carrier)
             if face is None or (image.carrier, edge.number) not in borders:
                 greatest = np.inf
-            elif image.poles is None:
-                left["images of edges that are neither lines nor splines"] += 1
-            elif face.plane is None and face.surface is None:
+            elif not image.known:
+                left["images of edges that are neither lines, splines nor conics"] += 1
+            elif not face.known:
                 left[f"images of edges on a {face.surface_type}"] += 1
             else:
-                greatest = max(greatest, _distance(edge, image, face, span))
+                greatest = max(greatest, _distance(edge, image, face))
     return greatest, tuple(f"{count} {what}" for what, count in left.items())
 
 
@@ -67,45 +75,131 @@ def turned_faces(brep: Brep) -> int:
     """Return how many faces lie to the right of their loops, seen from outside the solid.
 
     The area in the parameters, 1/2 the sum over the loops of the integral of u dv - v du, has the sign of the
-    surface's normal against the outward one.  Planes and splines count whose edges all have images there.
+    surface's normal against the outward one.  Faces count whose edges all have images there, which close.
     """
     edges = {edge.number: edge for edge in brep.edges}
     turned = 0
     for face in brep.faces:
-        twice = 0.0 if face.plane is None and face.surface is None else _twice_area(face, edges)
+        twice = sum(map(_twice_area, boundary(face, edges) or ()))
         turned += twice < 0 if face.outward else twice > 0
     return turned
 
 
-def _twice_area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
-    """Return twice the area of a face's loops in its parameters, 0 where an image is missing."""
-    twice = 0.0
-    for number, along in (use for loop in face.loops for use in loop):
-        edge = edges[number]
-        span = _span(edge)
-        image = next((i for i in edge.images if i.carrier == face.carrier and i.poles is not None), None)
-        if span is None or image is None or not _covers(image, span):
-            return 0.0
-        breaks = np.unique(np.clip([*span, *_breaks(edge, image, face)], *span))
-        u, v = _curve(image, lobatto_nodes(breaks, 4)).T[:, :: 1 if along else -1]
-        twice += float(u[:-1] @ v[1:] - v[:-1] @ u[1:])
-    return twice
+def _twice_area(loop: Sequence[Passage]) -> float:
+    """Return the integral of u dv - v du round a loop, by the polygon through some of its points."""
+    u, v = np.concatenate([passage.samples() for passage in loop]).T
+    return float(u @ np.roll(v, -1) - v @ np.roll(u, -1))
 
 
-def _covers(image: ParameterCurve, span: tuple[float, float]) -> bool:
-    """Return whether an image has the parameters of an edge."""
-    inside = image.kv is None or image.kv.start <= span[0] <= span[1] <= image.kv.stop
-    return inside and span[0] < span[1]
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """An edge as a loop passes it in the parameters of its face.
+
+    span : the parameters of the curve's start and end.  along : whether the curve is passed forwards.
+    shift : of u, a multiple of 2 pi.  pace : of the image against the curve.
+    """
+
+    edge: BrepEdge
+    image: ParameterCurve
+    span: tuple[float, float]
+    along: bool
+    pace: float = 1.0
+    shift: float = 0.0
+
+    def points(self, t: Floats) -> Floats:
+        """Return (u, v) at parameters of the curve, (n, 2)."""
+        points: Floats = _image_points(self.image, self.pace * t) + np.array([self.shift, 0.0])
+        return points
+
+    def samples(self) -> Floats:
+        """Return points in the order of the loop, some in every span of the image."""
+        t = lobatto_nodes(np.unique(np.clip([*self.span, *_breaks(self.image)], *self.span)), 4)
+        points: Floats = self.points(t)[:: 1 if self.along else -1]
+        return points
+
+    def ends(self) -> Floats:
+        """Return the first and the last point, in the order of the loop, (2, 2)."""
+        points: Floats = self.points(np.array(self.span))[:: 1 if self.along else -1]
+        return points
+
+    def pieces(self, lines: Sequence[Floats]) -> Floats:
+        """Return the parameters of the curve, increasing, between which the image meets no line u = lines[0],
+        v = lines[1] and no knot of its own or of the edge."""
+        inner = np.concatenate([_breaks(self.edge), _breaks(self.image)])
+        breaks = np.unique(np.clip([*self.span, *inner], *self.span))
+        return np.unique(np.r_[breaks, _crossings(self.points, breaks, lines)])
 
 
-def _span(edge: BrepEdge) -> tuple[float, float] | None:
+def boundary(face: BrepFace, edges: Mapping[int, BrepEdge]) -> list[list[Passage]] | None:
+    """Return the loops of a face in its parameters, None where an image is missing or a loop does not
+    close."""
+    loops = []
+    for loop in face.loops:
+        passages: list[Passage] = []
+        for number, along in loop:
+            images = [k for k in edges[number].images if k.carrier == face.carrier]
+            options = [_passage(face, edges[number], image, along, passages) for image in images]
+            known = [option for option in options if option is not None]
+            if not known:
+                return None
+            passages.append(min(known, key=lambda option: _jump(passages, option)))
+        corners = np.array([passage.ends() for passage in passages])
+        extent = np.ptp(np.concatenate([passage.samples() for passage in passages]), axis=0)
+        if (abs(corners[:, 0] - np.roll(corners[:, 1], 1, axis=0)) > CLOSE * extent).any():
+            return None
+        loops.append(passages)
+    return loops
+
+
+def _passage(
+    face: BrepFace, edge: BrepEdge, image: ParameterCurve, along: bool, before: Sequence[Passage]
+) -> Passage | None:
+    """Return an edge after others of a loop, None where curve and image do not fit each other."""
+    span = image_span(edge, image) if face.known else None
+    if span is None:
+        return None
+    passage = Passage(edge, image, span, along, _pace(edge, image, face))
+    if not face.turns or not before:
+        return passage
+    turns = np.round((before[-1].ends()[1, 0] - passage.ends()[0, 0]) / TURN)
+    return replace(passage, shift=float(TURN * turns))
+
+
+def _jump(before: Sequence[Passage], passage: Passage) -> float:
+    """Return how far an edge begins from where the one before ends."""
+    return float(abs(before[-1].ends()[1] - passage.ends()[0]).sum()) if before else 0.0
+
+
+def image_span(edge: BrepEdge, image: ParameterCurve) -> tuple[float, float] | None:
+    """Return the parameters of an edge's ends on an image of it, None where either is not known or the image
+    lacks some of them."""
+    span = edge_span(edge)
+    if span is None or not image.known or not span[0] < span[1]:
+        return None
+    if image.kv is None:
+        return span
+    slack = BEYOND * (image.kv.stop - image.kv.start)
+    if edge.closed_conic:  # from the first turn on that the image has
+        turns = np.ceil((image.kv.start - slack - span[0]) / TURN)
+        span = float(span[0] + TURN * turns), float(span[1] + TURN * turns)
+    inside = image.kv.start - slack <= span[0] and span[1] <= image.kv.stop + slack
+    return span if inside else None
+
+
+def edge_span(edge: BrepEdge) -> tuple[float, float] | None:
     """Return the parameters of an edge's ends, equal ones where a line has no direction, None where the curve
-    is neither a line nor a spline."""
+    is not known."""
+    if edge.conic is not None:
+        first, last = edge.conic.parameters(edge.ends).tolist()
+        if edge.closed_conic:
+            whole = abs(edge.ends[1] - edge.ends[0]).max() <= MATCH
+            last = first + (TURN if whole else (last - first) % TURN)
+        return first, last
     if edge.poles is None:
         return None
     if edge.kv is not None:
         whole = abs(edge.poles[[0, -1]] - edge.ends).max() <= MATCH
-        return (edge.kv.start, edge.kv.stop) if whole else _nearest(edge.kv, edge.poles, edge.ends)
+        return (edge.kv.start, edge.kv.stop) if whole else _nearest(edge, edge.kv)
     step = edge.poles[1] - edge.poles[0]
     length = np.linalg.norm(step)
     if not length:
@@ -114,14 +208,14 @@ def _span(edge: BrepEdge) -> tuple[float, float] | None:
     return first, last
 
 
-def _nearest(kv: KnotVector, poles: Floats, ends: Floats) -> tuple[float, float]:
-    """Return the parameters of the points of a spline that are nearest to two points, for an edge that is a
-    part of it: by Gauss-Newton steps from the nearest of samples."""
+def _nearest(edge: BrepEdge, kv: KnotVector) -> tuple[float, float]:
+    """Return the parameters of the points of a spline that are nearest to the ends of an edge that is a part
+    of it: by Gauss-Newton steps from the nearest of samples."""
     t = lobatto_nodes(kv.breaks, 2 * kv.degree)
-    apart = np.linalg.norm((kv.collocation(t) @ poles)[:, None] - ends, axis=2)
+    apart = np.linalg.norm(edge.points(t)[:, None] - edge.ends, axis=2)
     found = t[np.argmin(apart, axis=0)]
     for _ in range(NEWTON_STEPS):
-        off, along = kv.collocation(found) @ poles - ends, kv.collocation(found, 1) @ poles
+        off, along = edge.points(found) - edge.ends, edge.points(found, 1)
         step = (off * along).sum(axis=1) / (along * along).sum(axis=1)
         found = np.clip(found - np.nan_to_num(step, posinf=0.0, neginf=0.0), kv.start, kv.stop)
     first, last = found.tolist()
@@ -130,60 +224,77 @@ def _nearest(kv: KnotVector, poles: Floats, ends: Floats) -> tuple[float, float]
 
 def _beside_ends(edge: BrepEdge, span: tuple[float, float]) -> float:
     """Return the distance of a curve's ends from the vertices."""
-    return float(np.linalg.norm(_curve(edge, np.array(span)) - edge.ends, axis=1).max())
+    return float(np.linalg.norm(edge.points(np.array(span)) - edge.ends, axis=1).max())
 
 
-def _distance(edge: BrepEdge, image: ParameterCurve, face: BrepFace, span: tuple[float, float]) -> float:
+def _distance(edge: BrepEdge, image: ParameterCurve, face: BrepFace) -> float:
     """Return the greatest distance of an edge from the surface point of its image at equal parameters."""
-    if not _covers(image, span):
+    span = image_span(edge, image)
+    if span is None:
         return np.inf
-    breaks = np.unique(np.clip([*span, *_breaks(edge, image, face)], *span))
-    degree = 2 * max(kv.degree if kv else 1 for kv in (edge.kv, image.kv, *_knots(face)))
-    t = lobatto_nodes(breaks, degree)
-    points = _surface(face, _curve(image, t))
-    return np.inf if points is None else float(np.linalg.norm(points - _curve(edge, t), axis=1).max())
+    passage = Passage(edge, image, span, True, _pace(edge, image, face))
+    degree = 2 * max(kv.degree if kv else 1 for kv in (edge.kv, image.kv, *knots(face)))
+    degree = max(degree, ROUND_NODES if edge.conic or image.conic or not knots(face) else 1)
+    t = lobatto_nodes(passage.pieces([kv.breaks for kv in knots(face)]), degree)
+    points = _surface(face, passage.points(t))
+    return np.inf if points is None else float(np.linalg.norm(points - edge.points(t), axis=1).max())
 
 
-def _knots(face: BrepFace) -> tuple[KnotVector, ...]:
+def _pace(edge: BrepEdge, image: ParameterCurve, face: BrepFace) -> float:
+    """Return how fast an image is passed: OCCT writes lines on a cone and their images both with vectors of
+    length 1, though v counts along the axis of the cone."""
+    if face.cone is None or edge.poles is None or edge.kv is not None or image.poles is None:
+        return 1.0
+    along, across = np.diff(edge.poles, axis=0)[0], np.diff(image.poles, axis=0)[0]
+    return float(abs(along @ axes(face.cone[:3])[2] / across[1])) if across[1] else 1.0
+
+
+def knots(face: BrepFace) -> tuple[KnotVector, ...]:
+    """Return the knot vectors of a spline face, none of another one."""
     return () if face.surface is None else (face.surface.kv_u, face.surface.kv_v)
 
 
-def _breaks(edge: BrepEdge, image: ParameterCurve, face: BrepFace) -> Iterator[float]:
-    """Yield the parameters of an edge where the difference may not be smooth: knots of edge and image, and
-    where an image that is a line crosses the knots of its face."""
-    for kv in (edge.kv, image.kv):
-        if kv is not None:
-            yield from kv.breaks
-    if image.kv is None and image.poles is not None:
-        start, step = image.poles[0], image.poles[1] - image.poles[0]
-        for axis, kv in enumerate(_knots(face)):
-            if step[axis]:
-                yield from (kv.breaks - start[axis]) / step[axis]
+def _breaks(curve: BrepCurve) -> Floats:
+    return np.zeros(0) if curve.kv is None else curve.kv.breaks
 
 
-def _curve(curve: BrepEdge | ParameterCurve, t: Floats) -> Floats:
-    """Return points of a line or a spline, (n, dimensions)."""
-    assert curve.poles is not None
-    points: Floats
-    if curve.kv is None:
-        points = curve.poles[0] + t[:, None] * (curve.poles[1] - curve.poles[0])
-        return points
-    points = curve.kv.collocation(t) @ curve.poles
-    return points
+def _crossings(points: Callable[[Floats], Floats], breaks: Floats, lines: Sequence[Floats]) -> Floats:
+    """Return the parameters at which a plane curve crosses lines u = lines[0] and v = lines[1], by bisection
+    between samples.
+
+    breaks : increasing, of the parameter; the curve is smooth between them.
+    """
+    t = lobatto_nodes(breaks, ROUND_NODES)
+    place = points(t)
+    found = [np.zeros(0)]
+    for axis, row in enumerate(lines):
+        cell: Integers = np.searchsorted(row, place[:, axis])
+        steps = np.diff(cell)
+        count: Integers = np.abs(steps)
+        piece = np.repeat(np.arange(len(steps)), count)
+        nth = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+        target = row[np.minimum(cell[:-1], cell[1:])[piece] + nth]
+        rising = steps[piece] > 0
+        low, high = t[piece], t[piece + 1]
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            beyond = (points(middle)[:, axis] > target) == rising
+            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+        found.append(high)
+    return np.concatenate(found)
+
+
+def _image_points(image: ParameterCurve, t: Floats) -> Floats:
+    """Return points of an image, those that rounding put beside its parameters moved onto them."""
+    return image.points(t if image.kv is None else np.clip(t, image.kv.start, image.kv.stop))
 
 
 def _surface(face: BrepFace, parameters: Floats) -> Floats | None:
     """Return points of a face, (n, 3), None where parameters lie beside it."""
-    if face.surface is None:
-        assert face.plane is not None
-        point, normal, first = face.plane
-        normal = normal / np.linalg.norm(normal)
-        across = first - (first @ normal) * normal
-        across = across / np.linalg.norm(across)
-        points: Floats = point + parameters @ np.stack([across, np.cross(normal, across)])
-        return points
-    low, high = np.array([[kv.start, kv.stop] for kv in _knots(face)]).T
-    inside = np.clip(parameters, low, high)
-    if (abs(inside - parameters) > BEYOND * (high - low)).any():
-        return None
-    return face.surface(*inside.T)
+    inside = parameters
+    if face.surface is not None:
+        low, high = np.array([[kv.start, kv.stop] for kv in knots(face)]).T
+        inside = np.clip(parameters, low, high)
+        if (abs(inside - parameters) > BEYOND * (high - low)).any():
+            return None
+    return face.points(*inside.T)

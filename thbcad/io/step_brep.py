@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 
-import numpy as np
-
-from thbcad.checks import Floats
 from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, ParameterCurve
-from thbcad.io.step_text import Entity, Value, entities_of_text, having, header_of_text, read_file
+from thbcad.io.step_text import Entity, Typed, Value, entities_of_text, having, header_of_text, read_file
 from thbcad.io.step_values import (
-    NO_HEADER,
     Entities,
-    Header,
-    direction_of,
+    curve_of,
     entity_of,
+    extrusion,
     flag_of,
-    knots_of,
-    labels_of,
     list_of,
-    net_of,
+    placed,
     points_of,
     reals_of,
     spline_row,
+    spline_surface,
     text_of,
 )
-from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 PLACED = ("MAPPED_ITEM", "ITEM_DEFINED_TRANSFORMATION", "CARTESIAN_TRANSFORMATION_OPERATOR_3D")
+Header = Mapping[str, Sequence[Value]]
+NO_HEADER: Header = {}
+SCHEMA_NAME = re.compile(r"(\w+)\W.*", re.ASCII | re.DOTALL)
+LABELS = {  # what words and numbers beside the shape say, and the entity in which they stand
+    "product": "PRODUCT",
+    "material": "DESCRIPTIVE_REPRESENTATION_ITEM",
+    "density": "MEASURE_REPRESENTATION_ITEM",
+    "unit of density": "DERIVED_UNIT_ELEMENT",
+    "uncertainty": "UNCERTAINTY_MEASURE_WITH_UNIT",
+    "person": "PERSON",
+    "company": "ORGANIZATION",
+}
 OTHER_SOLIDS = ("BREP_WITH_VOIDS", "FACETED_BREP", "SHELL_BASED_SURFACE_MODEL")
 
 
@@ -74,7 +81,7 @@ def brep(entities: Entities, header: Header = NO_HEADER) -> Brep:
         unpaired=unpaired,
         gaps=sum(_gaps(entities, loop) for loop in loops),
         contradictions=_contradictions(entities),
-        labels=labels_of(entities, header),
+        labels=_labels(entities, header),
     )
 
 
@@ -171,36 +178,15 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
         name=name if isinstance(name, str) else "",
         carrier=surface.number,
         surface_type=" ".join(surface.parts),
-        surface=_spline(entities, surface) if "B_SPLINE_SURFACE_WITH_KNOTS" in surface.parts else None,
-        plane=_plane(entities, surface) if "PLANE" in surface.parts else None,
+        surface=spline_surface(entities, surface),
+        plane=placed(entities, surface, "PLANE"),
+        sphere=placed(entities, surface, "SPHERICAL_SURFACE", 1),
+        cylinder=placed(entities, surface, "CYLINDRICAL_SURFACE", 1),
+        cone=placed(entities, surface, "CONICAL_SURFACE", 2),
+        extrusion=extrusion(entities, surface),
         outward=flag_of(same, face),
         loops=loops,
     )
-
-
-def _spline(entities: Entities, surface: Entity) -> BSplineSurface | NURBSSurface:
-    row = spline_row(surface, "SURFACE", 13)
-    knots = knots_of(surface, row[1], row[8], row[10]), knots_of(surface, row[2], row[9], row[11])
-    net = net_of(row[3], knots, surface)
-    flat = points_of(entities, [k for line in net for k in line], surface)
-    poles = flat.reshape(knots[0].dim, knots[1].dim, 3)
-    if "RATIONAL_B_SPLINE_SURFACE" not in surface.parts:
-        return BSplineSurface(*knots, poles)
-    weights = net_of(surface.parameters("RATIONAL_B_SPLINE_SURFACE", 1)[0], knots, surface)
-    return NURBSSurface(*knots, poles, np.array([reals_of(line, surface) for line in weights]))
-
-
-def _plane(entities: Entities, surface: Entity) -> Floats:
-    """Return a point, the normal and the direction of the first parameter; where that is left out, it is as
-    ISO 10303-42 wants it."""
-    placement = entity_of(entities, surface.parameters("PLANE", 2)[1], surface)
-    _, point, axis, first = placement.parameters("AXIS2_PLACEMENT_3D", 4)
-    normal = direction_of(entities, axis, placement)
-    if first is None:
-        along = np.eye(3)[int(not normal[1:].any())]
-    else:
-        along = direction_of(entities, first, placement)
-    return np.stack([points_of(entities, [point], placement)[0], normal, along])
 
 
 def _edge(entities: Entities, edge: Entity) -> BrepEdge:
@@ -216,7 +202,8 @@ def _edge(entities: Entities, edge: Entity) -> BrepEdge:
         images = [entity_of(entities, k, curve) for k in list_of(others, curve)]
         curve = entity_of(entities, space, curve)
     flat = tuple(_image(entities, image) for image in images if "PCURVE" in image.parts)
-    return BrepEdge(edge.number, ends, *_curve(entities, curve, 3), images=flat)
+    shape = curve_of(entities, curve)
+    return BrepEdge(number=edge.number, ends=ends, images=flat, **vars(shape))
 
 
 def _image(entities: Entities, image: Entity) -> ParameterCurve:
@@ -226,28 +213,8 @@ def _image(entities: Entities, image: Entity) -> ParameterCurve:
     if len(curves) != 1:
         raise ValueError(f"STEP entity #{items.number} must have one curve, got {len(curves)}")
     surface = entity_of(entities, carrier, image)
-    return ParameterCurve(surface.number, *_curve(entities, entity_of(entities, curves[0], items), 2))
-
-
-def _curve(entities: Entities, curve: Entity, dimensions: int) -> tuple[KnotVector | None, Floats | None]:
-    """Return knots and poles of a spline, no knots and two points of a line, and neither of another curve."""
-    if "LINE" in curve.parts:
-        _, start, along = curve.parameters("LINE", 3)
-        vector = entity_of(entities, along, curve)
-        _, direction, length = vector.parameters("VECTOR", 3)
-        point = points_of(entities, [start], curve, dimensions)[0]
-        step = direction_of(entities, direction, vector, dimensions) * reals_of([length], vector)[0]
-        return None, np.stack([point, point + step])
-    if "B_SPLINE_CURVE_WITH_KNOTS" not in curve.parts or "RATIONAL_B_SPLINE_CURVE" in curve.parts:
-        return None, None
-    row = spline_row(curve, "CURVE", 9)
-    kv = knots_of(curve, row[1], row[6], row[7])
-    poles = list_of(row[2], curve)
-    if len(poles) != kv.dim:
-        raise ValueError(
-            f"STEP entity #{curve.number} must have {kv.dim} poles by its knots, got {len(poles)}"
-        )
-    return kv, points_of(entities, poles, curve, dimensions)
+    shape = curve_of(entities, entity_of(entities, curves[0], items), 2)
+    return ParameterCurve(carrier=surface.number, **vars(shape))
 
 
 def _contradictions(entities: Entities) -> int:
@@ -272,3 +239,35 @@ def _apart(entities: Entities, user: Entity, ends: Sequence[Sequence[Value]]) ->
     points = ([entity_of(entities, k, user) for k in row] for row in ends)
     first, last = ([reals_of(p.parameters("CARTESIAN_POINT", 2)[1], p) for p in row] for row in points)
     return any(abs(a - b) > MATCH for p, q in zip(first, last) for a, b in zip(p, q))
+
+
+def _labels(entities: Entities, header: Header) -> dict[str, tuple[str, ...]]:
+    """Return the words of a file, by what they say."""
+    name, _, author, organization, *_ = [*header.get("FILE_NAME", ()), None, None, None, None]
+    schemas = [*header.get("FILE_SCHEMA", ()), None][0]
+    return {
+        "name": _words(name),
+        "author": _words(author),
+        "organization": _words(organization),
+        # what stands behind a schema's name is its number
+        "schema": tuple(SCHEMA_NAME.sub(r"\1", word) for word in _words(schemas)),
+        **{
+            label: tuple(sorted(chain.from_iterable(_plain(e.parts[kind]) for e in having(entities, kind))))
+            for label, kind in LABELS.items()
+        },
+    }
+
+
+def _words(value: Value) -> tuple[str, ...]:
+    """Return the strings of a value, a string or a list of such."""
+    values = value if isinstance(value, list) else [value]
+    return tuple(v for v in values if isinstance(v, str))
+
+
+def _plain(values: Sequence[Value]) -> Iterator[str]:
+    """Yield the texts and numbers of an entity, but no references."""
+    for value in values:
+        if isinstance(value, Typed):
+            yield from _plain(value.parameters)
+        elif isinstance(value, str | float) and value != "":
+            yield str(value)

@@ -1,30 +1,18 @@
-"""Values of STEP entities, checked as they are read: references, lists, reals, points, knots, words."""
+"""Values of STEP entities, checked as they are read: references, lists, reals, points, curves, surfaces."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.step_text import REAL, STRING, Entity, Reference, Typed, Value, having
-from thbcad.splines import KnotVector
+from thbcad.io.brep_records import BrepCurve, ConicCurve, Extrusion
+from thbcad.io.step_text import REAL, STRING, Entity, Reference, Value
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 Entities = Mapping[int, Entity]
-Header = Mapping[str, Sequence[Value]]
-NO_HEADER: Header = {}
-SCHEMA_NAME = re.compile(r"(\w+)\W.*", re.ASCII | re.DOTALL)
-LABELS = {  # what words and numbers beside the shape say, and the entity in which they stand
-    "product": "PRODUCT",
-    "material": "DESCRIPTIVE_REPRESENTATION_ITEM",
-    "density": "MEASURE_REPRESENTATION_ITEM",
-    "unit of density": "DERIVED_UNIT_ELEMENT",
-    "uncertainty": "UNCERTAINTY_MEASURE_WITH_UNIT",
-    "person": "PERSON",
-    "company": "ORGANIZATION",
-}
 POINTS = {
     dimensions: re.compile(
         rf"CARTESIAN_POINT\s*+\(\s*+{STRING}\s*+,\s*+\(\s*+"
@@ -34,6 +22,8 @@ POINTS = {
     )
     for dimensions in (2, 3)
 }
+CONICS = {"CIRCLE": 1, "ELLIPSE": 2, "HYPERBOLA": 2, "PARABOLA": 1}  # and how many sizes each has
+UPWARD = (0.0, 0.0, 1.0)  # the axis of a placement that names none
 WORDS = {2: "two", 3: "three"}
 
 
@@ -146,33 +136,110 @@ def text_of(value: Value, user: Entity) -> str:
     return value
 
 
-def labels_of(entities: Entities, header: Header) -> dict[str, tuple[str, ...]]:
-    """Return the words of a file, by what they say."""
-    name, _, author, organization, *_ = [*header.get("FILE_NAME", ()), None, None, None, None]
-    schemas = [*header.get("FILE_SCHEMA", ()), None][0]
-    return {
-        "name": _words(name),
-        "author": _words(author),
-        "organization": _words(organization),
-        # what stands behind a schema's name is its number
-        "schema": tuple(SCHEMA_NAME.sub(r"\1", word) for word in _words(schemas)),
-        **{
-            label: tuple(sorted(chain.from_iterable(_plain(e.parts[kind]) for e in having(entities, kind))))
-            for label, kind in LABELS.items()
-        },
-    }
+def spline_surface(entities: Entities, surface: Entity) -> BSplineSurface | NURBSSurface | None:
+    """Return a spline surface, None for another one."""
+    if "B_SPLINE_SURFACE_WITH_KNOTS" not in surface.parts:
+        return None
+    row = spline_row(surface, "SURFACE", 13)
+    knots = knots_of(surface, row[1], row[8], row[10]), knots_of(surface, row[2], row[9], row[11])
+    net = net_of(row[3], knots, surface)
+    flat = points_of(entities, [k for line in net for k in line], surface)
+    poles = flat.reshape(knots[0].dim, knots[1].dim, 3)
+    if "RATIONAL_B_SPLINE_SURFACE" not in surface.parts:
+        return BSplineSurface(*knots, poles)
+    weights = net_of(surface.parameters("RATIONAL_B_SPLINE_SURFACE", 1)[0], knots, surface)
+    return NURBSSurface(*knots, poles, np.array([reals_of(line, surface) for line in weights]))
 
 
-def _words(value: Value) -> tuple[str, ...]:
-    """Return the strings of a value, a string or a list of such."""
-    values = value if isinstance(value, list) else [value]
-    return tuple(v for v in values if isinstance(v, str))
+def placed(entities: Entities, surface: Entity, kind: str, sizes: int = 0) -> Floats | None:
+    """Return the placement of a surface of a kind and, where it has sizes, a row of them; None for another
+    kind."""
+    if kind not in surface.parts:
+        return None
+    _, where, *values = surface.parameters(kind, 2 + sizes)
+    rows = _placement(entities, where, surface, 3)
+    return rows if not sizes else np.vstack([rows, [*_sizes(values, surface), *[0.0] * (3 - sizes)]])
 
 
-def _plain(values: Sequence[Value]) -> Iterator[str]:
-    """Yield the texts and numbers of an entity, but no references."""
-    for value in values:
-        if isinstance(value, Typed):
-            yield from _plain(value.parameters)
-        elif isinstance(value, str | float) and value != "":
-            yield str(value)
+def extrusion(entities: Entities, surface: Entity) -> Extrusion | None:
+    """Return an extrusion of a curve that is known, None for another surface."""
+    if "SURFACE_OF_LINEAR_EXTRUSION" not in surface.parts:
+        return None
+    _, swept, along = surface.parameters("SURFACE_OF_LINEAR_EXTRUSION", 3)
+    curve = curve_of(entities, entity_of(entities, swept, surface))
+    return Extrusion(curve, _vector(entities, along, surface, 3)) if curve.known else None
+
+
+def curve_of(entities: Entities, curve: Entity, dimensions: int = 3) -> BrepCurve:
+    """Return a curve in space or, with two dimensions, in the parameters of a surface."""
+    if "LINE" in curve.parts:
+        _, start, along = curve.parameters("LINE", 3)
+        step = _vector(entities, along, curve, dimensions)
+        point = points_of(entities, [start], curve, dimensions)[0]
+        return BrepCurve(poles=np.stack([point, point + step]))
+    if "B_SPLINE_CURVE_WITH_KNOTS" in curve.parts:
+        return _spline(entities, curve, dimensions)
+    for kind, count in CONICS.items():
+        if kind in curve.parts:
+            _, where, *values = curve.parameters(kind, 2 + count)
+            sizes = _sizes(values, curve)
+            return BrepCurve(
+                conic=ConicCurve(kind, _placement(entities, where, curve, dimensions), np.resize(sizes, 2))
+            )
+    return BrepCurve()
+
+
+def _spline(entities: Entities, curve: Entity, dimensions: int) -> BrepCurve:
+    row = spline_row(curve, "CURVE", 9)
+    kv = knots_of(curve, row[1], row[6], row[7])
+    poles = list_of(row[2], curve)
+    _require_as_many(curve, "poles", poles, kv)
+    points = points_of(entities, poles, curve, dimensions)
+    if "RATIONAL_B_SPLINE_CURVE" not in curve.parts:
+        return BrepCurve(kv=kv, poles=points)
+    weights = reals_of(curve.parameters("RATIONAL_B_SPLINE_CURVE", 1)[0], curve)
+    _require_as_many(curve, "weights", weights, kv)
+    return BrepCurve(kv=kv, poles=points, weights=np.array(weights))
+
+
+def _require_as_many(curve: Entity, what: str, values: list[Value] | list[float], kv: KnotVector) -> None:
+    if len(values) != kv.dim:
+        raise ValueError(
+            f"STEP entity #{curve.number} must have {kv.dim} {what} by its knots, got {len(values)}"
+        )
+
+
+def _vector(entities: Entities, value: Value, user: Entity, dimensions: int) -> Floats:
+    vector = entity_of(entities, value, user)
+    _, direction, length = vector.parameters("VECTOR", 3)
+    return direction_of(entities, direction, vector, dimensions) * reals_of([length], vector)[0]
+
+
+def _placement(entities: Entities, value: Value, user: Entity, dimensions: int) -> Floats:
+    """Return rows centre, axis and first direction, (3, 3); what is left out is as ISO 10303-42 wants it."""
+    placement = entity_of(entities, value, user)
+    if dimensions == 2:
+        _, point, first = placement.parameters("AXIS2_PLACEMENT_2D", 3)
+        rows = np.array([[0.0, 0.0, 0.0], UPWARD, [1.0, 0.0, 0.0]])
+        rows[0, :2] = points_of(entities, [point], placement, 2)[0]
+        if first is not None:
+            rows[2, :2] = direction_of(entities, first, placement, 2)
+        return rows
+    _, point, axis, first = placement.parameters("AXIS2_PLACEMENT_3D", 4)
+    normal = np.array(UPWARD) if axis is None else direction_of(entities, axis, placement)
+    if first is None:
+        along = np.eye(3)[int(not normal[1:].any())]
+    else:
+        along = direction_of(entities, first, placement)
+    if not np.cross(normal, along).any():
+        raise ValueError(f"STEP entity #{placement.number} must have a first direction beside its axis")
+    return np.stack([points_of(entities, [point], placement)[0], normal, along])
+
+
+def _sizes(values: list[Value], user: Entity) -> list[float]:
+    """Return the sizes of a curve or a surface; only the radius of a cone may be zero, at its apex."""
+    sizes = reals_of(values, user)
+    apex = "CONICAL_SURFACE" in user.parts and sizes[0] == 0
+    if not (np.isfinite(sizes).all() and min(sizes[apex:]) > 0):
+        raise ValueError(f"STEP entity #{user.number} must have positive sizes, got {sizes}")
+    return sizes
