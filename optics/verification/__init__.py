@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from optics.verification.occt_tracer import (
         occt_trace as occt_trace,
         optical_faces as optical_faces,
+        optical_form as optical_form,
     )
     from optics.verification.optiland_tracer import (
         optiland_available as optiland_available,
@@ -56,6 +57,7 @@ _FILES = {
     "occt_tracer": (
         "occt_trace",
         "optical_faces",
+        "optical_form",
     ),
     "optiland_tracer": (
         "optiland_available",

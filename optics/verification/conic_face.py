@@ -48,7 +48,7 @@ class ConicFace:
                 ahead = (t >= -MEETS * self.width) & (t < travel)
                 meets = ahead & self._inside(point) & (normal[:, 2] > 0) & (_dot(normal, directions) > 0)
                 travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
-        met: NDArray[np.bool_] = np.isfinite(travel)
+        met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
         if self._bounded:
             met = met & ~self._behind(here, directions)
         return on_face + self._vertex, normals, met
@@ -75,8 +75,7 @@ class ConicFace:
         return unit
 
     def _inside(self, points: Floats) -> NDArray[np.bool_]:
-        inside: NDArray[np.bool_] = (abs(points[:, :2]) <= self._half + MEETS * self.width).all(axis=1)
-        return inside
+        return np.all(abs(points[:, :2]) <= self._half + MEETS * self.width, axis=1)
 
     def _heights(self, points: Floats) -> Floats:
         """Return the heights of the face at (x, y), (n, 2), of the rim where they lie beside it."""

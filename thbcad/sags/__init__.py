@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         conic_of_patch as conic_of_patch,
         conic_of_plane as conic_of_plane,
         conic_of_sphere as conic_of_sphere,
+        rectangle_around as rectangle_around,
     )
 
 _FILES = {
@@ -74,6 +75,7 @@ _FILES = {
         "conic_of_patch",
         "conic_of_plane",
         "conic_of_sphere",
+        "rectangle_around",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

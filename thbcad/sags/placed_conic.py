@@ -154,15 +154,13 @@ class PlacedConic:
 
         points : (n, 3), mm
         """
-        x, y, z = points.T
+        if self.kind == "QUADRIC":
+            return 2 * points[:, :2] / (1 + self._slant(points[:, 2] - self.vertex))[:, None]
+        centre, axis, first = self.numbers[:9].reshape(3, 3)
+        x, y, z = np.stack([first, np.cross(axis, first), axis]) @ (points - centre).T
         if self.kind == "PLANE":
-            return points[:, :2].copy()
-        if self.kind == "SPHERE":
-            depth = self.side * (z - self.centre)
-            return np.column_stack(
-                [np.pi + self.side * np.arctan2(x, depth), np.arctan2(y, np.hypot(x, depth))]
-            )
-        return 2 * points[:, :2] / (1 + self._slant(z - self.vertex))[:, None]
+            return np.column_stack([x, y])
+        return np.column_stack([np.arctan2(y, x) % (2 * np.pi), np.arctan2(z, np.hypot(x, y))])
 
     def _slant(self, heights: Floats) -> Floats:
         """Return sqrt(1 - (1 + K) r^2 / R^2) at heights above the vertex."""

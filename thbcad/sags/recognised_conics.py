@@ -14,6 +14,21 @@ from thbcad.splines import NURBSSurface
 SAME = 1e-12  # relative: rounding of some operations
 
 
+def rectangle_around(corners: Floats) -> tuple[float, float]:
+    """Return the half-widths in mm of the rectangle around x = y = 0 with these corners, infinite ones where
+    they are not the corners of such a rectangle.
+
+    corners : (n, 3) or (n, 2) float, in any order, also several times
+    """
+    apart = abs(corners[:, :2])
+    if not len(apart):
+        return NOT_BOUNDED
+    x, y = apart.max(axis=0).tolist()
+    quadrants = {tuple(row) for row in np.sign(corners[:, :2]).tolist()}
+    whole = len(quadrants) == 4 and bool((abs(apart - [x, y]) <= SAME * max(x, y)).all())
+    return (x, y) if whole and min(x, y) > 0 else NOT_BOUNDED
+
+
 def conic_of_plane(placement: Floats, half_width: tuple[float, float] = NOT_BOUNDED) -> PlacedConic | None:
     """Return the plane with a point, normal and first direction, (3, 3), mm; None unless it is normal to
     z."""

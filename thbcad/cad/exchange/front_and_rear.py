@@ -18,7 +18,7 @@ from thbcad.cad.exchange.reading import explore
 from thbcad.cad.shapes import TOLERANCE, spline_surface
 from thbcad.checks import Floats
 from thbcad.lens import OpticalForm
-from thbcad.sags import NOT_BOUNDED, PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere
+from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 OPTICAL = ("front", "rear")
-SAME = 1e-12  # relative: rounding of a half-width
 
 
 def front_and_rear(
@@ -60,18 +59,25 @@ def optical_form(face: TopoDS_Face) -> OpticalForm | None:
     curved in both directions, a plane across z, a sphere or a patch of a conic around z."""
     geom = BRep_Tool.Surface_s(face)
     corners = _corners(face)
-    half_width = _half_width(corners)
+    half_width = rectangle_around(corners)
     if isinstance(geom, Geom_Plane):
         return conic_of_plane(_placement(geom.Position()), half_width)
     if isinstance(geom, Geom_SphericalSurface):
         placement = _placement(geom.Position())
-        below = len(corners) > 0 and bool(corners[:, 2].mean() < placement[0, 2])
+        below = bool(corners[:, 2].sum() < len(corners) * placement[0, 2])
         return conic_of_sphere(placement, geom.Radius(), below, half_width)
     # the ruled edges are straight in one direction
     if not isinstance(geom, Geom_BSplineSurface) or min(geom.UDegree(), geom.VDegree()) < 2:
         return None
     spline = spline_surface(geom)
     return spline if isinstance(spline, BSplineSurface) else conic_of_patch(spline, half_width)
+
+
+def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:
+    """Return the planes across z, spheres and patches of conics around z under the faces of a shape, in their
+    order."""
+    forms = (optical_form(TopoDS.Face_s(face)) for face in explore(shape, TopAbs_FACE))
+    return [form for form in forms if isinstance(form, PlacedConic)]
 
 
 def _across_the_middle(faces: Sequence[TopoDS_Face], corners: Floats) -> list[OpticalForm]:
@@ -105,18 +111,6 @@ def _corners(shape: TopoDS_Shape) -> Floats:
     """Return the vertices of a shape, (n, 3), mm."""
     vertices = (TopoDS.Vertex_s(vertex) for vertex in explore(shape, TopAbs_VERTEX))
     return np.array([BRep_Tool.Pnt_s(vertex).Coord() for vertex in vertices]).reshape(-1, 3)
-
-
-def _half_width(corners: Floats) -> tuple[float, float]:
-    """Return the half-widths of the rectangle around the axis whose corners are given; endless where they lie
-    otherwise."""
-    if not len(corners):
-        return NOT_BOUNDED
-    apart = abs(corners[:, :2])
-    x, y = apart.max(axis=0).tolist()
-    signs = {tuple(row) for row in np.sign(corners[:, :2]).tolist()}
-    rectangle = len(signs) == 4 and bool((abs(apart - [x, y]) <= SAME * max(x, y)).all())
-    return (x, y) if rectangle and min(x, y) > 0 else NOT_BOUNDED
 
 
 def _placement(position: gp_Ax3) -> Floats:
