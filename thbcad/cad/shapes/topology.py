@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
-from OCP.BRep import BRep_Builder
-from OCP.Geom import Geom_Line, Geom_Plane
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.Geom import Geom_Conic, Geom_Line, Geom_Plane
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_REVERSED
@@ -22,10 +23,10 @@ from OCP.TopoDS import (
     TopoDS_Wire,
 )
 
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
+from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
 from thbcad.cad.shapes.part import Part
 from thbcad.checks import Floats
-from thbcad.lens import SIDES, Side, Surfaces, rim_parameter, ruled_edge
+from thbcad.lens import SIDES, Side, Surfaces, fitted_curve, rim_parameter, ruled_edge
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
@@ -131,7 +132,32 @@ def face_on(
     wire = new_wire(builder, loop)
     builder.MakeFace(face, surface, TOLERANCE)
     builder.Add(face, wire if upward else wire.Reversed())
+    draw_on_plane(builder, face, loop)
     return face
+
+
+def draw_on_plane(builder: BRep_Builder, face: TopoDS_Face, edges: Sequence[TopoDS_Shape]) -> None:
+    """Give circles, ellipses and hyperbolas among the edges of a plane face their images in its parameters.
+
+    OCCT needs none, but writes its own into STEP files: closed rational splines of another parameter.  These
+    have that of the edge, within 1e-9 mm at eight points of every span.
+    """
+    surface = BRep_Tool.Surface_s(face)
+    if not isinstance(surface, Geom_Plane):
+        return
+    position = surface.Position()
+    origin = np.array(position.Location().Coord())
+    axes = np.array([position.XDirection().Coord(), position.YDirection().Coord()])
+    for edge in map(TopoDS.Edge_s, edges):
+        if isinstance(BRep_Tool.Curve_s(edge, 0.0, 0.0), Geom_Conic):
+            curve = BRepAdaptor_Curve(edge)
+            ends = np.array([curve.FirstParameter(), curve.LastParameter()])
+
+            def image(t: Floats, value: Callable[[float], gp_Pnt] = curve.Value) -> Floats:
+                return (np.array([value(a).Coord() for a in t.tolist()]) - origin) @ axes.T
+
+            drawn = trace(*fitted_curve(image, ends, np.ones(2, dtype=np.int64)))
+            builder.UpdateEdge(edge, drawn, face, TOLERANCE)
 
 
 def edge_face(
