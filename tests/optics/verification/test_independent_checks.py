@@ -209,7 +209,7 @@ def test_a_face_missing_is_caught(good, tmp_path, backend, which):
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", good.text)[1]
     text = good.text.replace(shell, ",".join(f for k, f in enumerate(shell.split(",")) if k != which))
     if which < 2:
-        with pytest.raises(ValueError, match="1 curved spline faces where a lens has 2"):
+        with pytest.raises(ValueError, match="1 optical faces where a lens has 2"):
             failed(good, tmp_path, text, backend)
     else:
         assert failed(good, tmp_path, text, backend) >= {FACES, UNPAIRED}

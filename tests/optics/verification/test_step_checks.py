@@ -166,7 +166,7 @@ def test_a_second_solid_is_caught(good, tmp_path, backend):
 def test_a_missing_optical_face_is_caught(good, tmp_path, backend, which):
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", good.text)
     text = good.text.replace(shell[1], ",".join(f for k, f in enumerate(shell[1].split(",")) if k != which))
-    with pytest.raises(ValueError, match=r"holds 1 curved spline faces where a lens has 2"):
+    with pytest.raises(ValueError, match=r"holds 1 optical faces where a lens has 2"):
         failed(good, tmp_path, text, backend)
 
 

@@ -22,8 +22,8 @@ from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.shapes import flanged_part, patched_part, trimmed_part
 from thbcad.io.parameter_curves import image_distance, turned_faces
 from thbcad.io.step_brep import brep_of_text, parse_brep
-from thbcad.lens import Flange, Product
-from thbcad.splines import KnotVector
+from thbcad.lens import Flange, Product, optical_forms
+from thbcad.splines import BSplineSurface, KnotVector
 
 PARTS = {
     "patches": (patched_part, ()),
@@ -41,8 +41,11 @@ def of(lens):
 @pytest.mark.parametrize("name", LENSES)
 def test_the_edges_of_every_lens_are_their_images(name):
     """But for the rounding of poles and knots, of some 10 mm."""
-    distance, left = image_distance(of(LENSES[name]))
-    assert distance <= 1e-14
+    lens = LENSES[name]
+    distance, left = image_distance(of(lens))
+    exact = all(isinstance(form, BSplineSurface) or form.kind == "PLANE" for form in optical_forms(lens))
+    # images on spheres, patches and of their rims are splines within 1e-9 mm
+    assert distance <= (1e-14 if exact else 1e-9)
     assert left == ()
 
 
