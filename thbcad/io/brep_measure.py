@@ -3,11 +3,10 @@
     V = sum over faces of 1/3 (integral of (X - O) . n dA),    O the mean of the vertices.
 
 Of a spline face X(u, v) the integrand (X - O) . (X_u x X_v) is a polynomial of degree 3 p - 1 on every span:
-Gauss quadrature is exact.  On a plane face (X - O) . n is constant; its area is half of n . (integral of X x
-dX) around its loops, which is exact for lines and splines.  The area of a spline face is the integral of |X_u
-x X_v|, of which two numbers of nodes show the error.
-
-Faces are planes, or splines that are not rational and end at the four sides of their rectangle.
+Gauss quadrature is exact over the whole face, and over a trimmed face but for the quadrature along its edges
+(`Primitive`).  On spheres, cylinders, cones, extrusions and rational splines the integrand is analytic
+between knots; more nodes show the error.  On a plane face (X - O) . n is constant; its area is half of n .
+(integral of X x dX) around its loops.  The area of another face is the integral of |X_u x X_v|.
 
 Source: R. N. Goldman, Area of planar polygons and volume of polyhedra, Graphics Gems II (1991); G. H. Golub
 and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23 (1969).
@@ -15,39 +14,47 @@ and J. H. Welsch, Calculation of Gauss quadrature rules, Math. Comp. 23 (1969).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace
-from thbcad.splines import UNIT, BSplineSurface, KnotVector, gauss_rule
+from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, edge_span
+from thbcad.io.parameter_curves import Passage, boundary, knots
+from thbcad.splines import UNIT, BSplineSurface, KnotVector, Primitive, gauss_rule, grid_integral
 
 ACCURACY = 1e-10  # relative, of areas
-MOST_NODES = 64  # per span and direction
-STRIP = 2**18  # nodes that are taken at once
+FLUX = 1e-13  # of the size of the solid, cubed: some rounding errors of a sum over all cells
+MORE_NODES = 48  # per span and direction, than the degree
+PIECE = np.pi / 4  # of a turn, in which 16 nodes integrate sines and cosines to rounding errors
+SMOOTH_NODES = 16
 
 
 class NotMeasured(ValueError):
-    """A solid with a face or an edge of a kind that is not measured here, such as a cylinder."""
+    """A solid with a face or an edge of a kind that is not measured here, such as a torus."""
 
 
 def volume(brep: Brep) -> float:
-    """Return the volume of a solid in its unit of length, cubed; exact but for rounding.
+    """Return the volume of a solid in its unit of length, cubed; exact but for rounding and the distance of
+    the edges from the faces.
 
     Raises
     ------
-    NotMeasured : a face that is neither a plane nor a whole spline, an edge that is neither a line nor a
-        whole spline.
+    NotMeasured : a face that is neither a plane, a spline, a sphere, a cylinder, a cone nor an extrusion; one
+        that is no plane and whose edges have no closed images in its parameters; an edge that is neither a
+        line, a spline nor a conic.
     ValueError : edges that do not border two faces, or a solid inside out.
     """
     edges = _edges(brep)
-    origin = np.mean([edge.ends for edge in brep.edges], axis=(0, 1))
-    parts = [(1.0 if face.outward else -1.0) * _flux(face, edges, origin) for face in brep.faces]
-    total = sum(parts) / 3
+    vertices = np.concatenate([edge.ends for edge in brep.edges])
+    origin = vertices.mean(axis=0)
+    size = float(abs(vertices - origin).max())
+    total = sum(_flux(face, edges, origin, size) for face in brep.faces) / 3
     if not total > 0:
         raise ValueError(f"the faces of the solid must point outward, got a volume of {total:.6g}")
-    return float(total)
+    return total
 
 
 def areas(brep: Brep) -> tuple[float, ...]:
@@ -56,40 +63,177 @@ def areas(brep: Brep) -> tuple[float, ...]:
 
     Raises
     ------
-    ValueError : as `volume`, or a spline face whose area needs more than 64 Gauss nodes per span.
+    ValueError : as `volume`, or a face whose area needs more than 48 Gauss nodes per span.
     """
     edges = _edges(brep)
     return tuple(_area(face, edges) for face in brep.faces)
 
 
 def _edges(brep: Brep) -> dict[int, BrepEdge]:
-    """Return the edges by number; raise ValueError unless the solid is closed and its faces can be
-    measured."""
+    """Return the edges by number; raise ValueError unless the solid is closed and its faces are known."""
     if brep.unpaired or brep.gaps:
         raise ValueError(
             f"the solid must be closed, got {brep.unpaired} edges that do not border two faces and "
             f"{brep.gaps} gaps"
         )
-    edges = {edge.number: edge for edge in brep.edges}
     for face in brep.faces:
-        if face.plane is None:
-            _require_whole(face, edges)
-    return edges
+        if not face.known:
+            raise NotMeasured(
+                f"face #{face.number} must be a plane, a spline, a sphere, a cylinder, a cone or an "
+                f"extrusion, got {face.surface_type}"
+            )
+    return {edge.number: edge for edge in brep.edges}
 
 
-def _spline(face: BrepFace) -> BSplineSurface:
-    """Return the surface of a face that is no plane; raise NotMeasured unless it is a spline that is not
-    rational."""
-    if not isinstance(face.surface, BSplineSurface):
-        raise NotMeasured(
-            f"face #{face.number} must be a plane or a spline that is not rational, got {face.surface_type}"
-        )
-    return face.surface
+@dataclass(frozen=True, eq=False)
+class Density:
+    """(X - O) . (X_u x X_v) of a face, or |X_u x X_v| where no origin O is given."""
+
+    face: BrepFace
+    origin: Floats | None = None
+
+    def __call__(self, u: Floats, v: Floats) -> Floats:
+        return self._of(*(self.face.points(u, v, orders) for orders in ((0, 0), (1, 0), (0, 1))))
+
+    def grid(self, u: Floats, v: Floats) -> Floats:
+        surface = self.face.surface
+        if surface is None:
+            across, up = np.broadcast_arrays(u[:, None], v)
+            return self(across.ravel(), up.ravel()).reshape(across.shape)
+        return self._of(*(surface.grid(u, v, orders) for orders in ((0, 0), (1, 0), (0, 1))))
+
+    def _of(self, x: Floats, by_u: Floats, by_v: Floats) -> Floats:
+        normal = np.cross(by_u, by_v)
+        if self.origin is None:
+            size: Floats = np.linalg.norm(normal, axis=-1)
+            return size
+        values: Floats = np.einsum("...k,...k->...", x - self.origin, normal)
+        return values
 
 
-def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
-    """Raise NotMeasured unless the edges of a spline face are the four sides of its rectangle."""
-    surface = _spline(face)
+def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Floats, size: float) -> float:
+    """Return the integral of (X - O) . n dA, n the outward normal."""
+    sign = 1.0 if face.outward else -1.0
+    if face.plane is not None:
+        point, normal, _ = face.plane
+        height = float((point - origin) @ normal / np.linalg.norm(normal))
+        return sign * height * _plane_area(face, face.plane, edges)
+    surface = face.surface
+    density = Density(face, origin)
+    exact = None
+    if isinstance(surface, BSplineSurface):
+        p, q = surface.kv_u.degree, surface.kv_v.degree
+        lines = surface.kv_u.breaks, surface.kv_v.breaks
+        if _is_whole(face, surface, edges):
+            return sign * grid_integral(density, *lines, (3 * p // 2 + 1, 3 * q // 2 + 1))
+        exact = 3 * p // 2 + 1, 3 * q
+    loops = _loops(face, edges)
+    _require_on_face(face, loops)
+    return _converged(face, _estimates(density, loops, exact), FLUX * size**3)
+
+
+def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
+    if face.plane is not None:
+        return _plane_area(face, face.plane, edges)
+    surface = face.surface
+    density = Density(face)
+    if isinstance(surface, BSplineSurface) and _is_whole(face, surface, edges):
+        p, q = surface.kv_u.degree, surface.kv_v.degree
+        lines = surface.kv_u.breaks, surface.kv_v.breaks
+        return _converged(face, lambda more: grid_integral(density, *lines, (p + more, q + more)))
+    return abs(_converged(face, _estimates(density, _loops(face, edges))))
+
+
+def _converged(face: BrepFace, estimate: Callable[[int], float], within: float = 0.0) -> float:
+    """Return an integral that two numbers of nodes agree on, within a number or 1e-10 of it."""
+    before = np.inf
+    more = 2
+    while more <= MORE_NODES:
+        value = estimate(more)
+        if abs(value - before) <= (within or ACCURACY * abs(value)):
+            return value
+        before = value
+        more = more + max(2, more // 2)
+    raise ValueError(f"the measure of face #{face.number} needs more than {MORE_NODES} nodes per span")
+
+
+def _loops(face: BrepFace, edges: Mapping[int, BrepEdge]) -> list[Passage]:
+    """Return the edges of all loops of a face in its parameters."""
+    loops = boundary(face, edges)
+    if loops is None:
+        raise NotMeasured(f"the edges of face #{face.number} must have images in its parameters that close")
+    return [passage for loop in loops for passage in loop]
+
+
+def _require_on_face(face: BrepFace, loops: Sequence[Passage]) -> None:
+    """Raise NotMeasured unless the edges lie where their images say, at some points, and end at
+    their vertices."""
+    for passage in loops:
+        edge = passage.edge
+        t = np.linspace(*passage.span, SMOOTH_NODES)
+        points = edge.points(t)
+        on_face = face.points(*_inside(face, passage.points(t)).T)
+        off = max(abs(on_face - points).max(), abs(points[[0, -1]] - edge.ends).max())
+        if not off <= MATCH:
+            raise NotMeasured(f"the edges of face #{face.number} must lie on it, got {off:.3g} beside it")
+
+
+def _estimates(
+    density: Density, loops: Sequence[Passage], exact: tuple[int, int] | None = None
+) -> Callable[[int], float]:
+    """Return the integral over the region within loops as function of how many more nodes are taken; with
+    exact numbers of nodes on the cells, only those along the edges grow."""
+    face = density.face
+    lines = _lines(face, loops)
+    pieces = [passage.pieces(lines) for passage in loops]
+
+    @cache
+    def primitive(nodes: tuple[int, int]) -> Primitive:
+        return Primitive(density, *lines, nodes)
+
+    def estimate(more: int) -> float:
+        nodes = exact or (SMOOTH_NODES // 2 + more,) * 2
+        total = 0.0
+        for passage, breaks in zip(loops, pieces):
+            t, weights = gauss_rule(breaks, SMOOTH_NODES // 4 + more)
+            rate = weights * passage.rates(t)[:, 1]
+            if rate.any():
+                part = float(rate @ primitive(nodes)(*_inside(face, passage.points(t)).T))
+                total += part if passage.along else -part
+        return total
+
+    return estimate
+
+
+def _inside(face: BrepFace, points: Floats) -> Floats:
+    """Return parameters (u, v), those that rounding put beside the rectangle of a spline moved onto it."""
+    for axis, kv in enumerate(knots(face)):
+        points[:, axis] = np.clip(points[:, axis], kv.start, kv.stop)
+    return points
+
+
+def _lines(face: BrepFace, loops: Sequence[Passage]) -> tuple[Floats, Floats]:
+    """Return lines u = u_i and v = v_j round loops between which a face is smooth: the knots of a spline, and
+    on other faces pieces of a turn."""
+    points = np.concatenate([passage.samples() for passage in loops])
+    lines = []
+    for axis, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0))):
+        if face.surface is not None:
+            breaks = knots(face)[axis].breaks
+            first, last = np.searchsorted(breaks, [low, high])
+            lines.append(breaks[max(first - 2, 0) : last + 2])  # samples may miss the extremes by a span
+        else:
+            slack = (high - low) / SMOOTH_NODES
+            turns = axis == 0 or face.sphere is not None
+            count = int(np.ceil((high - low) / PIECE)) if turns else 1
+            row = np.linspace(low - slack, high + slack, count + 1)
+            swept = face.extrusion.curve.kv if face.extrusion is not None and axis == 0 else None
+            lines.append(row if swept is None else np.union1d(row, swept.breaks))
+    return lines[0], lines[1]
+
+
+def _is_whole(face: BrepFace, surface: BSplineSurface, edges: Mapping[int, BrepEdge]) -> bool:
+    """Return whether the edges of a spline face are the four sides of its rectangle."""
     kv_u = surface.kv_u
     kv_v = surface.kv_v
     net = surface.coefficients
@@ -97,15 +241,18 @@ def _require_whole(face: BrepFace, edges: Mapping[int, BrepEdge]) -> None:
     if len(face.loops) == 1 and len(face.loops[0]) == 4:
         for number, _ in face.loops[0]:
             sides = [side for side in sides if not _covers(edges[number], *side)]
-    if sides:
-        raise NotMeasured(f"face #{face.number} must end at the four sides of its spline")
+    return not sides
 
 
 def _covers(edge: BrepEdge, kv: KnotVector, poles: Floats) -> bool:
     """Return whether an edge is the spline (kv, poles), of which it may lack some knots, run in either
     direction."""
+    if edge.poles is None or edge.weights is not None:
+        return False
     curve = edge.kv or UNIT
-    points = _poles(edge)
+    points = edge.poles if edge.kv else edge.ends
+    if not _same(edge.ends, points[[0, -1]]):
+        return False
     if _same(poles[[0, -1]], points[[-1, 0]]):
         curve = KnotVector(curve.degree, 0.0 - curve.knots[::-1])
         points = points[::-1]
@@ -120,76 +267,25 @@ def _same(a: Floats, b: Floats) -> bool:
     return bool((abs(a - b) <= MATCH).all())
 
 
-def _poles(edge: BrepEdge) -> Floats:
-    """Return the poles of an edge, along its curve; raise NotMeasured for a curve that is neither a line nor
-    a whole spline."""
-    if edge.poles is None:
-        raise NotMeasured(f"edge #{edge.number} must be a line or a spline")
-    if edge.kv is None:
-        return edge.ends
-    if not _same(edge.ends, edge.poles[[0, -1]]):
-        raise NotMeasured(f"edge #{edge.number} must be a whole spline, got a part")
-    return edge.poles
-
-
-def _flux(face: BrepFace, edges: Mapping[int, BrepEdge], origin: Floats) -> float:
-    """Return the integral of (X - O) . n dA, n the normal of the surface."""
-    if face.plane is not None:
-        point, normal, _ = face.plane
-        height = float((point - origin) @ normal / np.linalg.norm(normal))
-        return height * _plane_area(face, face.plane, edges)
-    whole = _spline(face)
-    surface = BSplineSurface(whole.kv_u, whole.kv_v, whole.coefficients - origin)
-    nodes = 3 * surface.kv_u.degree // 2 + 1, 3 * surface.kv_v.degree // 2 + 1
-    return sum(
-        float(wu @ np.einsum("ijk,ijk->ij", x, normal) @ wv) for wu, wv, x, normal in _normals(surface, nodes)
-    )
-
-
-def _area(face: BrepFace, edges: Mapping[int, BrepEdge]) -> float:
-    if face.plane is not None:
-        return _plane_area(face, face.plane, edges)
-    surface = _spline(face)
-    before = np.inf
-    more = 2
-    while more <= MOST_NODES:
-        p, q = surface.kv_u.degree, surface.kv_v.degree
-        nodes = min(p + more, MOST_NODES), min(q + more, MOST_NODES)
-        area = sum(
-            float(wu @ np.linalg.norm(normal, axis=2) @ wv) for wu, wv, _, normal in _normals(surface, nodes)
-        )
-        if abs(area - before) <= ACCURACY * area:
-            return area
-        before = area
-        more = more + max(2, more // 2)
-    raise ValueError(
-        f"the area of face #{face.number} cannot be found to {ACCURACY:g} with {MOST_NODES} nodes per span"
-    )
-
-
 def _plane_area(face: BrepFace, plane: Floats, edges: Mapping[int, BrepEdge]) -> float:
     """Return |1/2 n . integral of X x dX| around the loops of a plane face."""
     point, normal, _ = plane
     twice = np.zeros(3)
     for number, along in (use for loop in face.loops for use in loop):
-        edge = edges[number]
-        poles = _poles(edge) - point
-        if edge.kv is None:
-            part = np.cross(poles[0], poles[1])
-        else:
-            (x, w), kv = gauss_rule(edge.kv.breaks, edge.kv.degree), edge.kv
-            part = w @ np.cross(kv.collocation(x) @ poles, kv.collocation(x, 1) @ poles)
+        t, weights = _rule(edges[number])
+        part = weights @ np.cross(edges[number].points(t) - point, edges[number].points(t, 1))
         twice += part if along else -part
     return abs(float(twice @ normal)) / (2 * float(np.linalg.norm(normal)))
 
 
-def _normals(
-    surface: BSplineSurface, nodes: tuple[int, int]
-) -> Iterator[tuple[Floats, Floats, Floats, Floats]]:
-    """Yield (weights in u, weights in v, X, X_u x X_v) at Gauss nodes of all spans, strip by strip."""
-    (u, wu), (v, wv) = (gauss_rule(kv.breaks, n) for kv, n in zip((surface.kv_u, surface.kv_v), nodes))
-    step = max(1, STRIP // len(v))
-    for first in range(0, len(u), step):
-        part = u[first : first + step]
-        x, by_u, by_v = (surface.grid(part, v, orders) for orders in ((0, 0), (1, 0), (0, 1)))
-        yield wu[first : first + step], wv, x, np.cross(by_u, by_v)
+def _rule(edge: BrepEdge) -> tuple[Floats, Floats]:
+    """Return a Gauss rule along an edge for X x dX: exact for lines and splines, and for others to rounding
+    errors; raise NotMeasured for an unknown curve."""
+    span = edge_span(edge)
+    if span is None:
+        raise NotMeasured(f"edge #{edge.number} must be a line, a spline or a conic")
+    breaks = np.unique(np.clip([*span, *(edge.kv.breaks if edge.kv else ())], *span))
+    if edge.conic is None and edge.weights is None:
+        return gauss_rule(breaks, edge.kv.degree if edge.kv else 1)
+    quarters = np.linspace(breaks[:-1], breaks[1:], 8, endpoint=False).T.ravel()
+    return gauss_rule(np.r_[quarters, breaks[-1]], SMOOTH_NODES)

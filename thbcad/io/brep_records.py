@@ -13,10 +13,13 @@ from typing import Literal
 import numpy as np
 
 from thbcad.checks import Floats
+from thbcad.sags import lobatto_nodes
 from thbcad.splines import BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 
 MILLIMETRE = "MILLI METRE"
 MATCH = 1e-7  # the distance within which edges and the sides of faces agree, as CAD programs have it in mm
+NEWTON_STEPS = 20  # about 5 suffice where the point lies on the curve
+TURN = 2 * np.pi
 CLOSED = ("CIRCLE", "ELLIPSE")
 Order = Literal[0, 1]  # of a derivative
 Local = tuple[Floats, Floats, Floats]  # components along P1, P2 and P3
@@ -183,10 +186,11 @@ class BrepFace:
         return any(kind is not None for kind in kinds)
 
     @property
-    def turns(self) -> bool:
-        """True where the points of the surface repeat after 2 pi in u."""
+    def turns(self) -> tuple[bool, bool]:
+        """Whether the points of the surface repeat after 2 pi, in u and in v."""
         swept = self.extrusion is not None and self.extrusion.curve.closed_conic
-        return swept or any(kind is not None for kind in (self.sphere, self.cylinder, self.cone))
+        ball = self.sphere is not None
+        return swept or ball or self.cylinder is not None or self.cone is not None, ball
 
     def points(self, u: Floats, v: Floats, derivative: tuple[Order, Order] = (0, 0)) -> Floats:
         """Return X(u, v), X_u or X_v of a known surface at points, (n,) each, as (n, 3)."""
@@ -255,3 +259,39 @@ def _on_plane(u: Floats, v: Floats, derivative: tuple[Order, Order]) -> Local:
     if by_u or by_v:
         return zero + by_u, zero + by_v, zero
     return u, v, zero
+
+
+def edge_span(edge: BrepEdge) -> tuple[float, float] | None:
+    """Return the parameters of an edge's ends, equal ones where a line has no direction, None where the curve
+    is not known."""
+    if edge.conic is not None:
+        first, last = edge.conic.parameters(edge.ends).tolist()
+        if edge.closed_conic:
+            whole = abs(edge.ends[1] - edge.ends[0]).max() <= MATCH
+            last = first + (TURN if whole else (last - first) % TURN)
+        return first, last
+    if edge.poles is None:
+        return None
+    if edge.kv is not None:
+        whole = abs(edge.poles[[0, -1]] - edge.ends).max() <= MATCH
+        return (edge.kv.start, edge.kv.stop) if whole else _nearest(edge, edge.kv)
+    step = edge.poles[1] - edge.poles[0]
+    length = np.linalg.norm(step)
+    if not length:
+        return 0.0, 0.0
+    first, last = ((edge.ends - edge.poles[0]) @ (step / length) / length).tolist()
+    return first, last
+
+
+def _nearest(edge: BrepEdge, kv: KnotVector) -> tuple[float, float]:
+    """Return the parameters of the points of a spline that are nearest to the ends of an edge that is a part
+    of it: by Gauss-Newton steps from the nearest of samples."""
+    t = lobatto_nodes(kv.breaks, 2 * kv.degree)
+    apart = np.linalg.norm(edge.points(t)[:, None] - edge.ends, axis=2)
+    found = t[np.argmin(apart, axis=0)]
+    for _ in range(NEWTON_STEPS):
+        off, along = edge.points(found) - edge.ends, edge.points(found, 1)
+        step = (off * along).sum(axis=1) / (along * along).sum(axis=1)
+        found = np.clip(found - np.nan_to_num(step, posinf=0.0, neginf=0.0), kv.start, kv.stop)
+    first, last = found.tolist()
+    return first, last

@@ -10,8 +10,8 @@ between the extrema of a Chebyshev polynomial: where the image is a line along t
 that rectangular lenses have, the difference is a polynomial of no higher degree there, and what lies between
 is at most a few times larger.
 
-On a sphere, a cylinder or a cone a circle may begin at any multiple of 2 pi; images follow each other round a
-face then.
+A circle may begin at any multiple of 2 pi; on a sphere, a cylinder or a cone the images follow each other
+round a face all the same.
 
 Source: ISO 10303-42, pcurve, surface_curve; L. N. Trefethen, Approximation Theory and Approximation Practice,
 chapter 15 (Lebesgue constants of Chebyshev points are below 4 up to degree 100).
@@ -26,13 +26,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thbcad.checks import Floats, Integers
-from thbcad.io.brep_records import MATCH, Brep, BrepCurve, BrepEdge, BrepFace, ParameterCurve, axes
+from thbcad.io.brep_records import (
+    TURN,
+    Brep,
+    BrepCurve,
+    BrepEdge,
+    BrepFace,
+    Order,
+    ParameterCurve,
+    axes,
+    edge_span,
+)
 from thbcad.sags import lobatto_nodes
 from thbcad.splines import KnotVector
 
-NEWTON_STEPS = 20  # about 5 suffice where the point lies on the curve
 BEYOND = 1e-9  # of the size of a parameter rectangle: rounding
-TURN = 2 * np.pi
 CLOSE = 1e-3  # of a loop's extent: edges meet within a vertex's tolerance, or are a whole turn apart
 ROUND_NODES = 16  # of a circle, enough for a whole turn to rounding errors
 BISECTIONS = 50  # between samples: to rounding errors
@@ -96,7 +104,7 @@ class Passage:
     """An edge as a loop passes it in the parameters of its face.
 
     span : the parameters of the curve's start and end.  along : whether the curve is passed forwards.
-    shift : of u, a multiple of 2 pi.  pace : of the image against the curve.
+    pace : of the image against the curve.  shift : of (u, v), multiples of 2 pi, (2,) float or 0.
     """
 
     edge: BrepEdge
@@ -104,12 +112,17 @@ class Passage:
     span: tuple[float, float]
     along: bool
     pace: float = 1.0
-    shift: float = 0.0
+    shift: Floats | float = 0.0
 
     def points(self, t: Floats) -> Floats:
         """Return (u, v) at parameters of the curve, (n, 2)."""
-        points: Floats = _image_points(self.image, self.pace * t) + np.array([self.shift, 0.0])
+        points: Floats = _image_points(self.image, self.pace * t) + self.shift
         return points
+
+    def rates(self, t: Floats) -> Floats:
+        """Return the derivatives of (u, v) by the parameter of the curve, (n, 2)."""
+        rates: Floats = self.pace * _image_points(self.image, self.pace * t, 1)
+        return rates
 
     def samples(self) -> Floats:
         """Return points in the order of the loop, some in every span of the image."""
@@ -159,10 +172,10 @@ def _passage(
     if span is None:
         return None
     passage = Passage(edge, image, span, along, _pace(edge, image, face))
-    if not face.turns or not before:
+    if not any(face.turns) or not before:
         return passage
-    turns = np.round((before[-1].ends()[1, 0] - passage.ends()[0, 0]) / TURN)
-    return replace(passage, shift=float(TURN * turns))
+    turns = np.round((before[-1].ends()[1] - passage.ends()[0]) / TURN)
+    return replace(passage, shift=TURN * turns * face.turns)
 
 
 def _jump(before: Sequence[Passage], passage: Passage) -> float:
@@ -184,42 +197,6 @@ def image_span(edge: BrepEdge, image: ParameterCurve) -> tuple[float, float] | N
         span = float(span[0] + TURN * turns), float(span[1] + TURN * turns)
     inside = image.kv.start - slack <= span[0] and span[1] <= image.kv.stop + slack
     return span if inside else None
-
-
-def edge_span(edge: BrepEdge) -> tuple[float, float] | None:
-    """Return the parameters of an edge's ends, equal ones where a line has no direction, None where the curve
-    is not known."""
-    if edge.conic is not None:
-        first, last = edge.conic.parameters(edge.ends).tolist()
-        if edge.closed_conic:
-            whole = abs(edge.ends[1] - edge.ends[0]).max() <= MATCH
-            last = first + (TURN if whole else (last - first) % TURN)
-        return first, last
-    if edge.poles is None:
-        return None
-    if edge.kv is not None:
-        whole = abs(edge.poles[[0, -1]] - edge.ends).max() <= MATCH
-        return (edge.kv.start, edge.kv.stop) if whole else _nearest(edge, edge.kv)
-    step = edge.poles[1] - edge.poles[0]
-    length = np.linalg.norm(step)
-    if not length:
-        return 0.0, 0.0
-    first, last = ((edge.ends - edge.poles[0]) @ (step / length) / length).tolist()
-    return first, last
-
-
-def _nearest(edge: BrepEdge, kv: KnotVector) -> tuple[float, float]:
-    """Return the parameters of the points of a spline that are nearest to the ends of an edge that is a part
-    of it: by Gauss-Newton steps from the nearest of samples."""
-    t = lobatto_nodes(kv.breaks, 2 * kv.degree)
-    apart = np.linalg.norm(edge.points(t)[:, None] - edge.ends, axis=2)
-    found = t[np.argmin(apart, axis=0)]
-    for _ in range(NEWTON_STEPS):
-        off, along = edge.points(found) - edge.ends, edge.points(found, 1)
-        step = (off * along).sum(axis=1) / (along * along).sum(axis=1)
-        found = np.clip(found - np.nan_to_num(step, posinf=0.0, neginf=0.0), kv.start, kv.stop)
-    first, last = found.tolist()
-    return first, last
 
 
 def _beside_ends(edge: BrepEdge, span: tuple[float, float]) -> float:
@@ -284,9 +261,9 @@ def _crossings(points: Callable[[Floats], Floats], breaks: Floats, lines: Sequen
     return np.concatenate(found)
 
 
-def _image_points(image: ParameterCurve, t: Floats) -> Floats:
+def _image_points(image: ParameterCurve, t: Floats, derivative: Order = 0) -> Floats:
     """Return points of an image, those that rounding put beside its parameters moved onto them."""
-    return image.points(t if image.kv is None else np.clip(t, image.kv.start, image.kv.stop))
+    return image.points(t if image.kv is None else np.clip(t, image.kv.start, image.kv.stop), derivative)
 
 
 def _surface(face: BrepFace, parameters: Floats) -> Floats | None:

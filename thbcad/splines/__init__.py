@@ -42,6 +42,10 @@ if TYPE_CHECKING:
         blossom_rows as blossom_rows,
         greville_abscissae as greville_abscissae,
     )
+    from thbcad.splines.region_quadrature import (
+        Primitive as Primitive,
+        grid_integral as grid_integral,
+    )
     from thbcad.splines.sparse_operators import (
         band_matrix as band_matrix,
         banded_least_squares as banded_least_squares,
@@ -82,6 +86,10 @@ _FILES = {
         "blossom",
         "blossom_rows",
         "greville_abscissae",
+    ),
+    "region_quadrature": (
+        "Primitive",
+        "grid_integral",
     ),
     "sparse_operators": (
         "band_matrix",

@@ -1,7 +1,16 @@
-"""A shape written as STEP by OpenCASCADE itself."""
+"""Shapes with round faces, and shapes written as STEP by OpenCASCADE itself."""
 
 from __future__ import annotations
 
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
+from OCP.BRepPrimAPI import (
+    BRepPrimAPI_MakeBox,
+    BRepPrimAPI_MakeCone,
+    BRepPrimAPI_MakeCylinder,
+    BRepPrimAPI_MakeSphere,
+)
+from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 from OCP.Interface import Interface_Static
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
@@ -18,3 +27,32 @@ def written(shape, path, unit="MM"):
     finally:
         Interface_Static.SetCVal_s("write.step.unit", before)
     return path
+
+
+def turned_at_random(shape):
+    """Return a shape turned and moved."""
+    turn = gp_Trsf()
+    turn.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 1)), 0.7)
+    return BRepBuilderAPI_Transform(shape, turn, True).Shape()
+
+
+SOLIDS = {
+    "plate with a spherical top": lambda: BRepAlgoAPI_Common(
+        BRepPrimAPI_MakeSphere(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 1, 0)), 5.0).Solid(),
+        BRepPrimAPI_MakeBox(gp_Pnt(-2, -3, 1), 4.5, 6.0, 9.0).Solid(),
+    ).Shape(),
+    "cone with a bore": lambda: BRepAlgoAPI_Cut(
+        BRepPrimAPI_MakeCone(3.0, 1.0, 5.0).Solid(), BRepPrimAPI_MakeCylinder(0.5, 9.0).Solid()
+    ).Shape(),
+    "cone cut by a plane along its axis": lambda: BRepAlgoAPI_Common(
+        BRepPrimAPI_MakeCone(3.0, 1.0, 5.0).Solid(),
+        BRepPrimAPI_MakeBox(gp_Pnt(-9, -9, -1), 18.0, 9.5, 9.0).Solid(),
+    ).Shape(),
+    "cylinder cut aslant": lambda: BRepAlgoAPI_Cut(
+        BRepPrimAPI_MakeCylinder(2.0, 5.0).Solid(),
+        BRepPrimAPI_MakeBox(gp_Ax2(gp_Pnt(0, -9, 4), gp_Dir(1, 0, 1)), 9.0, 18.0, 9.0).Solid(),
+    ).Shape(),
+    "rational splines": lambda: BRepBuilderAPI_NurbsConvert(
+        BRepPrimAPI_MakeCone(3.0, 1.0, 5.0, 2.5).Solid(), True
+    ).Shape(),
+}

@@ -6,23 +6,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
-from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepGProp import BRepGProp
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeTorus
-from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere, BRepPrimAPI_MakeTorus
+from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from scipy.integrate import dblquad
 
+from tests.thbcad.cad.shapes.cases import CASES
 from tests.thbcad.cases import LENSES, lenses
-from tests.thbcad.io.cases import written
-from thbcad.cad.exchange import step_bytes, write_step
-from thbcad.cad.shapes import lens_part
-from thbcad.io.brep_measure import ACCURACY, areas, volume
+from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
+from thbcad.cad.exchange import part_step, solid_volume, step_bytes, write_step
+from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
+from thbcad.io.brep_measure import ACCURACY, NotMeasured, areas, volume
 from thbcad.io.step_brep import brep, parse_brep
 from thbcad.io.step_text import entities_of_text
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import Flange, FreeformSurface, Lens, Product, aperture_volume, flanged_volume
 from thbcad.sags import Conic
-from thbcad.splines import BSplineSurface
+from thbcad.splines import BSplineSurface, gauss_rule
 
 
 def of(lens):
@@ -72,7 +73,70 @@ def test_a_frustum_with_ruled_edges(front, rear):
     assert areas(solid) == pytest.approx([4 * a * b, 4 * c * d, *sides], rel=1e-13)
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_round_lenses_and_round_flanges(name):
+    """Against Green's theorem over the lens's own graphs; rims lie within 1e-9 mm of the ellipse, to either
+    side."""
+    lens, semi_axes = CASES[name]
+    flange = Flange(2.0, 1.0, 1.6)
+    for part, wanted in (
+        (trimmed_part(lens, semi_axes), aperture_volume(lens, semi_axes)),
+        (flanged_part(lens, flange, semi_axes), flanged_volume(lens, flange, semi_axes)),
+    ):
+        solid = brep(entities_of_text(part_step(part, Product()).decode()))
+        assert volume(solid) == pytest.approx(wanted, rel=1e-10)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_solids_of_occt_with_round_faces(name, tmp_path):
+    """Against OCCT's adaptive quadrature in the solid as it was before; its intersection curves and the
+    digits that it writes are not exact."""
+    shape = turned_at_random(SOLIDS[name]())
+    solid = parse_brep(written(shape, tmp_path / "solid.step"))
+    assert volume(solid) == pytest.approx(solid_volume(shape, 1e-12), rel=1e-8)
+    if name != "rational splines":  # OCCT's integral is off by 1e-6 there
+        assert sum(areas(solid)) == pytest.approx(occt_area(shape), rel=1e-7)
+
+
+def test_a_cap_of_a_ball_has_the_volume_of_the_closed_form(tmp_path):
+    """The cap of height h = 3 on a sphere of radius 5: pi h^2 (R - h / 3); its faces are a sphere and a
+    plane."""
+    cap = BRepAlgoAPI_Cut(
+        BRepPrimAPI_MakeSphere(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 1, 0)), 5.0).Solid(),
+        BRepPrimAPI_MakeBox(gp_Pnt(-9, -9, -9), 18.0, 18.0, 11.0).Solid(),
+    ).Shape()
+    solid = parse_brep(written(cap, tmp_path / "cap.step"))
+    assert volume(solid) == pytest.approx(9 * np.pi * (5 - 1), rel=1e-10)
+    assert sum(areas(solid)) == pytest.approx(2 * np.pi * 5 * 3 + np.pi * (25 - 4), rel=1e-10)
+
+
 # ---- areas ----
+
+
+def occt_area(shape):
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, properties, 1e-9)
+    return properties.Mass()
+
+
+@pytest.mark.parametrize("name", ["round", "upright"])
+def test_areas_of_trimmed_faces(name):
+    """Front and rear against OCCT; walls against quadrature over the angle, since OCCT's is off by 3e-5."""
+    lens, (a, b) = CASES[name]
+    part = trimmed_part(lens, (a, b))
+    found = areas(brep(entities_of_text(part_step(part, Product()).decode())))
+    assert found[:2] == pytest.approx([occt_area(face) for face in part.faces[:2]], rel=1e-6)
+    t, weights = gauss_rule(np.linspace(0, 2 * np.pi, 2001), 4)
+    x, y = a * np.cos(t), b * np.sin(t)
+    height = lens.thickness + lens.rear(x, y) - lens.front(x, y)
+    wanted = weights @ (height * np.hypot(a * np.sin(t), b * np.cos(t)))
+    assert sum(found[2:]) == pytest.approx(wanted, rel=1e-8)
+
+
+def test_the_area_of_a_sector_of_a_cone_in_rational_splines(tmp_path):
+    """Radii 3 and 1, height 5, angle 2.5: 2.5 / 2 ((3 + 1) sqrt(29) + 9 + 1) + 20."""
+    solid = parse_brep(written(SOLIDS["rational splines"](), tmp_path / "cone.step"))
+    assert sum(areas(solid)) == pytest.approx(1.25 * (4 * np.sqrt(29) + 10) + 20, rel=1e-10)
 
 
 def test_the_area_of_a_paraboloid_and_of_the_edges_under_it():
@@ -101,28 +165,22 @@ def test_areas_against_occt(name):
 # ---- refusals ----
 
 
-def test_other_faces_are_refused(tmp_path):
-    torus = BRepPrimAPI_MakeTorus(10.0, 3.0, 0.5, 1.25, 1.5).Shape()
-    for shape in (
-        BRepPrimAPI_MakeCylinder(2.0, 3.0).Solid(),
-        BRepBuilderAPI_NurbsConvert(torus, True).Shape(),
-    ):
-        solid = parse_brep(written(shape, tmp_path / "round.step"))
-        for measure in (volume, areas):
-            with pytest.raises(ValueError, match="must be a plane or a spline that is not rational"):
-                measure(solid)
+def test_a_torus_is_refused(tmp_path):
+    solid = parse_brep(written(BRepPrimAPI_MakeTorus(10.0, 3.0, 1.5).Shape(), tmp_path / "round.step"))
+    for measure in (volume, areas):
+        with pytest.raises(NotMeasured, match=r"must be a plane, a spline, .*, got TOROIDAL_SURFACE"):
+            measure(solid)
 
 
 def test_a_spline_face_that_ends_elsewhere_is_refused():
     solid = of(LENSES["table63"])
     face = solid.faces[1]
     wider = BSplineSurface(face.surface.kv_u, face.surface.kv_v, 1.1 * face.surface.coefficients)
-    for changed in (
-        replace(face, surface=wider),
-        replace(face, loops=face.loops * 2),
-        replace(face, loops=(face.loops[0][:3],)),
+    for changed, sentence in (
+        (replace(face, surface=wider), "must lie on it, got 0.8 beside it"),
+        (replace(face, loops=(face.loops[0][:3],)), "must have images in its parameters that close"),
     ):
-        with pytest.raises(ValueError, match="must end at the four sides"):
+        with pytest.raises(NotMeasured, match=sentence):
             volume(replace(solid, faces=(solid.faces[0], changed, *solid.faces[2:])))
 
 

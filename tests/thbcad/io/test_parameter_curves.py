@@ -5,19 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
-from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
-from OCP.BRepPrimAPI import (
-    BRepPrimAPI_MakeBox,
-    BRepPrimAPI_MakeCone,
-    BRepPrimAPI_MakeCylinder,
-    BRepPrimAPI_MakeSphere,
-    BRepPrimAPI_MakeTorus,
-)
-from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeTorus
 
 from tests.thbcad.cases import LENSES
-from tests.thbcad.io.cases import written
+from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
 from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.shapes import flanged_part, patched_part, trimmed_part
 from thbcad.io.parameter_curves import image_distance, turned_faces
@@ -75,35 +66,6 @@ def test_the_solids_of_another_program_pass(make, tmp_path):
     assert distance <= 1e-11  # it writes some 13 digits
     assert all(re.fullmatch(r"\d+ images of edges on a TOROIDAL_SURFACE", what) for what in left)
     assert turned_faces(solid) == 0
-
-
-def turned_at_random(shape):
-    """Return a shape turned and moved."""
-    turn = gp_Trsf()
-    turn.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 1)), 0.7)
-    return BRepBuilderAPI_Transform(shape, turn, True).Shape()
-
-
-SOLIDS = {
-    "plate with a spherical top": lambda: BRepAlgoAPI_Common(
-        BRepPrimAPI_MakeSphere(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 1, 0)), 5.0).Solid(),
-        BRepPrimAPI_MakeBox(gp_Pnt(-2, -3, 1), 4.5, 6.0, 9.0).Solid(),
-    ).Shape(),
-    "cone with a bore": lambda: BRepAlgoAPI_Cut(
-        BRepPrimAPI_MakeCone(3.0, 1.0, 5.0).Solid(), BRepPrimAPI_MakeCylinder(0.5, 9.0).Solid()
-    ).Shape(),
-    "cone cut by a plane along its axis": lambda: BRepAlgoAPI_Common(
-        BRepPrimAPI_MakeCone(3.0, 1.0, 5.0).Solid(),
-        BRepPrimAPI_MakeBox(gp_Pnt(-9, -9, -1), 18.0, 9.5, 9.0).Solid(),
-    ).Shape(),
-    "cylinder cut aslant": lambda: BRepAlgoAPI_Cut(
-        BRepPrimAPI_MakeCylinder(2.0, 5.0).Solid(),
-        BRepPrimAPI_MakeBox(gp_Ax2(gp_Pnt(0, -9, 4), gp_Dir(1, 0, 1)), 9.0, 18.0, 9.0).Solid(),
-    ).Shape(),
-    "rational splines": lambda: BRepBuilderAPI_NurbsConvert(
-        BRepPrimAPI_MakeCone(3.0, 1.0, 5.0, 2.5).Solid(), True
-    ).Shape(),
-}
 
 
 @pytest.mark.parametrize("name", SOLIDS)

@@ -1,0 +1,82 @@
+"""Integrals over regions in the parameters of a surface, by Green's theorem.
+
+    integral of f over a region = integral of G dv round it,  G(u, v) = integral of f(., v) from u_0 to u.
+
+f is smooth between lines u = u_i and v = v_j, such as the knots of a spline.  On every cell f is integrated
+by Gauss's rule in u, and the integrals over whole cells are interpolated in v through Gauss's nodes.  Both
+are exact for polynomials.
+
+Source: A. Sommariva and M. Vianello, Product Gauss cubature over polygons based on Green's integration
+formula, BIT 47 (2007).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
+
+from thbcad.checks import Floats, Integers
+from thbcad.splines.gauss import gauss_rule
+
+STRIP = 2**18  # nodes that are taken at once
+
+
+class Integrand(Protocol):
+    """A function f(u, v)."""
+
+    def __call__(self, u: Floats, v: Floats) -> Floats:
+        """Return the values at points, (n,) each, as (n,)."""
+
+    def grid(self, u: Floats, v: Floats) -> Floats:
+        """Return the values on the grid u x v, (len(u), len(v))."""
+
+
+def grid_integral(f: Integrand, u: Floats, v: Floats, nodes: tuple[int, int]) -> float:
+    """Return the integral of f over the rectangle of the lines u and v by Gauss's rules on all cells."""
+    (at_u, wu), (at_v, wv) = gauss_rule(u, nodes[0]), gauss_rule(v, nodes[1])
+    step = max(1, STRIP // len(at_v))
+    parts = (slice(first, first + step) for first in range(0, len(at_u), step))
+    return sum(float(wu[part] @ f.grid(at_u[part], at_v) @ wv) for part in parts)
+
+
+class Primitive:
+    """G(u, v), the integral of f(., v) from the first line in u to u.
+
+    u, v : lines between which f is smooth, increasing.
+    nodes : of the rules in u and in v on every cell, exact for degrees 2 nodes[0] - 1 and nodes[1] - 1.
+    """
+
+    def __init__(self, f: Integrand, u: Floats, v: Floats, nodes: tuple[int, int]) -> None:
+        self._f = f
+        self._lines = u, v
+        self._nodes = nodes
+        (at_u, weights), (at_v, _) = gauss_rule(u, nodes[0]), gauss_rule(v, nodes[1])
+        step = max(1, STRIP // (nodes[0] * len(at_v))) * nodes[0]  # whole cells
+        sums = [np.zeros((1, len(at_v)))]
+        for first in range(0, len(at_u), step):
+            part = slice(first, first + step)
+            values = weights[part, None] * f.grid(at_u[part], at_v)
+            sums.append(values.reshape(-1, nodes[0], len(at_v)).sum(axis=1))
+        self._whole = np.cumsum(np.concatenate(sums), axis=0).reshape(len(u), len(v) - 1, nodes[1])
+
+    def __call__(self, u: Floats, v: Floats) -> Floats:
+        """Return G at points between the first and the last lines, (n,) each, as (n,)."""
+        i, j = (_cell(lines, x) for lines, x in zip(self._lines, (u, v)))
+        lines, (count, order) = self._lines, self._nodes
+        local = 2 * (v - lines[1][j]) / (lines[1][j + 1] - lines[1][j]) - 1
+        at_nodes = legvander(leggauss(order)[0], order - 1)
+        weights = np.linalg.solve(at_nodes.T, legvander(local, order - 1).T)  # of the values at the nodes
+        whole = np.einsum("mn,nm->n", weights, self._whole[i, j])
+        x, w = leggauss(count)
+        half = (u - lines[0][i]) / 2
+        inner = lines[0][i][:, None] + half[:, None] * (1 + x)
+        values = self._f(inner.ravel(), np.repeat(v, count)).reshape(inner.shape)
+        result: Floats = whole + half * (values @ w)
+        return result
+
+
+def _cell(lines: Floats, x: Floats) -> Integers:
+    """Return the cell between lines in which every x lies."""
+    return np.clip(np.searchsorted(lines, x, side="right") - 1, 0, len(lines) - 2)
