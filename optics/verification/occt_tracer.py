@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from optics.tracing import LandingPoints
 from thbcad.cad.exchange import face_hits
-from thbcad.sags import conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
+from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
@@ -20,13 +20,15 @@ if TYPE_CHECKING:
 
     Rows = NDArray[np.float64]
 
+MISCOUNTED = "optical faces where a lens has 2, front and rear"
+
 
 def optical_faces(solid: Brep) -> tuple[int, int]:
     """Return the indices of front and rear among the faces.
 
     They are the faces of these names.  Where the names are missing or not unique, they are the lowest and the
     highest of the faces that are splines curved in both directions, or planes, spheres and patches of conics
-    without holes across the middle of the solid.
+    without holes across the middle: that of a spline, else that of the solid.
 
     Raises
     ------
@@ -35,25 +37,29 @@ def optical_faces(solid: Brep) -> tuple[int, int]:
     names = [face.name for face in solid.faces]
     if names.count("front") == names.count("rear") == 1:
         return names.index("front"), names.index("rear")
-    corners = np.concatenate([edge.ends for edge in solid.edges])[:, :2]
-    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    heights: dict[int, float] = {}
-    splines = 0
-    for k, face in enumerate(solid.faces):
-        form = optical_form(solid, face)
-        if isinstance(form, BSplineSurface):
-            u, v = ((kv.start + kv.stop) / 2 for kv in (form.kv_u, form.kv_v))
-            heights[k] = float(form([u], [v])[0, 2])
-            splines += 1
-        elif form is not None and len(face.loops) == 1:
-            own = face_corners(solid, face)[:, :2]
+    forms = {k: optical_form(solid, face) for k, face in enumerate(solid.faces)}
+    centres = {k: _centre(form) for k, form in forms.items() if isinstance(form, BSplineSurface)}
+    if len(centres) > 2:
+        raise ValueError(f"the file holds {len(centres)} {MISCOUNTED}")
+    ends = np.concatenate([edge.ends for edge in solid.edges])
+    middle = next(iter(centres.values()), (ends.min(axis=0) + ends.max(axis=0)) / 2)[:2]
+    heights = {k: float(centre[2]) for k, centre in centres.items()}
+    for k, form in forms.items():
+        if isinstance(form, PlacedConic) and len(solid.faces[k].loops) == 1:
+            own = face_corners(solid, solid.faces[k])[:, :2]
             if (own.min(axis=0) <= middle).all() and (middle <= own.max(axis=0)).all():
-                heights[k] = form(*middle)
+                heights[k] = float(form(*middle))
     order = sorted(heights, key=lambda k: heights[k])
-    if len(order) < 2 or splines > 2:
-        count = splines if splines > 2 else len(order)
-        raise ValueError(f"the file holds {count} optical faces where a lens has 2, front and rear")
+    if len(order) < 2:
+        raise ValueError(f"the file holds {len(order)} {MISCOUNTED}")
     return order[0], order[-1]
+
+
+def _centre(spline: BSplineSurface) -> Rows:
+    """Return the point at the middle of the parameters, (3,), mm."""
+    u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
+    point: Rows = spline([u], [v])[0]
+    return point
 
 
 def optical_form(solid: Brep, face: BrepFace) -> OpticalForm | None:

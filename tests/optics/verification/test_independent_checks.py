@@ -16,7 +16,7 @@ from optics.verification.occt_tracer import occt_trace, optical_faces
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import fresnel, meridional
 from tests.optics.cases import moved_point, small_lens
-from tests.optics.verification.cases import EVERY_LENS, shaped
+from tests.optics.verification.cases import EVERY_LENS, SPLINES, shaped
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
 from thbcad.cad.shapes import lens_solid
@@ -37,10 +37,10 @@ IMAGES = "text of the file: edges from their vertices and from their curves in t
 UNPAIRED = "text of the file: edges that do not border two faces"
 
 
-RULED = {"lens.rear.half_width": [8.0, 9.0], "lens.front.radius": 60.0, "lens.front.conic": -1.0}
+RULED = SPLINES | {"lens.rear.half_width": [8.0, 9.0]}
 
 
-@pytest.fixture(scope="module", params=[{}, RULED], ids=["plane edges", "ruled edges"])
+@pytest.fixture(scope="module", params=[SPLINES, RULED], ids=["plane edges", "ruled edges"])
 def good(request, tmp_path_factory):
     """A lens with plane or with ruled edges, its problem, and the text of its STEP file."""
     folder = tmp_path_factory.mktemp("strangers")

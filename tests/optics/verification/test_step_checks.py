@@ -20,7 +20,7 @@ from optics.verification.reference_tracer import deposit
 from optics.verification.step_checks import TOLERANCE, differing_numbers, surface_deviation, verify
 from optics.verification.step_file import StepFile
 from tests.optics.cases import moved_point
-from tests.optics.verification.cases import EVERY_LENS, shaped
+from tests.optics.verification.cases import EVERY_LENS, SPLINES, shaped
 from thbcad import KnotVector, write_step
 from thbcad.cad.exchange import compact, read_step
 from thbcad.cad.shapes import lens_solid
@@ -37,7 +37,7 @@ def written(problem, lens, path):
 def good(tmp_path_factory):
     """A lens, its problem, and the text of its STEP file."""
     folder = tmp_path_factory.mktemp("verify")
-    problem, lens = shaped(folder)
+    problem, lens = shaped(folder, SPLINES)
     written(problem, lens, folder / "lens.step")
     return SimpleNamespace(problem=problem, lens=lens, text=(folder / "lens.step").read_text())
 

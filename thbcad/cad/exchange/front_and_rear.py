@@ -35,7 +35,7 @@ def front_and_rear(
 
     They are the faces of these names.  Where the names are missing or not unique, they are the lowest and the
     highest of the faces that are splines curved in both directions, or planes, spheres and patches of conics
-    across the middle of the solid.
+    across the middle.
 
     names : of all faces in their order
 
@@ -81,16 +81,19 @@ def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:
 
 
 def _across_the_middle(faces: Sequence[TopoDS_Face], corners: Floats) -> list[OpticalForm]:
-    """Return the lowest and the highest optical surface, or all splines where they are more than two."""
+    """Return the lowest and the highest optical surface, or all splines where they are more than two.
+
+    The middle is that of a spline, else that of the solid.
+    """
     forms = [(face, optical_form(face)) for face in faces]
-    splines: list[OpticalForm] = [form for _, form in forms if isinstance(form, BSplineSurface)]
+    splines = [form for _, form in forms if isinstance(form, BSplineSurface)]
     if len(splines) > 2 or not len(corners):
-        return splines
-    x, y = (corners.min(axis=0) + corners.max(axis=0))[:2] / 2
-    conics: list[OpticalForm] = [
-        form for face, form in forms if isinstance(form, PlacedConic) and _covers(face, form, x, y)
-    ]
-    found = sorted([*splines, *conics], key=lambda form: _height(form, x, y))
+        return [*splines]
+    x, y, _ = _centre(splines[0]) if splines else (corners.min(axis=0) + corners.max(axis=0)) / 2
+    conics = [form for face, form in forms if isinstance(form, PlacedConic) and _covers(face, form, x, y)]
+    heights: list[tuple[float, OpticalForm]] = [(float(_centre(form)[2]), form) for form in splines]
+    heights += [(float(form(x, y)), form) for form in conics]
+    found = [form for _, form in sorted(heights, key=lambda pair: pair[0])]
     return [found[0], found[-1]] if len(found) > 1 else found
 
 
@@ -100,11 +103,11 @@ def _covers(face: TopoDS_Face, conic: PlacedConic, x: float, y: float) -> bool:
     return BRepClass_FaceClassifier(face, point, TOLERANCE).State() != TopAbs_OUT
 
 
-def _height(form: OpticalForm, x: float, y: float) -> float:
-    if isinstance(form, PlacedConic):
-        return form(x, y)
-    u, v = ((kv.start + kv.stop) / 2 for kv in (form.kv_u, form.kv_v))
-    return float(form([u], [v])[0, 2])
+def _centre(spline: BSplineSurface) -> Floats:
+    """Return the point at the middle of the parameters, (3,), mm."""
+    u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
+    point: Floats = spline([u], [v])[0]
+    return point
 
 
 def _corners(shape: TopoDS_Shape) -> Floats:
