@@ -21,11 +21,19 @@ from optics.export import export
 from optics.problem import load_problem
 from optics.runtime import Backend, Check, Row, load_backend
 from optics.system import OpticalSystem
-from optics.verification import StepFile, optiland_available, optiland_checks, text_and_occt_checks, verify
+from optics.verification import (
+    StepFile,
+    differing_numbers,
+    optiland_available,
+    optiland_checks,
+    text_and_occt_checks,
+    verify,
+)
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange import SolidFile, brep_bytes, iges_bytes, part_step, read_brep, read_iges, step_bytes
 from thbcad.cad.shapes import lens_part
-from thbcad.lens import Product, placed_surfaces
+from thbcad.lens import OpticalForm, Product, optical_forms
+from thbcad.sags import PlacedConic
 
 MEGABYTES = {227: 5.0, 451: 20.0}  # by the poles per direction
 SECONDS = {227: 3.0, 451: 10.0}  # from the splines to the verified file, imports not counted
@@ -176,13 +184,10 @@ def _other_rows(poles: int, lens: Lens, folder: Path) -> list[Row]:
 
 def _face_rows(poles: int, lens: Lens, read: SolidFile, name: str) -> list[Row]:
     faces = (read.front, read.rear)
-    differ = sum(
-        _different(face.coefficients, own.coefficients) for face, own in zip(faces, placed_surfaces(lens))
-    )
+    differ = sum(differing_numbers(face, own) for face, own in zip(faces, optical_forms(lens)))
     x = np.linspace(-50, 50, SAMPLES)
     exact = (lens.front.grid(x, x), lens.thickness + lens.rear.grid(x, x))
-    u = [np.clip(x, face.kv_u.start, face.kv_u.stop) for face in faces]
-    error = max(float(np.abs(face.grid(at, at)[..., 2] - z).max()) for face, at, z in zip(faces, u, exact))
+    error = max(float(np.abs(_heights(face, x) - z).max()) for face, z in zip(faces, exact))
     return [
         Row(f"{poles}^2 poles: {name.upper()}, poles that differ", differ, "", "", 0),
         Row(
@@ -195,10 +200,13 @@ def _face_rows(poles: int, lens: Lens, read: SolidFile, name: str) -> list[Row]:
     ]
 
 
-def _different(poles: NDArray[np.float64], own: NDArray[np.float64]) -> int:
-    return (
-        int((poles != own).any(axis=2).sum()) if poles.shape == own.shape else max(len(poles), len(own)) ** 2
-    )
+def _heights(face: OpticalForm, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return z over x times x, mm."""
+    if isinstance(face, PlacedConic):
+        return face(x[:, None], x[None, :])
+    u, v = (np.clip(x, kv.start, kv.stop) for kv in (face.kv_u, face.kv_v))
+    heights: NDArray[np.float64] = face.grid(u, v)[..., 2]
+    return heights
 
 
 def _quarter_row() -> Row:

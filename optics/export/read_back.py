@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline, NdBSpline
 from optics.export.edge_distance import edge_distance
 from optics.runtime import Check, UserError
 from thbcad.doors import pip_command
-from thbcad.lens import EDGES, FRONT, REAR, SIDES, placed_surfaces
+from thbcad.lens import EDGES, FRONT, REAR, SIDES, optical_forms
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
@@ -52,7 +52,7 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, volume: flo
     checks = _state_checks(read, by, faces, volume)
     surfaces = ((lens.front, 0.0), (lens.rear, lens.thickness))
     for word, face, exact, (surface, vertex) in zip(
-        ("front", "rear"), (read.front, read.rear), placed_surfaces(lens), surfaces
+        ("front", "rear"), (read.front, read.rear), optical_forms(lens), surfaces
     ):
         checks.append(
             Check(

@@ -17,11 +17,13 @@ import numpy as np
 from optics.runtime import PRECISIONS, UserError
 from optics.tracing import LandingPoints
 from thbcad.doors import pip_command
+from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.verification import StepFile
+    from thbcad.lens import OpticalForm
 
 INDEX = re.compile(r"refractive index ([0-9.]+(?:[eE][-+]?[0-9]+)?)\Z")
 
@@ -107,15 +109,22 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
         trace = _by_optiland(file, index, target_z)
     else:
         trace = _by_occt(file, index, target_z)
-    heights = [face.coefficients[..., 2].min() for face in (file.solid.front, file.solid.rear)]
+    heights = [_lowest(face) for face in (file.solid.front, file.solid.rear)]
     return FileTracer(
         name=name,
         trace=trace,
         coarser=coarser,
-        start=float(min(heights)) - 1.0,
+        start=min(heights) - 1.0,
         index=index,
         resolution=resolution,
     )
+
+
+def _lowest(face: OpticalForm) -> float:
+    """Return a height that no point of a face is below, mm."""
+    if isinstance(face, PlacedConic):
+        return min(face.vertex, float(face(*face.half_width)))
+    return float(face.coefficients[..., 2].min())
 
 
 def index_of(file: StepFile) -> float:

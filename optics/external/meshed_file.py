@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from optics.mitsuba import current_mitsuba, mitsuba_backend
 from optics.tracing import LandingPoints
-from optics.verification import optical_faces
+from optics.verification import optical_faces, optical_form
 from thbcad.cad.exchange import FaceNodes, face_nodes
-from thbcad.splines import BSplineSurface
+from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from optics.sources import Rays
     from optics.verification import StepFile
-    from thbcad.splines import KnotVector
+    from thbcad.splines import BSplineSurface, KnotVector
 
 FLAT = 2  # steps across a plane face
 COARSER = 3.0  # errors of a mesh, from it to the mesh of every second node
@@ -58,13 +58,32 @@ def optical_nodes(file: StepFile, least: int) -> OpticalNodes:
     """
     faces = []
     for number in optical_faces(file.text):
-        surface = file.text.faces[number].surface
-        if not isinstance(surface, BSplineSurface):
-            raise ValueError(f"face {number} of the file is no B-spline")
-        plane = np.ptp(surface.coefficients[..., 2]) == 0
-        u, v = (_parameters(kv, FLAT if plane else least - 1) for kv in (surface.kv_u, surface.kv_v))
+        form = optical_form(file.text, file.text.faces[number])
+        if form is None:
+            raise ValueError(f"face {number} of the file is neither a B-spline nor a conic around z")
+        u, v = (
+            _conic_parameters(form, least)
+            if isinstance(form, PlacedConic)
+            else _spline_parameters(form, least)
+        )
         faces.append(face_nodes(file.solid.shape, number, u, v))
     return OpticalNodes(*faces)
+
+
+def _spline_parameters(surface: BSplineSurface, least: int) -> tuple[Floats, Floats]:
+    """Return parameters in u and in v."""
+    plane = np.ptp(surface.coefficients[..., 2]) == 0
+    u, v = (_parameters(kv, FLAT if plane else least - 1) for kv in (surface.kv_u, surface.kv_v))
+    return u, v
+
+
+def _conic_parameters(conic: PlacedConic, least: int) -> tuple[Floats, Floats]:
+    """Return pairs of parameters at equal steps in x and y, (n, m) both."""
+    steps = FLAT if conic.kind == "PLANE" else 2 * ceil((least - 1) / 2)
+    x, y = np.meshgrid(*(np.linspace(-h, h, steps + 1) for h in conic.half_width), indexing="ij")
+    points = np.stack([x, y, conic(x, y) + 0 * x], axis=-1)
+    u, v = conic.parameters(points.reshape(-1, 3)).T.reshape(2, *x.shape)
+    return u, v
 
 
 def _parameters(kv: KnotVector, steps: int) -> Floats:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from optics.verification.occt_tracer import (
         occt_trace as occt_trace,
         optical_faces as optical_faces,
+        optical_form as optical_form,
     )
     from optics.verification.optiland_tracer import (
         optiland_available as optiland_available,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
         text_volume_check as text_volume_check,
         volume_check as volume_check,
     )
-    from optics.verification.traced_light import (
+    from optics.verification.trace_comparison import (
         light_checks as light_checks,
     )
 
@@ -57,6 +58,7 @@ _FILES = {
     "occt_tracer": (
         "occt_trace",
         "optical_faces",
+        "optical_form",
     ),
     "optiland_tracer": (
         "optiland_available",
@@ -80,6 +82,6 @@ _FILES = {
         "text_volume_check",
         "volume_check",
     ),
-    "traced_light": ("light_checks",),
+    "trace_comparison": ("light_checks",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from optics.runtime import Check
 from optics.tracing import LandingPoints
-from optics.verification.occt_tracer import occt_trace, optical_faces
+from optics.verification.occt_tracer import occt_trace, optical_faces, optical_form
 from optics.verification.solid_text import measure_checks, whole_checks
 from optics.verification.step_checks import differing_numbers
 from optics.verification.text_volume import text_volume_check
 from optics.verification.trace_comparison import compared
 from thbcad.io import Brep, BrepEdge, BrepFace
-from thbcad.lens import CORNERS, SIDES, placed_surfaces, rim, ruled_edge
+from thbcad.lens import CORNERS, SIDES, optical_forms, rim, ruled_edges
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
@@ -24,10 +24,11 @@ if TYPE_CHECKING:
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.verification.step_file import StepFile
-    from thbcad.lens import Lens
+    from thbcad.io import ConicCurve
+    from thbcad.lens import Lens, OpticalForm
+    from thbcad.sags import ConicSection
 
     Rows = NDArray[np.float64]
-    Pair = tuple[BSplineSurface, BSplineSurface]
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line
@@ -76,13 +77,14 @@ def text_checks(solid: Brep, lens: Lens) -> list[Check]:
 
 def _same(solid: Brep, lens: Lens) -> list[Check]:
     """Return the checks of faces and edges, number by number, against the lens in memory."""
-    pair, optical = placed_surfaces(lens), optical_faces(solid)
+    pair, optical = optical_forms(lens), optical_faces(solid)
     rest = [face for k, face in enumerate(solid.faces) if k not in optical]
-    others = _other_planes if lens.front.half_width == lens.rear.half_width else _other_ruled
+    flat = lens.front.half_width == lens.rear.half_width
+    front, rear = (optical_form(solid, solid.faces[k]) for k in optical)
     counts = {
-        "front numbers": differing_numbers(solid.faces[optical[0]].surface, pair[0]),
-        "rear numbers": differing_numbers(solid.faces[optical[1]].surface, pair[1]),
-        "edge face numbers": others(rest, pair),
+        "front numbers": differing_numbers(front, pair[0]),
+        "rear numbers": differing_numbers(rear, pair[1]),
+        "edge face numbers": _other_planes(rest, lens) if flat else _other_ruled(rest, lens),
         "rims and corners": _loose(solid, pair),
     }
     return [
@@ -91,17 +93,17 @@ def _same(solid: Brep, lens: Lens) -> list[Check]:
     ]
 
 
-def _other_ruled(faces: Sequence[BrepFace], pair: Pair) -> int:
+def _other_ruled(faces: Sequence[BrepFace], lens: Lens) -> int:
     """Return how many numbers of the edge faces differ from the four ruled faces between the rims."""
     off = abs(len(faces) - 4)
-    for face, side in zip(faces, SIDES):
-        off += differing_numbers(face.surface, ruled_edge(pair, side))
+    for face, ruled in zip(faces, ruled_edges(lens)):
+        off += differing_numbers(face.surface, ruled)
     return off
 
 
-def _other_planes(faces: Sequence[BrepFace], pair: Pair) -> int:
+def _other_planes(faces: Sequence[BrepFace], lens: Lens) -> int:
     """Return how many of the edge faces are not one of the four planes through the sides of the lens."""
-    wanted = {(1 - side.axis, rim(pair[0], side)[1][0, 1 - side.axis]) for side in SIDES}
+    wanted = {(k, sign * h) for k, h in enumerate(lens.front.half_width) for sign in (-1.0, 1.0)}
     for face in faces:
         if face.plane is not None and np.count_nonzero(face.plane[1]) == 1:
             axis = int(np.argmax(face.plane[1] != 0))
@@ -109,24 +111,52 @@ def _other_planes(faces: Sequence[BrepFace], pair: Pair) -> int:
     return len(wanted) + abs(len(faces) - 4)
 
 
-def _loose(solid: Brep, pair: Pair) -> int:
+def _loose(solid: Brep, pair: Sequence[OpticalForm]) -> int:
     """Return how many parts of the edges are not those of the lens.
 
-    Counted are ends of edges that are no corner, and spline edges that are neither a rim nor a line between
-    corners.
+    Counted are ends of edges that are no corner, and edges that are neither a rim nor a line between corners.
     """
-    corners = {_bits(s.coefficients[corner]) for s in pair for corner in CORNERS}
-    rims = {_bits(kv.knots) + _bits(poles) for s in pair for kv, poles in (rim(s, side) for side in SIDES)}
-    loose = 0
-    for edge in solid.edges:
-        loose += sum(_bits(end) not in corners for end in edge.ends)
-        if edge.kv is None or edge.poles is None:
-            loose += not _leads(edge)
+    corners = {_bits(corner) for form in pair for corner in _corners(form)}
+    rims = {row for form in pair for row in _rims(form)}
+    return sum(_loose_parts(edge, corners, rims) for edge in solid.edges)
+
+
+def _loose_parts(edge: BrepEdge, corners: set[bytes], rims: set[bytes]) -> int:
+    """Return how many parts of an edge are not those of the lens."""
+    loose = sum(_bits(end) not in corners for end in edge.ends)
+    if edge.conic is not None:
+        return loose + (_conic_bits(edge.conic) not in rims)
+    if edge.kv is None or edge.poles is None or edge.weights is not None:
+        return loose + (not _leads(edge))
+    straight = edge.kv.degree == 1 and len(edge.poles) == 2 and bool((edge.kv.knots == UNIT.knots).all())
+    loose += not straight and _bits(edge.kv.knots) + _bits(edge.poles) not in rims
+    return loose + int((edge.poles[[0, -1]] != edge.ends).any())
+
+
+def _corners(form: OpticalForm) -> Iterator[Rows]:
+    """Yield the corners of front or rear, (3,), mm."""
+    for corner in CORNERS:
+        if isinstance(form, BSplineSurface):
+            yield form.coefficients[corner]
         else:
-            straight = edge.kv.degree == 1 and len(edge.poles) == 2 and (edge.kv.knots == UNIT.knots).all()
-            loose += not straight and _bits(edge.kv.knots) + _bits(edge.poles) not in rims
-            loose += int((edge.poles[[0, -1]] != edge.ends).any())
-    return loose
+            x, y = (h if end else -h for h, end in zip(form.half_width, corner))
+            yield np.array([x, y, form(x, y)])
+
+
+def _rims(form: OpticalForm) -> Iterator[bytes]:
+    """Yield the rims of front or rear as bytes; those of planes are lines, which are compared by their
+    ends."""
+    for side in SIDES:
+        if isinstance(form, BSplineSurface):
+            kv, poles = rim(form, side)
+            yield _bits(kv.knots) + _bits(poles)
+        elif form.kind != "PLANE":
+            half = form.half_width[1 - side.axis]
+            yield _conic_bits(form.section(side.axis, half if side.end else -half))
+
+
+def _conic_bits(conic: ConicCurve | ConicSection) -> bytes:
+    return conic.kind.encode() + _bits(conic.placement) + _bits(conic.sizes)
 
 
 def _leads(edge: BrepEdge) -> bool:

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import Check
+from optics.verification.occt_tracer import optical_form
 from optics.verification.solid_text import TOLERANCE, measure_checks, whole_checks
 from optics.verification.step_checks import differing_numbers
-from thbcad.cad.exchange import spline_faces
-from thbcad.lens import require_sound_graphs
+from thbcad.cad.exchange import conic_faces, spline_faces
+from thbcad.lens import FreeformSurface, require_sound_graphs
+from thbcad.sags import NOT_BOUNDED, PlacedConic
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ def bare_checks(file: StepFile) -> BareChecks:
         Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
         Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
         Check(
-            "text of the file: numbers of spline faces that differ from those that OCCT reads",
+            "text of the file: numbers of surfaces that differ from those that OCCT reads",
             _unequal(file),
             0,
             "",
@@ -79,9 +81,13 @@ def text_checks_of(solid: Brep) -> BareChecks:
 
 
 def _unequal(file: StepFile) -> int:
-    """Return how many numbers of the spline faces differ between the text and what OCCT reads."""
-    by_occt = spline_faces(file.state.shape)
-    by_text = [face.surface for face in file.text.faces if isinstance(face.surface, BSplineSurface)]
+    """Return how many numbers of spline faces, and of planes across z, spheres and patches of conics differ
+    between the text and what OCCT reads."""
+    by_occt = [*spline_faces(file.state.shape), *conic_faces(file.state.shape)]
+    faces = file.text.faces
+    splines = [face.surface for face in faces if face.surface is not None]
+    conics = [form for face in faces if isinstance(form := optical_form(file.text, face), PlacedConic)]
+    by_text = [*splines, *conics]
     unequal = sum(differing_numbers(read, surface) for read, surface in zip(by_occt, by_text))
     return unequal + abs(len(by_occt) - len(by_text))
 
@@ -91,20 +97,28 @@ def _net_checks(solid: Brep) -> tuple[list[Check], list[BSplineSurface]]:
 
     The poles of a face that is curved in both directions lie on a grid over x and y, equal to the means of
     the knots but for scale (Greville abscissae): the face folds nowhere then.  Faces of which the most poles
-    lie beside that grid come from elsewhere, and are left out.
+    lie beside that grid come from elsewhere, and are left out.  Conics are graphs by themselves.
     """
     graphs = []
-    beside = 0
+    beside: list[int] = []
     for face in solid.faces:
-        surface = face.surface
-        if isinstance(surface, BSplineSurface) and min(surface.kv_u.degree, surface.kv_v.degree) > 1:
-            graph, off = _graph(surface)
-            if 2 * off < surface.kv_u.dim * surface.kv_v.dim:
+        form = optical_form(solid, face)
+        if isinstance(form, BSplineSurface):
+            graph, off = _graph(form)
+            if 2 * off < form.kv_u.dim * form.kv_v.dim:
                 graphs.append(graph)
-                beside += off
+                beside.append(off)
+        elif form is not None and form.half_width != NOT_BOUNDED:
+            graphs.append(_conic_graph(form))
     name = "text of the file: poles of front and rear beside the grid of the others in x and y"
     graphs.sort(key=lambda graph: float(np.median(graph.coefficients)))
-    return [Check(name, beside, 0, "")] if graphs else [], graphs
+    return [Check(name, sum(beside), 0, "")] if beside else [], graphs
+
+
+def _conic_graph(conic: PlacedConic) -> BSplineSurface:
+    """Return a conic over its rectangle as a graph z(x, y), within 1e-11 mm."""
+    graph = FreeformSurface(conic.half_width, conic.conic).graph()
+    return BSplineSurface(graph.kv_u, graph.kv_v, conic.vertex + graph.coefficients)
 
 
 def _graph(surface: BSplineSurface) -> tuple[BSplineSurface, int]:

@@ -1,11 +1,12 @@
 """Rays through the faces of a STEP file by optiland, an independent program for optical design.
 
-It shares no code with this one or with OCCT.  Its NURBS geometry takes the poles and knots of the file.
+It shares no code with this one or with OCCT.  Its NURBS geometry takes the poles and knots of the file, its
+plane and its standard geometry the vertex, the radius and the conic constant.
 
-It starts Newton's method where a ray crosses the plane z = 0 of the face's frame.  A ray that is far to the
-side when it meets the face starts elsewhere, and the iteration may be held at the rim.  So every ray gets a
-frame near the height at which it first falls through the face.  That height comes from samples of the face
-at a few heights along the ray, by optiland too.
+For splines it starts Newton's method where a ray crosses the plane z = 0 of the face's frame.  A ray that is
+far to the side when it meets the face starts elsewhere, and the iteration may be held at the rim.  So every
+ray gets a frame near the height at which it first falls through the face.  That height comes from samples of
+the face at a few heights along the ray, by optiland too.
 
 Source: optiland 0.6.3, whose intersection follows W. Martin, E. Cohen, R. Fish, P. Shirley, Practical ray
 tracing of trimmed NURBS surfaces, J. Graphics Tools 5 (2000).
@@ -26,19 +27,21 @@ from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification.independent_checks import RAYS
 from optics.verification.trace_comparison import compared
+from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
-    from optiland.geometries import NurbsGeometry
+    from optiland.geometries import BaseGeometry, NurbsGeometry, Plane, StandardGeometry
     from optiland.rays import RealRays
 
     from optics.runtime import Backend
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.verification.step_file import StepFile
-    from thbcad.lens import Lens
+    from thbcad.lens import Lens, OpticalForm
     from thbcad.splines import BSplineSurface
 
     Rows = NDArray[np.float64]
+    Frames = Iterator[tuple[NDArray[np.int64], BaseGeometry]]  # numbers of rays and the geometry for them
 
 AT_ONCE = 1000  # rays
 HEIGHTS = 17  # from the lowest to the highest pole of a face
@@ -89,8 +92,8 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
 
 
 def optiland_trace(
-    front: BSplineSurface,
-    rear: BSplineSurface,
+    front: OpticalForm,
+    rear: OpticalForm,
     origins: Rows,
     directions: Rows,
     index: float,
@@ -101,7 +104,7 @@ def optiland_trace(
     The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.  Far-field
     points are the angles atan(d_x / d_z), atan(d_y / d_z) in degrees.
 
-    front, rear : poles (x, y, z), mm, x along u and y along v, as `placed_surfaces`.
+    front, rear : as `optical_forms`, mm; splines have x along u and y along v.
     origins, directions : (n, 3) float, mm and unit vectors.  target_z : mm, inf is the far field.
 
     Raises
@@ -147,7 +150,7 @@ def _numpy_backend() -> Iterator[None]:
         backend.set_backend(before)
 
 
-def _geometry(surface: BSplineSurface, height: float) -> NurbsGeometry:
+def _spline_geometry(surface: BSplineSurface, height: float) -> NurbsGeometry:
     """Return optiland's geometry of a face in a frame at z = height; optiland wants knots from 0 to 1."""
     from optiland.coordinate_system import CoordinateSystem
     from optiland.geometries import NurbsGeometry
@@ -166,31 +169,55 @@ def _geometry(surface: BSplineSurface, height: float) -> NurbsGeometry:
     )
 
 
+def _conic_geometry(conic: PlacedConic) -> Plane | StandardGeometry:
+    """Return optiland's geometry of a plane or a conic in a frame at its vertex."""
+    from optiland.coordinate_system import CoordinateSystem
+    from optiland.geometries import Plane, StandardGeometry
+
+    frame = CoordinateSystem(z=conic.vertex)
+    if conic.kind == "PLANE":
+        return Plane(frame)
+    return StandardGeometry(frame, conic.conic.radius, conic.conic.constant)
+
+
 def _through(
-    surface: BSplineSurface, points: Rows, directions: Rows, indices: tuple[float, float]
+    surface: OpticalForm, points: Rows, directions: Rows, indices: tuple[float, float]
 ) -> tuple[Rows, Rows, Rows]:
     """Return (points, directions, transmittance) of rays behind a face.
 
     Rays that do not pass have the transmittance 0 and the direction NaN.
     """
-    z = surface.coefficients[..., 2]
-    heights = np.unique(np.linspace(z.min(), z.max(), HEIGHTS))
     met, onward = np.full_like(points, np.nan), np.full_like(points, np.nan)
     transmittance = np.zeros(len(points))
-    nearest = _nearest(surface, heights, points, directions)
-    for k in np.unique(nearest[nearest >= 0]):
-        rays, geometry = np.flatnonzero(nearest == k), _geometry(surface, heights[k])
-        met[rays], meets = _meeting(geometry, points[rays], directions[rays])
+    if isinstance(surface, PlacedConic):
+        half = np.array(surface.half_width)
+        frames: Frames = iter([(np.arange(len(points)), _conic_geometry(surface))])
+        corners = -half, half
+    else:
+        frames = _frames(surface, points, directions)
+        corners = surface.coefficients[0, 0, :2], surface.coefficients[-1, -1, :2]
+    for rays, geometry in frames:
+        met[rays], meets = _meeting(geometry, corners, points[rays], directions[rays])
         rays = rays[meets]
         if len(rays):
             onward[rays], transmittance[rays] = _refracted(geometry, met[rays], directions[rays], indices)
     return met, onward, transmittance
 
 
+def _frames(surface: BSplineSurface, points: Rows, directions: Rows) -> Frames:
+    """Yield (numbers of rays, geometry in a frame near the height at which they fall through a spline)."""
+    z = surface.coefficients[..., 2]
+    heights = np.unique(np.linspace(z.min(), z.max(), HEIGHTS))
+    nearest = _nearest(surface, heights, points, directions)
+    for k in np.unique(nearest[nearest >= 0]):
+        yield np.flatnonzero(nearest == k), _spline_geometry(surface, heights[k])
+
+
 def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: Rows) -> NDArray[np.int64]:
     """Return the index of the first height at which a ray has fallen through a face, (n,), -1 for none."""
-    geometry = _geometry(surface, 0.0)
-    low, high = _corners(geometry)
+    geometry = _spline_geometry(surface, 0.0)
+    poles = np.asarray(geometry.P)
+    low, high = poles[:2, 0, 0], poles[:2, -1, -1]
     fallen = np.zeros((len(heights), len(points)), dtype=bool)
     rises = directions[:, 2] > 0
     speed = np.where(rises, directions[:, 2], 1.0)
@@ -202,20 +229,20 @@ def _nearest(surface: BSplineSurface, heights: Rows, points: Rows, directions: R
     return np.where(fallen.any(axis=0), fallen.argmax(axis=0), -1)
 
 
-def _corners(geometry: NurbsGeometry) -> tuple[Rows, Rows]:
-    """Return the least and the greatest (x, y) of a face."""
-    poles = np.asarray(geometry.P)
-    return poles[:2, 0, 0], poles[:2, -1, -1]
+def _meeting(
+    geometry: BaseGeometry, corners: tuple[Rows, Rows], points: Rows, directions: Rows
+) -> tuple[Rows, NDArray[np.bool_]]:
+    """Return (points, met) where rays meet a face; rays that pass it by end anywhere.
 
-
-def _meeting(geometry: NurbsGeometry, points: Rows, directions: Rows) -> tuple[Rows, NDArray[np.bool_]]:
-    """Return (points, met) where rays meet a face; rays that pass it by end anywhere."""
+    corners : least and greatest (x, y) of the face
+    """
     rays = _rays(points, directions)
     geometry.localize(rays)
-    along = geometry.distance(rays)
-    met = points + along[:, None] * directions
-    low, high = _corners(geometry)
-    meets = (along >= 0) & (met[:, :2] >= low - MET).all(axis=1) & (met[:, :2] <= high + MET).all(axis=1)
+    with np.errstate(all="ignore"):  # optiland gives nan for rays that miss a conic
+        along = np.asarray(geometry.distance(rays))
+        met = points + along[:, None] * directions
+        low, high = corners
+        meets = (along >= 0) & (met[:, :2] >= low - MET).all(axis=1) & (met[:, :2] <= high + MET).all(axis=1)
     if meets.any():
         x, y, z = met[meets].T
         meets[meets] = np.abs(geometry.cs.z + geometry.sag(x, y) - z) <= MET
@@ -223,7 +250,7 @@ def _meeting(geometry: NurbsGeometry, points: Rows, directions: Rows) -> tuple[R
 
 
 def _refracted(
-    geometry: NurbsGeometry, points: Rows, directions: Rows, indices: tuple[float, float]
+    geometry: BaseGeometry, points: Rows, directions: Rows, indices: tuple[float, float]
 ) -> tuple[Rows, Rows]:
     """Return (directions, transmittance) behind a face, 0 where totally reflected.
 

@@ -1,8 +1,8 @@
 """An independent tracer: numpy and scipy on the poles and knots of a STEP file.
 
 It shares no code with the optimiser's tracer: surfaces are general parametric splines evaluated
-by scipy's NdBSpline, rays are intersected by Newton's method in the surface parameters, and
-refraction uses the vector form of Snell's law.
+by scipy's NdBSpline, rays are intersected by Newton's method in the surface parameters, with planes and
+conics in closed form, and refraction uses the vector form of Snell's law.
 """
 
 from __future__ import annotations
@@ -15,31 +15,30 @@ from scipy.interpolate import NdBSpline
 
 from optics.runtime import NumericalError
 from optics.tracing import LandingPoints
+from optics.verification.conic_face import MEETS, ROOM, ConicFace
+from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from optics.target import Screen
+    from optics.verification.conic_face import Floats, Meetings
+    from thbcad.lens import OpticalForm
     from thbcad.splines import BSplineSurface, KnotVector
-
-    Floats = NDArray[np.float64]
-    Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
 
 HALVINGS = 12  # of steps in which a ray may fall through the face, before Newton's method
 SAMPLES = 33  # along every ray, from where it enters the face's box to where it leaves it
-ROOM = 1e-3  # of the width, above and below the poles
 STILL = 1e-12  # of a direction: components that count as zero
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-12
-MEETS = 1e-10  # of the face's width: a point so near a ray, or so little behind its origin, lies on it
 AT_ONCE = 20_000  # rays
 
 
 class OpticalFaces(Protocol):
-    """Front and rear of a STEP file, poles (x, y, z) in mm."""
+    """Front and rear of a STEP file, as `SolidFile` has them, mm."""
 
     @property
-    def front(self) -> BSplineSurface: ...
+    def front(self) -> OpticalForm: ...
 
     @property
-    def rear(self) -> BSplineSurface: ...
+    def rear(self) -> OpticalForm: ...
 
 
 class ParametricFace:
@@ -173,7 +172,7 @@ def trace_step(
     points = origins
     weight = np.broadcast_to(np.asarray(flux, dtype=float), len(origins)).copy()
     for surface, eta in ((step.front, 1 / index), (step.rear, index)):
-        points, normals, met = _intersect(ParametricFace(surface), points, directions)
+        points, normals, met = _meet(surface, points, directions)
         directions, transmittance = _refract(directions, normals, eta)
         weight *= np.where(met, transmittance, 0.0)
     arrives = (weight > 0) & (directions[:, 2] > 0)
@@ -201,10 +200,17 @@ def deposit(points: NDArray[np.float64], flux: NDArray[np.float64], screen: Scre
     return image / screen.pixel_area
 
 
+def _meet(surface: OpticalForm, points: NDArray[np.float64], directions: NDArray[np.float64]) -> Meetings:
+    """Return (points, unit normals towards +z, met) of rays on a face."""
+    if isinstance(surface, PlacedConic):
+        return ConicFace(surface).intersect(points, directions)
+    return _intersect(ParametricFace(surface), points, directions)
+
+
 def _intersect(
     face: ParametricFace, points: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> Meetings:
-    """Return (points, unit normals towards +z, met) of rays on a face, part by part."""
+    """Return (points, unit normals towards +z, met) of rays on a spline, part by part."""
     parts = [slice(k, k + AT_ONCE) for k in range(0, len(points), AT_ONCE)]
     meetings = [_newton(face, points[k], directions[k], face.start(points[k], directions[k])) for k in parts]
     on_face, normals, met = (np.concatenate(column) for column in zip(*meetings))

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.runtime import Check
+from optics.verification.occt_tracer import optical_form
 from thbcad.cad.exchange import solid_volume
 from thbcad.io import MILLIMETRE, NotMeasured, areas, image_distance, turned_faces, volume
+from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidState
-    from thbcad.io import Brep, BrepFace
+    from thbcad.io import Brep
+    from thbcad.lens import OpticalForm
 
 FINE_VOLUME = 1e-9  # relative
 MEASURE = 1e-6  # relative, what OCCT's integrals are asked for
@@ -109,13 +112,15 @@ def _misnamed(solid: Brep) -> int:
     face."""
     names = Counter(face.name for face in solid.faces if face.name.split(" ")[0] in OWN_NAMES)
     again = sum(names.values()) - len(names)
-    middle = {face.name: _middle(face) for face in solid.faces if face.name in ("front", "rear")}
+    middle = {f.name: _middle(optical_form(solid, f)) for f in solid.faces if f.name in ("front", "rear")}
     return again + int(len(middle) == 2 and not middle["front"] < middle["rear"])
 
 
-def _middle(face: BrepFace) -> float:
-    """Return z at the middle of a spline face's parameters, nan for others."""
-    if face.surface is None:
+def _middle(form: OpticalForm | None) -> float:
+    """Return z at the vertex of a conic or at the middle of a spline's parameters, nan for others."""
+    if form is None:
         return nan
-    u, v = ((kv.start + kv.stop) / 2 for kv in (face.surface.kv_u, face.surface.kv_v))
-    return float(face.surface([u], [v])[0, 2])
+    if isinstance(form, PlacedConic):
+        return form.vertex
+    u, v = ((kv.start + kv.stop) / 2 for kv in (form.kv_u, form.kv_v))
+    return float(form([u], [v])[0, 2])

@@ -11,21 +11,25 @@ from numpy.typing import NDArray
 from optics.runtime import Check
 from optics.verification.solid_text import FINE_VOLUME
 from optics.verification.step_file import ExportedStep, StepFile
-from optics.verification.traced_light import light_checks
+from optics.verification.trace_comparison import light_checks
 from thbcad.cad.exchange import solid_volume, step_bytes
 from thbcad.io import write_bytes
-from thbcad.lens import placed_surfaces
+from thbcad.lens import optical_forms
+from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.cad.exchange import SolidFile
-    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.lens import FreeformSurface, Lens, OpticalForm
     from thbcad.splines import KnotVector, NURBSSurface
+
+    Surface = BSplineSurface | NURBSSurface | PlacedConic
 
 TOLERANCE = 1e-6  # mm
 SURFACE_SAMPLES = 6  # per knot span and direction
+CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 spans have
 
 
 def exported_step(system: OpticalSystem, lens: Lens, path: Path) -> ExportedStep:
@@ -73,7 +77,7 @@ def _topology(step: SolidFile) -> list[Check]:
 def _geometry(system: OpticalSystem, lens: Lens, step: SolidFile) -> list[Check]:
     """Return the checks of the optical faces."""
     limit, checks = system.problem.verify.surface, []
-    for name, read, wanted in zip(("front", "rear"), (step.front, step.rear), placed_surfaces(lens)):
+    for name, read, wanted in zip(("front", "rear"), (step.front, step.rear), optical_forms(lens)):
         count = differing_numbers(read, wanted)
         checks.append(Check(f"{name} poles and knots that differ from the lens in memory", count, 0, ""))
     for name, read, surface, vertex in (
@@ -94,11 +98,18 @@ def _occt_volume(system: OpticalSystem, lens: Lens, step: SolidFile) -> Check:
     return Check("volume by OCCT against the closed form, relative", off, limit, "")
 
 
-def surface_deviation(face: BSplineSurface, surface: FreeformSurface, vertex: float) -> float:
+def surface_deviation(face: OpticalForm, surface: FreeformSurface, vertex: float) -> float:
     """Return the greatest |z_face(x, y) - z_surface(x, y)| in mm at points within every knot span.
 
-    face : BSplineSurface with poles (x, y, z).  surface : FreeformSurface at z = vertex.
+    Where a file bounds a conic by a rectangle, the difference of its half-widths counts too.
+
+    face : as `optical_forms`.  surface : FreeformSurface at z = vertex.
     """
+    if isinstance(face, PlacedConic):
+        x, y = (np.linspace(-h, h, CONIC_SAMPLES) for h in surface.half_width)
+        size = max(abs(a - b) for a, b in zip(face.half_width, surface.half_width))
+        apart = np.abs(face(x[:, None], y[None, :]) - vertex - surface.grid(x, y)).max()
+        return float(apart if np.isinf(size) else max(apart, size))
     u, v = (_samples(kv) for kv in (face.kv_u, face.kv_v))
     points = face.grid(u, v)
     x, y = points[:, 0, 0], points[0, :, 1]
@@ -115,16 +126,25 @@ def _samples(kv: KnotVector) -> NDArray[np.float64]:
     return np.append(inner, b[-1])
 
 
-def differing_numbers(read: BSplineSurface | NURBSSurface | None, wanted: BSplineSurface) -> int:
-    """Return how many coordinates and knots of a face differ from the wanted ones.
+def differing_numbers(read: Surface | None, wanted: Surface) -> int:
+    """Return how many numbers of a face differ from the wanted ones: poles, weights and knots of a spline,
+    points, directions and the radius of a plane or a sphere.
 
-    Where their numbers differ, all of them count.
+    Where it has others or another number of them, all of them count.
     """
-    everything = wanted.coefficients.size + len(wanted.kv_u.knots) + len(wanted.kv_v.knots)
-    if not isinstance(read, BSplineSurface) or read.coefficients.shape != wanted.coefficients.shape:
-        return everything
-    pairs = (read.kv_u.knots, wanted.kv_u.knots), (read.kv_v.knots, wanted.kv_v.knots)
-    if any(len(a) != len(b) for a, b in pairs):
-        return everything
-    knots = sum(int((a != b).sum()) for a, b in pairs)
-    return int((read.coefficients != wanted.coefficients).sum()) + knots
+    rows, expected = _numbers(read), _numbers(wanted)
+    if [row.shape for row in rows] != [row.shape for row in expected]:
+        return sum(row.size for row in expected)
+    return sum(int((a != b).sum()) for a, b in zip(rows, expected))
+
+
+def _numbers(surface: Surface | None) -> list[NDArray[np.float64]]:
+    """Return the numbers that a file holds of a surface."""
+    if surface is None:
+        return []
+    if isinstance(surface, PlacedConic):
+        return [surface.numbers]
+    knots = [surface.kv_u.knots, surface.kv_v.knots]
+    if isinstance(surface, BSplineSurface):
+        return [surface.coefficients, *knots]
+    return [surface.points, surface.weights, *knots]

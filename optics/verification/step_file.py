@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from optics.runtime import Check
     from thbcad.cad.exchange import SolidFile, SolidState
     from thbcad.io import Brep
-    from thbcad.splines import BSplineSurface
+    from thbcad.lens import OpticalForm
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class ExportedStep:
 
     Another process can return it without loading OCCT in this one.
 
-    checks : of the solid.  front, rear : the optical faces in the file, poles (x, y, z) in mm.
+    checks : of the solid.  front, rear : the optical faces in the file, as `SolidFile` has them.
     """
 
     checks: list[Check]
-    front: BSplineSurface
-    rear: BSplineSurface
+    front: OpticalForm
+    rear: OpticalForm

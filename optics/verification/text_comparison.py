@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from optics.runtime import Check
 from thbcad.cad.exchange import step_bytes
-from thbcad.io import Brep, BrepEdge, BrepFace, ParameterCurve, brep_of_text
+from thbcad.io import Brep, BrepCurve, BrepEdge, BrepFace, brep_of_text
 from thbcad.splines import BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
@@ -85,7 +85,9 @@ def _carrier(face: BrepFace) -> Hashable:
     """Return the surface under a face as a value."""
     surface = face.surface
     if surface is None:
-        return face.surface_type, _bits(face.plane)
+        swept = face.extrusion
+        drawn = None if swept is None else (_curve(swept.curve), _bits(swept.vector))
+        return face.surface_type, *map(_bits, (face.plane, face.sphere, face.cylinder, face.cone)), drawn
     net = surface.coefficients if isinstance(surface, BSplineSurface) else surface.homogeneous.coefficients
     return face.surface_type, _knots(surface.kv_u), _knots(surface.kv_v), net.shape, _bits(net)
 
@@ -96,8 +98,10 @@ def _edge(edge: BrepEdge, carriers: dict[int, Hashable]) -> Hashable:
     return _bits(edge.ends), _curve(edge), frozenset(images.items())
 
 
-def _curve(curve: BrepEdge | ParameterCurve) -> Hashable:
-    return _knots(curve.kv), _bits(curve.poles)
+def _curve(curve: BrepCurve) -> Hashable:
+    conic = curve.conic
+    drawn = None if conic is None else (conic.kind, _bits(conic.placement), _bits(conic.sizes))
+    return _knots(curve.kv), _bits(curve.poles), _bits(curve.weights), drawn
 
 
 def _knots(kv: KnotVector | None) -> Hashable:

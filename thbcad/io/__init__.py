@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from thbcad.io.brep_records import (
         MILLIMETRE as MILLIMETRE,
         Brep as Brep,
+        BrepCurve as BrepCurve,
         BrepEdge as BrepEdge,
         BrepFace as BrepFace,
         ConicCurve as ConicCurve,
@@ -77,6 +78,7 @@ _FILES = {
     ),
     "brep_records": (
         "Brep",
+        "BrepCurve",
         "BrepEdge",
         "BrepFace",
         "ConicCurve",

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thbcad.checks import Floats, Integers
-from thbcad.sags import graph_poles
+from thbcad.sags import PlacedConic, graph_poles
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
+    from thbcad.lens.freeform_surface import FreeformSurface
     from thbcad.lens.lens import Lens
 
 Corner = tuple[int, int]  # the indices, 0 or -1, of the pole in the corner
 Surfaces = tuple[BSplineSurface, BSplineSurface]
+OpticalForm = BSplineSurface | PlacedConic
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,28 @@ def placed_surfaces(lens: Lens) -> Surfaces:
     """
     front, rear = lens.graphs()
     return graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
+
+
+def optical_forms(lens: Lens) -> tuple[OpticalForm, OpticalForm]:
+    """Return front and rear as CAD files hold them, in the lens's frame, mm.
+
+    A plane, a sphere and another conic without sag is a PlacedConic, all else a BSplineSurface as of
+    `placed_surfaces`: paraboloids, and conics that a file would not hold exactly.
+    """
+    front = _placed_conic(lens.front, 0.0)
+    rear = _placed_conic(lens.rear, lens.thickness)
+    if front is not None and rear is not None:
+        return front, rear
+    splines = placed_surfaces(lens)
+    return front or splines[0], rear or splines[1]
+
+
+def _placed_conic(surface: FreeformSurface, vertex: float) -> PlacedConic | None:
+    """Return a surface as a PlacedConic, None where a spline holds it better."""
+    if surface.sag is not None:
+        return None
+    placed = PlacedConic(surface.conic, vertex, surface.half_width)
+    return placed if placed.exact else None
 
 
 def rim(surface: BSplineSurface, side: Side) -> tuple[KnotVector, Floats]:

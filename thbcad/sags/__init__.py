@@ -17,6 +17,12 @@ if TYPE_CHECKING:
         square_coefficients as square_coefficients,
         volume_between as volume_between,
     )
+    from thbcad.sags.placed_conic import (
+        NOT_BOUNDED as NOT_BOUNDED,
+        ConicSection as ConicSection,
+        PlacedConic as PlacedConic,
+        patch_numbers as patch_numbers,
+    )
     from thbcad.sags.polynomial_sag import (
         PolynomialSag as PolynomialSag,
         osa_orders as osa_orders,
@@ -27,6 +33,12 @@ if TYPE_CHECKING:
         approximated as approximated,
         error_bounds as error_bounds,
         lobatto_nodes as lobatto_nodes,
+    )
+    from thbcad.sags.recognised_conics import (
+        conic_of_patch as conic_of_patch,
+        conic_of_plane as conic_of_plane,
+        conic_of_sphere as conic_of_sphere,
+        rectangle_around as rectangle_around,
     )
 
 _FILES = {
@@ -42,6 +54,12 @@ _FILES = {
         "square_coefficients",
         "volume_between",
     ),
+    "placed_conic": (
+        "ConicSection",
+        "NOT_BOUNDED",
+        "PlacedConic",
+        "patch_numbers",
+    ),
     "polynomial_sag": (
         "PolynomialSag",
         "osa_orders",
@@ -52,6 +70,12 @@ _FILES = {
         "approximated",
         "error_bounds",
         "lobatto_nodes",
+    ),
+    "recognised_conics": (
+        "conic_of_patch",
+        "conic_of_plane",
+        "conic_of_sphere",
+        "rectangle_around",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -261,7 +261,7 @@ def test_a_missing_optical_face_is_refused(copy, capsys, which):
     path.write_text(
         text.replace(shell, ",".join(face for k, face in enumerate(shell.split(",")) if k != which))
     )
-    assert "curved spline faces where a lens has 2" in refused(capsys, "verify", copy)
+    assert "optical faces where a lens has 2" in refused(capsys, "verify", copy)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2, 0.6, 0.999])

@@ -10,6 +10,7 @@ from optics.system import OpticalSystem
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
+SPLINES = {"lens.front.radius": 60.0, "lens.front.conic": -1.0}  # a paraboloid: both faces are splines
 FREE_FRONT = {
     "lens.front.freeform.spans": [3, 4],
     "lens.front.freeform.max_level": 1,
@@ -20,7 +21,7 @@ POINT = {"source.kind": "point", "source.half_angle": 75.0, "source.distance": 4
 FAR = {"target.distance": np.inf, "target.half_width": [60.0, 60.0]}
 LENSES = {
     "plane front": {},
-    "paraboloid front": {"lens.front.radius": 60.0, "lens.front.conic": -1.0},
+    "paraboloid front": SPLINES,
     "sphere front": {"lens.front.radius": -400.0, "lens.rear.freeform.degree": 5},
     "hyperboloid rear": {"lens.rear.conic": -2.5, "lens.rear.radius": 200.0, "lens.rear.freeform.degree": 4},
     "small rear": {"lens.front.radius": 400.0, "lens.rear.half_width": [8.0, 9.0]},

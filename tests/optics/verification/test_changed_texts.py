@@ -15,7 +15,7 @@ from optics.verification.lone_file import WITHOUT_LENS, bare_checks, text_checks
 from optics.verification.step_checks import verify
 from optics.verification.step_file import StepFile
 from optics.verification.text_comparison import OTHER_TEXT, fresh_export_checks, same_checks
-from tests.optics.verification.cases import shaped
+from tests.optics.verification.cases import SPLINES, shaped
 from tests.optics.verification.changed_texts import CORRUPTIONS, REAL, REWRITES
 from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.shapes import trimmed_part
@@ -32,7 +32,7 @@ NAMES = {
 @pytest.fixture(scope="module")
 def good(tmp_path_factory):
     """A lens, its system, the text of its STEP file, and the solid that the text holds."""
-    problem, lens = shaped(tmp_path_factory.mktemp("texts"), NAMES)
+    problem, lens = shaped(tmp_path_factory.mktemp("texts"), NAMES | SPLINES)
     system = OpticalSystem(problem)
     text = step_bytes(lens, system.product).decode("ascii")
     return SimpleNamespace(system=system, lens=lens, text=text, solid=brep_of_text(text))

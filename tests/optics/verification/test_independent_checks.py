@@ -16,7 +16,7 @@ from optics.verification.occt_tracer import occt_trace, optical_faces
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import fresnel, meridional
 from tests.optics.cases import moved_point, small_lens
-from tests.optics.verification.cases import EVERY_LENS, shaped
+from tests.optics.verification.cases import EVERY_LENS, SPLINES, shaped
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
 from thbcad.cad.shapes import lens_solid
@@ -37,10 +37,10 @@ IMAGES = "text of the file: edges from their vertices and from their curves in t
 UNPAIRED = "text of the file: edges that do not border two faces"
 
 
-RULED = {"lens.rear.half_width": [8.0, 9.0], "lens.front.radius": 60.0, "lens.front.conic": -1.0}
+RULED = SPLINES | {"lens.rear.half_width": [8.0, 9.0]}
 
 
-@pytest.fixture(scope="module", params=[{}, RULED], ids=["plane edges", "ruled edges"])
+@pytest.fixture(scope="module", params=[SPLINES, RULED], ids=["plane edges", "ruled edges"])
 def good(request, tmp_path_factory):
     """A lens with plane or with ruled edges, its problem, and the text of its STEP file."""
     folder = tmp_path_factory.mktemp("strangers")
@@ -209,7 +209,7 @@ def test_a_face_missing_is_caught(good, tmp_path, backend, which):
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", good.text)[1]
     text = good.text.replace(shell, ",".join(f for k, f in enumerate(shell.split(",")) if k != which))
     if which < 2:
-        with pytest.raises(ValueError, match="1 curved spline faces where a lens has 2"):
+        with pytest.raises(ValueError, match="1 optical faces where a lens has 2"):
             failed(good, tmp_path, text, backend)
     else:
         assert failed(good, tmp_path, text, backend) >= {FACES, UNPAIRED}

@@ -20,7 +20,7 @@ from optics.verification.reference_tracer import deposit
 from optics.verification.step_checks import TOLERANCE, differing_numbers, surface_deviation, verify
 from optics.verification.step_file import StepFile
 from tests.optics.cases import moved_point
-from tests.optics.verification.cases import EVERY_LENS, shaped
+from tests.optics.verification.cases import EVERY_LENS, SPLINES, shaped
 from thbcad import KnotVector, write_step
 from thbcad.cad.exchange import compact, read_step
 from thbcad.cad.shapes import lens_solid
@@ -37,7 +37,7 @@ def written(problem, lens, path):
 def good(tmp_path_factory):
     """A lens, its problem, and the text of its STEP file."""
     folder = tmp_path_factory.mktemp("verify")
-    problem, lens = shaped(folder)
+    problem, lens = shaped(folder, SPLINES)
     written(problem, lens, folder / "lens.step")
     return SimpleNamespace(problem=problem, lens=lens, text=(folder / "lens.step").read_text())
 
@@ -166,7 +166,7 @@ def test_a_second_solid_is_caught(good, tmp_path, backend):
 def test_a_missing_optical_face_is_caught(good, tmp_path, backend, which):
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", good.text)
     text = good.text.replace(shell[1], ",".join(f for k, f in enumerate(shell[1].split(",")) if k != which))
-    with pytest.raises(ValueError, match=r"holds 1 curved spline faces where a lens has 2"):
+    with pytest.raises(ValueError, match=r"holds 1 optical faces where a lens has 2"):
         failed(good, tmp_path, text, backend)
 
 

@@ -13,8 +13,9 @@ from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.shapes import flanged_part, patched_part, trimmed_part
 from thbcad.io.parameter_curves import image_distance, turned_faces
 from thbcad.io.step_brep import brep_of_text, parse_brep
-from thbcad.lens import Flange, Product
-from thbcad.splines import KnotVector
+from thbcad.lens import Flange, FreeformSurface, Lens, Product, optical_forms
+from thbcad.sags import Conic
+from thbcad.splines import BSplineSurface, KnotVector
 
 PARTS = {
     "patches": (patched_part, ()),
@@ -22,6 +23,9 @@ PARTS = {
     "flange": (flanged_part, (Flange(2.0, 1.0, 3.0),)),
     "parts of edges": (flanged_part, (Flange(2.0, 0.5, 1.5),)),
 }
+PARABOLOIDS = Lens(
+    *(FreeformSurface((10, 8), Conic(radius, -1.0)) for radius in (60.0, -80.0)), thickness=5.0, index=1.5
+)
 OF = {"parts of edges": "ruled"}  # other lenses are freeform
 
 
@@ -32,8 +36,11 @@ def of(lens):
 @pytest.mark.parametrize("name", LENSES)
 def test_the_edges_of_every_lens_are_their_images(name):
     """But for the rounding of poles and knots, of some 10 mm."""
-    distance, left = image_distance(of(LENSES[name]))
-    assert distance <= 1e-14
+    lens = LENSES[name]
+    distance, left = image_distance(of(lens))
+    exact = all(isinstance(form, BSplineSurface) or form.kind == "PLANE" for form in optical_forms(lens))
+    # images on spheres, patches and of their rims are splines within 1e-9 mm
+    assert distance <= (1e-14 if exact else 1e-9)
     assert left == ()
 
 
@@ -103,7 +110,7 @@ def test_the_distance_of_a_moved_image_is_that_in_space(name):
 
 
 def test_an_image_beside_its_face_or_its_edge_is_infinitely_far():
-    solid = of(LENSES["plano"])
+    solid = of(PARABOLOIDS)
     poles = solid.edges[low_edge(solid)].images[0].poles
     rear = solid.faces[1].carrier
     short = KnotVector.uniform(1, 1, -9.0, 10.0)

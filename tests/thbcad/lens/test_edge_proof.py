@@ -17,7 +17,7 @@ from thbcad.certified import MOST_BOXES, Interval, positive, range_over
 from thbcad.hierarchy import THBSpace
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
-from thbcad.lens.rims import placed_surfaces
+from thbcad.lens.rims import placed_surfaces, ruled_edges
 from thbcad.lens.soundness import require_sound
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
@@ -211,7 +211,7 @@ def test_occt_finds_the_same_solids_to_meet_themselves(thickness, crosses):
     pair = quartic((2.0, 1.0), 0.3, 0), FreeformSurface((1.0, 0.75))
     lens = Lens(*pair, thickness, 1.5)
     analyzer = BOPAlgo_ArgumentAnalyzer()
-    analyzer.SetShape1(part_between(placed_surfaces(lens), planar=False).solid)
+    analyzer.SetShape1(part_between(placed_surfaces(lens), ruled_edges(lens)).solid)
     analyzer.SelfInterMode = True
     analyzer.Perform()
     assert analyzer.HasFaulty() == crosses

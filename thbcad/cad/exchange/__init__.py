@@ -9,6 +9,9 @@ if TYPE_CHECKING:
         FaceNodes as FaceNodes,
         face_nodes as face_nodes,
     )
+    from thbcad.cad.exchange.front_and_rear import (
+        conic_faces as conic_faces,
+    )
     from thbcad.cad.exchange.handover import (
         named_faces as named_faces,
         to_build123d as to_build123d,
@@ -57,6 +60,7 @@ _FILES = {
         "FaceNodes",
         "face_nodes",
     ),
+    "front_and_rear": ("conic_faces",),
     "handover": (
         "named_faces",
         "to_build123d",

@@ -1,4 +1,4 @@
-"""What a CAD file with a lens solid holds: the optical faces as splines and the state of the solid."""
+"""What a CAD file with a lens solid holds: the optical faces and the state of the solid."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
+from thbcad.cad.exchange.front_and_rear import front_and_rear
 from thbcad.cad.exchange.reading import explore
 from thbcad.cad.shapes import spline_surface
+from thbcad.lens import OpticalForm
 from thbcad.splines import BSplineSurface, NURBSSurface
 
 VOLUME_TOLERANCE = AREA_TOLERANCE = 1e-6  # relative
@@ -104,14 +106,14 @@ class SolidState:
 class SolidFile(SolidState):
     """What a STEP, IGES or BREP file with a lens solid holds, beside the state of its shape.
 
-    front, rear : BSplineSurface with poles (x, y, z) in mm, as in the file
+    front, rear : BSplineSurface with poles (x, y, z) in mm, or PlacedConic, as in the file
     face_names : of all faces in their order, "" where the file has none; only STEP has them
     product, author, organization, material : str, "" where the file has none; only STEP has them
     schema : AP203, AP214, AP242, or what else a STEP file says; "" for IGES and BREP
     """
 
-    front: BSplineSurface
-    rear: BSplineSurface
+    front: OpticalForm
+    rear: OpticalForm
     face_names: Sequence[str]
     product: str = ""
     author: str = ""
@@ -120,22 +122,17 @@ class SolidFile(SolidState):
     material: str = ""
 
 
-def solid_file(shape: TopoDS_Shape, path: str | Path) -> SolidFile:
-    """Return the SolidFile of a shape that was read from `path`; its faces have no names yet.
+def solid_file(shape: TopoDS_Shape, path: str | Path, names: Sequence[str] = ()) -> SolidFile:
+    """Return the SolidFile of a shape that was read from `path`.
+
+    names : of its faces in their order; none where the file has none
 
     Raises
     ------
-    ValueError : the shape does not hold two optical faces (curved in both directions, not rational).
+    ValueError : as `front_and_rear`.
     """
-    # the ruled edges are straight in one direction, front and rear are not
-    curved = [s for s in spline_faces(shape) if min(s.kv_u.degree, s.kv_v.degree) > 1]
-    splines = [spline for spline in curved if isinstance(spline, BSplineSurface)]
-    if len(splines) != 2:
-        raise ValueError(
-            f"{path} holds {len(splines)} curved spline faces where a lens has 2, front and rear"
-        )
-    front, rear = sorted(splines, key=_centre_height)
-    return SolidFile(shape, front, rear, ("",) * len(explore(shape, TopAbs_FACE)))
+    front, rear = front_and_rear(shape, path, names)
+    return SolidFile(shape, front, rear, names or ("",) * len(explore(shape, TopAbs_FACE)))
 
 
 def spline_faces(shape: TopoDS_Shape) -> list[BSplineSurface | NURBSSurface]:
@@ -156,9 +153,3 @@ def solid_volume(shape: TopoDS_Shape, tolerance: float) -> float:
     plane = gp_Pln(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1))
     BRepGProp.VolumePropertiesGK_s(shape, properties, plane, tolerance, only_closed, by_spans)
     return properties.Mass()
-
-
-def _centre_height(spline: BSplineSurface) -> float:
-    """Return z at the middle of the parameters."""
-    u, v = ((kv.start + kv.stop) / 2 for kv in (spline.kv_u, spline.kv_v))
-    return float(spline([u], [v])[0, 2])

@@ -121,20 +121,19 @@ def read_step(path: str | Path) -> SolidFile:
     Raises
     ------
     OSError : the file cannot be read.
-    ValueError : it is no STEP file, or does not hold two optical faces (curved in both directions, not
-        rational).
+    ValueError : it is no STEP file, or does not hold two optical faces.
     """
     path = Path(path)
     with path.open("rb"):
         pass
     silence()
     reader, document = step_document(path)
-    solid = solid_file(reader.OneShape(), path)
+    shape = reader.OneShape()
+    solid = solid_file(shape, path, _face_names(reader, shape))
     header = APIHeaderSection_MakeHeader(reader.WS().Model())
     schema = header.SchemaIdentifiersValue(1).ToCString() if header.NbSchemaIdentifiers() else ""
     return replace(
         solid,
-        face_names=_face_names(reader, solid.shape),
         product=_product_name(document),
         author=header.AuthorValue(1).ToCString() if header.NbAuthor() else "",
         organization=header.OrganizationValue(1).ToCString() if header.NbOrganization() else "",

@@ -1,29 +1,40 @@
 """The lens cut to an elliptic aperture, as an OCCT solid with explicit shared topology.
 
-Front and rear keep their whole tensor-product spline, trimmed by the ellipse.  Nothing is cut by Boolean
-operations.
+Front and rear keep their whole surface, trimmed by the ellipse.  Nothing is cut by Boolean operations.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
-from thbcad.cad.shapes.occt_splines import TOLERANCE
+from thbcad.cad.shapes.forms import ConicForm, FlatForm, conic_form
+from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
 from thbcad.cad.shapes.rings import wall_faces
-from thbcad.cad.shapes.topology import closed_part, spline_face
-from thbcad.cad.shapes.walls import EllipticWall, trace
-from thbcad.lens import Ellipse, placed_surfaces, require_aperture, require_sound, rim_curve
+from thbcad.cad.shapes.topology import closed_part, face_on, turned_face
+from thbcad.cad.shapes.walls import EllipticWall
+from thbcad.lens import (
+    Ellipse,
+    fitted_curve,
+    optical_forms,
+    require_aperture,
+    require_sound,
+    rim_curve,
+)
+from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
 
     from thbcad.cad.shapes.part import Part
     from thbcad.cad.shapes.rings import Ring
+    from thbcad.checks import Floats
     from thbcad.lens import Lens
+    from thbcad.splines import BSplineSurface, KnotVector
 
 HALVES = ("edge 1", "edge 2")
 
@@ -34,8 +45,9 @@ def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
 
     semi_axes : (a, b) float, mm
 
-    Rims lie within 1e-9 mm of front and rear, at eight points of every span; their traces on front and rear
-    are the same splines, since x and y are linear in the parameters.
+    Rims on planes are exact ellipses, round rims on conics exact circles.  Others lie within 1e-9 mm of front
+    and rear, at eight points of every span; their traces on splines are the same splines, since x and y are
+    linear in the parameters.
 
     Raises
     ------
@@ -51,16 +63,59 @@ def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
 def elliptic_faces(builder: BRep_Builder, lens: Lens, ellipse: Ellipse) -> list[tuple[TopoDS_Face, Ring]]:
     """Return (face, ring of its rim) of front and rear, trimmed by the ellipse, normals outward."""
     optical = []
-    rectangle = lens.rear.half_width
-    for k, (graph, surface, freeform) in enumerate(
-        zip(lens.graphs(), placed_surfaces(lens), (lens.front, lens.rear))
-    ):
-        curves = [rim_curve(graph, ellipse, half) for half in (0, 1)]
-        lifted = [(kv, poles + np.array([0.0, 0.0, k * lens.thickness])) for kv, poles in curves]
-        ring = EllipticWall(ellipse).rim(builder, lifted)
-        face = spline_face(builder, surface, ring.edges)
-        scale = np.divide(rectangle, freeform.half_width)
-        for edge, (kv, poles) in zip(ring.edges, curves):
-            builder.UpdateEdge(TopoDS.Edge_s(edge), trace(kv, poles[:, :2] * scale), face, TOLERANCE)
-        optical.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
+    for k, surface in enumerate(optical_forms(lens)):
+        if isinstance(surface, PlacedConic):
+            form = conic_form(surface)
+            face, ring = _conic_face(builder, form, ellipse)
+            upward = form.upward
+        else:
+            curves = [rim_curve(lens.graphs()[k], ellipse, half) for half in (0, 1)]
+            scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
+            face, ring = _spline_face(builder, surface, ellipse, curves, k * lens.thickness, scale)
+            upward = True
+        optical.append((turned_face(face, upward != (k == 1)), ring))
     return optical
+
+
+def _conic_face(
+    builder: BRep_Builder, form: FlatForm | ConicForm, ellipse: Ellipse
+) -> tuple[TopoDS_Face, Ring]:
+    """Return face and ring on a conic; the rim is an exact circle or ellipse where it lies in a plane."""
+    wall, conic = EllipticWall(ellipse), form.conic
+    a, b = ellipse.semi_axes
+
+    def points(t: Floats) -> Floats:
+        x, y = ellipse(t)
+        return np.column_stack([x, y, conic(x, y) + 0 * x])
+
+    if a == b or conic.kind == "PLANE":
+        ring = wall.level(builder, conic(a, 0.0))
+    else:
+        ends = (np.array(pair) for pair in wall.ends)
+        ring = wall.rim(builder, [fitted_curve(points, pair, np.array([1, 1])) for pair in ends])
+    face = face_on(builder, form.surface(), ring.edges, form.upward)
+    for edge, pair in zip(ring.edges, wall.ends):
+        image = form.trace(points, pair)
+        if image is not None:
+            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
+    return face, ring
+
+
+def _spline_face(
+    builder: BRep_Builder,
+    surface: BSplineSurface,
+    ellipse: Ellipse,
+    curves: Sequence[tuple[KnotVector, Floats]],
+    vertex: float,
+    scale: Floats,
+) -> tuple[TopoDS_Face, Ring]:
+    """Return face and ring on a spline.
+
+    curves : of its graph above the ellipse, as `rim_curve`.  scale : of its parameters to x and y, (2,)
+    """
+    lift = np.array([0.0, 0.0, vertex])
+    ring = EllipticWall(ellipse).rim(builder, [(kv, poles + lift) for kv, poles in curves])
+    face = face_on(builder, geom_surface(surface), ring.edges)
+    for edge, (kv, poles) in zip(ring.edges, curves):
+        builder.UpdateEdge(TopoDS.Edge_s(edge), trace(kv, poles[:, :2] * scale), face, TOLERANCE)
+    return face, ring

@@ -12,18 +12,17 @@ from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.aperture_solid import HALVES, elliptic_faces
-from thbcad.cad.shapes.occt_splines import TOLERANCE
+from thbcad.cad.shapes.forms import form_of, optical_face
 from thbcad.cad.shapes.rings import plane_face, wall_faces
-from thbcad.cad.shapes.topology import NAMES, closed_part, side_line, spline_face
-from thbcad.cad.shapes.walls import EllipticWall, PlaneWall, RuledWall, side_ring
+from thbcad.cad.shapes.topology import NAMES, closed_part, turned
+from thbcad.cad.shapes.walls import EllipticWall, PlaneWall, RuledWall, form_ring
 from thbcad.lens import (
     SIDES,
     Flange,
-    placed_surfaces,
+    optical_forms,
     require_aperture,
     require_clear,
     require_sound,
-    rim,
     ruled_edges,
 )
 
@@ -83,14 +82,12 @@ def _rectangular(
 ) -> tuple[Wall, tuple[TopoDS_Face, Ring], tuple[TopoDS_Face, Ring]]:
     """Return the wall of the edges and (face, ring of its rim) of front and rear."""
     planar = lens.front.half_width == lens.rear.half_width
-    ruled = RuledWall(ruled_edges(lens))
+    ruled = RuledWall([] if planar else ruled_edges(lens))
     optical = []
-    for k, surface in enumerate(placed_surfaces(lens)):
-        rims = [rim(surface, side) for side in SIDES]
-        ring = side_ring(builder, rims) if planar else ruled.rim(builder, rims, float(k))
-        face = spline_face(builder, surface, ring.edges)
-        for side, edge in zip(SIDES, ring.edges):
-            builder.UpdateEdge(TopoDS.Edge_s(edge), side_line(surface, side), face, TOLERANCE)
-        optical.append((face if k else TopoDS.Face_s(face.Reversed()), ring))
+    for k, surface in enumerate(optical_forms(lens)):
+        form = form_of(surface)
+        ring = form_ring(builder, form) if planar else ruled.rim(builder, form, float(k))
+        edges = {side: TopoDS.Edge_s(turned(edge, side.clockwise)) for side, edge in zip(SIDES, ring.edges)}
+        optical.append((optical_face(builder, form, edges, outward=k == 1), ring))
     front, rear = optical
     return PlaneWall(lens.rear.half_width) if planar else ruled, front, rear

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
-from OCP.gp import gp_Pnt
+from OCP.GeomAPI import GeomAPI
+from OCP.gp import gp_Pln, gp_Pnt
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 from thbcad.checks import Floats
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
+
+if TYPE_CHECKING:
+    from OCP.Geom2d import Geom2d_BSplineCurve
 
 TOLERANCE = 1e-7  # mm, OCCT's default confusion
 
@@ -46,6 +51,11 @@ def geom_curve(kv: KnotVector, poles: Floats) -> Geom_BSplineCurve:
     for k, (x, y, z) in enumerate(poles.tolist(), 1):
         array.SetValue(k, gp_Pnt(x, y, z))
     return Geom_BSplineCurve(array, *_knots(kv), kv.degree)
+
+
+def trace(kv: KnotVector, poles: Floats) -> Geom2d_BSplineCurve:
+    """Return a spline with poles (n, 2) as a curve in the parameters of a face."""
+    return GeomAPI.To2d_s(geom_curve(kv, np.column_stack([poles, np.zeros(len(poles))])), gp_Pln())
 
 
 def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:

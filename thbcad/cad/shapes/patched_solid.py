@@ -16,16 +16,16 @@ import numpy as np
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve
+from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
 from thbcad.cad.shapes.part import Part
 from thbcad.cad.shapes.topology import (
     NAMES,
     closed_part,
     edge_face,
+    face_on,
     new_edge,
     new_vertex,
     side_line,
-    spline_face,
     strut,
     turned,
 )
@@ -65,7 +65,10 @@ def patched_part(lens: Lens) -> Part:
     sheets = [_Sheet(builder, patches) for patches in lens_patches(lens)]
     vertices = [{c: sheet.vertices[_corner(whole[1], c)] for c in CORNERS} for sheet in sheets]
     planar = lens.front.half_width == lens.rear.half_width
-    struts = {corner: strut(builder, whole, corner, vertices, planar) for corner in CORNERS}
+    struts = {
+        c: strut(builder, [s.coefficients[c] for s in whole], [v[c] for v in vertices], planar)
+        for c in CORNERS
+    }
 
     # the normal of the parametrisation points to +z: outward at the rear, inward at the front
     faces = [TopoDS.Face_s(face.Reversed()) for face in sheets[0].faces] + sheets[1].faces
@@ -193,7 +196,7 @@ class _Sheet:
             for side, chain in chains.items()
             for edge in (chain[::-1] if side.clockwise else chain)
         ]
-        face = spline_face(self._builder, patch, loop)
+        face = face_on(self._builder, geom_surface(patch), loop)
         for side, chain in chains.items():
             line = side_line(patch, side)
             for edge in chain:

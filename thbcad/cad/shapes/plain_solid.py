@@ -5,30 +5,29 @@ Nothing is sewn.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from OCP.BRep import BRep_Builder
-from OCP.TopoDS import TopoDS
 
-from thbcad.cad.shapes.occt_splines import TOLERANCE
+from thbcad.cad.shapes.forms import form_of, optical_face, ruled_trace
 from thbcad.cad.shapes.topology import (
     NAMES,
     closed_part,
-    edge_face,
+    new_edge,
     new_vertex,
-    rim_edge,
-    side_line,
-    spline_face,
+    plane_edge_face,
+    ruled_edge_face,
     strut,
-    turned,
 )
-from thbcad.lens import CORNERS, SIDES, Surfaces, placed_surfaces, require_sound
+from thbcad.lens import CORNERS, SIDES, optical_forms, require_sound, ruled_edges
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Solid
 
     from thbcad.cad.shapes.part import Part
-    from thbcad.lens import Lens
+    from thbcad.lens import Lens, OpticalForm
+    from thbcad.splines import BSplineSurface
 
 
 def lens_solid(lens: Lens) -> TopoDS_Solid:
@@ -44,27 +43,38 @@ def lens_part(lens: Lens) -> Part:
     ValueError : as `require_sound`.
     """
     planar = lens.front.half_width == lens.rear.half_width
-    return part_between(placed_surfaces(require_sound(lens)), planar)
+    return part_between(optical_forms(require_sound(lens)), None if planar else ruled_edges(lens))
 
 
-def part_between(surfaces: Surfaces, planar: bool) -> Part:
+def part_between(surfaces: Sequence[OpticalForm], ruled: Sequence[BSplineSurface] | None) -> Part:
     """Return the closed Part between two surfaces and the edges between their rims; nothing is proven.
 
-    surfaces : as `placed_surfaces`.  planar : whether both have the same size, so that the edges are planes.
+    surfaces : as `optical_forms`
+    ruled : the edges as `ruled_edges`; None where both surfaces have the same size, so that they are planes
     """
     builder = BRep_Builder()
-    vertices = [{c: new_vertex(builder, s.coefficients[c]) for c in CORNERS} for s in surfaces]
-    rims = [{side: rim_edge(builder, s, side, own) for side in SIDES} for s, own in zip(surfaces, vertices)]
-    struts = {corner: strut(builder, surfaces, corner, vertices, planar) for corner in CORNERS}
-
-    faces = []
-    for k, surface in enumerate(surfaces):
-        face = spline_face(builder, surface, [turned(rims[k][side], side.clockwise) for side in SIDES])
-        for side in SIDES:
-            builder.UpdateEdge(rims[k][side], side_line(surface, side), face, TOLERANCE)
-        # the normal of the parametrisation points to +z: outward at the rear, inward at the front
-        faces.append(face if k == 1 else TopoDS.Face_s(face.Reversed()))
-    for side in SIDES:
-        loop = [rims[0][side], struts[side.stop], rims[1][side].Reversed(), struts[side.start].Reversed()]
-        faces.append(edge_face(builder, surfaces, side, [[edge] for edge in loop], planar))
+    forms = [form_of(surface) for surface in surfaces]
+    corners = [{c: form.corner(c) for c in CORNERS} for form in forms]
+    vertices = [{c: new_vertex(builder, point) for c, point in own.items()} for own in corners]
+    rims = [{side: form.rim(side) for side in SIDES} for form in forms]
+    edges = [
+        {
+            side: new_edge(builder, along.curve, *along.ends, own[side.start], own[side.stop])
+            for side, along in curves.items()
+        }
+        for curves, own in zip(rims, vertices)
+    ]
+    struts = {
+        c: strut(builder, [own[c] for own in corners], [own[c] for own in vertices], ruled is None)
+        for c in CORNERS
+    }
+    faces = [optical_face(builder, forms[k], edges[k], outward=k == 1) for k in (0, 1)]
+    for k, side in enumerate(SIDES):
+        front, rear = (own[side] for own in edges)
+        chains = [[front], [struts[side.stop]], [rear.Reversed()], [struts[side.start].Reversed()]]
+        if ruled is None:
+            faces.append(plane_edge_face(builder, corners[0][side.start], side, chains))
+        else:
+            images = [ruled_trace(own[side], side, ruled[k], float(v)) for v, own in enumerate(rims)]
+            faces.append(ruled_edge_face(builder, ruled[k], side, chains, images))
     return closed_part(NAMES, faces)

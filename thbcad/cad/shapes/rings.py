@@ -17,7 +17,7 @@ from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE
-from thbcad.cad.shapes.topology import new_edge, new_wire
+from thbcad.cad.shapes.topology import draw_on_plane, new_edge, new_wire
 
 if TYPE_CHECKING:
     from OCP.Geom import Geom_Curve, Geom_Surface
@@ -81,6 +81,7 @@ def _panel(
     wire = new_wire(builder, [low.edges[k], struts[1], high.edges[k].Reversed(), struts[0].Reversed()])
     inward = wall.ends[k][0] > wall.ends[k][1]  # s runs clockwise
     builder.Add(face, wire.Reversed() if inward else wire)
+    draw_on_plane(builder, face, [low.edges[k], high.edges[k]])
     if low.traces:
         for ring in rings:
             builder.UpdateEdge(TopoDS.Edge_s(ring.edges[k]), ring.traces[k], face, TOLERANCE)
@@ -95,4 +96,5 @@ def plane_face(builder: BRep_Builder, z: float, inner: Ring, outer: Ring, upward
     builder.MakeFace(face, Geom_Plane(gp_Pln(gp_Pnt(0, 0, z), gp_Dir(0, 0, 1))), TOLERANCE)
     builder.Add(face, new_wire(builder, outer.edges))
     builder.Add(face, new_wire(builder, [edge.Reversed() for edge in reversed(inner.edges)]))
+    draw_on_plane(builder, face, [*outer.edges, *inner.edges])
     return face if upward else TopoDS.Face_s(face.Reversed())

@@ -16,10 +16,10 @@ from OCP.Geom import (
     Geom_SurfaceOfLinearExtrusion,
 )
 from OCP.Geom2d import Geom2d_Line
-from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 
-from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface
+from thbcad.cad.shapes.forms import ruled_trace
+from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface, trace
 from thbcad.cad.shapes.rings import Ring
 from thbcad.cad.shapes.topology import new_edge, new_vertex, turned
 from thbcad.checks import Floats
@@ -29,7 +29,8 @@ from thbcad.splines import UNIT, BSplineSurface, KnotVector
 if TYPE_CHECKING:
     from OCP.BRep import BRep_Builder
     from OCP.Geom import Geom_Curve, Geom_Surface
-    from OCP.Geom2d import Geom2d_BSplineCurve
+
+    from thbcad.cad.shapes.forms import Form
 
 UP = gp_Dir(0, 0, 1)
 OUTWARD = ((0, -1, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0))
@@ -145,13 +146,13 @@ class RuledWall:
     def strut(self, corner: int) -> Geom_Curve:
         return geom_curve(UNIT, self.panels[corner].coefficients[_first(SIDES[corner])])
 
-    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]], v: float) -> Ring:
+    def rim(self, builder: BRep_Builder, form: Form, v: float) -> Ring:
         """Return the ring of the front's (v = 0) or the rear's rim (v = 1)."""
-        return replace(
-            side_ring(builder, curves),
-            traces=(Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0)),) * 4,
-            heights=(v,) * 4,
-        )
+        line = Geom2d_Line(gp_Pnt2d(0.0, v), gp_Dir2d(1, 0))
+        images = [
+            ruled_trace(form.rim(side), side, panel, v) or line for side, panel in zip(SIDES, self.panels)
+        ]
+        return replace(form_ring(builder, form), traces=images, heights=(v,) * 4)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
         """Return the ring at a height, (1 - v) front + v rear with v = (z - front) / (rear - front) on each
@@ -159,8 +160,11 @@ class RuledWall:
         curves = [self._level(panel, z) for panel in self.panels]
         flat = [(kv, np.column_stack([poles[:, :2], np.full(len(poles), z)])) for kv, poles in curves]
         traces = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in curves]
-        heights = [float(poles[_first(side), 2]) for side, (_, poles) in zip(SIDES, curves)]
-        return replace(side_ring(builder, flat), traces=traces, heights=heights)
+        starts = [_first(side) for side in SIDES]
+        heights = [float(poles[k, 2]) for k, (_, poles) in zip(starts, curves)]
+        lines = [(geom_curve(kv, poles), (kv.start, kv.stop)) for kv, poles in flat]
+        ring = _side_ring(builder, lines, [poles[k] for k, (_, poles) in zip(starts, flat)])
+        return replace(ring, traces=traces, heights=heights)
 
     def _level(self, panel: BSplineSurface, z: float) -> tuple[KnotVector, Floats]:
         """Return knots and poles (x, y, v) of the level line of a panel."""
@@ -174,25 +178,26 @@ class RuledWall:
         return fitted_curve(line, np.r_[panel.kv_u.start, breaks, panel.kv_u.stop], np.r_[1, counts, 1])
 
 
-def side_ring(builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
-    """Return the ring along four splines (x, y, z) over increasing x or y, one for each side; vertices have
-    their z as height."""
-    starts = [poles[_first(side)] for side, (_, poles) in zip(SIDES, curves)]
-    vertices = [new_vertex(builder, point) for point in starts]
+def form_ring(builder: BRep_Builder, form: Form) -> Ring:
+    """Return the ring along the rim of front or rear; vertices have their z as height."""
+    corners = [form.corner(corner) for corner in CORNERS]
+    rims = [form.rim(side) for side in SIDES]
+    return _side_ring(builder, [(along.curve, along.ends) for along in rims], corners)
+
+
+def _side_ring(
+    builder: BRep_Builder, curves: Sequence[tuple[Geom_Curve, tuple[float, float]]], corners: Sequence[Floats]
+) -> Ring:
+    """Return the ring along four curves between two parameters, x or y rising, one for each side."""
+    vertices = [new_vertex(builder, point) for point in corners]
     edges = []
-    for k, (side, (kv, poles)) in enumerate(zip(SIDES, curves)):
+    for k, (side, (curve, (first, last))) in enumerate(zip(SIDES, curves)):
         pair = vertices[k], vertices[(k + 1) % 4]
         ends = pair[::-1] if side.clockwise else pair
-        edge = new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, *ends)
-        edges.append(turned(edge, side.clockwise))
-    return Ring(vertices, edges, (), [float(point[2]) for point in starts])
+        edges.append(turned(new_edge(builder, curve, first, last, *ends), side.clockwise))
+    return Ring(vertices, edges, (), [float(point[2]) for point in corners])
 
 
 def _first(side: Side) -> int:
     """Return the index of the first pole of a rim, counter-clockwise."""
     return -1 if side.clockwise else 0
-
-
-def trace(kv: KnotVector, poles: Floats) -> Geom2d_BSplineCurve:
-    """Return a spline with poles (n, 2) as a curve in the parameters of a face."""
-    return GeomAPI.To2d_s(geom_curve(kv, np.column_stack([poles, np.zeros(len(poles))])), gp_Pln())

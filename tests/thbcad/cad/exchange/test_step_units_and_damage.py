@@ -9,7 +9,7 @@ from OCP.Interface import Interface_Static
 
 from tests.thbcad.cases import LENSES
 from thbcad.cad.exchange.step import read_step, write_step
-from thbcad.lens import placed_surfaces
+from thbcad.lens import optical_forms
 
 # ---- units and damaged files ----
 
@@ -20,7 +20,7 @@ def test_lengths_are_converted_to_millimetres(text, tmp_path):
     assert metres != text
     path.write_text(metres)
     read = read_step(path)
-    front, rear = placed_surfaces(LENSES["table63"])
+    front, rear = optical_forms(LENSES["table63"])
     assert np.allclose(read.front.coefficients, 1000 * front.coefficients, rtol=1e-15, atol=0)
     assert np.allclose(read.rear.coefficients, 1000 * rear.coefficients, rtol=1e-15, atol=0)
     assert read.volume == pytest.approx(1e9 * LENSES["table63"].volume(), rel=1e-6)
@@ -69,7 +69,7 @@ def without_face(text, number):
 def test_a_missing_optical_face_is_refused(text, tmp_path, number):
     path = tmp_path / "open.step"
     path.write_text(without_face(text, number))
-    with pytest.raises(ValueError, match="holds 1 curved spline faces where a lens has 2"):
+    with pytest.raises(ValueError, match="holds 1 optical faces where a lens has 2"):
         read_step(path)
 
 
@@ -83,9 +83,9 @@ def test_a_missing_edge_face_is_reported(text, tmp_path, number):
 
 
 def test_other_solids_are_refused(tmp_path):
-    path = tmp_path / "box.step"
-    build123d.export_step(build123d.Box(1, 2, 3), path)
-    with pytest.raises(ValueError, match="holds 0 curved spline faces where a lens has 2"):
+    path = tmp_path / "ring.step"
+    build123d.export_step(build123d.Torus(3, 1), path)
+    with pytest.raises(ValueError, match="holds 0 optical faces where a lens has 2"):
         read_step(path)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.sags import Conic
+from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
@@ -63,6 +63,9 @@ CASES = {
 
 
 def same_bits(a, b):
+    """Splines, or conics with the numbers that files hold of them."""
+    if isinstance(b, PlacedConic):
+        return (a.numbers + 0.0).tobytes() == (b.numbers + 0.0).tobytes()
     rows = ((s.kv_u.knots, s.kv_v.knots, s.coefficients) for s in (a, b))
     return all(
         (x + 0.0).tobytes() == (y + 0.0).tobytes() for x, y in zip(*rows, strict=True)

@@ -19,7 +19,7 @@ from thbcad.lens import (
     Product,
     aperture_volume,
     flanged_volume,
-    placed_surfaces,
+    optical_forms,
     require_clear,
     ruled_edges,
 )
@@ -88,7 +88,7 @@ def test_names_of_the_faces():
 
 def test_front_and_rear_keep_every_pole(written):
     lens, _, _, _, read = written
-    for found, wanted in zip((read.front, read.rear), placed_surfaces(lens), strict=True):
+    for found, wanted in zip((read.front, read.rear), optical_forms(lens), strict=True):
         assert same_bits(found, wanted)
 
 

@@ -1,0 +1,104 @@
+"""Rays and conics of revolution in closed form, for the independent tracer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from thbcad.sags import PlacedConic
+
+    Floats = NDArray[np.float64]
+    Meetings = tuple[Floats, Floats, NDArray[np.bool_]]  # points, unit normals towards +z, met
+
+MEETS = 1e-10  # of the face's width: a point so near the rim, or so little behind a ray's origin, lies on it
+ROOM = 1e-3  # of the width, above and below the face
+UP = np.array([0.0, 0.0, 1.0])
+
+
+class ConicFace:
+    """The face c (x^2 + y^2 + (1 + K) z^2) = 2 z over a rectangle, c = 1 / R, z from the vertex.
+
+    A conic that its file bounds by no rectangle has no rim.
+    """
+
+    def __init__(self, conic: PlacedConic) -> None:
+        self._vertex = conic.vertex * UP
+        self._curvature = 1 / conic.conic.radius
+        self._scale = np.array([1.0, 1.0, 1 + conic.conic.constant])
+        self._half = np.array(conic.half_width)
+        self._bounded = bool(np.isfinite(self._half).all())
+        self.width = float(2 * self._half.max()) if self._bounded else 1.0
+
+    def intersect(self, points: Floats, directions: Floats) -> Meetings:
+        """Return (points, unit normals towards +z, met) of rays on the face.
+
+        Meetings behind the origin, on the far side of the face, and of rays that come in over its rim do not
+        count.
+        """
+        here = points - self._vertex
+        on_face, normals = here.copy(), np.tile(UP, (len(here), 1))
+        travel = np.full(len(here), np.inf)
+        with np.errstate(all="ignore"):  # rays that meet no such quadric give nan, which meets nothing
+            for t in self._roots(here, directions):
+                point = here + t[:, None] * directions
+                normal = self._normals(point)
+                ahead = (t >= -MEETS * self.width) & (t < travel)
+                meets = ahead & self._inside(point) & (normal[:, 2] > 0) & (_dot(normal, directions) > 0)
+                travel[meets], on_face[meets], normals[meets] = t[meets], point[meets], normal[meets]
+        met: NDArray[np.bool_] = np.asarray(np.isfinite(travel))
+        if self._bounded:
+            met = met & ~self._behind(here, directions)
+        return on_face + self._vertex, normals, met
+
+    def _roots(self, points: Floats, directions: Floats) -> list[Floats]:
+        """Return both roots of a t^2 + 2 b t + e = 0, without cancellation and after a step of Newton's."""
+        c, scaled = self._curvature, self._scale * directions
+        a = c * _dot(scaled, directions)
+        b = c * _dot(scaled, points) - directions[:, 2]
+        e = self._excess(points)
+        q = -(b + np.copysign(np.sqrt(b * b - a * e), b))
+        roots = [e / q, q / a]
+        return [t - self._excess(points + t[:, None] * directions) / (2 * (a * t + b)) for t in roots]
+
+    def _excess(self, points: Floats) -> Floats:
+        """Return c (x^2 + y^2 + (1 + K) z^2) - 2 z."""
+        excess: Floats = self._curvature * _dot(self._scale * points, points) - 2 * points[:, 2]
+        return excess
+
+    def _normals(self, points: Floats) -> Floats:
+        """Return unit normals; on the sheet through the vertex they point to +z."""
+        normals = UP - self._curvature * self._scale * points
+        unit: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        return unit
+
+    def _inside(self, points: Floats) -> NDArray[np.bool_]:
+        return np.all(abs(points[:, :2]) <= self._half + MEETS * self.width, axis=1)
+
+    def _heights(self, points: Floats) -> Floats:
+        """Return the heights of the face at (x, y), (n, 2), of the rim where they lie beside it."""
+        square = (np.clip(points, -self._half, self._half) ** 2).sum(axis=1)
+        c = self._curvature
+        heights: Floats = c * square / (1 + np.sqrt(1 - self._scale[2] * c * c * square))
+        return heights
+
+    def _behind(self, points: Floats, directions: Floats) -> NDArray[np.bool_]:
+        """Return which rays come into the face's box above the face: they pass its rim."""
+        corner = float(self._heights(self._half[None, :])[0])
+        room = ROOM * self.width
+        low = np.array([*-self._half, min(0.0, corner) - room])
+        high = np.array([*self._half, max(0.0, corner) + room])
+        with np.errstate(all="ignore"):
+            ends = np.stack([(low - points) / directions, (high - points) / directions])
+        ends = np.where(directions == 0, [[[-np.inf]], [[np.inf]]], ends)
+        enters = np.maximum(ends.min(axis=0).max(axis=1), 0.0)
+        here = points + enters[:, None] * directions
+        behind: NDArray[np.bool_] = here[:, 2] - self._heights(here[:, :2]) > MEETS * self.width
+        return behind
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    dots: Floats = np.einsum("ij,ij->i", a, b)
+    return dots
