@@ -75,6 +75,7 @@ QUICK = \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \
 	tests/thbcad/certified/test_slope_and_curvature.py \
+	tests/thbcad/drawings \
 	tests/thbcad/fitting/test_adaptive_fit.py \
 	tests/thbcad/hierarchy/test_levels.py \
 	tests/thbcad/hierarchy/test_reference_values.py \

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
         least_radii as least_radii,
         value_range as value_range,
     )
+    from thbcad.drawings import (
+        lens_sheet as lens_sheet,
+        plan_view as plan_view,
+        section_view as section_view,
+        side_view as side_view,
+        write_drawing as write_drawing,
+    )
     from thbcad.fitting import (
         Fit as Fit,
         Samples as Samples,
@@ -91,6 +98,13 @@ _FILES = {
         "greatest_slope",
         "least_radii",
         "value_range",
+    ),
+    "drawings": (
+        "lens_sheet",
+        "plan_view",
+        "section_view",
+        "side_view",
+        "write_drawing",
     ),
     "fitting": (
         "Fit",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.export.body import Body
+from optics.export.drawing_checks import drawing_checks
 from optics.export.read_back import (
     array_checks,
     cloud_checks,
@@ -27,6 +28,7 @@ from optics.export.read_back import (
 from optics.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
 from optics.runtime import UserError
 from optics.system import lens_product
+from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
     cloud_text,
     obj_bytes,
@@ -60,6 +62,8 @@ SUFFIXES = {
     "dat": "dat",
     "xyz": "xyz",
     "npz": "npz",
+    "svg": "svg",
+    "dxf": "dxf",
 }
 SUFFIXES |= {name: name for name in MESHES}
 SOLIDS = ("step", "iges", "brep")
@@ -160,12 +164,14 @@ def export(
             return _tables(lens, name, path, chord)
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
+        if name in DRAWINGS:
+            return _drawing(lens, name, path, chord, labels or Labels())
         if body.separate:
             return _faces(lens, name, path)
         return _solid(lens, name, path, body, labels or Labels())
     except OSError as error:  # a full disk
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --out") from None
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, ImportError) as error:
         raise UserError(f"cannot export {path}: {error}") from None
 
 
@@ -191,6 +197,15 @@ def _written(files: dict[Path, bytes]) -> list[Path]:
     """Write files, all or none of them."""
     write_files(files)
     return list(files)
+
+
+def _drawing(
+    lens: Lens, name: str, path: Path, chord: float, labels: Labels
+) -> tuple[list[Path], list[Check]]:
+    """Write the drawing of the lens."""
+    sheet = lens_sheet(lens, labels.product, chord)
+    files = _written({path: drawing_bytes(sheet, name)})
+    return files, drawing_checks(lens, sheet, path, name)
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:

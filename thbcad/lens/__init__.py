@@ -61,10 +61,13 @@ if TYPE_CHECKING:
         require_sound_graphs as require_sound_graphs,
     )
     from thbcad.lens.triangulation import (
+        ALLOWANCE as ALLOWANCE,
         EDGES as EDGES,
         FRONT as FRONT,
+        LEAST_CHORD as LEAST_CHORD,
         REAR as REAR,
         Tessellation as Tessellation,
+        subdivided as subdivided,
         tessellated as tessellated,
     )
 
@@ -121,10 +124,13 @@ _FILES = {
         "require_sound_graphs",
     ),
     "triangulation": (
+        "ALLOWANCE",
         "EDGES",
         "FRONT",
+        "LEAST_CHORD",
         "REAR",
         "Tessellation",
+        "subdivided",
         "tessellated",
     ),
 }

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.certified import Orders, bernstein
+from thbcad.certified import Orders, cell_bounds
 from thbcad.checks import Floats, Integers, read_only, rebuilt, require_number, require_type
 from thbcad.lens.lens import Lens
 from thbcad.lens.rims import placed_surfaces, rim_indices
@@ -108,10 +108,7 @@ def _heights(surface: BSplineSurface) -> BSplineSurface:
 def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Floats:
     """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells
     u, cells v)."""
-    strips = [
-        np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)
-    ]
-    bounds = np.concatenate(strips, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
+    bounds = cell_bounds(graph, derivatives)
     i, j = (
         np.searchsorted(kv.breaks, fine.breaks[:-1], "right") - 1
         for kv, fine in ((graph.kv_u, mesh.kv_u), (graph.kv_v, mesh.kv_v))
@@ -150,16 +147,20 @@ def _positions(bends: Floats, mesh: BSplineSurface, chord: float) -> tuple[Float
                 f"a chord error of {chord:g} mm needs more than {MOST_TRIANGLES:,} triangles; allow a "
                 "greater one"
             )
-        parts = parts.astype(np.int64)
-        fraction = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(
-            parts, parts
-        )
-        lines.append(
-            np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * fraction, kv.stop)
-        )
+        lines.append(subdivided(kv.breaks, parts.astype(np.int64)))
         steps.append(width / parts)
     h, k = steps[0][:, None], steps[1][None, :]
     return lines[0], lines[1], float((h * h * uu + 2 * h * k * uv + k * k * vv).max()) / 8
+
+
+def subdivided(breaks: Floats, parts: Integers) -> Floats:
+    """Return the breaks and between them those that cut every interval into a number of equal parts.
+
+    breaks : (n + 1,) float, increasing.  parts : (n,) int
+    """
+    fraction = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(parts, parts)
+    inner = np.repeat(breaks[:-1], parts) + np.repeat(np.diff(breaks), parts) * fraction
+    return np.append(inner, breaks[-1])
 
 
 def _rows(
