@@ -57,6 +57,10 @@ if TYPE_CHECKING:
         manufacturability as manufacturability,
         require_sound as require_sound,
     )
+    from thbcad.meshes import (
+        body_mesh as body_mesh,
+        to_trimesh as to_trimesh,
+    )
     from thbcad.sags import (
         Approximation as Approximation,
         Conic as Conic,
@@ -129,6 +133,10 @@ _FILES = {
         "Product",
         "manufacturability",
         "require_sound",
+    ),
+    "meshes": (
+        "body_mesh",
+        "to_trimesh",
     ),
     "sags": (
         "Approximation",

@@ -177,7 +177,7 @@ def _export_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--format",
         metavar="NAME",
-        help="step iges brep stl 3mf obj ply dat xyz npz svg dxf (default: the suffix of FILE; "
+        help="step iges brep stl 3mf obj ply glb dat xyz npz svg dxf (default: the suffix of FILE; "
         "xml: Mitsuba scene)",
     )
     command.add_argument(

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 from optics.runtime import UserError
 from thbcad.lens import Flange, aperture_volume, flanged_volume
+from thbcad.meshes import body_mesh
 
 if TYPE_CHECKING:
     from thbcad.cad.shapes import Part
-    from thbcad.lens import Lens
+    from thbcad.lens import Lens, Tessellation
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,13 @@ class Body:
     separate: bool = False
 
     def __post_init__(self) -> None:
-        shaped = self.aperture is not None or self.flange is not None
-        if self.patches + self.separate + shaped > 1:
+        if self.patches + self.separate + self.shaped > 1:
             raise UserError("--patches, --separate and --aperture or --flange exclude each other")
+
+    @property
+    def shaped(self) -> bool:
+        """Whether it has an aperture or a flange."""
+        return self.aperture is not None or self.flange is not None
 
     def part(self, lens: Lens) -> Part:
         """Return the solid with named faces.
@@ -51,6 +56,15 @@ class Body:
         if self.flange:
             return flanged_part(lens, self.flange, self.aperture)
         return trimmed_part(lens, self.aperture) if self.aperture else lens_part(lens)
+
+    def mesh(self, lens: Lens, chord: float, single: bool) -> Tessellation:
+        """Return the mesh within a chord error in mm, with named faces; single : rounded to float32.
+
+        Raises
+        ------
+        ValueError : as `body_mesh`.
+        """
+        return body_mesh(lens, chord, self.aperture, self.flange, single)
 
     def volume(self, lens: Lens) -> float:
         """Return the volume in mm^3 by quadrature over the splines."""

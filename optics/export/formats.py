@@ -39,7 +39,8 @@ from thbcad.io import (
     threemf_bytes,
     write_files,
 )
-from thbcad.lens import Product, Tessellation, placed_surfaces, tessellated
+from thbcad.lens import Product, Tessellation, placed_surfaces
+from thbcad.meshes import glb_bytes
 
 if TYPE_CHECKING:
     from optics.runtime import Check
@@ -52,6 +53,7 @@ MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and wheth
     "3mf": (threemf_bytes, True),
     "obj": (obj_bytes, False),
     "ply": (ply_bytes, False),
+    "glb": (glb_bytes, True),
 }
 SUFFIXES = {
     "step": "step",
@@ -137,7 +139,7 @@ def export(
     A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
 
     chord : mm, the error that meshes may have, and grid sags between their points
-    body : of the solid formats step, iges and brep
+    body : of the solid formats step, iges and brep; aperture and flange also of meshes
     labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
@@ -146,20 +148,20 @@ def export(
         cannot be kept, a body that the format or the lens does not allow.
     """
     path = Path(out)
-    if body != PLAIN and name not in (("step",) if body.patches else SOLIDS):
-        wanted = (
-            "--patches needs step"
-            if body.patches
-            else f"--aperture, --flange and --separate need {', '.join(SOLIDS)}"
-        )
-        raise UserError(f"{wanted}, got {name}")
+    for option, asked, allowed in (
+        ("--patches needs", body.patches, ("step",)),
+        ("--separate needs", body.separate, SOLIDS),
+        ("--aperture and --flange need", body.shaped, (*SOLIDS, *MESHES)),
+    ):
+        if asked and name not in allowed:
+            raise UserError(f"{option} {', '.join(allowed)}, got {name}")
     require_writable(path)
     require_readers(name)
     try:
         if name in MESHES:
             write, single = MESHES[name]
-            mesh = tessellated(lens, chord, single)
-            return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord)
+            mesh = body.mesh(lens, chord, single)
+            return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord, body)
         if name in ("dat", "xyz"):
             return _tables(lens, name, path, chord)
         if name == "npz":

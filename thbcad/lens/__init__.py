@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     )
     from thbcad.lens.product import (
         Product as Product,
+        face_colour as face_colour,
         one_line as one_line,
         require_line as require_line,
     )
@@ -65,8 +66,12 @@ if TYPE_CHECKING:
         EDGES as EDGES,
         FRONT as FRONT,
         LEAST_CHORD as LEAST_CHORD,
+        LENS_FACES as LENS_FACES,
+        MOST_TRIANGLES as MOST_TRIANGLES,
         REAR as REAR,
         Tessellation as Tessellation,
+        closed_triangles as closed_triangles,
+        require_apart as require_apart,
         subdivided as subdivided,
         tessellated as tessellated,
     )
@@ -95,6 +100,7 @@ _FILES = {
     ),
     "product": (
         "Product",
+        "face_colour",
         "one_line",
         "require_line",
     ),
@@ -128,8 +134,12 @@ _FILES = {
         "EDGES",
         "FRONT",
         "LEAST_CHORD",
+        "LENS_FACES",
+        "MOST_TRIANGLES",
         "REAR",
         "Tessellation",
+        "closed_triangles",
+        "require_apart",
         "subdivided",
         "tessellated",
     ),
