@@ -75,6 +75,7 @@ QUICK = \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \
 	tests/thbcad/certified/test_slope_and_curvature.py \
+	tests/thbcad/drawings \
 	tests/thbcad/fitting/test_adaptive_fit.py \
 	tests/thbcad/hierarchy/test_levels.py \
 	tests/thbcad/hierarchy/test_reference_values.py \
@@ -82,6 +83,7 @@ QUICK = \
 	tests/thbcad/io/test_surface_json.py \
 	tests/thbcad/lens/test_lens.py \
 	tests/thbcad/lens/test_product.py \
+	tests/thbcad/meshes \
 	tests/thbcad/pictures \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \

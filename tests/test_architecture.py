@@ -26,8 +26,9 @@ FLOORS = [
     ["thbcad.fitting", "thbcad.certified"],
     ["thbcad.lens"],
     ["thbcad.io"],
-    ["thbcad.cad.shapes"],
+    ["thbcad.drawings", "thbcad.cad.shapes"],
     ["thbcad.cad.exchange"],
+    ["thbcad.meshes"],
     ["thbcad.cad"],
     ["thbcad"],
     ["optics.runtime"],
@@ -56,6 +57,10 @@ ALLOWED = {
     "OCP": (["thbcad/cad/"], "CAD formats live in one subpackage: OCP takes a second to load"),
     "build123d": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
     "cadquery": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
+    "ezdxf": (
+        ["thbcad/drawings/dxf_sheet.py", "optics/export/drawing_checks.py"],
+        "a DXF file is written by one module and read back by another",
+    ),
     "mitsuba": (
         ["optics/mitsuba/loading.py"],
         "the adapter checks libLLVM and the version before it loads Mitsuba",
@@ -65,11 +70,15 @@ ALLOWED = {
         "they check libLLVM before they load Dr.Jit, which can abort the process",
     ),
     "optiland": (["optics/verification/optiland_tracer.py"], "an optional tracer that takes seconds to load"),
-    "trimesh": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
+    "trimesh": (
+        ["optics/export/read_back.py", "thbcad/meshes/trimesh_objects.py"],
+        "exported meshes are read back by what did not write them; one module hands a mesh over",
+    ),
     "lib3mf": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
     "matplotlib": (["optics/report/"], "modules that draw are few and in one room"),
 }
-THBCAD_NEEDS = {"numpy", "scipy", "thbcad", "OCP", "build123d", "cadquery", *sys.stdlib_module_names}
+OTHERS = {"numpy", "scipy", "OCP", "build123d", "cadquery", "ezdxf", "trimesh"}
+THBCAD_NEEDS = {"thbcad", *OTHERS, *sys.stdlib_module_names}
 
 
 def name(path):

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
         least_radii as least_radii,
         value_range as value_range,
     )
+    from thbcad.drawings import (
+        lens_sheet as lens_sheet,
+        plan_view as plan_view,
+        section_view as section_view,
+        side_view as side_view,
+        write_drawing as write_drawing,
+    )
     from thbcad.fitting import (
         Fit as Fit,
         Samples as Samples,
@@ -49,6 +56,10 @@ if TYPE_CHECKING:
         Product as Product,
         manufacturability as manufacturability,
         require_sound as require_sound,
+    )
+    from thbcad.meshes import (
+        body_mesh as body_mesh,
+        to_trimesh as to_trimesh,
     )
     from thbcad.sags import (
         Approximation as Approximation,
@@ -92,6 +103,13 @@ _FILES = {
         "least_radii",
         "value_range",
     ),
+    "drawings": (
+        "lens_sheet",
+        "plan_view",
+        "section_view",
+        "side_view",
+        "write_drawing",
+    ),
     "fitting": (
         "Fit",
         "Samples",
@@ -115,6 +133,10 @@ _FILES = {
         "Product",
         "manufacturability",
         "require_sound",
+    ),
+    "meshes": (
+        "body_mesh",
+        "to_trimesh",
     ),
     "sags": (
         "Approximation",

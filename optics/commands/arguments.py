@@ -177,7 +177,8 @@ def _export_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--format",
         metavar="NAME",
-        help="step iges brep stl 3mf obj ply dat xyz npz (default: the suffix of FILE; xml: Mitsuba scene)",
+        help="step iges brep stl 3mf obj ply glb dat xyz npz svg dxf (default: the suffix of FILE; "
+        "xml: Mitsuba scene)",
     )
     command.add_argument(
         "--aperture",
@@ -211,7 +212,7 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         type=float,
         default=1e-3,
         metavar="MM",
-        help="error that meshes may have, in mm (default: 1e-3)",
+        help="error that meshes and drawings may have, in mm (default: 1e-3)",
     )
     _force_option(command)
 

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from optics.runtime import UserError
 from thbcad.lens import Flange, aperture_volume, flanged_volume, polygon_volume
+from thbcad.meshes import body_mesh
 
 if TYPE_CHECKING:
     from thbcad.cad.shapes import Part
-    from thbcad.lens import Lens
+    from thbcad.lens import Lens, Tessellation
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,15 @@ class Body:
         if self.polygon is not None:
             return polygon_part(lens, self.polygon)
         return trimmed_part(lens, self.aperture) if self.aperture else lens_part(lens)
+
+    def mesh(self, lens: Lens, chord: float, single: bool) -> Tessellation:
+        """Return the mesh within a chord error in mm, with named faces; single : rounded to float32.
+
+        Raises
+        ------
+        ValueError : as `body_mesh`.
+        """
+        return body_mesh(lens, chord, self.aperture, self.flange, single)
 
     def volume(self, lens: Lens) -> float:
         """Return the volume in mm^3 by quadrature over the splines."""

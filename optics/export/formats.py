@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.export.body import Body
+from optics.export.drawing_checks import drawing_checks
 from optics.export.read_back import (
     array_checks,
     cloud_checks,
@@ -27,6 +28,7 @@ from optics.export.read_back import (
 from optics.results import ResultFolder, is_result_file, lens_of, require_own, require_writable
 from optics.runtime import UserError
 from optics.system import lens_product
+from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
     cloud_text,
     obj_bytes,
@@ -37,7 +39,8 @@ from thbcad.io import (
     threemf_bytes,
     write_files,
 )
-from thbcad.lens import Product, Tessellation, placed_surfaces, tessellated
+from thbcad.lens import Product, Tessellation, placed_surfaces
+from thbcad.meshes import glb_bytes
 
 if TYPE_CHECKING:
     from optics.runtime import Check
@@ -52,6 +55,7 @@ MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and wheth
     "3mf": (threemf_bytes, True),
     "obj": (obj_bytes, False),
     "ply": (ply_bytes, False),
+    "glb": (glb_bytes, True),
 }
 SUFFIXES = {
     "step": "step",
@@ -62,6 +66,8 @@ SUFFIXES = {
     "dat": "dat",
     "xyz": "xyz",
     "npz": "npz",
+    "svg": "svg",
+    "dxf": "dxf",
 }
 SUFFIXES |= {name: name for name in MESHES}
 SOLIDS = ("step", "iges", "brep")
@@ -135,7 +141,7 @@ def export(
     A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
 
     chord : mm, the error that meshes may have, and grid sags between their points
-    body : of the solid formats step, iges and brep
+    body : of the solid formats step, iges and brep; aperture and flange also of meshes
     labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
@@ -144,30 +150,33 @@ def export(
         cannot be kept, a body that the format or the lens does not allow.
     """
     path = Path(out)
-    if body != PLAIN and name not in (("step",) if body.patches else SOLIDS):
-        wanted = (
-            "--patches needs step"
-            if body.patches
-            else f"--aperture, --polygon, --flange and --separate need {', '.join(SOLIDS)}"
-        )
-        raise UserError(f"{wanted}, got {name}")
+    for option, asked, allowed in (
+        ("--patches needs", body.patches, ("step",)),
+        ("--separate needs", body.separate, SOLIDS),
+        ("--polygon needs", body.polygon is not None, SOLIDS),
+        ("--aperture and --flange need", body.shaped, (*SOLIDS, *MESHES)),
+    ):
+        if asked and name not in allowed:
+            raise UserError(f"{option} {', '.join(allowed)}, got {name}")
     require_writable(path)
     require_readers(name)
     try:
         if name in MESHES:
             write, single = MESHES[name]
-            mesh = tessellated(lens, chord, single)
-            return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord)
+            mesh = body.mesh(lens, chord, single)
+            return _written({path: write(mesh)}), mesh_checks(lens, mesh, path, name, chord, body)
         if name in ("dat", "xyz"):
             return _tables(lens, name, path, chord)
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
+        if name in DRAWINGS:
+            return _drawing(lens, name, path, chord, labels or Labels())
         if body.separate:
             return _faces(lens, name, path)
         return _solid(lens, name, path, body, labels or Labels())
     except OSError as error:  # a full disk
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --out") from None
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, ImportError) as error:
         raise UserError(f"cannot export {path}: {error}") from None
 
 
@@ -193,6 +202,15 @@ def _written(files: dict[Path, bytes]) -> list[Path]:
     """Write files, all or none of them."""
     write_files(files)
     return list(files)
+
+
+def _drawing(
+    lens: Lens, name: str, path: Path, chord: float, labels: Labels
+) -> tuple[list[Path], list[Check]]:
+    """Write the drawing of the lens."""
+    sheet = lens_sheet(lens, labels.product, chord)
+    files = _written({path: drawing_bytes(sheet, name)})
+    return files, drawing_checks(lens, sheet, path, name)
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:

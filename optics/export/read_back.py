@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, NdBSpline
 
-from optics.export.edge_distance import edge_distance
+from optics.export.body import Body
+from optics.export.wall_distance import wall_distance
 from optics.runtime import Check, UserError
 from thbcad.doors import pip_command
-from thbcad.lens import EDGES, FRONT, REAR, SIDES, optical_forms
+from thbcad.lens import FRONT, REAR, optical_forms
 
 if TYPE_CHECKING:
     from thbcad.cad.exchange import SolidFile, SolidState
@@ -25,7 +26,14 @@ SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
 SOLID_SURFACE = {"step": SURFACE, "iges": 1e-8, "brep": SURFACE}  # mm
 VOLUME = 1e-6  # relative, what OCCT's integral is asked for
 SAMPLES = 2**20  # per face of a mesh
-READERS = {"stl": ("trimesh",), "obj": ("trimesh",), "ply": ("trimesh",), "3mf": ("lib3mf", "trimesh")}
+WHOLE = Body()
+READERS = {
+    "stl": ("trimesh",),
+    "obj": ("trimesh",),
+    "ply": ("trimesh",),
+    "3mf": ("lib3mf", "trimesh"),
+    "glb": ("trimesh",),
+}
 
 Array = NDArray[np.float64]
 
@@ -105,8 +113,10 @@ def _state_checks(state: SolidState, by: str, faces: int, volume: float) -> list
     ]
 
 
-def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: float) -> list[Check]:
-    """Return the Checks of a mesh file: closed, oriented, nowhere farther from the lens than `chord`, mm.
+def mesh_checks(
+    lens: Lens, mesh: Tessellation, path: Path, name: str, chord: float, body: Body = WHOLE
+) -> list[Check]:
+    """Return the Checks of a mesh file: closed, oriented, nowhere farther from the body than `chord`, mm.
 
     Front and rear are compared in z, the edges by the distance, at the corners, the middles of the sides and
     the centroids of triangles.  Of large meshes every n-th triangle counts, for about a million points a
@@ -120,18 +130,19 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
         Check(f"mesh not consistently oriented, {by}", int(not read.is_winding_consistent), 0, ""),
         Check(
             f"volume against the closed form, {by}",
-            abs(read.volume - lens.volume()),
+            abs(read.volume - body.volume(lens)),
             chord * read.area,
             "mm^3",
         ),
     ]
     if checks[0].ok:
         corners = read.vertices.view(np.ndarray)
+        faces = np.sort(mesh.faces) if name == "glb" else mesh.faces  # in GLB they are one after the other
         for word, face, surface, vertex in (
             ("front", FRONT, lens.front, 0.0),
             ("rear", REAR, lens.rear, lens.thickness),
         ):
-            points = _samples(corners, read.faces[mesh.faces == face])
+            points = _samples(corners, read.faces[faces == face])
             checks.append(
                 Check(
                     f"{word} against the exact surface, {by}",
@@ -140,11 +151,13 @@ def mesh_checks(lens: Lens, mesh: Tessellation, path: Path, name: str, chord: fl
                     "mm",
                 )
             )
-        edges = [
-            edge_distance(lens, side, _samples(corners, read.faces[mesh.faces == face]))
-            for side, face in zip(SIDES, EDGES)
-        ]
-        checks.append(Check(f"edges against the exact surfaces, {by}", max(edges), chord, "mm"))
+        walls = (
+            (word, _samples(corners, read.faces[faces == face]))
+            for face, word in enumerate(mesh.names)
+            if face not in (FRONT, REAR)
+        )
+        edges = wall_distance(lens, body, walls)
+        checks.append(Check(f"edges against the exact surfaces, {by}", edges, chord, "mm"))
     return checks
 
 
@@ -227,8 +240,15 @@ def _height_error(points: Array, surface: FreeformSurface, vertex: float) -> flo
 
 
 def _read_mesh(path: Path, name: str) -> Any:
-    """Return the mesh of a file of another format, as a trimesh.Trimesh; corners of STL are merged."""
-    return import_module("trimesh").load_mesh(path, file_type=name, process=name == "stl")
+    """Return the mesh of a file of another format in mm, as a trimesh.Trimesh; corners of STL and GLB are
+    merged."""
+    trimesh = import_module("trimesh")
+    if name != "glb":
+        return trimesh.load_mesh(path, file_type=name, process=name == "stl")
+    mesh = trimesh.load_scene(path, file_type=name).to_mesh()
+    mesh.apply_scale(1e3)  # from the metres of the standard
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    return mesh
 
 
 def _read_3mf(path: Path) -> Any:

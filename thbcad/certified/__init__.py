@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from thbcad.certified.bernstein_cells import (
         Orders as Orders,
         bernstein as bernstein,
+        cell_bounds as cell_bounds,
         rounding as rounding,
     )
     from thbcad.certified.extreme_values import (
@@ -30,6 +31,7 @@ _FILES = {
     "bernstein_cells": (
         "Orders",
         "bernstein",
+        "cell_bounds",
         "rounding",
     ),
     "extreme_values": (

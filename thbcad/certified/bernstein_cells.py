@@ -123,6 +123,20 @@ def bernstein(graph: Graph, derivatives: tuple[Orders, ...]) -> Iterator[Cells]:
             )
 
 
+def cell_bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...]) -> Floats:
+    """Return bounds of |derivatives| of a scalar spline on every cell, (len(derivatives), spans u, spans v).
+
+    Raises
+    ------
+    ValueError : as `bernstein`.
+    """
+    strips = [
+        np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)
+    ]
+    bounds: Floats = np.concatenate(strips, axis=1)
+    return bounds.reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
+
+
 def rounding(count: int, size: Size) -> Size:
     """Return the allowance for a count of roundings of numbers of this size."""
     return count * (EPS * size + TINY * (size > 0))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from thbcad.io.mesh_files import (
         obj_bytes as obj_bytes,
         ply_bytes as ply_bytes,
+        require_single as require_single,
         stl_bytes as stl_bytes,
         threemf_bytes as threemf_bytes,
     )
@@ -94,6 +95,7 @@ _FILES = {
     "mesh_files": (
         "obj_bytes",
         "ply_bytes",
+        "require_single",
         "stl_bytes",
         "threemf_bytes",
     ),

@@ -48,7 +48,7 @@ def stl_bytes(mesh: Tessellation) -> bytes:
     ------
     ValueError : vertices that float32 does not hold.
     """
-    _require_single(mesh)
+    require_single(mesh, "STL")
     corners = mesh.vertices[mesh.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facets = np.zeros(
@@ -68,7 +68,7 @@ def threemf_bytes(mesh: Tessellation) -> bytes:
     ------
     ValueError : vertices that float32 does not hold.
     """
-    _require_single(mesh)
+    require_single(mesh, "3MF")
     model = io.BytesIO()
     model.write(MODEL[0].encode())
     # nine digits distinguish all float32
@@ -112,6 +112,7 @@ def ply_bytes(mesh: Tessellation) -> bytes:
     return head.encode() + mesh.vertices.astype("<f8").tobytes() + faces.tobytes()
 
 
-def _require_single(mesh: Tessellation) -> None:
+def require_single(mesh: Tessellation, name: str) -> None:
+    """Raise ValueError unless float32 holds the vertices; name : of the format, for the sentence."""
     if (mesh.vertices != mesh.vertices.astype(np.float32)).any():
-        raise ValueError("STL and 3MF hold float32: the mesh must be tessellated with single=True")
+        raise ValueError(f"{name} holds float32: the mesh must be tessellated with single=True")

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     )
     from thbcad.lens.product import (
         Product as Product,
+        face_colour as face_colour,
         one_line as one_line,
         require_line as require_line,
     )
@@ -68,10 +69,17 @@ if TYPE_CHECKING:
         require_sound_graphs as require_sound_graphs,
     )
     from thbcad.lens.triangulation import (
+        ALLOWANCE as ALLOWANCE,
         EDGES as EDGES,
         FRONT as FRONT,
+        LEAST_CHORD as LEAST_CHORD,
+        LENS_FACES as LENS_FACES,
+        MOST_TRIANGLES as MOST_TRIANGLES,
         REAR as REAR,
         Tessellation as Tessellation,
+        closed_triangles as closed_triangles,
+        require_apart as require_apart,
+        subdivided as subdivided,
         tessellated as tessellated,
     )
 
@@ -103,6 +111,7 @@ _FILES = {
     ),
     "product": (
         "Product",
+        "face_colour",
         "one_line",
         "require_line",
     ),
@@ -135,10 +144,17 @@ _FILES = {
         "require_sound_graphs",
     ),
     "triangulation": (
+        "ALLOWANCE",
         "EDGES",
         "FRONT",
+        "LEAST_CHORD",
+        "LENS_FACES",
+        "MOST_TRIANGLES",
         "REAR",
         "Tessellation",
+        "closed_triangles",
+        "require_apart",
+        "subdivided",
         "tessellated",
     ),
 }

@@ -11,6 +11,12 @@ from thbcad.checks import require_number
 FORBIDDEN = {"Cc", "Cs", "Zl", "Zp"}
 LONGEST = 500  # characters; OCCT writes unreadable IGES files from 1000 on and ends the process from 2000 on
 
+COLOURS = {
+    "front": (0.72, 0.85, 0.95),
+    "rear": (0.60, 0.75, 0.90),
+}  # sRGB, by the first word of a face's name
+OTHER_COLOUR = (0.80, 0.80, 0.80)
+
 
 @dataclass(frozen=True)
 class Product:
@@ -65,6 +71,11 @@ def require_line(key: str, text: object) -> None:
         raise ValueError(
             f"{key} must be one line without control characters, got {bad[0]!r} in {text[:60]!r}"
         )
+
+
+def face_colour(name: str) -> tuple[float, float, float]:
+    """Return the colour of a face in CAD files and meshes by its name, sRGB from 0 to 1."""
+    return COLOURS.get(name.partition(" ")[0], OTHER_COLOUR)
 
 
 def one_line(text: str) -> str:

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.certified import Orders, bernstein
+from thbcad.certified import Orders, cell_bounds
 from thbcad.checks import Floats, Integers, read_only, rebuilt, require_number, require_type
 from thbcad.lens.lens import Lens
-from thbcad.lens.rims import placed_surfaces, rim_indices
+from thbcad.lens.rims import SIDES, placed_surfaces, rim_indices
 from thbcad.lens.soundness import require_sound
 from thbcad.sags import gap_graph
 from thbcad.splines import BSplineSurface
@@ -34,6 +34,7 @@ MOST_TRIANGLES = 20_000_000
 LEAST_CHORD = 1e-8  # mm
 ALLOWANCE = 1e-10  # mm; what conics as splines (1e-11 mm) and the rounding of vertices within 10 m add
 FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges in the order of SIDES
+LENS_FACES = ("front", "rear", *(side.name for side in SIDES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +43,18 @@ class Tessellation:
 
     vertices : (n, 3) float, mm
     triangles : (t, 3) int, vertex numbers; the front comes first, then the rear, then the edges
-    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges in the order of SIDES
+    faces : (t,) int, the face of each triangle: 0 front, 1 rear, 2 to 5 the edges in the order of SIDES; of
+        other bodies as in `names`
     chord : float, mm, bound of the distance of any point of the mesh from its face; on front and rear also of
         the error in z
+    names : of the faces
     """
 
     vertices: Floats
     triangles: Integers
     faces: Integers
     chord: float
+    names: tuple[str, ...] = LENS_FACES
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", read_only(self.vertices))
@@ -90,14 +94,9 @@ def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
             "a greater one"
         )
     vertices = _vertices([s.grid(u, v) for s in surfaces], rows, single)
-    triangles, faces = _triangles(len(u) - 1, len(v) - 1, rows)
-    if single and any(
-        (vertices[triangles[:, k]] == vertices[triangles[:, k - 1]]).all(axis=1).any() for k in range(3)
-    ):
-        raise ValueError(
-            "two vertices of the mesh lie closer than float32 tells apart; allow a greater chord error or "
-            "use float64"
-        )
+    triangles, strips = closed_triangles(len(u) - 1, len(v) - 1, rows)
+    require_apart(vertices, triangles)
+    faces = np.where(strips < EDGES[0], strips, EDGES[0] + (strips - EDGES[0]) % len(EDGES))
     return Tessellation(vertices, triangles, faces, max(bound, edge_bound) + added)
 
 
@@ -108,10 +107,7 @@ def _heights(surface: BSplineSurface) -> BSplineSurface:
 def _bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...], mesh: BSplineSurface) -> Floats:
     """Return bounds of |derivatives| of a scalar graph on the cells of a mesh that holds its knots, (d, cells
     u, cells v)."""
-    strips = [
-        np.abs(c.coefficients).max(axis=(1, 2)) + c.error[:, None] for c in bernstein(graph, derivatives)
-    ]
-    bounds = np.concatenate(strips, axis=1).reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
+    bounds = cell_bounds(graph, derivatives)
     i, j = (
         np.searchsorted(kv.breaks, fine.breaks[:-1], "right") - 1
         for kv, fine in ((graph.kv_u, mesh.kv_u), (graph.kv_v, mesh.kv_v))
@@ -150,16 +146,20 @@ def _positions(bends: Floats, mesh: BSplineSurface, chord: float) -> tuple[Float
                 f"a chord error of {chord:g} mm needs more than {MOST_TRIANGLES:,} triangles; allow a "
                 "greater one"
             )
-        parts = parts.astype(np.int64)
-        fraction = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(
-            parts, parts
-        )
-        lines.append(
-            np.append(np.repeat(kv.breaks[:-1], parts) + np.repeat(width, parts) * fraction, kv.stop)
-        )
+        lines.append(subdivided(kv.breaks, parts.astype(np.int64)))
         steps.append(width / parts)
     h, k = steps[0][:, None], steps[1][None, :]
     return lines[0], lines[1], float((h * h * uu + 2 * h * k * uv + k * k * vv).max()) / 8
+
+
+def subdivided(breaks: Floats, parts: Integers) -> Floats:
+    """Return the breaks and between them those that cut every interval into a number of equal parts.
+
+    breaks : (n + 1,) float, increasing.  parts : (n,) int
+    """
+    fraction = (np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(parts, parts)
+    inner = np.repeat(breaks[:-1], parts) + np.repeat(np.diff(breaks), parts) * fraction
+    return np.append(inner, breaks[-1])
 
 
 def _rows(
@@ -195,8 +195,22 @@ def _vertices(grids: list[Floats], rows: int, single: bool) -> Floats:
     return vertices.astype(np.float32).astype(np.float64) if single else vertices
 
 
-def _triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:
-    """Return the vertex numbers of all triangles and the face of each."""
+def require_apart(vertices: Floats, triangles: Integers) -> None:
+    """Raise ValueError where two corners of a triangle are one point."""
+    if any((vertices[triangles[:, k]] == vertices[triangles[:, k - 1]]).all(axis=1).any() for k in range(3)):
+        raise ValueError(
+            "two vertices of the mesh lie closer than float32 tells apart; allow a greater chord error or "
+            "use float64"
+        )
+
+
+def closed_triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:
+    """Return the vertex numbers of all triangles, (t, 3), and the strip of each, (t,).
+
+    The vertices are a front and a rear grid of (nu + 1) x (nv + 1) points, then rows - 1 rings between their
+    rims in the order of `rim_indices`, front first.  Strips are 0 front, 1 rear, and 2 + 4 k + s on the side
+    s of the k-th row.
+    """
     count = (nu + 1) * (nv + 1)
     ring = rim_indices(nu + 1, nv + 1)
     grid = np.arange(count).reshape(nu + 1, nv + 1)
@@ -206,7 +220,8 @@ def _triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:
     following = np.roll(levels, -1, axis=1)
     edges = _halves(levels[:-1], following[:-1], following[1:], levels[1:])
     triangles = np.concatenate([rear[:, ::-1], count + rear, edges])
-    side = np.tile(np.repeat(EDGES, [2 * nu, 2 * nv, 2 * nu, 2 * nv]), rows)
+    side = np.repeat(np.arange(4), [2 * nu, 2 * nv, 2 * nu, 2 * nv])
+    side = (EDGES[0] + 4 * np.arange(rows)[:, None] + side).ravel()
     return triangles, np.concatenate([np.repeat([FRONT, REAR], len(rear)), side])
 
 

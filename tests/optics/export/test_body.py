@@ -15,10 +15,12 @@ import pytest
 
 from optics.commands import main
 from optics.export.body import Body
-from optics.export.formats import SOLIDS, export
+from optics.export.formats import MESHES, SOLIDS, export
+from optics.export.read_back import mesh_checks
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad import write_lens
 from thbcad.cad.exchange import read_faces
+from thbcad.io import ply_bytes
 from thbcad.lens import Flange, placed_surfaces
 
 EQUAL = small_lens(sag=rough(small_space()))
@@ -78,6 +80,40 @@ def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_
     assert run(capsys, "export", given.file, "--out", out, *options).code == 0
     assert out.read_bytes() == first
     assert names(tmp_path) == sorted([out.name, f"{out.name}.json", "lens.json"])
+
+
+@pytest.mark.parametrize("name", ["stl", "3mf", "glb"])
+@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture"])
+def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    out = tmp_path / f"body.{name}"
+    options = [*BODIES[word], "--chord", 0.02]
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", out, *options)
+    assert (done.code, done.err) == (0, "")
+    assert "mesh not watertight" in done.out
+    first = out.read_bytes()
+    assert run(capsys, "export", tmp_path / "lens.json", "--out", out, *options).code == 0
+    assert out.read_bytes() == first
+
+
+@pytest.mark.parametrize("name", ["flange front +x", "flange side -y", "edge +y rear"])
+def test_a_wall_that_moved_shows(tmp_path, name):
+    body = Body((4.5, 4.0), Flange(2.0, 0.5, 1.0))
+    mesh = body.mesh(EQUAL, 0.02, single=False)
+    vertices = mesh.vertices.copy()
+    moved = np.unique(mesh.triangles[mesh.faces == mesh.names.index(name)])
+    vertices[moved] *= [1.02, 1.02, 1.1]
+    path = tmp_path / "body.ply"
+    path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
+    failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
+    assert "edges against the exact surfaces, PLY read back by trimesh" in failed
+
+
+def test_a_mesh_of_a_flange_on_slanted_edges_is_refused(capsys, tmp_path):
+    write_lens(HOLLOW, tmp_path / "lens.json")
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / "body.stl", *HOLLOW_FLANGE)
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert "the edges of a flange are meshed where front and rear have one size" in done.err
 
 
 @pytest.mark.parametrize("word", BODIES)
@@ -211,9 +247,15 @@ def test_bodies_that_cannot_be_are_refused_and_leave_no_file(capsys, tmp_path, n
 
 @pytest.mark.parametrize(
     ("options", "allowed"),
-    [(["--patches"], ("step",)), (["--separate"], SOLIDS), (["--aperture", 5, 5], SOLIDS)],
+    [
+        (["--patches"], ("step",)),
+        (["--separate"], SOLIDS),
+        (["--aperture", 5, 5, "--chord", 0.02], (*SOLIDS, *MESHES)),
+    ],
 )
-@pytest.mark.parametrize("name", ["iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "npz"])
+@pytest.mark.parametrize(
+    "name", ["iges", "brep", "stl", "3mf", "obj", "ply", "dat", "xyz", "npz", "svg", "dxf"]
+)
 def test_formats_without_the_body_are_refused(capsys, tmp_path, name, options, allowed):
     write_lens(EQUAL, tmp_path / "lens.json")
     done = run(capsys, "export", tmp_path / "lens.json", "--out", tmp_path / f"body.{name}", *options)

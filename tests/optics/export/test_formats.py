@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,11 +12,13 @@ import pytest
 from OCP.RWStl import RWStl
 
 from optics.commands import main
+from optics.export.drawing_checks import drawing_checks
 from optics.export.edge_distance import edge_distance
 from optics.export.formats import FORMATS, MESHES, export
 from optics.export.read_back import array_checks, cloud_checks, mesh_checks, sag_checks
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
-from thbcad import read_lens, write_lens
+from thbcad import THBSurface, read_lens, write_lens
+from thbcad.drawings import drawing_bytes, lens_sheet
 from thbcad.io import ply_bytes
 from thbcad.lens import EDGES, SIDES, tessellated
 
@@ -186,6 +189,22 @@ def test_edge_distances_of_points_beside_a_ruled_edge(side):
     points = (1 - w) * rims[0] + w * rims[1]
     assert edge_distance(lens, side, points) < 1e-13
     assert edge_distance(lens, side, points + 1e-3 * normals) == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["svg", "dxf"])
+def test_a_drawing_of_another_lens_or_with_a_curve_less_shows(tmp_path, name):
+    path = tmp_path / f"lens.{name}"
+    export(EQUAL, name, str(path), CHORD)
+    sheet = lens_sheet(EQUAL, chord=CHORD)
+    rear = EQUAL.rear
+    thicker = rear.with_sag(THBSurface(rear.sag.space, rear.sag.coefficients + 2 * CHORD))
+    assert failing(drawing_checks(EQUAL.with_rear(thicker), sheet, path, name)) == [
+        "rear in sections",
+        "rear beyond its outline",
+    ]
+    less = replace(sheet, views=sheet.views[1:])
+    path.write_bytes(drawing_bytes(less, name))
+    assert failing(drawing_checks(EQUAL, sheet, path, name)) == ["curves missing or added"]
 
 
 # Refusals

@@ -47,5 +47,5 @@ def test_the_corners_of_every_facet_come_back_from_an_stl_file(mesh):
 
 def test_numbers_beyond_float32_are_refused():
     mesh = Tessellation(np.eye(3) * 0.1, np.array([[0, 1, 2]]), np.zeros(1, dtype=np.int64), 1e-3)
-    with pytest.raises(ValueError, match="hold float32"):
+    with pytest.raises(ValueError, match="STL holds float32"):
         stl_bytes(mesh)

@@ -31,6 +31,10 @@ if TYPE_CHECKING:
         read_faces as read_faces,
         write_faces as write_faces,
     )
+    from thbcad.cad.exchange.part_triangles import (
+        part_mesh as part_mesh,
+        solid_mesh as solid_mesh,
+    )
     from thbcad.cad.exchange.ray_faces import (
         face_hits as face_hits,
         step_solid as step_solid,
@@ -77,6 +81,10 @@ _FILES = {
     "loose_faces": (
         "read_faces",
         "write_faces",
+    ),
+    "part_triangles": (
+        "part_mesh",
+        "solid_mesh",
     ),
     "ray_faces": (
         "face_hits",

@@ -36,7 +36,7 @@ from thbcad.cad.exchange.step_writing import SETTINGS, model_text, occt_settings
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type
 from thbcad.io import write_bytes
-from thbcad.lens import Lens, Product, require_line
+from thbcad.lens import Lens, Product, face_colour, require_line
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
@@ -47,11 +47,6 @@ SCHEMA_STARTS = {
     "AP214": "AUTOMOTIVE_DESIGN",
     "AP203": "CONFIG_CONTROL_DESIGN",
 }
-COLOURS = {
-    "front": (0.72, 0.85, 0.95),
-    "rear": (0.60, 0.75, 0.90),
-}  # sRGB, by the first word of a face's name
-OTHER_COLOUR = (0.80, 0.80, 0.80)
 UNKNOWN = "unknown"  # AP203 wants persons and organizations to have names
 
 
@@ -162,8 +157,7 @@ def _document(part: Part, product: Product) -> TDocStd_Document:
     for name, face in zip(part.names, part.faces, strict=True):
         sub = shapes.AddSubShape(label, face)
         TDataStd_Name.Set_s(sub, _extended(name))
-        rgb = COLOURS.get(name.partition(" ")[0], OTHER_COLOUR)
-        colours.SetColor(sub, Quantity_Color(*rgb, Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
+        colours.SetColor(sub, Quantity_Color(*face_colour(name), Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
     if product.material:
         note = "" if product.index is None else f"refractive index {product.index}"
         texts = [_string(text) for text in (product.material, note, "density", "POSITIVE_RATIO_MEASURE")]

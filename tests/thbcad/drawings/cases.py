@@ -1,0 +1,26 @@
+"""Lenses to draw: plano-concave, wavy, of different sizes, and one of conics."""
+
+import numpy as np
+
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+
+def wavy_sag(size, seed=0):
+    space = THBSpace(KnotVector.uniform(3, 6), KnotVector.uniform(3, 5))
+    return THBSurface(space, size * np.random.default_rng(seed).uniform(-1, 1, space.dim))
+
+
+PLAIN = Lens(FreeformSurface((5, 4)), FreeformSurface((5, 4), Conic(40.0, -1.0)), 3.0, 1.5)
+WAVY = Lens(FreeformSurface((5, 4)), FreeformSurface((5, 4), Conic(-40.0, -1.0), wavy_sag(0.4)), 3.0, 1.5)
+WIDER = Lens(
+    FreeformSurface((5, 4), Conic(30.0, -1.0), wavy_sag(0.1, 1)),
+    FreeformSurface((8, 7), Conic(-40.0, -1.0), wavy_sag(0.2, 2)),
+    5.0,
+    1.5,
+)
+BALL = Lens(FreeformSurface((5, 4), Conic(12.0)), FreeformSurface((5, 4), Conic(-12.0, 0.5)), 5.0, 1.5)
+LENSES = {"plano": PLAIN, "wavy": WAVY, "of two sizes": WIDER, "of conics": BALL}

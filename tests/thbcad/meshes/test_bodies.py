@@ -1,0 +1,153 @@
+"""Meshes of apertures and flanges: closed, within their chord of the exact lens, by trimesh and by OCCT's
+volume."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings, strategies as st
+from scipy.spatial import cKDTree
+
+from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER
+from thbcad import body_mesh, to_trimesh
+from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
+from thbcad.lens import Flange, Tessellation, aperture_volume, flanged_volume, tessellated
+from thbcad.meshes import glb_bytes
+
+FLANGE = Flange(2.0, 0.3, 1.0)
+APERTURE = (4.5, 3.5)
+CHORD = 5e-3
+BODIES = {
+    "aperture": (WAVY, APERTURE, None),
+    "circle of two sizes": (WIDER, (4.0, 4.0), None),
+    "flange": (WAVY, None, FLANGE),
+    "both": (PLAIN, APERTURE, FLANGE),
+    "both, of conics": (BALL, (3.5, 3.9), Flange(1.0, 1.5, 2.5)),
+}
+
+
+def heights(lens, points, face):
+    surface, vertex = ((lens.front, 0.0), (lens.rear, lens.thickness))[face]
+    return points[:, 2] - vertex - surface(*points[:, :2].T)
+
+
+def samples(mesh, face, count=2000):
+    """Random points of the triangles of a face."""
+    rng = np.random.default_rng(0)
+    corners = mesh.vertices[mesh.triangles[mesh.faces == face]]
+    weights = rng.dirichlet(np.ones(3), count)
+    return np.einsum("kc,kcd->kd", weights, corners[rng.integers(len(corners), size=count)])
+
+
+@pytest.mark.parametrize(("lens", "aperture", "flange"), BODIES.values(), ids=BODIES)
+@pytest.mark.parametrize("single", [False, True])
+def test_a_body_is_closed_and_within_its_chord(lens, aperture, flange, single):
+    mesh = body_mesh(lens, CHORD, aperture, flange, single)
+    made = to_trimesh(mesh)
+    assert mesh.chord <= CHORD
+    assert (made.is_watertight, made.is_winding_consistent, made.body_count) == (True, True, 1)
+    assert made.euler_number == 2
+    volume = flanged_volume(lens, flange, aperture) if flange else aperture_volume(lens, aperture)
+    assert abs(made.volume - volume) <= mesh.chord * made.area
+    for face in (0, 1):
+        points = samples(mesh, face)
+        assert np.abs(heights(lens, points, face)).max() <= mesh.chord
+    assert (mesh.vertices == mesh.vertices.astype(np.float32)).all() or not single
+    assert mesh.faces.max() == len(mesh.names) - 1
+
+
+def test_a_flange_has_its_planes_and_its_outline():
+    mesh = body_mesh(PLAIN, CHORD, APERTURE, FLANGE)
+    by_name = {name: samples(mesh, k) for k, name in enumerate(mesh.names)}
+    for name, points in by_name.items():
+        if name.startswith("flange front"):
+            assert np.abs(points[:, 2] - FLANGE.low).max() < 1e-14
+        if name.startswith("flange side"):
+            radius = np.hypot(points[:, 0] / 6.5, points[:, 1] / 5.5)
+            assert (radius >= 1 - CHORD / 5.5).all()
+            assert (radius <= 1 + 1e-12).all()
+        if name.startswith("edge"):
+            assert (np.hypot(points[:, 0] / 4.5, points[:, 1] / 3.5) >= 1 - CHORD / 3.5).all()
+
+
+@settings(max_examples=20)
+@given(st.floats(0.3, 5.0), st.floats(0.3, 4.0), st.floats(1e-3, 0.1))
+def test_any_ellipse_keeps_any_chord(a, b, chord):
+    mesh = body_mesh(WAVY, chord, (a, b))
+    assert mesh.chord <= chord
+    assert max(np.abs(heights(WAVY, samples(mesh, face), face)).max() for face in (0, 1)) <= mesh.chord
+    assert to_trimesh(mesh).is_watertight
+
+
+def test_occt_agrees_with_a_body():
+    """The vertices of OCCT's mesh lie on ours within both errors."""
+    part = flanged_part(PLAIN, FLANGE, APERTURE)
+    other = to_trimesh(part, 2e-2)
+    ours = to_trimesh(body_mesh(PLAIN, CHORD, APERTURE, FLANGE))
+    assert other.volume == pytest.approx(ours.volume, abs=2e-2 * ours.area)
+    dense = cKDTree(trimesh.sample.sample_surface(ours, 200_000, seed=0)[0])
+    assert dense.query(other.vertices)[0].max() < 0.15  # the spacing of the samples
+
+
+def test_to_trimesh_has_units_names_and_colours():
+    made = to_trimesh(WAVY, 1e-2)
+    assert made.is_watertight
+    assert made.units == "mm"
+    assert made.metadata["names"][:2] == ("front", "rear")
+    assert made.metadata["chord"] <= 1e-2
+    front = made.visual.face_colors[made.metadata["faces"] == 0]
+    assert (front == [184, 217, 242, 255]).all()
+    assert len(np.unique(made.visual.face_colors, axis=0)) == 3
+
+
+@pytest.mark.parametrize("chord", [2e-2, 5e-3])
+def test_a_part_is_meshed_by_occt_within_the_measured_chord(chord):
+    part = trimmed_part(WAVY, APERTURE)
+    made = to_trimesh(part, chord)
+    faces = made.metadata["faces"]
+    mesh = Tessellation(made.vertices, made.faces, faces, chord, made.metadata["names"])
+    assert made.is_watertight
+    assert made.metadata["chord"] <= chord
+    assert made.metadata["names"] == ("front", "rear", "edge 1", "edge 2")
+    for face in (0, 1):  # 2000 other points than were measured
+        assert np.abs(heights(WAVY, samples(mesh, face), face)).max() <= 1.5 * chord
+    assert abs(made.volume - aperture_volume(WAVY, APERTURE)) <= chord * made.area
+
+
+def test_a_glb_is_in_metres_with_one_coloured_material_per_face():
+    mesh = tessellated(WAVY, 1e-2, single=True)
+    data = glb_bytes(mesh, "lamp")
+    scene = trimesh.load_scene(io.BytesIO(data), file_type="glb")
+    assert scene.units == "meters"
+    assert scene.bounds == pytest.approx(1e-3 * to_trimesh(mesh).bounds, rel=1e-12)
+    assert len(scene.geometry) == 6
+    colours = {g.visual.material.name: g.visual.material.baseColorFactor for g in scene.geometry.values()}
+    assert set(colours) == set(mesh.names)
+    length = int.from_bytes(data[12:16], "little")
+    header = json.loads(data[20 : 20 + length])
+    assert len(data) == int.from_bytes(data[8:12], "little")
+    assert header["nodes"][0]["name"] == "lamp"
+    assert header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx(
+        [0.4770, 0.6921, 0.8900, 1], abs=1e-4
+    )
+    assert glb_bytes(mesh, "lamp") == data
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: body_mesh(WIDER, 1e-3, None, FLANGE), "cut both by an aperture, or export step"),
+        (lambda: body_mesh(PLAIN, 1e-3, (9, 9)), "semi_axes must be at most the front's half-widths"),
+        (lambda: body_mesh(PLAIN, 1e-3, None, Flange(2, -1, 1)), "flange low must lie above the front's"),
+        (lambda: body_mesh(PLAIN, np.nan, (2, 2)), "chord must be a finite number"),
+        (lambda: body_mesh(WAVY, 1e-8, (2, 2)), "needs more than 20,000,000 triangles"),
+        (lambda: glb_bytes(tessellated(WAVY, 1e-2)), "GLB holds float32"),
+        (lambda: to_trimesh("lens"), "lens must be a Lens or Part or Tessellation, got str"),
+        (lambda: to_trimesh(lens_part(WAVY), 1e-6), "chord must be a finite number of at least 1e-05"),
+    ],
+)
+def test_refusals(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()

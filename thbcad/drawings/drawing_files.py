@@ -1,0 +1,47 @@
+"""The drawing of a lens as an SVG or a DXF file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from thbcad.doors import loaded
+from thbcad.drawings.lens_drawing import lens_sheet
+from thbcad.drawings.sheets import Sheet
+from thbcad.drawings.svg_sheet import svg_bytes
+from thbcad.io import write_bytes
+from thbcad.lens import Lens, Product
+
+DRAWINGS = ("svg", "dxf")
+
+
+def drawing_bytes(sheet: Sheet, name: str) -> bytes:
+    """Return a sheet as a file, name "svg" or "dxf"; the same sheet gives the same bytes.
+
+    Raises
+    ------
+    ValueError : another format.
+    ImportError : "dxf" where ezdxf is not installed.
+    """
+    if name not in DRAWINGS:
+        raise ValueError(f"a drawing is an svg or a dxf file, got {name!r}")
+    if name == "svg":
+        return svg_bytes(sheet)
+    data: bytes = loaded("thbcad.drawings.dxf_sheet").dxf_bytes(sheet)
+    return data
+
+
+def write_drawing(lens: Lens, path: str | Path, product: Product | None = None, chord: float = 1e-3) -> None:
+    """Write the drawing of a lens, as `lens_sheet`, to a file that ends in .svg or .dxf.
+
+    In SVG the sheet is at its scale; in DXF the lens has its true size in mm.
+
+    Raises
+    ------
+    OSError : the file cannot be written.
+    ValueError : another suffix; as `lens_sheet`.
+    ImportError : a DXF file where ezdxf is not installed.
+    """
+    suffix = Path(path).suffix.lower().removeprefix(".")
+    if suffix not in DRAWINGS:
+        raise ValueError(f"{path} must end in .svg or .dxf")
+    write_bytes(path, drawing_bytes(lens_sheet(lens, product, chord), suffix))

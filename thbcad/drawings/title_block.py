@@ -1,0 +1,119 @@
+"""Frame, table of the lens and title block of a sheet.
+
+Sources: ISO 5457 (margins), ISO 7200 (title block), ISO 10110-10 (table of left surface, material, right
+surface).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from thbcad.drawings.curves import Style
+from thbcad.drawings.dimensions import Marks, note
+from thbcad.drawings.sheets import SMALL, TEXT, Label, line, number, rectangle
+from thbcad.lens import FreeformSurface, Lens, Product
+
+PAPER = (420.0, 297.0)  # mm, A3
+MARGINS = (20.0, 10.0)  # mm: left for binding, and all others
+BAND = 44.0  # mm, height of the tables
+TITLE = 160.0  # mm, width of the title block
+ROW = 5.5  # mm
+LONGEST = 44  # characters of a text in a cell
+
+
+def tables(lens: Lens, product: Product, scale: float, bound: float) -> Marks:
+    """Return frame, table and title block."""
+    left, low = MARGINS
+    right, top = PAPER[0] - MARGINS[1], PAPER[1] - MARGINS[1]
+    split = right - TITLE
+    marks: Marks = [
+        rectangle((left, low), (right, top)),
+        line((left, low + BAND), (right, low + BAND), style=Style.FRAME),
+        line((split, low), (split, low + BAND), style=Style.FRAME),
+    ]
+    width = (split - left) / 3
+    columns = (_surface(lens.front), _material(lens, product), _surface(lens.rear))
+    for k, (head, rows) in enumerate(zip(("FRONT", "MATERIAL", "REAR"), columns)):
+        x = left + k * width
+        marks += _column(head, rows, x, low)
+        if k:
+            marks.append(line((x, low), (x, low + BAND), style=Style.FRAME))
+    return [*marks, *_title(product, scale, bound, split, low)]
+
+
+def _column(head: str, rows: Sequence[str], x: float, low: float) -> Marks:
+    top = low + BAND - ROW
+    texts = [note(_cut(row), x + 2, top - (k + 1) * ROW) for k, row in enumerate(rows)]
+    return [Label(head, (x + 2, top), TEXT), *texts]
+
+
+def _surface(surface: FreeformSurface) -> list[str]:
+    conic = surface.conic
+    base = "plane" if conic.is_plane else f"R {number(conic.radius)} mm, K {conic.constant:.6g}"
+    a, b = (number(2 * h) for h in surface.half_width)
+    rows = [f"size {a} x {b} mm", f"base {base}"]
+    if surface.sag is None:
+        return [*rows, "no sag"]
+    kv_u, kv_v = surface.sag.space.kv_u, surface.sag.space.kv_v
+    rows.append(f"sag: spline of degree {kv_u.degree} x {kv_v.degree}")
+    net = surface.graph()
+    return [*rows, f"spans {net.kv_u.spans} x {net.kv_v.spans}", "exact shape: the STEP file"]
+
+
+def _material(lens: Lens, product: Product) -> list[str]:
+    rows = [product.material or "material not stated", f"n = {lens.index:.6g}"]
+    if product.density:
+        rows.append(f"density {product.density:g} g/cm3")
+    rows.append(f"vertices {number(lens.thickness)} mm apart")
+    return rows
+
+
+def _title(product: Product, scale: float, bound: float, x: float, low: float) -> Marks:
+    right, top = x + TITLE, low + BAND
+    rows = (
+        (f"curves within {rounded_up(bound)} mm of the lens", 3),
+        (f"scale {scale_text(scale)}    lengths in mm    A3", 2),
+        (" / ".join(text for text in (product.author, product.organization) if text) or "thbcad", 1),
+    )
+    marks: Marks = [Label(_cut(product.name), (x + 3, top - 10), 5.0)]
+    for text, number_ in rows:
+        y = low + number_ * 7.5
+        marks.append(line((x, y), (right, y), style=Style.DIMENSION))
+        marks.append(Label(_cut(text, 60), (x + 3, y - 5), SMALL))
+    return [*marks, *_projection_symbol(right - 29, top - 10)]
+
+
+def _projection_symbol(x: float, y: float) -> Marks:
+    """Return the symbol of third-angle projection, a cone seen from its small end and from the side (ISO
+    5456-2)."""
+    t = np.linspace(0, 2 * np.pi, 49)
+    circle = np.column_stack([np.cos(t), np.sin(t)])
+    centre = np.array([x, y])
+    small, large = 1.75, 3.5
+    cone = np.array([(7, -small), (15, -large), (15, large), (7, small), (7, -small)]) + centre
+    return [
+        line(*(centre + small * circle)),
+        line(*(centre + large * circle)),
+        line(*cone),
+        line((x - 5, y), (x + 17, y), style=Style.CENTRE),
+        line((x, y - 5), (x, y + 5), style=Style.CENTRE),
+    ]
+
+
+def scale_text(scale: float) -> str:
+    """Return a scale as drawings state it, such as 2:1."""
+    return f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
+
+
+def rounded_up(value: float) -> str:
+    """Return a positive number with two digits, not less than it."""
+    if value == 0:
+        return "0"
+    unit = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return f"{np.ceil(value / unit) * unit:.2g}"
+
+
+def _cut(text: str, most: int = LONGEST) -> str:
+    return text if len(text) <= most else text[: most - 3] + "..."

@@ -1,0 +1,252 @@
+"""Views and sections of a lens as plane curves, mm, with a proven error.
+
+Seen from the front, x runs to the left; from the rear, to the right.  Seen along x, light runs to the right;
+seen along y, upwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thbcad.checks import Floats, require_number
+from thbcad.drawings.curves import Curve, Style, spline_chords
+from thbcad.drawings.envelopes import lowest_outline
+from thbcad.drawings.ruled_cuts import edge_cut
+from thbcad.lens import (
+    ALLOWANCE,
+    LEAST_CHORD,
+    SIDES,
+    Lens,
+    placed_surfaces,
+    require_sound,
+    rim,
+    ruled_edge,
+)
+from thbcad.splines import BSplineSurface
+
+NAMES = ("front", "rear")
+AXES = ("x", "y")
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Curves in one plane.
+
+    title : such as "SECTION x = 0"
+    axes : the axes of the lens to the right and upwards, such as ("z", "y"); "-x" is x to the left
+    curves : Curve, mm
+    bound : float, mm; no point of a curve is farther from the exact one
+    """
+
+    title: str
+    axes: tuple[str, str]
+    curves: tuple[Curve, ...]
+    bound: float
+
+    def box(self) -> Floats:
+        """Return the corners ((left, low), (right, high)) of the curves, (2, 2), mm."""
+        points = np.concatenate([curve.points for curve in self.curves])
+        return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def plan_view(lens: Lens, seen_from: str) -> View:
+    """Return the rims as seen from the front or from the rear; it has straight lines only and no error.
+
+    seen_from : "front" or "rear".  The rim of the other surface is hidden along the sides on which the edge
+        faces away.
+
+    Raises
+    ------
+    ValueError : another direction; as `require_sound`.
+    """
+    if seen_from not in NAMES:
+        raise ValueError(f"seen_from must be 'front' or 'rear', got {seen_from!r}")
+    require_sound(lens)
+    near, far = (lens.front, lens.rear) if seen_from == "front" else (lens.rear, lens.front)
+    other = NAMES[1 - NAMES.index(seen_from)]
+    mirror = np.array([-1.0 if seen_from == "front" else 1.0, 1.0])
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)]) * mirror
+    inner, outer = (corners * surface.half_width for surface in (near, far))
+    curves = [Curve(seen_from, inner)]
+    faces_viewer = [b >= a for a, b in zip(near.half_width, far.half_width)]  # edges at high x, at high y
+    for k in range(4) if near.half_width != far.half_width else ():
+        shown = faces_viewer[1 if k % 2 == 0 else 0]
+        curves.append(Curve(other, outer[k : k + 2], Style.OUTLINE if shown else Style.HIDDEN))
+        shown = any(a < b for a, b in zip(near.half_width, far.half_width))
+        strut = np.stack([inner[k], outer[k]])
+        curves.append(Curve("edge", strut, Style.OUTLINE if shown else Style.HIDDEN))
+    axes = ("-x" if seen_from == "front" else "x", "y")
+    return View(f"SEEN FROM THE {seen_from.upper()}", axes, tuple(curves), 0.0)
+
+
+def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) -> View:
+    """Return the section of the lens with the plane x = at or y = at.
+
+    axis : "x" or "y".  chord : mm, the error that its curves may have, in z.
+
+    Raises
+    ------
+    ValueError : another axis; a plane that does not cut both surfaces; a chord below 1e-8 mm; as
+        `require_sound`; more than 200,000 chords.
+    """
+    across = _axis_number(axis)
+    _require_chord(chord)
+    require_number("at", at, finite=True)
+    reach = min(surface.half_width[across] for surface in (require_sound(lens).front, lens.rear))
+    if abs(at) >= reach:
+        raise ValueError(
+            f"the plane {axis} = {at:g} mm must cut front and rear: choose {axis} between {-reach:g} and "
+            f"{reach:g} mm"
+        )
+    bounds = []
+    lines = []
+    for graph, vertex in zip(lens.graphs(), (0.0, lens.thickness)):
+        kv, other = (graph.kv_v, graph.kv_u) if across == 0 else (graph.kv_u, graph.kv_v)
+        net = graph.coefficients if across == 0 else graph.coefficients.T
+        t, z, bound = spline_chords(kv, (other.collocation([at]) @ net)[0], chord - ALLOWANCE)
+        lines.append(np.column_stack([t, vertex + z]))
+        bounds.append(bound)
+    for end in (0, -1):
+        line, bound = edge_cut(lens, across, at, end, chord - ALLOWANCE)
+        lines.append(line)
+        bounds.append(bound)
+    names = (*NAMES, "edge", "edge")
+    curves = tuple(Curve(name, _oriented(line, across)) for name, line in zip(names, lines))
+    return View(f"SECTION {axis} = {at:g}", _side_axes(across), curves, max(bounds) + ALLOWANCE)
+
+
+def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
+    """Return the lens as seen along x (from -x) or along y (from -y): outlines, and rims.
+
+    Outlines are the least and the greatest z of front, rear and slanted edges at every y, or x.  The far rim,
+    and outlines behind glass, are hidden lines.  Folds within the outline are left out.
+
+    axis : "x" or "y".  chord : mm, the error that its curves may have, in z.
+
+    Raises
+    ------
+    ValueError : another axis; a chord below 1e-8 mm; as `require_sound`; more than 200,000 chords.
+    """
+    along = _axis_number(axis)
+    _require_chord(chord)
+    require_sound(lens)
+    allowed = chord - ALLOWANCE
+    pieces = [
+        *_outlines(lens, along, allowed),
+        *_edge_outlines(lens, along, allowed),
+        *_rims(lens, along, allowed),
+    ]
+    curves = tuple(
+        Curve(name, _oriented(line, along), style) for name, line, style, _ in _distinct(pieces, chord)
+    )
+    bound = max(piece[3] for piece in pieces)
+    return View(f"SEEN FROM -{axis}", _side_axes(along), curves, bound + ALLOWANCE)
+
+
+Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, proven error
+
+
+def _outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
+    """Return the least and the greatest z of front and rear; inside the glass they are hidden."""
+    pieces = []
+    for name, graph, vertex in zip(NAMES, lens.graphs(), (0.0, lens.thickness)):
+        turned = graph if along == 0 else _transposed(graph)
+        for sign in (1, -1):
+            outline = lowest_outline(_scaled(turned, sign), chord)
+            line = np.column_stack([outline.v, vertex + sign * outline.z])
+            shown = (name == "front") == (sign == 1)
+            pieces.append((name, line, Style.OUTLINE if shown else Style.HIDDEN, outline.bound))
+    return pieces
+
+
+def _edge_outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
+    """Return the outer outlines of the two edges that are seen edge-on: of planes a line, of slanted ones as
+    of graphs over the rim and from rim to rim."""
+    pieces = []
+    surfaces = placed_surfaces(lens)
+    across = 1 - along
+    widths = [surface.half_width[across] for surface in (lens.front, lens.rear)]
+    for side in (s for s in SIDES if s.axis == along):
+        sign = 1 if side.end else -1
+        net = ruled_edge(surfaces, side)
+        edge = BSplineSurface(net.kv_u, net.kv_v, net.coefficients[..., 2])
+        low = lowest_outline(edge, chord)
+        high = lowest_outline(_scaled(edge, -1), chord)
+        if widths[0] == widths[1]:
+            z = np.array([low.z[0], -high.z[-1]])
+            line = np.column_stack([np.full(2, sign * widths[0]), z])
+            pieces.append(("edge", line, Style.OUTLINE, max(low.bound, high.bound)))
+            continue
+        chosen, z = (low, low.z) if widths[0] < widths[1] else (high, -high.z)
+        position = sign * ((1 - chosen.v) * widths[0] + chosen.v * widths[1])
+        pieces.append(("edge", np.column_stack([position, z]), Style.OUTLINE, chosen.bound))
+    return pieces
+
+
+def _rims(lens: Lens, along: int, chord: float) -> list[Piece]:
+    """Return the rims on the near side, and as hidden lines those on the far side that differ from them, with
+    the corner edges between them."""
+    pieces: list[Piece] = []
+    surfaces = placed_surfaces(lens)
+    near, far = (next(s for s in SIDES if s.axis != along and s.end == end) for end in (0, -1))
+    for name, surface in zip(NAMES, surfaces):
+        half = getattr(lens, name).half_width[1 - along]
+        nets = [rim(surface, side) for side in (near, far)]
+        for (kv, poles), style in zip(nets, (Style.OUTLINE, Style.HIDDEN)):
+            if style is Style.HIDDEN and np.array_equal(poles[:, 2], nets[0][1][:, 2]):
+                continue
+            t, z, bound = spline_chords(kv, poles[:, 2], chord)
+            pieces.append((name, np.column_stack([t * (half / kv.stop), z]), style, bound))
+    if lens.front.half_width[1 - along] != lens.rear.half_width[1 - along]:
+        for side, style in ((near, Style.OUTLINE), (far, Style.HIDDEN)):
+            for corner in (side.start, side.stop):
+                ends = np.array([s.coefficients[corner] for s in surfaces])
+                pieces.append(("edge", ends[:, [1 - along, 2]], style, 0.0))
+    return pieces
+
+
+def _distinct(pieces: list[Piece], chord: float) -> list[Piece]:
+    """Return the pieces without those that one before them covers within twice the chord; outlines first."""
+    kept: list[Piece] = []
+    for piece in sorted(pieces, key=lambda item: item[2] is Style.HIDDEN):
+        if not any(piece[0] == other[0] and _covers(other[1], piece[1], 2 * chord) for other in kept):
+            kept.append(piece)
+    return kept
+
+
+def _covers(line: Floats, other: Floats, tolerance: float) -> bool:
+    """Return whether a line over y or x ends where the other does, and is nowhere farther from it in z."""
+    if line[0, 0] >= line[-1, 0] or (line[[0, -1], 0] != other[[0, -1], 0]).any():
+        return False
+    everywhere = np.concatenate([line[:, 0], other[:, 0]])
+    gap = np.interp(everywhere, *line.T) - np.interp(everywhere, *other.T)
+    return bool(abs(gap).max() <= tolerance)
+
+
+def _axis_number(axis: str) -> int:
+    if axis not in AXES:
+        raise ValueError(f"axis must be 'x' or 'y', got {axis!r}")
+    return AXES.index(axis)
+
+
+def _require_chord(chord: float) -> None:
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
+
+
+def _side_axes(along: int) -> tuple[str, str]:
+    return ("z", "y") if along == 0 else ("x", "z")
+
+
+def _oriented(line: Floats, along: int) -> Floats:
+    """Return points (y, z) as (z, y); points (x, z) stay."""
+    return line[:, ::-1] if along == 0 else line
+
+
+def _transposed(graph: BSplineSurface) -> BSplineSurface:
+    return BSplineSurface(graph.kv_v, graph.kv_u, graph.coefficients.T)
+
+
+def _scaled(graph: BSplineSurface, factor: float) -> BSplineSurface:
+    return BSplineSurface(graph.kv_u, graph.kv_v, factor * graph.coefficients)
