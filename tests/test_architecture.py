@@ -28,6 +28,7 @@ FLOORS = [
     ["thbcad.io"],
     ["thbcad.cad.shapes"],
     ["thbcad.cad.exchange"],
+    ["thbcad.cad.parts"],
     ["thbcad.cad"],
     ["thbcad"],
     ["optics.runtime"],
@@ -54,8 +55,14 @@ HEAVY = ["mitsuba", "drjit", "OCP", "build123d", "cadquery", "matplotlib", "scip
 # package: the modules (paths from the root) that alone may import it, and why
 ALLOWED = {
     "OCP": (["thbcad/cad/"], "CAD formats live in one subpackage: OCP takes a second to load"),
-    "build123d": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
-    "cadquery": (["thbcad/cad/exchange/handover.py"], "CAD formats live in one subpackage"),
+    "build123d": (
+        ["thbcad/cad/exchange/handover.py", "thbcad/cad/parts/build123d_lens.py"],
+        "CAD formats live in one subpackage",
+    ),
+    "cadquery": (
+        ["thbcad/cad/exchange/handover.py", "thbcad/cad/parts/cadquery_lens.py"],
+        "CAD formats live in one subpackage",
+    ),
     "mitsuba": (
         ["optics/mitsuba/loading.py"],
         "the adapter checks libLLVM and the version before it loads Mitsuba",

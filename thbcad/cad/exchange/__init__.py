@@ -10,6 +10,8 @@ if TYPE_CHECKING:
         face_nodes as face_nodes,
     )
     from thbcad.cad.exchange.handover import (
+        GLASS as GLASS,
+        library as library,
         named_faces as named_faces,
         to_build123d as to_build123d,
         to_cadquery as to_cadquery,
@@ -58,6 +60,8 @@ _FILES = {
         "face_nodes",
     ),
     "handover": (
+        "GLASS",
+        "library",
         "named_faces",
         "to_build123d",
         "to_cadquery",
