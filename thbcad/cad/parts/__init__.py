@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     from thbcad.cad.parts.cadquery_lens import (
         workplane as workplane,
     )
+    from thbcad.cad.parts.face_measures import (
+        edge_deviation as edge_deviation,
+        face_deviation as face_deviation,
+        face_spline as face_spline,
+    )
     from thbcad.cad.parts.numbers_of_surfaces import (
         SurfaceNumbers as SurfaceNumbers,
         surface_numbers as surface_numbers,
@@ -37,6 +42,7 @@ _FILES = {
     "own_surfaces": ("exact_part",),
     "operations": ("cut", "join"),
     "search": ("PlacedLens", "placed_lens"),
+    "face_measures": ("edge_deviation", "face_deviation", "face_spline"),
     "numbers_of_surfaces": ("SurfaceNumbers", "surface_numbers"),
     "writing": ("placed_step", "write_step"),
 }

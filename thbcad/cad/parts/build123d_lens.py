@@ -9,7 +9,7 @@ import build123d as bd
 from OCP.TopLoc import TopLoc_Location
 
 from thbcad.cad.exchange import GLASS
-from thbcad.cad.parts.named_booleans import fused, named_part, without
+from thbcad.cad.parts.named_booleans import fused, named_part, numbered, without
 from thbcad.cad.parts.search import occt_shape, one_solid
 from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.checks import require_type
@@ -65,12 +65,10 @@ class LensPart(bd.BasePartObject):
         Where a name has several faces, the further ones are "name 2", "name 3", ...
         """
         found: dict[str, bd.Face] = {}
-        count: dict[str, int] = {}
-        for name, face in zip(self.face_names, self.faces(), strict=True):
-            count[name] = count.get(name, 0) + 1
-            face.label = name if count[name] == 1 else f"{name} {count[name]}"
+        for name, face in zip(numbered(self.face_names), self.faces(), strict=True):
+            face.label = name
             if name:
-                found[face.label] = face
+                found[name] = face
         return found
 
     def with_shape(self, part: Part, placement: TopLoc_Location) -> LensPart:

@@ -6,6 +6,7 @@ follow OCCT's history of the operation.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,16 @@ def named_part(solid: TopoDS_Shape, names: Sequence[str]) -> Part:
     (own,) = explore(solid, TopAbs_SOLID)
     faces = [TopoDS.Face_s(face) for face in explore(own, TopAbs_FACE)]
     return Part(TopoDS.Solid_s(own), tuple(names), tuple(faces))
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Return names without repetition: "flange", "flange 2", "flange 3"; no name stays none."""
+    count: Counter[str] = Counter()
+    result = []
+    for name in names:
+        count[name] += 1
+        result.append(name if count[name] == 1 or not name else f"{name} {count[name]}")
+    return result
 
 
 def fused(part: Part, tool: TopoDS_Shape, name: str = "") -> Part:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from OCP.gp import gp_Trsf
 
 
+LEFT_OUT = 1e-9  # of knots, weights and radii: STEP files of other programs have 10 digits or more
+
+
 @dataclass(frozen=True, eq=False)
 class SurfaceNumbers:
     """The numbers of a surface: what stays as it is under rigid motions, and what moves.
@@ -40,13 +43,10 @@ class SurfaceNumbers:
         return self.fixed.size + self.moved.size
 
     def matches(self, other: SurfaceNumbers) -> bool:
-        """Return whether a motion can make the one of the other: one kind, and the fixed numbers bit for
-        bit."""
-        return (
-            self.kind == other.kind
-            and np.array_equal(self.fixed, other.fixed)
-            and self.moved.shape == other.moved.shape
-        )
+        """Return whether a motion can make the one of the other: one kind, the fixed numbers but for the
+        digits that other programs leave out."""
+        same = self.kind == other.kind and self.fixed.shape == other.fixed.shape
+        return same and np.allclose(self.fixed, other.fixed, rtol=LEFT_OUT, atol=LEFT_OUT)
 
     def differing(self, other: SurfaceNumbers) -> int:
         """Return how many numbers differ; all of them where kinds or sizes do."""

@@ -13,7 +13,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.exchange import explore
-from thbcad.cad.parts.named_booleans import named_part
+from thbcad.cad.parts.named_booleans import named_part, numbered
 from thbcad.cad.shapes import TOLERANCE
 
 if TYPE_CHECKING:
@@ -30,17 +30,13 @@ def exact_part(placed: PlacedLens, names: Sequence[str] = ()) -> Part:
     names : of the faces in the order of OCCT's explorer, where they are known; front and rear are named
         anyhow.
     """
-    numbers = [
-        face.IsSame(own) for face in explore(placed.solid, TopAbs_FACE) for own in placed.faces.values()
-    ]
     copied = placed.in_lens_frame()
     faces = [TopoDS.Face_s(face) for face in explore(copied, TopAbs_FACE)]
     own_names = list(names) if len(names) == len(faces) else [""] * len(faces)
-    for j, (name, surface) in enumerate(placed.surfaces.items()):
-        number = numbers[j :: len(placed.faces)].index(True)
+    for number, (name, surface) in zip(placed.numbers, placed.surfaces.items(), strict=True):
         own_names[number] = name
         _put_back(faces[number], surface)
-    return named_part(copied, own_names)
+    return named_part(copied, numbered(own_names))
 
 
 def _put_back(face: TopoDS_Face, surface: Geom_Surface) -> None:

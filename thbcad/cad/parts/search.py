@@ -57,6 +57,19 @@ class PlacedLens:
         """Whether the part lies elsewhere than the lens."""
         return not np.array_equal(self.matrix, np.eye(4)[:3])
 
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """The numbers of front and rear among the faces of the solid, from 0."""
+        faces = explore(self.solid, TopAbs_FACE)
+        front, rear = (
+            next(k for k, face in enumerate(faces) if face.IsSame(self.faces[name])) for name in OPTICAL
+        )
+        return front, rear
+
+    def geometry(self, name: str) -> Geom_Surface:
+        """Return the surface under the front or the rear as the part has it, without its location."""
+        return BRep_Tool.Surface_s(self.faces[name], TopLoc_Location())
+
     def in_lens_frame(self) -> TopoDS_Shape:
         """Return a copy of the solid in the frame of the lens, whose numbers are those of that frame: nothing
         of it has a location."""
