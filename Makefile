@@ -52,6 +52,7 @@ QUICK = \
 	tests/optics/optimisation/test_bounded_variables.py \
 	tests/optics/optimisation/test_loop_failures.py \
 	tests/optics/optimisation/test_refinement.py \
+	tests/optics/parts/test_proof.py \
 	tests/optics/prediction/test_automatic.py \
 	tests/optics/problem/test_schema.py \
 	tests/optics/problem/test_toml_text.py \
@@ -73,6 +74,7 @@ QUICK = \
 	tests/optics/view \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
+	tests/thbcad/cad/parts/test_search.py \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \
 	tests/thbcad/certified/test_slope_and_curvature.py \
 	tests/thbcad/drawings \

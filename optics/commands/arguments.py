@@ -148,6 +148,11 @@ def _completion_options(command: argparse.ArgumentParser) -> None:
 def _verify_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design, or a STEP file")
     command.add_argument(
+        "--lens",
+        metavar="LENS",
+        help="of a STEP file: the lens.json or result folder of the lens that the part in it holds",
+    )
+    command.add_argument(
         "--no-optiland",
         dest="optiland",
         action="store_false",

@@ -22,6 +22,8 @@ def verify(options: Namespace) -> Outcome:
     """Check the STEP file of a result folder against its lens, or a STEP file by itself."""
     path = Path(options.result)
     alone = path.suffix.lower() in (".step", ".stp")
+    if options.lens is not None and not alone:
+        raise UserError(f"--lens says which lens the part in a STEP file holds, and {path} is none")
     request = light_request(options, not alone)
     from optics.runtime import verification
     from optics.verification import StepFile, bare_checks
@@ -30,7 +32,9 @@ def verify(options: Namespace) -> Outcome:
     left_out: list[str] = []
     light: FileLight | None = None
     try:
-        if alone:
+        if options.lens is not None:
+            checks, left_out = _of_part(path, options.lens, options.optiland)
+        elif alone:
             checks, left_out = bare_checks(StepFile(path))
         else:
             checks, notes, light = _folder_checks(path, options.optiland, request)
@@ -44,6 +48,19 @@ def verify(options: Namespace) -> Outcome:
         checked["light"] = light.data
         lines += light.lines
     return Outcome(checked, lines, checked["ok"])
+
+
+def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[str]]:
+    """Return the checks of a part in a STEP file that holds a lens, and what is left out."""
+    from optics.export import labelled_lens
+    from optics.parts import part_checks
+    from optics.verification import optiland_available
+
+    lens, _ = labelled_lens(of)
+    checks, left_out = part_checks(path, lens, by_optiland and optiland_available())
+    if by_optiland and not optiland_available():
+        left_out.append(f"rays by optiland, which is not installed; {pip_command('verify')}")
+    return checks, left_out
 
 
 def _folder_checks(

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from optics.verification.reference_tracer import (
         trace_step as trace_step,
     )
+    from optics.verification.solid_text import (
+        whole_checks as whole_checks,
+    )
     from optics.verification.step_checks import (
         differing_numbers as differing_numbers,
         exported_step as exported_step,
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
     )
     from optics.verification.text_comparison import (
         fresh_export_checks as fresh_export_checks,
+        same_surface as same_surface,
     )
     from optics.verification.text_volume import (
         text_volume_check as text_volume_check,
@@ -67,6 +71,7 @@ _FILES = {
     ),
     "prescription": ("prescription_checks",),
     "reference_tracer": ("trace_step",),
+    "solid_text": ("whole_checks",),
     "step_checks": (
         "differing_numbers",
         "exported_step",
@@ -77,7 +82,10 @@ _FILES = {
         "ExportedStep",
         "StepFile",
     ),
-    "text_comparison": ("fresh_export_checks",),
+    "text_comparison": (
+        "fresh_export_checks",
+        "same_surface",
+    ),
     "text_volume": (
         "text_volume_check",
         "volume_check",

@@ -32,8 +32,11 @@ EXTRUDED = "area by OCCT: its integral over the wall of an ellipse is off by up 
 OWN_NAMES = ("front", "rear", "edge", "flange")  # the first words of this package's names of faces
 
 
-def whole_checks(solid: Brep) -> tuple[list[Check], list[str]]:
-    """Return the Checks of schema, unit, names, edges and flags, and what is left out."""
+def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check], list[str]]:
+    """Return the Checks of schema, unit, names, edges and flags, and what is left out.
+
+    tolerance : mm, of edges from their vertices and from their images.
+    """
     with np.errstate(all="ignore"):  # absurd numbers give inf or nan, which fail
         distance, uncompared = image_distance(solid)
         turned = turned_faces(solid)
@@ -51,7 +54,7 @@ def whole_checks(solid: Brep) -> tuple[list[Check], list[str]]:
         Check(
             "text of the file: edges from their vertices and from their curves in the faces' parameters",
             distance,
-            TOLERANCE,
+            tolerance,
             "mm",
         ),
         Check("text of the file: faces on the wrong side of their loops", turned, 0, ""),

@@ -92,6 +92,11 @@ def _carrier(face: BrepFace) -> Hashable:
     return face.surface_type, _knots(surface.kv_u), _knots(surface.kv_v), net.shape, _bits(net)
 
 
+def same_surface(face: BrepFace, other: BrepFace) -> bool:
+    """Return whether the surfaces under two faces agree, bit for bit."""
+    return _carrier(face) == _carrier(other)
+
+
 def _edge(edge: BrepEdge, carriers: dict[int, Hashable]) -> Hashable:
     """Return an edge and its images as a value."""
     images = Counter((carriers.get(image.carrier), _curve(image)) for image in edge.images)

@@ -12,6 +12,12 @@ if TYPE_CHECKING:
         to_build123d as to_build123d,
         to_cadquery as to_cadquery,
         write_faces as write_faces,
+    )
+    from thbcad.cad.parts import (
+        LensPart as LensPart,
+        cut as cut,
+        join as join,
+        workplane as workplane,
         write_step as write_step,
     )
 
@@ -23,6 +29,12 @@ _FILES = {
         "to_build123d",
         "to_cadquery",
         "write_faces",
+    ),
+    "parts": (
+        "LensPart",
+        "cut",
+        "join",
+        "workplane",
         "write_step",
     ),
 }

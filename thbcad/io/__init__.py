@@ -51,12 +51,21 @@ if TYPE_CHECKING:
         table_size as table_size,
     )
     from thbcad.io.step_brep import (
+        brep as brep,
         brep_of_text as brep_of_text,
         parse_brep as parse_brep,
     )
     from thbcad.io.step_text import (
+        Entity as Entity,
+        Value as Value,
         having as having,
+        read_file as read_file,
         read_part21 as read_part21,
+    )
+    from thbcad.io.step_values import (
+        direction_of as direction_of,
+        entity_of as entity_of,
+        points_of as points_of,
     )
     from thbcad.io.surface_json import (
         read_surface as read_surface,
@@ -110,12 +119,21 @@ _FILES = {
         "table_size",
     ),
     "step_brep": (
+        "brep",
         "brep_of_text",
         "parse_brep",
     ),
     "step_text": (
+        "Entity",
+        "Value",
         "having",
+        "read_file",
         "read_part21",
+    ),
+    "step_values": (
+        "direction_of",
+        "entity_of",
+        "points_of",
     ),
     "surface_json": (
         "read_surface",

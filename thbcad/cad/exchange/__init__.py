@@ -13,6 +13,8 @@ if TYPE_CHECKING:
         conic_faces as conic_faces,
     )
     from thbcad.cad.exchange.handover import (
+        GLASS as GLASS,
+        library as library,
         named_faces as named_faces,
         to_build123d as to_build123d,
         to_cadquery as to_cadquery,
@@ -66,6 +68,8 @@ _FILES = {
     ),
     "front_and_rear": ("conic_faces",),
     "handover": (
+        "GLASS",
+        "library",
         "named_faces",
         "to_build123d",
         "to_cadquery",

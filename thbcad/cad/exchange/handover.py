@@ -32,7 +32,7 @@ def to_build123d(lens: Lens | Part, name: str = "lens") -> build123d.Solid:
     ImportError : build123d is not installed, or beside another OCP.
     ValueError : something else than a Lens or a Part.
     """
-    bd = _library("build123d")
+    bd = library("build123d")
     return bd.Solid(_part(lens).solid, label=name, color=bd.Color(*GLASS))
 
 
@@ -45,7 +45,7 @@ def to_cadquery(lens: Lens | Part) -> cadquery.Solid:
     ImportError : cadquery is not installed, or beside another OCP.
     ValueError : something else than a Lens or a Part.
     """
-    return _library("cadquery").Solid(_part(lens).solid)
+    return library("cadquery").Solid(_part(lens).solid)
 
 
 def named_faces(lens: Lens | Part) -> dict[str, build123d.Face]:
@@ -59,7 +59,7 @@ def named_faces(lens: Lens | Part) -> dict[str, build123d.Face]:
     ImportError : build123d is not installed, or beside another OCP.
     ValueError : something else than a Lens or a Part.
     """
-    bd = _library("build123d")
+    bd = library("build123d")
     part = _part(lens)
     return {name: bd.Face(face, label=name) for name, face in zip(part.names, part.faces)}
 
@@ -69,7 +69,8 @@ def _part(lens: Lens | Part) -> Part:
     return lens if isinstance(lens, Part) else lens_part(lens)
 
 
-def _library(name: str) -> Any:
+def library(name: str) -> Any:
+    """Return build123d or cadquery; raise ImportError with the command that installs it."""
     try:
         return import_module(name)
     except ImportError as error:

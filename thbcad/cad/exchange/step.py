@@ -22,6 +22,7 @@ from OCP.StepBasic import (
 )
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
+from OCP.StepRepr import StepRepr_NextAssemblyUsageOccurrence
 from OCP.StepShape import StepShape_AdvancedFace
 from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
@@ -39,6 +40,7 @@ from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product, face_colour, require_line
 
 if TYPE_CHECKING:
+    from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS_Shape
 
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
@@ -76,12 +78,17 @@ def step_bytes(lens: Lens, product: Product | None = None, schema: str = "AP242"
     return part_step(lens_part(lens), product, schema)
 
 
-def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
+def part_step(
+    part: Part, product: Product, schema: str = "AP242", placement: TopLoc_Location | None = None
+) -> bytes:
     """Return the STEP file of a Part in mm; the same part gives the same bytes.
 
-    Faces are named and coloured; a material stands with its density in g/cm^3 and, as its description,
-    "refractive index 1.5". An AP203 file also names FILE_SCHEMA 'SHAPE_APPEARANCE_LAYER_MIM', whose entities
-    the colours are: its first edition has none.
+    placement : from the frame of the part to that of the file, where they differ; the file is then an
+        assembly of the one part, whose numbers stay those of its own frame.
+
+    Faces are named, where they have a name, and coloured; a material stands with its density in g/cm^3 and,
+    as its description, "refractive index 1.5". An AP203 file also names FILE_SCHEMA
+    'SHAPE_APPEARANCE_LAYER_MIM', whose entities the colours are: its first edition has none.
 
     Raises
     ------
@@ -94,10 +101,11 @@ def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
         require_line("the name of a face", name)
     silence()
     STEPCAFControl_Controller.Init_s()  # makes the settings
-    document = _document(part, product)
-    with occt_settings(
-        {**SETTINGS, "write.stepcaf.subshapes.name": "1", "write.step.schema": SCHEMAS[schema]}
-    ):
+    document = _document(part, product, placement)
+    settings = {**SETTINGS, "write.stepcaf.subshapes.name": "1", "write.step.schema": SCHEMAS[schema]}
+    if placement is not None:
+        settings["write.step.assembly"] = "1"  # else OCCT moves every number instead of the part
+    with occt_settings(settings):
         writer = STEPCAFControl_Writer()  # takes the schema when it is made
         if not writer.Transfer(document, STEPControl_AsIs):
             raise RuntimeError(f"OCCT could not translate {product.name} to STEP")
@@ -107,6 +115,8 @@ def part_step(part: Part, product: Product, schema: str = "AP242") -> bytes:
             _declare(entity, product)
         if isinstance(entity, StepBasic_DerivedUnitElement):  # of the density, which OCCT gives in g^3 cm^2
             entity.SetExponent(1.0 if isinstance(entity.Unit(), StepBasic_SiUnitAndMassUnit) else -3.0)
+        if isinstance(entity, StepRepr_NextAssemblyUsageOccurrence):  # which OCCT counts in the process
+            entity.SetId(_string("1"))
     return model_text(model, product)
 
 
@@ -145,9 +155,9 @@ def _extended(text: str) -> TCollection_ExtendedString:
     return TCollection_ExtendedString(text, True)  # of UTF-8
 
 
-def _document(part: Part, product: Product) -> TDocStd_Document:
-    """Return a document that holds the solid with its name and material and the faces with their names and
-    colours."""
+def _document(part: Part, product: Product, placement: TopLoc_Location | None) -> TDocStd_Document:
+    """Return a document that holds the solid with its name and material, its placement, and the faces with
+    their names and colours."""
     document = TDocStd_Document(_extended("XmlXCAF"))
     main = document.Main()
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(main)
@@ -156,12 +166,18 @@ def _document(part: Part, product: Product) -> TDocStd_Document:
     TDataStd_Name.Set_s(label, _extended(product.name))
     for name, face in zip(part.names, part.faces, strict=True):
         sub = shapes.AddSubShape(label, face)
-        TDataStd_Name.Set_s(sub, _extended(name))
+        if name:
+            TDataStd_Name.Set_s(sub, _extended(name))
         colours.SetColor(sub, Quantity_Color(*face_colour(name), Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
     if product.material:
         note = "" if product.index is None else f"refractive index {product.index}"
         texts = [_string(text) for text in (product.material, note, "density", "POSITIVE_RATIO_MEASURE")]
         XCAFDoc_DocumentTool.MaterialTool_s(main).SetMaterial(label, *texts[:2], product.density, *texts[2:])
+    if placement is not None:
+        assembly = shapes.NewShape()
+        TDataStd_Name.Set_s(assembly, _extended(f"{product.name} in its place"))
+        TDataStd_Name.Set_s(shapes.AddComponent(assembly, label, placement), _extended(product.name))
+        shapes.UpdateAssemblies()
     return document
 
 

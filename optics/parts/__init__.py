@@ -1,0 +1,20 @@
+"""A lens with its mount: STEP files of such parts proven against the lens."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.parts.placement_text import (
+        PlacedText as PlacedText,
+        placed_text as placed_text,
+    )
+    from optics.parts.proof import (
+        part_checks as part_checks,
+    )
+
+_FILES = {
+    "placement_text": ("PlacedText", "placed_text"),
+    "proof": ("part_checks",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

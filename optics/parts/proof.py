@@ -1,0 +1,109 @@
+"""Checks of a STEP file that holds a lens with its mount against the lens in memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.parts.part_rays import landing_checks
+from optics.parts.placement_text import placed_text
+from optics.runtime import Check
+from optics.verification import same_surface, whole_checks
+from thbcad.cad.exchange import SolidState, step_bytes, step_shape
+from thbcad.cad.parts import PlacedLens, edge_deviation, face_deviation, placed_lens, surface_numbers
+from thbcad.cad.shapes import lens_part
+from thbcad.io import brep_of_text
+
+if TYPE_CHECKING:
+    from optics.parts.placement_text import PlacedText
+    from thbcad.lens import Lens
+
+TOLERANCE = 1e-6  # mm, as of a lens by itself
+OTHER_EDGES = 1e-5  # mm, of edges at which OCCT cuts slanted edges of a lens with a mount, at one parameter
+TRIM = 1e-7  # mm, of the edges of front and rear and of their images in the parameters
+SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
+AREA = 1e-6  # relative, what OCCT's integrals are asked for
+MOTION = 1e-12  # rounding of two rotations
+
+
+def part_checks(path: Path, lens: Lens, by_optiland: bool) -> tuple[list[Check], list[str]]:
+    """Return the Checks of a part with a lens, by its text, by OCCT and by rays, and what is left out.
+
+    Raises
+    ------
+    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid; as `require_sound`.
+    """
+    text = placed_text(path)  # first the reader that damaged files cannot crash
+    checks, left_out = whole_checks(text.solid, OTHER_EDGES)
+    checks += _text_checks(text, lens)
+    shape = step_shape(path)
+    checks += _solid_checks(SolidState(shape))
+    try:
+        placed = placed_lens(shape, lens)
+    except ValueError as error:
+        return [
+            *checks,
+            Check(f"front and rear of the lens in the part, by OCCT: {error}", 1, 0, ""),
+        ], left_out
+    apart = float(np.abs(placed.matrix - text.motion).max())
+    checks.append(Check("placement by OCCT against that in the text of the file", apart, MOTION, ""))
+    checks += _face_checks(placed, lens)
+    return [*checks, *landing_checks(placed, lens, by_optiland)], left_out
+
+
+def _text_checks(text: PlacedText, lens: Lens) -> list[Check]:
+    """Return the Checks that the text holds the surfaces of front and rear, number by number, once each."""
+    fresh = {face.name: face for face in brep_of_text(step_bytes(lens).decode("latin-1")).faces}
+    checks = []
+    for name in ("front", "rear"):
+        named = [face for face in text.solid.faces if face.name == name]
+        off = abs(len(named) - 1) + sum(not same_surface(face, fresh[name]) for face in named)
+        checks.append(
+            Check(f"text of the file: faces named {name} that are not the {name} of the lens", off, 0, "")
+        )
+    rotation = text.motion[:, :3]
+    off_rotation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    checks.append(Check("text of the file: placement that is no rotation", off_rotation, MOTION, ""))
+    return checks
+
+
+def _solid_checks(state: SolidState) -> list[Check]:
+    return [
+        Check("solids besides the one expected, by OCCT", abs(state.solids - 1), 0, ""),
+        Check("free edges, by OCCT", state.free_edges, 0, ""),
+        Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
+        Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
+        Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
+    ]
+
+
+def _face_checks(placed: PlacedLens, lens: Lens) -> list[Check]:
+    """Return the Checks of the numbers, the points, the edges and the area of front and rear."""
+    checks = []
+    own = lens_part(lens)
+    whole = dict(zip(own.names, own.faces))
+    for name, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
+        geometry = placed.geometry(name)
+        differing = surface_numbers(geometry).differing(surface_numbers(placed.surfaces[name]))
+        area, full = (SolidState(face).area for face in (placed.faces[name], whole[name]))
+        checks += [
+            Check(f"{name} numbers that differ from the lens in memory, by OCCT", differing, 0, ""),
+            Check(
+                f"{name} face against the lens in memory, by OCCT",
+                face_deviation(geometry, surface, vertex),
+                SURFACE,
+                "mm",
+            ),
+            Check(
+                f"edges of the {name} and their images, by OCCT",
+                edge_deviation(placed.faces[name]),
+                TRIM,
+                "mm",
+            ),
+            Check(
+                f"area of the {name} that the part covers or cuts, relative", abs(area / full - 1), AREA, ""
+            ),
+        ]
+    return checks

@@ -1,0 +1,49 @@
+"""Lenses as parts of build123d and cadquery, joined with others, and written with their own numbers."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.cad.parts.build123d_lens import (
+        LensPart as LensPart,
+    )
+    from thbcad.cad.parts.cadquery_lens import (
+        workplane as workplane,
+    )
+    from thbcad.cad.parts.face_measures import (
+        edge_deviation as edge_deviation,
+        face_deviation as face_deviation,
+        face_spline as face_spline,
+    )
+    from thbcad.cad.parts.numbers_of_surfaces import (
+        SurfaceNumbers as SurfaceNumbers,
+        surface_numbers as surface_numbers,
+    )
+    from thbcad.cad.parts.operations import (
+        cut as cut,
+        join as join,
+    )
+    from thbcad.cad.parts.own_surfaces import (
+        exact_part as exact_part,
+    )
+    from thbcad.cad.parts.search import (
+        PlacedLens as PlacedLens,
+        placed_lens as placed_lens,
+    )
+    from thbcad.cad.parts.writing import (
+        placed_step as placed_step,
+        write_step as write_step,
+    )
+
+_FILES = {
+    "build123d_lens": ("LensPart",),
+    "cadquery_lens": ("workplane",),
+    "own_surfaces": ("exact_part",),
+    "operations": ("cut", "join"),
+    "search": ("PlacedLens", "placed_lens"),
+    "face_measures": ("edge_deviation", "face_deviation", "face_spline"),
+    "numbers_of_surfaces": ("SurfaceNumbers", "surface_numbers"),
+    "writing": ("placed_step", "write_step"),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,62 @@
+"""A lens on the stack of a cadquery Workplane, its faces tagged by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from thbcad.cad.exchange import library
+from thbcad.cad.parts.named_booleans import named_part
+from thbcad.cad.parts.search import one_solid
+from thbcad.cad.shapes import lens_part
+from thbcad.checks import require_type
+from thbcad.lens import Lens
+
+if TYPE_CHECKING:
+    import cadquery
+
+    from thbcad.cad.shapes import Part
+
+
+def workplane(lens: Lens) -> cadquery.Workplane:
+    """Return a cadquery Workplane with the lens as a solid on its stack, in mm, and its faces tagged.
+
+    `workplane(lens).faces(tag="front")` is the front; so are rear, edge -y, edge +x, edge +y, edge -x.
+    `join` and `cut` keep the tags; cadquery's own operations leave the tags at the solid before them.
+
+    Raises
+    ------
+    ImportError : cadquery is not installed, or beside another OCP.
+    ValueError : something else than a Lens; as `require_sound`.
+    """
+    require_type("lens", lens, Lens)
+    return tagged(lens_part(lens), lens)
+
+
+def tagged(part: Part, lens: Lens | None) -> cadquery.Workplane:
+    """Return a Workplane with a part on its stack; faces with one name share a tag."""
+    cq = library("cadquery")
+    plane = cq.Workplane(obj=cq.Solid(part.solid))
+    by_name: dict[str, list[Any]] = {}
+    for name, face in zip(part.names, part.faces):
+        by_name.setdefault(name, []).append(cq.Face(face))
+    for name, faces in by_name.items():
+        if name:
+            plane.newObject(faces).tag(name)
+    plane.ctx.lens = lens
+    return plane
+
+
+def untagged(plane: cadquery.Workplane) -> Part:
+    """Return the solid of a Workplane as a Part, its faces under the names of their tags."""
+    solid = one_solid(plane)
+    names: Sequence[str] = [_tag_of(plane, face) for face in library("cadquery").Solid(solid).Faces()]
+    return named_part(solid, names)
+
+
+def _tag_of(plane: Any, face: cadquery.Face) -> str:
+    """Return the tag of a face, "" where it has none."""
+    for name, at in plane.ctx.tags.items():
+        if any(face.wrapped.IsSame(own.wrapped) for own in at.objects):
+            return str(name)
+    return ""

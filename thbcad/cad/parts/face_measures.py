@@ -1,0 +1,111 @@
+"""How far optical faces and their edges are from what they should be, as OCCT evaluates them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.Geom import Geom_BSplineSurface, Geom_Line, Geom_Plane
+from OCP.GeomAPI import GeomAPI_IntCS, GeomAPI_ProjectPointOnSurf
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopoDS import TopoDS
+
+from thbcad.cad.exchange import explore
+from thbcad.cad.shapes import spline_surface
+from thbcad.splines import BSplineSurface, KnotVector
+
+if TYPE_CHECKING:
+    from OCP.Geom import Geom_Surface
+    from OCP.TopoDS import TopoDS_Face
+
+    from thbcad.checks import Floats
+    from thbcad.lens import FreeformSurface
+
+PER_SPAN = 6  # points of a spline in every span and direction
+ELSEWHERE = 33  # points of another surface in each direction
+ON_EDGE = 33  # points of an edge
+
+
+def face_deviation(geometry: Geom_Surface, surface: FreeformSurface, vertex: float) -> float:
+    """Return the greatest |z_face(x, y) - z_surface(x, y)| in mm within the rectangle of a lens surface.
+
+    geometry : Geom_Surface in the lens's frame.  surface : FreeformSurface at z = vertex.
+    """
+    if isinstance(geometry, Geom_BSplineSurface):
+        points = _spline_points(geometry)
+    else:
+        points = _points_over(geometry, surface)
+    (x, y), half = points[:, :2].T, surface.half_width
+    inside = np.logical_and(*(np.abs(a) <= h * (1 + 1e-12) for a, h in zip((x, y), half)))
+    if not inside.any():
+        return np.inf
+    return float(np.abs(points[inside, 2] - vertex - surface(x[inside], y[inside])).max())
+
+
+def _spline_points(geometry: Geom_BSplineSurface) -> Floats:
+    spans = [
+        [knot(k) for k in range(1, count + 1)]
+        for knot, count in ((geometry.UKnot, geometry.NbUKnots()), (geometry.VKnot, geometry.NbVKnots()))
+    ]
+    fractions = np.arange(PER_SPAN) / PER_SPAN
+    u, v = (
+        np.append((np.array(b[:-1])[:, None] + np.diff(b)[:, None] * fractions).ravel(), b[-1]) for b in spans
+    )
+    return np.array([geometry.Value(a, b).Coord() for a in u.tolist() for b in v.tolist()])
+
+
+def _points_over(geometry: Geom_Surface, surface: FreeformSurface) -> Floats:
+    """Return the points of a surface over a grid of the rectangle of a lens surface, nearest to z = 0."""
+    found = []
+    x, y = (np.linspace(-h, h, ELSEWHERE).tolist() for h in surface.half_width)
+    for a in x:
+        for b in y:
+            meeting = GeomAPI_IntCS(Geom_Line(gp_Lin(gp_Pnt(a, b, 0.0), gp_Dir(0, 0, 1))), geometry)
+            points = [meeting.Point(k).Coord() for k in range(1, meeting.NbPoints() + 1)]
+            found.append(min(points, key=lambda p: abs(p[2]), default=(a, b, np.inf)))
+    return np.array(found)
+
+
+def edge_deviation(face: TopoDS_Face) -> float:
+    """Return the greatest distance of the edges of a face from their images on its surface, mm.
+
+    Edges of a plane without images count by their distance from the plane.
+    """
+    surface = BRep_Tool.Surface_s(face)
+    greatest = 0.0
+    for edge in map(TopoDS.Edge_s, explore(face, TopAbs_EDGE)):
+        curve = BRepAdaptor_Curve(edge)
+        plane = isinstance(surface, Geom_Plane)
+        image = None if plane else BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+        for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), ON_EDGE).tolist():
+            point = curve.Value(t)
+            if image is None:
+                off = GeomAPI_ProjectPointOnSurf(point, surface).LowerDistance()
+            else:
+                at = image.Value(t)
+                off = point.Distance(surface.Value(at.X(), at.Y()))
+            greatest = max(greatest, off)
+    return greatest
+
+
+def face_spline(geometry: Geom_Surface, surface: FreeformSurface) -> BSplineSurface:
+    """Return a spline or a plane as BSplineSurface, the plane over the rectangle of a lens surface.
+
+    Raises
+    ------
+    ValueError : another surface.
+    """
+    if isinstance(geometry, Geom_BSplineSurface):
+        spline = spline_surface(geometry)
+        if isinstance(spline, BSplineSurface):
+            return spline
+    if isinstance(geometry, Geom_Plane):
+        a, b, c, d = geometry.Coefficients()
+        hx, hy = surface.half_width
+        kv_x, kv_y = (KnotVector.uniform(1, 1, -h, h) for h in (hx, hy))
+        corners = [[(x, y, -(a * x + b * y + d) / c) for y in (-hy, hy)] for x in (-hx, hx)]
+        return BSplineSurface(kv_x, kv_y, np.array(corners))
+    raise ValueError(f"{geometry.DynamicType().Name()} is no polynomial spline and no plane")

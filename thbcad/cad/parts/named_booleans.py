@@ -1,0 +1,112 @@
+"""Unions and differences of solids whose faces have names.
+
+Faces that lie in one plane stay apart, so that a flange flush with a flat front does not swallow it.  Names
+follow OCCT's history of the operation.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape, TopTools_ListOfShape
+
+from thbcad.cad.exchange import explore
+from thbcad.cad.parts.search import OPTICAL
+from thbcad.cad.shapes import Part
+
+if TYPE_CHECKING:
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
+
+
+def named_part(solid: TopoDS_Shape, names: Sequence[str]) -> Part:
+    """Return the Part of a shape with one solid, whose faces have names in their order."""
+    (own,) = explore(solid, TopAbs_SOLID)
+    faces = [TopoDS.Face_s(face) for face in explore(own, TopAbs_FACE)]
+    return Part(TopoDS.Solid_s(own), tuple(names), tuple(faces))
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Return names without repetition: "flange", "flange 2", "flange 3"; no name stays none."""
+    count: Counter[str] = Counter()
+    result = []
+    for name in names:
+        count[name] += 1
+        result.append(name if count[name] == 1 or not name else f"{name} {count[name]}")
+    return result
+
+
+def fused(part: Part, tool: TopoDS_Shape, name: str = "") -> Part:
+    """Return the union of a part and a tool, whose faces get a name.
+
+    Raises
+    ------
+    ValueError : nothing is left of the front or the rear, or it falls into pieces; the tool does not touch
+        the part; OCCT finds no union.
+    """
+    return _operated(BRepAlgoAPI_Fuse(), part, tool, name)
+
+
+def without(part: Part, tool: TopoDS_Shape, name: str = "") -> Part:
+    """Return a part less a tool, whose faces get a name.
+
+    Raises
+    ------
+    ValueError : nothing is left of the front or the rear, or it falls into pieces; the part itself does; OCCT
+        finds no difference.
+    """
+    return _operated(BRepAlgoAPI_Cut(), part, tool, name)
+
+
+def _operated(operation: BRepAlgoAPI_BooleanOperation, part: Part, tool: TopoDS_Shape, name: str) -> Part:
+    what = "join" if isinstance(operation, BRepAlgoAPI_Fuse) else "cut"
+    arguments, tools = TopTools_ListOfShape(), TopTools_ListOfShape()
+    arguments.Append(part.solid)
+    tools.Append(tool)
+    operation.SetArguments(arguments)
+    operation.SetTools(tools)
+    operation.SetRunParallel(False)  # the same solids give the same faces in the same order
+    operation.Build()
+    if not operation.IsDone():
+        raise ValueError(f"{what}: OpenCASCADE finds no result for this tool; move it by more than 1e-6 mm")
+    solids = explore(operation.Shape(), TopAbs_SOLID)
+    images = {own: _images(operation, face) for own, face in zip(part.names, part.faces)}
+    for own in OPTICAL:
+        if own in images and len(images[own]) != 1:
+            raise ValueError(_destroyed(what, own, len(images[own])))
+    if len(solids) != 1:
+        raise ValueError(f"{what}: the part would fall into {len(solids)} solids, where one is wanted")
+    return _renamed(operation, part, tool, solids[0], name)
+
+
+def _renamed(
+    operation: BRepAlgoAPI_BooleanOperation, part: Part, tool: TopoDS_Shape, solid: TopoDS_Shape, name: str
+) -> Part:
+    """Return the result of an operation with the names of the part's faces, and `name` for the tool's."""
+    faces = explore(solid, TopAbs_FACE)
+    numbers = TopTools_IndexedMapOfShape()
+    for face in faces:
+        numbers.Add(face)
+    names = [name] * numbers.Extent()
+    for own, face in zip(part.names, part.faces):
+        for image in _images(operation, face):
+            if numbers.Contains(image):
+                names[numbers.FindIndex(image) - 1] = own
+    return named_part(solid, [names[numbers.FindIndex(face) - 1] for face in faces])
+
+
+def _images(operation: BRepAlgoAPI_BooleanOperation, face: TopoDS_Shape) -> list[TopoDS_Shape]:
+    """Return what an operation has made of a face."""
+    if operation.IsDeleted(face):
+        return []
+    return list(operation.Modified(face)) or [face]
+
+
+def _destroyed(what: str, name: str, pieces: int) -> str:
+    if pieces:
+        return f"{what}: the tool cuts the {name} into {pieces} pieces; keep it out of the {name}"
+    return f"{what}: the tool leaves nothing of the {name}; keep it out of the {name}"

@@ -1,0 +1,138 @@
+"""The numbers of OCCT surfaces, compared bit for bit, and whether two surfaces are one set of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.Geom import (
+    Geom_BSplineSurface,
+    Geom_ElementarySurface,
+    Geom_Plane,
+    Geom_RectangularTrimmedSurface,
+    Geom_SphericalSurface,
+)
+
+from thbcad.checks import Floats
+
+if TYPE_CHECKING:
+    from OCP.Geom import Geom_Surface
+    from OCP.gp import gp_Trsf
+
+
+LEFT_OUT = 1e-9  # of knots, weights and radii: STEP files of other programs have 10 digits or more
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceNumbers:
+    """The numbers of a surface: what stays as it is under rigid motions, and what moves.
+
+    kind : the type of the surface, with the degrees of a spline
+    fixed : (n,) float, knots with their multiplicities and weights, or radii
+    moved : (m, 3) float, poles in mm, or the origin of a plane or a sphere and its three unit axes
+    """
+
+    kind: str
+    fixed: Floats
+    moved: Floats
+
+    @property
+    def count(self) -> int:
+        """How many numbers there are."""
+        return self.fixed.size + self.moved.size
+
+    def matches(self, other: SurfaceNumbers) -> bool:
+        """Return whether a motion can make the one of the other: one kind, the fixed numbers but for the
+        digits that other programs leave out."""
+        same = self.kind == other.kind and self.fixed.shape == other.fixed.shape
+        return same and np.allclose(self.fixed, other.fixed, rtol=LEFT_OUT, atol=LEFT_OUT)
+
+    def differing(self, other: SurfaceNumbers) -> int:
+        """Return how many numbers differ; all of them where kinds or sizes do."""
+        if (self.kind, self.fixed.shape, self.moved.shape) != (
+            other.kind,
+            other.fixed.shape,
+            other.moved.shape,
+        ):
+            return self.count
+        return int((self.fixed != other.fixed).sum() + (self.moved != other.moved).sum())
+
+
+def surface_numbers(geom: Geom_Surface) -> SurfaceNumbers:
+    """Return the SurfaceNumbers of an OCCT surface, of its basis where it is a trimmed one.
+
+    Surfaces that are neither splines nor planes, spheres and their like have no numbers.
+    """
+    while isinstance(geom, Geom_RectangularTrimmedSurface):
+        geom = geom.BasisSurface()
+    kind = geom.DynamicType().Name()
+    if isinstance(geom, Geom_BSplineSurface):
+        return _of_spline(geom)
+    if isinstance(geom, Geom_ElementarySurface):
+        frame = geom.Position()
+        axes = [frame.XDirection(), frame.YDirection(), frame.Direction()]
+        rows = np.array([frame.Location().Coord(), *(axis.Coord() for axis in axes)])
+        radius = [geom.Radius()] if isinstance(geom, Geom_SphericalSurface) else []
+        return SurfaceNumbers(kind, np.array(radius), rows)
+    return SurfaceNumbers(kind, np.empty(0), np.empty((0, 3)))
+
+
+def _of_spline(geom: Geom_BSplineSurface) -> SurfaceNumbers:
+    rows, columns = range(1, geom.NbUPoles() + 1), range(1, geom.NbVPoles() + 1)
+    poles = np.array([geom.Pole(i, j).Coord() for i in rows for j in columns])
+    knots = [(geom.UKnot(k), geom.UMultiplicity(k)) for k in range(1, geom.NbUKnots() + 1)]
+    knots += [(geom.VKnot(k), geom.VMultiplicity(k)) for k in range(1, geom.NbVKnots() + 1)]
+    fixed = np.ravel(knots)
+    kind = f"Geom_BSplineSurface {geom.UDegree()} {geom.VDegree()} {len(rows)} {len(columns)}"
+    if geom.IsURational() or geom.IsVRational():
+        kind += " rational"
+        fixed = np.concatenate([fixed, [geom.Weight(i, j) for i in rows for j in columns]])
+    return SurfaceNumbers(kind, fixed, poles)
+
+
+def same_points(geom: Geom_Surface, wanted: Geom_Surface, tolerance: float) -> bool:
+    """Return whether two surfaces are the same set of points within a tolerance, mm.
+
+    Planes may have any origin in them and spheres any axes; splines must have the same poles.
+    """
+    a, b = surface_numbers(geom), surface_numbers(wanted)
+    if not a.matches(b):
+        return False
+    if isinstance(wanted, Geom_Plane):
+        (origin, *_, normal), (other, *_, along) = a.moved, b.moved
+        turned = np.linalg.norm(np.cross(normal, along)) * (1 + np.linalg.norm(origin - other))
+        return bool(abs((origin - other) @ along) <= tolerance and turned <= tolerance)
+    count = 1 if isinstance(wanted, Geom_SphericalSurface) else None
+    return bool(a.moved.size and np.abs(a.moved[:count] - b.moved[:count]).max() <= tolerance)
+
+
+def rigid_motion(start: SurfaceNumbers, end: SurfaceNumbers) -> gp_Trsf | None:
+    """Return the motion that takes the moved numbers of one surface to those of another that `matches` it.
+
+    Frames of planes and spheres give it at once, poles by least squares (Kabsch): R = U diag(1, 1, d) V^T of
+    the covariance U S V^T.  None where the points lie on a line.
+
+    Source: W. Kabsch, Acta Cryst. A32 (1976) 922.
+    """
+    if start.kind.startswith("Geom_BSplineSurface"):
+        a, b = (rows.moved.mean(axis=0) for rows in (start, end))
+        u, s, v = np.linalg.svd((end.moved - b).T @ (start.moved - a))
+        if s[1] <= 1e-9 * s[0]:  # of the size of the net: rounding
+            return None
+        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    elif len(start.moved):
+        a, b = start.moved[0], end.moved[0]
+        rotation = end.moved[1:].T @ start.moved[1:]
+    else:
+        return None
+    return motion(np.column_stack([rotation, b - rotation @ a]))
+
+
+def motion(rows: Floats) -> gp_Trsf:
+    """Return a matrix (3, 4), a rotation beside a shift in mm, as gp_Trsf."""
+    from OCP.gp import gp_Trsf
+
+    result = gp_Trsf()
+    result.SetValues(*rows.ravel().tolist())
+    return result

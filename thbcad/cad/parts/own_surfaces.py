@@ -1,0 +1,56 @@
+"""A part with a lens, given back the lens's own surfaces: numbers that other programs have moved are exact
+again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.Geom import Geom_Plane
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Face
+
+from thbcad.cad.exchange import explore
+from thbcad.cad.parts.named_booleans import named_part, numbered
+from thbcad.cad.shapes import TOLERANCE
+
+if TYPE_CHECKING:
+    from OCP.Geom import Geom_Surface
+
+    from thbcad.cad.parts.search import PlacedLens
+    from thbcad.cad.shapes import Part
+
+
+def exact_part(placed: PlacedLens, names: Sequence[str] = ()) -> Part:
+    """Return the part in the frame of the lens, as a copy, whose optical faces have the very surfaces of the
+    lens.
+
+    names : of the faces in the order of OCCT's explorer, where they are known; front and rear are named
+        anyhow.
+    """
+    copied = placed.in_lens_frame()
+    faces = [TopoDS.Face_s(face) for face in explore(copied, TopAbs_FACE)]
+    own_names = list(names) if len(names) == len(faces) else [""] * len(faces)
+    for number, (name, surface) in zip(placed.numbers, placed.surfaces.items(), strict=True):
+        own_names[number] = name
+        _put_back(faces[number], surface)
+    return named_part(copied, numbered(own_names))
+
+
+def _put_back(face: TopoDS_Face, surface: Geom_Surface) -> None:
+    """Give a face another surface of the same points, and its edges the images that they had."""
+    builder = BRep_Builder()
+    location = TopLoc_Location()
+    if BRep_Tool.Surface_s(face, location) is surface and location.IsIdentity():
+        return
+    edges = [TopoDS.Edge_s(edge) for edge in explore(face, TopAbs_EDGE)]
+    images = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) for edge in edges]
+    builder.UpdateFace(face, surface, TopLoc_Location(), BRep_Tool.Tolerance_s(face))
+    if isinstance(
+        surface, Geom_Plane
+    ):  # OCCT projects edges on planes itself; their axes may have been others
+        return
+    for edge, image in zip(edges, images):
+        builder.UpdateEdge(edge, image, face, TOLERANCE)

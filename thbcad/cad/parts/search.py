@@ -1,0 +1,224 @@
+"""A lens found within a part of any program: its optical faces, and how the part has moved it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy, BRepBuilderAPI_Transform
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+
+from thbcad.cad.exchange import explore
+from thbcad.cad.parts.numbers_of_surfaces import rigid_motion, same_points, surface_numbers
+from thbcad.cad.shapes import TOLERANCE, lens_part
+from thbcad.checks import Floats
+
+if TYPE_CHECKING:
+    from OCP.Geom import Geom_Surface
+    from OCP.TopoDS import TopoDS_Face
+
+    from thbcad.lens import FreeformSurface, Lens
+
+OPTICAL = ("front", "rear")
+ON_EDGE = 5  # points of an edge, its ends too, that show whether a face leaves the rectangle of a lens
+REMEDY = "add to a lens with thbcad.cad.join, or without clean()"
+APART = 10 * TOLERANCE  # mm; booleans of OCCT move edges by a few of its tolerances
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLens:
+    """A lens within a part.
+
+    solid : TopoDS_Solid of the part, mm
+    placement : TopLoc_Location, from the lens's frame to that of the part
+    faces : {"front": face, "rear": face}, TopoDS_Face of the solid
+    surfaces : {"front": surface, "rear": surface}, Geom_Surface of the lens, in its frame
+    """
+
+    solid: TopoDS_Shape
+    placement: TopLoc_Location
+    faces: dict[str, TopoDS_Face]
+    surfaces: dict[str, Geom_Surface]
+
+    @property
+    def matrix(self) -> Floats:
+        """The placement as a rotation beside a shift in mm, (3, 4)."""
+        motion = self.placement.Transformation()
+        return np.array([[motion.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])
+
+    @property
+    def moved(self) -> bool:
+        """Whether the part lies elsewhere than the lens."""
+        return not np.array_equal(self.matrix, np.eye(4)[:3])
+
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """The numbers of front and rear among the faces of the solid, from 0."""
+        faces = explore(self.solid, TopAbs_FACE)
+        front, rear = (
+            next(k for k, face in enumerate(faces) if face.IsSame(self.faces[name])) for name in OPTICAL
+        )
+        return front, rear
+
+    def geometry(self, name: str) -> Geom_Surface:
+        """Return the surface under the front or the rear as the part has it, without its location."""
+        return BRep_Tool.Surface_s(self.faces[name], TopLoc_Location())
+
+    def in_lens_frame(self) -> TopoDS_Shape:
+        """Return a copy of the solid in the frame of the lens, whose numbers are those of that frame: nothing
+        of it has a location."""
+        unmoved = self.solid.Located(TopLoc_Location())
+        rest = self.solid.Location().Inverted().Multiplied(self.placement)
+        if rest.IsIdentity():
+            return BRepBuilderAPI_Copy(unmoved, False, False).Shape()
+        return BRepBuilderAPI_Transform(unmoved, rest.Inverted().Transformation(), True).Shape()
+
+
+def is_shape(part: object) -> bool:
+    """Return whether something is a part of build123d, of cadquery, a Workplane or a shape of OCP itself."""
+    return isinstance(_wrapped(part), TopoDS_Shape)
+
+
+def occt_shape(part: object) -> TopoDS_Shape:
+    """Return the OCCT shape of what `is_shape`.
+
+    Raises
+    ------
+    ValueError : it is none, or an empty one.
+    """
+    shape = _wrapped(part)
+    if not isinstance(shape, TopoDS_Shape) or shape.IsNull():
+        raise ValueError(
+            f"part must be a Lens or one shape of build123d, cadquery or OCP, got {type(part).__name__}"
+        )
+    return shape
+
+
+def _wrapped(part: object) -> Any:
+    shape: Any = part
+    if hasattr(part, "vals"):  # a Workplane of cadquery
+        values = part.vals()
+        shape = values[0] if len(values) == 1 else None
+    elif hasattr(part, "part"):  # a BuildPart of build123d
+        shape = part.part
+    return getattr(shape, "wrapped", shape)
+
+
+def one_solid(part: object) -> TopoDS_Shape:
+    """Return the one solid of a part, as `occt_shape`; raise ValueError where there is not one."""
+    solids = explore(occt_shape(part), TopAbs_SOLID)
+    if len(solids) != 1:
+        raise ValueError(
+            f"part must hold one solid, got {len(solids)}; write each solid of an assembly alone"
+        )
+    return solids[0]
+
+
+def placed_lens(part: object, lens: Lens) -> PlacedLens:
+    """Return where a part has a lens: the faces whose surfaces are its front and its rear, wherever it is
+    moved to.
+
+    Raises
+    ------
+    ValueError : not one solid; a front or a rear that is missing, grew beyond the lens or fell into pieces.
+    """
+    solid = one_solid(part)
+    own = lens_part(lens)
+    surfaces = {
+        name: BRep_Tool.Surface_s(face) for name, face in zip(own.names, own.faces) if name in OPTICAL
+    }
+    faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
+    best = [_missing(name) for name in OPTICAL]
+    for placement in _placements(faces, surfaces):
+        found, wrong = _faces_at(faces, surfaces, placement, lens)
+        if not wrong:
+            return PlacedLens(solid, placement, found, surfaces)
+        best = min(best, wrong, key=lambda sentences: sum(_weight(s) for s in sentences))
+    raise ValueError("; ".join(best))
+
+
+def _weight(sentence: str) -> int:
+    """Return how far a sentence is from a lens that is found: a missing face is farther than a large one."""
+    return 2 if sentence in map(_missing, OPTICAL) else 1
+
+
+def _missing(name: str) -> str:
+    return (
+        f"the part holds no face with the surface of the {name}, which clean() may have merged with others; "
+        f"{REMEDY}"
+    )
+
+
+def _placements(faces: list[TopoDS_Face], surfaces: dict[str, Geom_Surface]) -> Iterator[TopLoc_Location]:
+    """Yield the motions that take front or rear to a face, the exact ones first: where a face has the very
+    numbers of the lens, its location is the motion."""
+    wanted = {name: surface_numbers(surface) for name, surface in surfaces.items()}
+    fitted = []
+    for face in faces:
+        location = TopLoc_Location()
+        numbers = surface_numbers(BRep_Tool.Surface_s(face, location))
+        for own in wanted.values():
+            if not numbers.matches(own):
+                continue
+            if not numbers.differing(own):
+                yield location
+            motion = rigid_motion(own, numbers)
+            if motion is not None:
+                fitted.append(location.Multiplied(TopLoc_Location(motion)))
+    yield TopLoc_Location()
+    yield from fitted
+
+
+def _faces_at(
+    faces: list[TopoDS_Face], surfaces: dict[str, Geom_Surface], placement: TopLoc_Location, lens: Lens
+) -> tuple[dict[str, TopoDS_Face], list[str]]:
+    """Return the optical faces at a placement by name, and a sentence for each that is not found."""
+    found: dict[str, TopoDS_Face] = {}
+    wrong = []
+    back = placement.Inverted().Transformation()
+    for name, surface in surfaces.items():
+        moved = surface.Transformed(placement.Transformation())
+        there = [face for face in faces if same_points(BRep_Tool.Surface_s(face), moved, APART)]
+        own = lens.front if name == "front" else lens.rear
+        inside = [face for face in there if _beyond(face, back, own) is None]
+        if len(inside) == 1:
+            found[name] = inside[0]
+        elif inside:
+            wrong.append(f"the {name} is cut into {len(inside)} pieces")
+        elif there:
+            wrong.append(_merged(name, there, back, own))
+        else:
+            wrong.append(_missing(name))
+    return found, wrong
+
+
+def _beyond(face: TopoDS_Face, back: Any, surface: FreeformSurface) -> Floats | None:
+    """Return the point of a face's edges, in the lens's frame, that lies farthest outside of the rectangle
+    of a surface, None where none does."""
+    points = []
+    for edge in explore(face, TopAbs_EDGE):
+        if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)):
+            curve = BRepAdaptor_Curve(TopoDS.Edge_s(edge))
+            steps = np.linspace(curve.FirstParameter(), curve.LastParameter(), ON_EDGE)
+            points += [curve.Value(t).Transformed(back).Coord() for t in steps.tolist()]
+    rows = np.array(points).reshape(-1, 3)
+    outside = (np.abs(rows[:, :2]) - surface.half_width).max(axis=1, initial=-np.inf)
+    far = int(np.argmax(outside)) if len(rows) else 0
+    return rows[far] if len(rows) and outside[far] > APART else None
+
+
+def _merged(name: str, faces: list[TopoDS_Face], back: Any, surface: FreeformSurface) -> str:
+    """Return what is wrong with an optical face that is only part of a larger face."""
+    points = [p for face in faces if (p := _beyond(face, back, surface)) is not None]
+    x, y, _ = min(points, key=lambda p: float(np.abs(p[:2]).max()))
+    hx, hy = surface.half_width
+    return (
+        f"the {name} is merged with the face round it, which reaches x = {x:.6g}, y = {y:.6g} mm where the "
+        f"{name} ends at {hx:.6g} x {hy:.6g} mm; {REMEDY}"
+    )

@@ -1,0 +1,67 @@
+"""STEP files of lenses and of the parts that hold one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thbcad.cad.exchange import part_step, step_bytes
+from thbcad.cad.parts.own_surfaces import exact_part
+from thbcad.cad.parts.search import is_shape, placed_lens
+from thbcad.checks import require_type
+from thbcad.io import write_bytes
+from thbcad.lens import Lens, Product
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def write_step(
+    part: Lens | Any,
+    path: str | Path,
+    product: Product | None = None,
+    schema: str = "AP242",
+    lens: Lens | None = None,
+) -> None:
+    """Write a lens, or a part with a lens, as one closed solid with names and colours of faces, in mm.
+
+    part : Lens; or a part of build123d, cadquery or OCP that holds the faces of the lens, moved or not.  Its
+        front and its rear are written with the very numbers of the lens, in the lens's frame; where the part
+        is moved, a placement of the file moves it.  Other faces are as OCCT has them.
+    product : names and material for the file; None is Product().  A material without an index gets the index
+        of the lens.
+    schema : AP242, AP214 or AP203.
+    lens : of the part; a `LensPart` knows its own.
+
+    Raises
+    ------
+    OSError : the file cannot be written.
+    ValueError : another schema; as `require_sound`; a part without its lens; one whose front or rear is
+        missing, merged with another face or cut into pieces.
+    RuntimeError : OCCT refuses the solid.
+    """
+    if isinstance(part, Lens):
+        if lens is not None and lens is not part:
+            raise ValueError("lens must be left out where a Lens is written")
+        write_bytes(path, step_bytes(part, product, schema))
+        return
+    lens = getattr(part, "lens", None) if lens is None else lens
+    if lens is None:
+        if not is_shape(part):
+            require_type("lens", part, Lens)
+        raise ValueError("lens must be given: write_step(part, path, lens=lens) finds its faces in the part")
+    require_type("lens", lens, Lens)
+    write_bytes(path, placed_step(part, lens, product, schema))
+
+
+def placed_step(part: Any, lens: Lens, product: Product | None = None, schema: str = "AP242") -> bytes:
+    """Return the STEP file of a part with a lens, as `write_step`; the same part gives the same bytes."""
+    product = Product() if product is None else product
+    require_type("product", product, Product)
+    if product.material and product.index is None:
+        product = replace(product, index=lens.index)
+    placed = placed_lens(part, lens)
+    names: Sequence[str] = getattr(part, "face_names", ())
+    exact = exact_part(placed, names)
+    return part_step(exact, product, schema, placed.placement if placed.moved else None)
