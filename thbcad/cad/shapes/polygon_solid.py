@@ -14,10 +14,10 @@ from OCP.Geom import Geom_Line, Geom_Plane
 from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
+from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
 from thbcad.cad.shapes.rings import Ring, wall_faces
 from thbcad.cad.shapes.topology import closed_part, new_edge, new_vertex, new_wire
-from thbcad.cad.shapes.walls import UP, trace
+from thbcad.cad.shapes.walls import UP
 from thbcad.lens import Polygon, placed_surfaces, require_polygon, require_sound, side_curve
 from thbcad.splines import UNIT
 
