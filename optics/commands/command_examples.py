@@ -25,7 +25,6 @@ EXAMPLES = {
     "export": (
         "thbcad export lens --out lens.stl --chord 0.01",
         "thbcad export lens --out mounted.step --aperture 40 40 --flange 5 2 6",
-        "thbcad export lens --out triangle.step --polygon -20 -20 20 -20 0 25",
         "thbcad export lens/lens.json --out surface.dat",
     ),
     "trace": (
