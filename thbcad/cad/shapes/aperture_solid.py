@@ -12,10 +12,11 @@ import numpy as np
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
+from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.forms import ConicForm, FlatForm, conic_form
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
 from thbcad.cad.shapes.rings import wall_faces
-from thbcad.cad.shapes.topology import closed_part, face_on, turned_face
+from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import EllipticWall
 from thbcad.lens import (
     Ellipse,

@@ -17,8 +17,9 @@ from OCP.Geom import (
 )
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
 
+from thbcad.cad.shapes.edge_faces import face_on
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, rational_geom, trace
-from thbcad.cad.shapes.topology import face_on, side_line, turned, turned_face
+from thbcad.cad.shapes.topology import side_line, turned, turned_face
 from thbcad.lens import SIDES, Corner, Side, fitted_curve, rim
 from thbcad.splines import BSplineSurface
 

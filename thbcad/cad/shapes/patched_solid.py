@@ -16,19 +16,10 @@ import numpy as np
 from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
+from thbcad.cad.shapes.edge_faces import edge_face, face_on
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
 from thbcad.cad.shapes.part import Part
-from thbcad.cad.shapes.topology import (
-    NAMES,
-    closed_part,
-    edge_face,
-    face_on,
-    new_edge,
-    new_vertex,
-    side_line,
-    strut,
-    turned,
-)
+from thbcad.cad.shapes.topology import NAMES, closed_part, new_edge, new_vertex, side_line, strut, turned
 from thbcad.checks import Floats
 from thbcad.lens import (
     CORNERS,

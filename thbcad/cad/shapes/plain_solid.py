@@ -10,16 +10,9 @@ from typing import TYPE_CHECKING
 
 from OCP.BRep import BRep_Builder
 
+from thbcad.cad.shapes.edge_faces import plane_edge_face, ruled_edge_face
 from thbcad.cad.shapes.forms import form_of, optical_face, ruled_trace
-from thbcad.cad.shapes.topology import (
-    NAMES,
-    closed_part,
-    new_edge,
-    new_vertex,
-    plane_edge_face,
-    ruled_edge_face,
-    strut,
-)
+from thbcad.cad.shapes.topology import NAMES, closed_part, new_edge, new_vertex, strut
 from thbcad.lens import CORNERS, SIDES, optical_forms, require_sound, ruled_edges
 
 if TYPE_CHECKING:

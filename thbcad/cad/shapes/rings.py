@@ -16,8 +16,9 @@ from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
+from thbcad.cad.shapes.edge_faces import draw_on_plane
 from thbcad.cad.shapes.occt_splines import TOLERANCE
-from thbcad.cad.shapes.topology import draw_on_plane, new_edge, new_wire
+from thbcad.cad.shapes.topology import new_edge, new_wire
 
 if TYPE_CHECKING:
     from OCP.Geom import Geom_Curve, Geom_Surface
