@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optics.runtime import UserError
-from thbcad.lens import Flange, aperture_volume, flanged_volume, polygon_volume
+from thbcad.lens import Flange, aperture_volume, flanged_volume, optical_forms, polygon_volume
 from thbcad.meshes import body_mesh
+from thbcad.sags import PlacedConic
 
 if TYPE_CHECKING:
     from thbcad.cad.shapes import Part
@@ -50,10 +51,11 @@ class Body:
         """True where the solid has another outline than the rectangle of the lens."""
         return any(shape is not None for shape in (self.aperture, self.flange, self.polygon))
 
-    @property
-    def fitted(self) -> bool:
-        """True where some edges are fitted, within 1e-9 mm."""
-        return self.shaped and self.polygon is None
+    def fitted(self, lens: Lens) -> bool:
+        """Return whether some edges are fitted, within 1e-9 mm: level lines, ellipses above curved faces,
+        sides of a polygon above spheres and other curved conics."""
+        curved = any(isinstance(form, PlacedConic) and form.kind != "PLANE" for form in optical_forms(lens))
+        return self.shaped and (self.polygon is None or curved)
 
     def part(self, lens: Lens) -> Part:
         """Return the solid with named faces.

@@ -272,7 +272,8 @@ def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:
     from optics.verification import volume_check
     from thbcad.io import parse_brep
 
-    return [volume_check(parse_brep(path), body.volume(lens), FITTED_VOLUME if body.fitted else EXACT_VOLUME)]
+    limit = FITTED_VOLUME if body.fitted(lens) else EXACT_VOLUME
+    return [volume_check(parse_brep(path), body.volume(lens), limit)]
 
 
 def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:

@@ -54,7 +54,7 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     edges: Sequence[str]
     if semi_axes is None:
         wall, (front, bottom), (rear, top) = _rectangular(builder, lens)
-        outline = PlaneWall(flange.rectangle(lens))
+        outline = PlaneWall.rectangle(flange.rectangle(lens))
         edges = NAMES[2:]
     else:
         ellipse = require_aperture(lens, semi_axes)
@@ -90,4 +90,4 @@ def _rectangular(
         edges = {side: TopoDS.Edge_s(turned(edge, side.clockwise)) for side, edge in zip(SIDES, ring.edges)}
         optical.append((optical_face(builder, form, edges, outward=k == 1), ring))
     front, rear = optical
-    return PlaneWall(lens.rear.half_width) if planar else ruled, front, rear
+    return PlaneWall.rectangle(lens.rear.half_width) if planar else ruled, front, rear

@@ -5,31 +5,35 @@ Front and rear keep their whole surface, trimmed by the polygon.  Nothing is cut
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.Geom import Geom_Line, Geom_Plane
-from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS
 
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
-from thbcad.cad.shapes.rings import Ring, wall_faces
-from thbcad.cad.shapes.topology import closed_part, new_edge, new_vertex, new_wire
-from thbcad.cad.shapes.walls import UP
-from thbcad.lens import Polygon, placed_surfaces, require_polygon, require_sound, side_curve
+from thbcad.cad.shapes.edge_faces import face_on
+from thbcad.cad.shapes.forms import conic_form, form_of
+from thbcad.cad.shapes.occt_splines import TOLERANCE, trace
+from thbcad.cad.shapes.rings import wall_faces
+from thbcad.cad.shapes.topology import closed_part, turned_face
+from thbcad.cad.shapes.walls import PlaneWall
+from thbcad.lens import fitted_curve, optical_forms, require_polygon, require_sound, side_curve
+from thbcad.sags import PlacedConic
 from thbcad.splines import UNIT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from OCP.Geom import Geom_Curve, Geom_Surface
+    from OCP.Geom2d import Geom2d_Curve
+    from OCP.TopoDS import TopoDS_Face
 
     from thbcad.cad.shapes.part import Part
+    from thbcad.cad.shapes.rings import Ring
     from thbcad.checks import Floats
     from thbcad.lens import Lens
-    from thbcad.splines import BSplineSurface, KnotVector
+
+SPAN, WHOLE = np.array([0.0, 1.0]), np.array([1, 1])  # a smooth curve over [0, 1]: its ends, no inner knots
 
 
 def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
@@ -37,7 +41,8 @@ def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
 
     corners : (x, y) float, mm, of a polygon as `Polygon`
 
-    The rims are the splines that front and rear have above the sides (`side_curve`).
+    The rims are lines on planes, the splines that splines have above the sides (`side_curve`), and splines
+    within 1e-9 mm of other conics, at eight points of every span.
 
     Raises
     ------
@@ -45,56 +50,45 @@ def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
     """
     polygon = require_polygon(require_sound(lens), corners)
     builder = BRep_Builder()
-    wall = PolygonWall(polygon)
-    (front, low), (rear, high) = (_optical_face(builder, lens, wall, k) for k in (0, 1))
+    wall = PlaneWall(polygon.corners)
+    (front, low), (rear, high) = (_optical_face(builder, lens, wall, polygon.sides, k) for k in (0, 1))
     names = [f"edge {k + 1}" for k in range(len(polygon.corners))]
     return closed_part(("front", "rear", *names), (front, rear, *wall_faces(builder, wall, low, high)))
 
 
-@dataclass(frozen=True, eq=False)
-class PolygonWall:
-    """The `Wall` of planes over a polygon; v is z."""
+def _optical_face(
+    builder: BRep_Builder, lens: Lens, wall: PlaneWall, sides: Floats, k: int
+) -> tuple[TopoDS_Face, Ring]:
+    """Return (face, ring of its rim) of the front (k = 0) or the rear (k = 1), its normal outward.
 
-    polygon: Polygon
-
-    @property
-    def ends(self) -> Sequence[tuple[float, float]]:
-        return ((0.0, 1.0),) * len(self.polygon.corners)  # the planes face outward
-
-    def surface(self, panel: int) -> Geom_Surface:
-        start, stop = self.polygon.sides[panel]
-        x, y = (stop - start).tolist()
-        return Geom_Plane(gp_Pln(gp_Pnt(*start.tolist(), 0.0), gp_Dir(y, -x, 0.0)))
-
-    def strut(self, corner: int) -> Geom_Curve:
-        return Geom_Line(gp_Pnt(*self.polygon.corners[corner], 0.0), UP)
-
-    def level(self, builder: BRep_Builder, z: float) -> Ring:
-        flat = [(UNIT, np.column_stack([side, [z, z]])) for side in self.polygon.sides]
-        return self.rim(builder, flat)
-
-    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
-        """Return the ring along splines (x, y, z), one for each side; vertices have their z as height."""
-        starts = [poles[0] for _, poles in curves]
-        vertices = [new_vertex(builder, start) for start in starts]
-        edges = [
-            new_edge(builder, geom_curve(kv, poles), kv.start, kv.stop, *pair)
-            for (kv, poles), *pair in zip(curves, vertices, [*vertices[1:], vertices[0]])
-        ]
-        return Ring(vertices, edges, (), [float(start[2]) for start in starts])
+    sides : of the polygon, start and stop, (n, 2, 2), mm
+    """
+    surface = optical_forms(lens)[k]
+    form = form_of(surface)
+    images: list[Geom2d_Curve | None]
+    if isinstance(surface, PlacedConic):
+        above = [partial(_above, surface, side) for side in sides]
+        ring = (
+            wall.level(builder, surface.vertex)
+            if surface.kind == "PLANE"
+            else wall.rim(builder, [fitted_curve(curve, SPAN, WHOLE) for curve in above])
+        )
+        images = [conic_form(surface).trace(curve, (0.0, 1.0)) for curve in above]
+    else:
+        lift = np.array([0.0, 0.0, k * lens.thickness])
+        curves = [side_curve(lens.graphs()[k], *side) for side in sides]
+        ring = wall.rim(builder, [(kv, poles + lift) for kv, poles in curves])
+        # from x and y to parameters, which are those over the rear's rectangle
+        scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
+        images = [trace(UNIT, side * scale) for side in sides]
+    face = face_on(builder, form.surface(), ring.edges, form.upward)
+    for edge, image in zip(ring.edges, images):
+        if image is not None:
+            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
+    return turned_face(face, form.upward != (k == 1)), ring
 
 
-def _optical_face(builder: BRep_Builder, lens: Lens, wall: PolygonWall, k: int) -> tuple[TopoDS_Face, Ring]:
-    """Return (face, ring of its rim) of the front (k = 0) or the rear (k = 1), its normal outward."""
-    surface: BSplineSurface = placed_surfaces(lens)[k]
-    vertex = np.array([0.0, 0.0, k * lens.thickness])
-    curves = [side_curve(lens.graphs()[k], *side) for side in wall.polygon.sides]
-    ring = wall.rim(builder, [(kv, poles + vertex) for kv, poles in curves])
-    face = TopoDS_Face()
-    builder.MakeFace(face, geom_surface(surface), TOLERANCE)
-    builder.Add(face, new_wire(builder, ring.edges))
-    # from x and y to parameters, which are those over the rear's rectangle
-    scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
-    for edge, side in zip(ring.edges, wall.polygon.sides):
-        builder.UpdateEdge(TopoDS.Edge_s(edge), trace(UNIT, side * scale), face, TOLERANCE)
-    return (face if k else TopoDS.Face_s(face.Reversed())), ring
+def _above(conic: PlacedConic, side: Floats, t: Floats) -> Floats:
+    """Return the points of a conic above a side at t from 0 to 1, (n, 3), mm."""
+    x, y = (side[0] + t[:, None] * (side[1] - side[0])).T
+    return np.column_stack([x, y, conic(x, y)])

@@ -33,38 +33,56 @@ if TYPE_CHECKING:
     from thbcad.cad.shapes.forms import Form
 
 UP = gp_Dir(0, 0, 1)
-OUTWARD = ((0, -1, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneWall:
-    """The `Wall` of four planes |x| = half_width[0], |y| = half_width[1], mm; v is z."""
+    """The `Wall` of planes over a polygon; v is z.
 
-    half_width: tuple[float, float]
+    corners : (x, y) float, mm, counter-clockwise
+    """
 
-    ends = ((0.0, 1.0),) * 4  # the planes face outward
+    corners: Sequence[tuple[float, float]]
 
-    def corner(self, k: int) -> tuple[float, float]:
-        """Return (x, y) of a corner, mm."""
-        x, y = (h if end else -h for h, end in zip(self.half_width, CORNERS[k % 4]))
-        return x, y
+    @classmethod
+    def rectangle(cls, half_width: tuple[float, float]) -> PlaneWall:
+        """Return the wall of |x| = half_width[0] and |y| = half_width[1], mm, in the order of SIDES."""
+        hx, hy = half_width
+        return cls([(hx if i else -hx, hy if j else -hy) for i, j in CORNERS])
+
+    @property
+    def ends(self) -> Sequence[tuple[float, float]]:
+        return ((0.0, 1.0),) * len(self.corners)  # the planes face outward
 
     def surface(self, panel: int) -> Geom_Surface:
-        return Geom_Plane(gp_Pln(gp_Pnt(*self.corner(panel), 0.0), gp_Dir(*OUTWARD[panel])))
+        (x0, y0), (x1, y1) = self.corners[panel], self.corners[(panel + 1) % len(self.corners)]
+        return Geom_Plane(gp_Pln(gp_Pnt(x0, y0, 0.0), gp_Dir(y1 - y0, x0 - x1, 0.0)))
 
     def strut(self, corner: int) -> Geom_Curve:
-        return Geom_Line(gp_Pnt(*self.corner(corner), 0.0), UP)
+        return Geom_Line(gp_Pnt(*self.corners[corner], 0.0), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        points = [np.array([*self.corner(k), z]) for k in range(4)]
+        points = np.column_stack([self.corners, np.full(len(self.corners), z)])
+        curves = []
+        for start, step in zip(points, np.roll(points, -1, axis=0) - points):
+            line = Geom_Line(gp_Pnt(*start.tolist()), gp_Dir(*step.tolist()))
+            curves.append((line, 0.0, float(np.linalg.norm(step))))
+        return self._ring(builder, points, curves)
+
+    def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
+        """Return the ring along splines (x, y, z), one for each side; vertices have their z as height."""
+        starts = np.array([poles[0] for _, poles in curves])
+        return self._ring(
+            builder, starts, [(geom_curve(kv, poles), kv.start, kv.stop) for kv, poles in curves]
+        )
+
+    def _ring(
+        self, builder: BRep_Builder, points: Floats, curves: Sequence[tuple[Geom_Curve, float, float]]
+    ) -> Ring:
         vertices = [new_vertex(builder, point) for point in points]
-        edges = []
-        for k in range(4):
-            step = points[(k + 1) % 4] - points[k]
-            length = float(np.linalg.norm(step))
-            line = Geom_Line(gp_Pnt(*points[k].tolist()), gp_Dir(*step.tolist()))
-            edges.append(new_edge(builder, line, 0.0, length, vertices[k], vertices[(k + 1) % 4]))
-        return Ring(vertices, edges, (), (z,) * 4)
+        pairs = zip(vertices, [*vertices[1:], vertices[0]])
+        edges = [new_edge(builder, *curve, *pair) for curve, pair in zip(curves, pairs)]
+        return Ring(vertices, edges, (), points[:, 2].tolist())
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,8 +35,6 @@ from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_br
 from thbcad.cad.exchange.reading import explore
 from thbcad.cad.exchange.solid_file import SolidFile, solid_volume
 from thbcad.cad.exchange.step import (
-    COLOURS,
-    OTHER_COLOUR,
     SCHEMAS,
     part_step,
     read_step,
@@ -46,7 +44,7 @@ from thbcad.cad.exchange.step import (
 from thbcad.cad.exchange.step_writing import silence
 from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.io import having, parse_brep, read_part21
-from thbcad.lens import Product, optical_forms
+from thbcad.lens import Product, face_colour, optical_forms
 
 LENS = LENSES["ruled"]
 PRODUCT = Product("Pearl lens", "A. Grinder", "Optics Ltd", "PMMA", 1.19, 1.49)
@@ -171,7 +169,7 @@ def test_an_opener_sees_names_colours_and_material(written, names_of_faces):
         assert XCAFDoc_ColorTool.GetColor_s(face, XCAFDoc_ColorSurf, colour)
         rgb = colour.Values(Quantity_TOC_sRGB)
         # float32 inside OCCT
-        assert rgb == pytest.approx(COLOURS.get(name(face), OTHER_COLOUR), abs=1e-6)
+        assert rgb == pytest.approx(face_colour(name(face)), abs=1e-6)
     materials = TDF_LabelSequence()
     XCAFDoc_DocumentTool.MaterialTool_s(document.Main()).GetMaterialLabels(materials)
     (label,) = labels(materials)
