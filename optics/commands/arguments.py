@@ -187,6 +187,13 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         help="cut to an ellipse with these semi-axes in mm",
     )
     command.add_argument(
+        "--polygon",
+        type=float,
+        nargs="+",
+        metavar=("X", "Y"),
+        help="cut to the polygon with these corners in mm: X Y X Y X Y ...",
+    )
+    command.add_argument(
         "--flange",
         type=float,
         nargs=3,

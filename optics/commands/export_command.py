@@ -30,6 +30,7 @@ def export(options: Namespace) -> Outcome:
         _flange(options.flange),
         options.patches,
         options.separate,
+        _polygon(options.polygon),
     )
     require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)
@@ -64,8 +65,11 @@ def _scene(options: Namespace) -> Outcome:
     from thbcad.io import json_text, write_files, write_text
 
     out, folder = Path(options.out), Path(options.result)
-    if options.aperture or options.flange or options.patches or options.separate:
-        raise UserError("a scene holds the whole lens: leave out --aperture, --flange, --patches, --separate")
+    shapes = ("aperture", "polygon", "flange", "patches", "separate")
+    if any(getattr(options, name) for name in shapes):
+        raise UserError(
+            f"a scene holds the whole lens: leave out {', '.join(f'--{name}' for name in shapes)}"
+        )
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
     require_free_files(scene_file_names(out), options.out, options.force)
@@ -83,6 +87,25 @@ def _scene(options: Namespace) -> Outcome:
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
     return Outcome(data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], data["ok"])
+
+
+def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | None:
+    """Return the corners that --polygon asks for.
+
+    Raises
+    ------
+    UserError : numbers that make no polygon.
+    """
+    from thbcad.lens import Polygon
+
+    if numbers is None:
+        return None
+    if len(numbers) % 2:
+        raise UserError(f"--polygon must have X and Y of every corner, got {len(numbers)} numbers")
+    try:
+        return list(Polygon(tuple(zip(numbers[::2], numbers[1::2]))).corners)
+    except ValueError as error:
+        raise UserError(f"--polygon: {error}") from None
 
 
 def _flange(numbers: Sequence[float] | None) -> Flange | None:

@@ -1,12 +1,13 @@
-"""The solid of a lens for a solid format: plain, cut to an aperture, with a flange, or of patches."""
+"""The solid of a lens for a solid format: plain, cut to an outline, with a flange, or of patches."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optics.runtime import UserError
-from thbcad.lens import Flange, aperture_volume, flanged_volume
+from thbcad.lens import Flange, aperture_volume, flanged_volume, polygon_volume
 
 if TYPE_CHECKING:
     from thbcad.cad.shapes import Part
@@ -21,39 +22,59 @@ class Body:
     flange : Flange or None
     patches : one face per patch of same-level cells instead of one face for front and rear each
     separate : no solid, but front and rear as loose faces in two files
+    polygon : corners (x, y), mm, of an outline; None is no polygon
 
     Raises
     ------
-    UserError : patches or separate together with another option.
+    UserError : patches or separate together with another option; a polygon together with an aperture or a
+        flange.
     """
 
     aperture: tuple[float, float] | None = None
     flange: Flange | None = None
     patches: bool = False
     separate: bool = False
+    polygon: Sequence[tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
-        shaped = self.aperture is not None or self.flange is not None
-        if self.patches + self.separate + shaped > 1:
-            raise UserError("--patches, --separate and --aperture or --flange exclude each other")
+        if self.patches + self.separate + self.shaped > 1:
+            raise UserError("--patches, --separate and --aperture, --polygon or --flange exclude each other")
+        if self.polygon is not None and (self.aperture is not None or self.flange is not None):
+            raise UserError(
+                "a polygon is an outline by itself: leave out --polygon, or --aperture and --flange"
+            )
+
+    @property
+    def shaped(self) -> bool:
+        """True where the solid has another outline than the rectangle of the lens."""
+        return any(shape is not None for shape in (self.aperture, self.flange, self.polygon))
+
+    @property
+    def fitted(self) -> bool:
+        """True where some edges are fitted, within 1e-9 mm."""
+        return self.shaped and self.polygon is None
 
     def part(self, lens: Lens) -> Part:
         """Return the solid with named faces.
 
         Raises
         ------
-        ValueError : an aperture or a flange that the lens has no room for.
+        ValueError : an aperture, a polygon or a flange that the lens has no room for.
         """
-        from thbcad.cad.shapes import flanged_part, lens_part, patched_part, trimmed_part
+        from thbcad.cad.shapes import flanged_part, lens_part, patched_part, polygon_part, trimmed_part
 
         if self.patches:
             return patched_part(lens)
         if self.flange:
             return flanged_part(lens, self.flange, self.aperture)
+        if self.polygon is not None:
+            return polygon_part(lens, self.polygon)
         return trimmed_part(lens, self.aperture) if self.aperture else lens_part(lens)
 
     def volume(self, lens: Lens) -> float:
         """Return the volume in mm^3 by quadrature over the splines."""
         if self.flange:
             return flanged_volume(lens, self.flange, self.aperture)
+        if self.polygon is not None:
+            return polygon_volume(lens, self.polygon)
         return aperture_volume(lens, self.aperture) if self.aperture else lens.volume()

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     )
     from optics.verification.text_volume import (
         text_volume_check as text_volume_check,
+        volume_check as volume_check,
     )
     from optics.verification.trace_comparison import (
         light_checks as light_checks,
@@ -77,7 +78,10 @@ _FILES = {
         "StepFile",
     ),
     "text_comparison": ("fresh_export_checks",),
-    "text_volume": ("text_volume_check",),
+    "text_volume": (
+        "text_volume_check",
+        "volume_check",
+    ),
     "trace_comparison": ("light_checks",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

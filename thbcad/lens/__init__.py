@@ -5,12 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from thbcad.lens.elliptic_aperture import (
-        Ellipse as Ellipse,
-        aperture_volume as aperture_volume,
-        ellipse_integral as ellipse_integral,
-        require_aperture as require_aperture,
-    )
     from thbcad.lens.flange import (
         Flange as Flange,
         flanged_volume as flanged_volume,
@@ -30,6 +24,16 @@ if TYPE_CHECKING:
         manufacturability as manufacturability,
         mass as mass,
     )
+    from thbcad.lens.outlines import (
+        Ellipse as Ellipse,
+        Polygon as Polygon,
+        aperture_volume as aperture_volume,
+        ellipse_integral as ellipse_integral,
+        polygon_integral as polygon_integral,
+        polygon_volume as polygon_volume,
+        require_aperture as require_aperture,
+        require_polygon as require_polygon,
+    )
     from thbcad.lens.product import (
         Product as Product,
         one_line as one_line,
@@ -41,6 +45,7 @@ if TYPE_CHECKING:
         fitted_curve as fitted_curve,
         kinks as kinks,
         rim_curve as rim_curve,
+        side_curve as side_curve,
     )
     from thbcad.lens.rims import (
         CORNERS as CORNERS,
@@ -71,12 +76,6 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "elliptic_aperture": (
-        "Ellipse",
-        "aperture_volume",
-        "ellipse_integral",
-        "require_aperture",
-    ),
     "flange": (
         "Flange",
         "flanged_volume",
@@ -92,6 +91,16 @@ _FILES = {
         "manufacturability",
         "mass",
     ),
+    "outlines": (
+        "Ellipse",
+        "Polygon",
+        "aperture_volume",
+        "ellipse_integral",
+        "polygon_integral",
+        "polygon_volume",
+        "require_aperture",
+        "require_polygon",
+    ),
     "product": (
         "Product",
         "one_line",
@@ -103,6 +112,7 @@ _FILES = {
         "fitted_curve",
         "kinks",
         "rim_curve",
+        "side_curve",
     ),
     "rims": (
         "CORNERS",

@@ -8,13 +8,12 @@ import numpy as np
 
 from thbcad.certified import value_range
 from thbcad.checks import require_number, require_type
-from thbcad.lens.elliptic_aperture import Ellipse, aperture_volume, require_aperture
 from thbcad.lens.lens import Lens
+from thbcad.lens.outlines import LEAST, Ellipse, aperture_volume, require_aperture
 from thbcad.lens.rim_curves import rim_curve
 from thbcad.lens.rims import SIDES, rim, ruled_edges
 from thbcad.splines import UNIT, BSplineSurface, gauss_rule
 
-LEAST = 1e-6  # mm; CAD kernels take points within 1e-7 mm for one
 NODES = 16  # of the Gauss rule on every span; its error falls by a factor per node
 
 

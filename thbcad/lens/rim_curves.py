@@ -1,5 +1,5 @@
 """Smooth curves that no spline holds, as splines within 1e-9 mm: the rim of an elliptic aperture, level lines
-of ruled edges.
+of ruled edges.  The rim above a straight side of a polygon is a spline itself.
 
 The curves have a known number of derivatives where they cross knot lines.  With knots of the same smoothness
 there, interpolation at the Greville points converges with order 6 on the pieces.
@@ -13,12 +13,13 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from thbcad.checks import Floats, Integers
-from thbcad.lens.elliptic_aperture import Ellipse, inside
+from thbcad.lens.outlines import Ellipse, inside, side_crossings
 from thbcad.splines import BSplineSurface, KnotVector
 
 DEGREE = 5
 TOLERANCE = 1e-9  # mm
-NEAR = 1e-8  # rad; crossings nearer to each other count as one: CAD kernels drop spans below 1e-9
+MOST_DEGREE = 10  # of an exact rim
+NEAR = 1e-8  # rad, or of a straight side; nearer crossings count as one: CAD kernels drop spans below 1e-9
 SAMPLES = np.arange(1, 16, 2) / 16
 MOST_SPANS = 100_000
 
@@ -71,13 +72,13 @@ def rim_curve(graph: BSplineSurface, ellipse: Ellipse, half: int) -> tuple[KnotV
     return fitted_curve(rim, *_crossings(graph, ellipse, half * np.pi, (half + 1) * np.pi))
 
 
-def kinks(kv: KnotVector) -> tuple[Floats, Integers]:
-    """Return the inner breaks of a knot vector and how often a curve of degree 5 needs each as a knot.
+def kinks(kv: KnotVector, degree: int = DEGREE) -> tuple[Floats, Integers]:
+    """Return the inner breaks of a knot vector and how often a curve of a degree needs each as a knot.
 
     On a knot of multiplicity m a spline has p - m continuous derivatives.
     """
     values, repeats = np.unique(kv.knots[kv.degree + 1 : -kv.degree - 1], return_counts=True)
-    return values, np.clip(DEGREE - kv.degree + repeats, 1, DEGREE)
+    return values, np.clip(degree - kv.degree + repeats, 1, degree)
 
 
 def _crossings(graph: BSplineSurface, ellipse: Ellipse, start: float, stop: float) -> tuple[Floats, Integers]:
@@ -85,11 +86,44 @@ def _crossings(graph: BSplineSurface, ellipse: Ellipse, start: float, stop: floa
     knot."""
     (lines_x, counts_x), (lines_y, counts_y) = (kinks(kv) for kv in (graph.kv_u, graph.kv_v))
     angles, line = ellipse.crossings(lines_x, lines_y)
-    counts = np.concatenate([counts_x, counts_y])[line]
-    chosen = (angles > start + NEAR) & (angles < stop - NEAR)
-    order = np.argsort(angles[chosen])
-    angles = angles[chosen][order]
+    return _merged(angles, np.concatenate([counts_x, counts_y])[line], start, stop)
+
+
+def _merged(places: Floats, counts: Integers, start: float, stop: float) -> tuple[Floats, Integers]:
+    """Return the places between start and stop in their order, those that are near each other as one with the
+    greater count, between both ends."""
+    chosen = (places > start + NEAR) & (places < stop - NEAR)
+    order = np.argsort(places[chosen])
+    places = places[chosen][order]
     counts = counts[chosen][order]
-    first = np.flatnonzero(np.diff(angles, prepend=-1.0) > NEAR)
+    first = np.flatnonzero(np.diff(places, prepend=-1.0) > NEAR)
     merged = np.maximum.reduceat(counts, first) if len(first) else counts
-    return np.r_[start, angles[first], stop], np.r_[1, merged, 1]
+    return np.r_[start, places[first], stop], np.r_[1, merged, 1]
+
+
+def side_curve(graph: BSplineSurface, start: Floats, stop: Floats) -> tuple[KnotVector, Floats]:
+    """Return knots over [0, 1] and poles (x, y, z), (n, 3), of a graph above the straight line from start to
+    stop, (2,) float, mm.
+
+    Along x or y the curve has the graph's degree p or q there, else p + q, and is exact but for rounding; of
+    a degree above 10, which CAD files do not hold, it is as `fitted_curve`.
+
+    Raises
+    ------
+    ValueError : as `fitted_curve`.
+    """
+
+    def rim(t: Floats) -> Floats:
+        x, y = inside(graph, *(start + t[:, None] * (stop - start)).T)
+        return np.column_stack([x, y, graph(x, y)])
+
+    degrees = [kv.degree for kv in (graph.kv_u, graph.kv_v)]
+    degree = sum(p for p, step in zip(degrees, stop - start) if step)
+    exact = degree <= MOST_DEGREE
+    rows = [kinks(kv, degree if exact else DEGREE) for kv in (graph.kv_u, graph.kv_v)]
+    places, line = side_crossings(start, stop, rows[0][0], rows[1][0])
+    breaks, counts = _merged(places, np.concatenate([rows[0][1], rows[1][1]])[line], 0.0, 1.0)
+    if not exact:
+        return fitted_curve(rim, breaks, counts)
+    kv = KnotVector(degree, np.repeat(breaks, np.r_[degree + 1, counts[1:-1], degree + 1]))
+    return kv, make_interp_spline(kv.greville(), rim(kv.greville()), degree, t=kv.knots).c

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
         lens_solid as lens_solid,
         part_between as part_between,
     )
+    from thbcad.cad.shapes.polygon_solid import (
+        polygon_part as polygon_part,
+    )
     from thbcad.cad.shapes.topology import (
         NAMES as NAMES,
     )
@@ -48,6 +51,7 @@ _FILES = {
         "lens_solid",
         "part_between",
     ),
+    "polygon_solid": ("polygon_part",),
     "topology": ("NAMES",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
