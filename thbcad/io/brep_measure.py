@@ -116,7 +116,8 @@ class Density:
         by_v = z.grid(u, v, (0, 1)) * per_u[:, None]
         base = per_u[:, None] * per_v
         if self.origin is None:
-            return np.sqrt(by_u * by_u + by_v * by_v + base * base)
+            size: Floats = np.sqrt(by_u * by_u + by_v * by_v + base * base)
+            return size
         a, b, c = self.origin
         values: Floats = (z.grid(u, v) - c) * base - (across - a)[:, None] * by_u - (along - b) * by_v
         return values

@@ -13,11 +13,11 @@ from thbcad.lens import (
     Lens,
     Polygon,
     Product,
-    placed_surfaces,
+    optical_forms,
     polygon_volume,
     side_curve,
 )
-from thbcad.sags import Conic
+from thbcad.sags import Conic, PlacedConic
 
 HEXAGON = [(3.5 * np.cos(t), 3.5 * np.sin(t)) for t in np.pi / 3 * np.arange(6)]
 OUTLINES = {
@@ -64,14 +64,19 @@ def test_the_solid_is_closed_and_precise(written):
 
 def test_front_and_rear_keep_every_pole(written):
     lens, _, _, _, read = written
-    for found, wanted in zip((read.front, read.rear), placed_surfaces(lens), strict=True):
+    for found, wanted in zip((read.front, read.rear), optical_forms(lens), strict=True):
         assert same_bits(found, wanted)
 
 
+def has_curved_conic(lens):
+    """Whether a face is a sphere or a patch: rims and images there are within 1e-9 mm."""
+    return any(isinstance(form, PlacedConic) and form.kind != "PLANE" for form in optical_forms(lens))
+
+
 def test_edges_lie_on_their_faces(written):
-    *_, text, _ = written
+    lens, *_, text, _ = written
     distance, left = image_distance(text)
-    assert distance <= 1e-12
+    assert distance <= (2e-9 if has_curved_conic(lens) else 1e-12)
     assert left == ()
     assert turned_faces(text) == 0
 
@@ -80,7 +85,7 @@ def test_volumes_agree(written):
     """Over the lens's graphs, over the text of the file, and by OCCT as built."""
     lens, corners, part, text, _ = written
     wanted = polygon_volume(lens, corners)
-    assert volume(text) == pytest.approx(wanted, rel=1e-12)
+    assert volume(text) == pytest.approx(wanted, rel=1e-10 if has_curved_conic(lens) else 1e-12)
     assert solid_volume(part.solid, 1e-10) == pytest.approx(wanted, rel=1e-9)
 
 
