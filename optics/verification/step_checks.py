@@ -15,7 +15,7 @@ from optics.verification.trace_comparison import light_checks
 from thbcad.cad.exchange import solid_volume, step_bytes
 from thbcad.io import write_bytes
 from thbcad.lens import optical_forms
-from thbcad.sags import PlacedConic
+from thbcad.sags import PlacedConic, graph_of_poles
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
@@ -111,13 +111,18 @@ def surface_deviation(face: OpticalForm, surface: FreeformSurface, vertex: float
         apart = np.abs(face(x[:, None], y[None, :]) - vertex - surface.grid(x, y)).max()
         return float(apart if np.isinf(size) else max(apart, size))
     u, v = (_samples(kv) for kv in (face.kv_u, face.kv_v))
-    points = face.grid(u, v)
-    x, y = points[:, 0, 0], points[0, :, 1]
-    bent = max(np.abs(points[..., 0] - x[:, None]).max(), np.abs(points[..., 1] - y[None, :]).max())
+    graph, bent = graph_of_poles(face), 0.0
+    if graph is None:
+        points = face.grid(u, v)
+        x, y, heights = points[:, 0, 0], points[0, :, 1], points[..., 2]
+        bent = max(np.abs(points[..., 0] - x[:, None]).max(), np.abs(points[..., 1] - y[None, :]).max())
+    else:
+        x, y = face.kv_u.collocation(u) @ graph[0], face.kv_v.collocation(v) @ graph[1]
+        heights = graph[2].grid(u, v)
     hx, hy = surface.half_width
     size = max(abs(np.abs(x).max() - hx), abs(np.abs(y).max() - hy))
     z = vertex + surface.grid(np.clip(x, -hx, hx), np.clip(y, -hy, hy))
-    return float(max(np.abs(points[..., 2] - z).max(), bent, size))
+    return float(max(np.abs(heights - z).max(), bent, size))
 
 
 def _samples(kv: KnotVector) -> NDArray[np.float64]:

@@ -23,6 +23,7 @@ import numpy as np
 from thbcad.checks import Floats
 from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, edge_span
 from thbcad.io.parameter_curves import Passage, boundary, knots
+from thbcad.sags import graph_of_poles
 from thbcad.splines import UNIT, BSplineSurface, KnotVector, Primitive, gauss_rule, grid_integral
 
 ACCURACY = 1e-10  # relative, of areas
@@ -100,7 +101,26 @@ class Density:
         if surface is None:
             across, up = np.broadcast_arrays(u[:, None], v)
             return self(across.ravel(), up.ravel()).reshape(across.shape)
+        graph = graph_of_poles(surface) if isinstance(surface, BSplineSurface) else None
+        if graph is not None:
+            return self._of_graph(*graph, u, v)
         return self._of(*(surface.grid(u, v, orders) for orders in ((0, 0), (1, 0), (0, 1))))
+
+    def _of_graph(self, x: Floats, y: Floats, z: BSplineSurface, u: Floats, v: Floats) -> Floats:
+        """Return the values for (x(u), y(v), z(u, v)), with the normal (-z_u y', -x' z_v, x' y')."""
+        (across, per_u), (along, per_v) = (
+            (kv.collocation(t) @ poles, kv.collocation(t, 1) @ poles)
+            for kv, t, poles in ((z.kv_u, u, x), (z.kv_v, v, y))
+        )
+        by_u = z.grid(u, v, (1, 0)) * per_v
+        by_v = z.grid(u, v, (0, 1)) * per_u[:, None]
+        base = per_u[:, None] * per_v
+        if self.origin is None:
+            size: Floats = np.sqrt(by_u * by_u + by_v * by_v + base * base)
+            return size
+        a, b, c = self.origin
+        values: Floats = (z.grid(u, v) - c) * base - (across - a)[:, None] * by_u - (along - b) * by_v
+        return values
 
     def _of(self, x: Floats, by_u: Floats, by_v: Floats) -> Floats:
         normal = np.cross(by_u, by_v)

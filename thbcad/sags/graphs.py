@@ -70,6 +70,17 @@ def graph_poles(graph: BSplineSurface, vertex: float, domain: BSplineSurface) ->
     return BSplineSurface(kv_u, kv_v, poles)
 
 
+def graph_of_poles(surface: BSplineSurface) -> tuple[Floats, Floats, BSplineSurface] | None:
+    """Return x (n_u,) and y (n_v,) of the poles of a surface (x(u), y(v), z(u, v)), and z as a graph.
+
+    None where x of a pole depends on v, or y on u: no bit is left aside.
+    """
+    x, y, z = np.moveaxis(surface.coefficients, -1, 0)
+    if (x != x[:, :1]).any() or (y != y[:1]).any():
+        return None
+    return x[:, 0], y[0], BSplineSurface(surface.kv_u, surface.kv_v, z)
+
+
 def _aligned(kv: KnotVector, target: KnotVector) -> KnotVector:
     """Return `kv` mapped onto the interval of `target`; knots that agree but for rounding become equal."""
     mapped = kv.rescaled(target.start, target.stop).knots

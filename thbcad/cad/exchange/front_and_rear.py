@@ -41,13 +41,12 @@ def front_and_rear(
 
     Raises
     ------
-    ValueError : there are not two.
+    ValueError : there are not two, or a face of these names is another surface.
     """
     faces = [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
     if all(names.count(name) == 1 for name in OPTICAL):
-        named = [optical_form(faces[names.index(name)]) for name in OPTICAL]
-        if named[0] is not None and named[1] is not None:
-            return named[0], named[1]
+        front, rear = (_named(faces[names.index(name)], name, path) for name in OPTICAL)
+        return front, rear
     found = _across_the_middle(faces, _corners(shape))
     if len(found) != 2:
         raise ValueError(f"{path} holds {len(found)} optical faces where a lens has 2, front and rear")
@@ -71,6 +70,16 @@ def optical_form(face: TopoDS_Face) -> OpticalForm | None:
         return None
     spline = spline_surface(geom)
     return spline if isinstance(spline, BSplineSurface) else conic_of_patch(spline, half_width)
+
+
+def _named(face: TopoDS_Face, name: str, path: str | Path) -> OpticalForm:
+    form = optical_form(face)
+    if form is None:
+        raise ValueError(
+            f"the {name} in {path} is neither a spline curved in both directions, nor a plane, a sphere or "
+            "another conic around z; export the lens again"
+        )
+    return form
 
 
 def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:

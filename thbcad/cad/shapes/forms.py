@@ -164,7 +164,7 @@ class ConicForm:
         section = _section(self.conic, side)
         return self.trace(section, section.ends)
 
-    def trace(self, points: Points, ends: tuple[float, float]) -> Geom2d_Curve | None:
+    def trace(self, points: Points, ends: tuple[float, float]) -> Geom2d_Curve:
         """Return the image of a curve on it in its parameters."""
         # angles times the radius are lengths
         unit = abs(self.conic.conic.radius) if self.conic.kind == "SPHERE" else 1.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,9 +26,10 @@ def geom_surface(surface: BSplineSurface) -> Geom_BSplineSurface:
     """Return a three-component BSplineSurface as Geom_BSplineSurface."""
     poles = surface.coefficients
     array = TColgp_Array2OfPnt(1, poles.shape[0], 1, poles.shape[1])
-    for i, row in enumerate(poles.tolist(), 1):
-        for j, (x, y, z) in enumerate(row, 1):
-            array.SetValue(i, j, gp_Pnt(x, y, z))
+    put = array.SetValue
+    for i, row in enumerate(np.moveaxis(poles, 2, 1), 1):
+        for j, (x, y, z) in enumerate(zip(*row.tolist()), 1):
+            put(i, j, gp_Pnt(x, y, z))
     (ku, mu), (kv, mv) = (_knots(k) for k in (surface.kv_u, surface.kv_v))
     return Geom_BSplineSurface(array, ku, kv, mu, mv, surface.kv_u.degree, surface.kv_v.degree)
 
@@ -74,7 +76,9 @@ def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
     kv_u = _knot_vector(geom.UDegree(), geom.UKnot, geom.UMultiplicity, geom.NbUKnots())
     kv_v = _knot_vector(geom.VDegree(), geom.VKnot, geom.VMultiplicity, geom.NbVKnots())
     rows, columns = range(1, geom.NbUPoles() + 1), range(1, geom.NbVPoles() + 1)
-    points = np.array([[geom.Pole(i, j).Coord() for j in columns] for i in rows])
+    poles = (geom.Pole(i, j).Coord() for i in rows for j in columns)
+    points = np.fromiter(chain.from_iterable(poles), np.float64, 3 * len(rows) * len(columns))
+    points = points.reshape(len(rows), len(columns), 3)
     if not (geom.IsURational() or geom.IsVRational()):
         return BSplineSurface(kv_u, kv_v, points)
     return NURBSSurface(kv_u, kv_v, points, np.array([[geom.Weight(i, j) for j in columns] for i in rows]))

@@ -13,8 +13,8 @@ from OCP.BRep import BRep_Builder
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.edge_faces import face_on
-from thbcad.cad.shapes.forms import conic_form, form_of
-from thbcad.cad.shapes.occt_splines import TOLERANCE, trace
+from thbcad.cad.shapes.forms import FlatForm, conic_form
+from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_surface, trace
 from thbcad.cad.shapes.rings import wall_faces
 from thbcad.cad.shapes.topology import closed_part, turned_face
 from thbcad.cad.shapes.walls import PlaneWall
@@ -25,15 +25,13 @@ from thbcad.splines import UNIT
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from OCP.Geom2d import Geom2d_Curve
     from OCP.TopoDS import TopoDS_Face
 
+    from thbcad.cad.shapes.forms import ConicForm
     from thbcad.cad.shapes.part import Part
     from thbcad.cad.shapes.rings import Ring
     from thbcad.checks import Floats
     from thbcad.lens import Lens
-
-SPAN, WHOLE = np.array([0.0, 1.0]), np.array([1, 1])  # a smooth curve over [0, 1]: its ends, no inner knots
 
 
 def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
@@ -64,31 +62,38 @@ def _optical_face(
     sides : of the polygon, start and stop, (n, 2, 2), mm
     """
     surface = optical_forms(lens)[k]
-    form = form_of(surface)
-    images: list[Geom2d_Curve | None]
     if isinstance(surface, PlacedConic):
-        above = [partial(_above, surface, side) for side in sides]
-        ring = (
-            wall.level(builder, surface.vertex)
-            if surface.kind == "PLANE"
-            else wall.rim(builder, [fitted_curve(curve, SPAN, WHOLE) for curve in above])
-        )
-        images = [conic_form(surface).trace(curve, (0.0, 1.0)) for curve in above]
-    else:
-        lift = np.array([0.0, 0.0, k * lens.thickness])
-        curves = [side_curve(lens.graphs()[k], *side) for side in sides]
-        ring = wall.rim(builder, [(kv, poles + lift) for kv, poles in curves])
-        # from x and y to parameters, which are those over the rear's rectangle
-        scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
-        images = [trace(UNIT, side * scale) for side in sides]
+        form = conic_form(surface)
+        face, ring = _conic_face(builder, form, wall, sides)
+        return turned_face(face, form.upward != (k == 1)), ring
+    vertex = np.array([0.0, 0.0, k * lens.thickness])
+    curves = [side_curve(lens.graphs()[k], *side) for side in sides]
+    ring = wall.rim(builder, [(kv, poles + vertex) for kv, poles in curves])
+    face = face_on(builder, geom_surface(surface), ring.edges)
+    # from x and y to parameters, which are those over the rear's rectangle
+    scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
+    for edge, side in zip(ring.edges, sides):
+        builder.UpdateEdge(TopoDS.Edge_s(edge), trace(UNIT, side * scale), face, TOLERANCE)
+    return turned_face(face, k == 0), ring
+
+
+def _conic_face(
+    builder: BRep_Builder, form: FlatForm | ConicForm, wall: PlaneWall, sides: Floats
+) -> tuple[TopoDS_Face, Ring]:
+    """Return face and ring on a conic; rims on a plane are straight, others within 1e-9 mm."""
+    if isinstance(form, FlatForm):
+        ring = wall.level(builder, form.conic.vertex)
+        return face_on(builder, form.surface(), ring.edges), ring
+    unit, once = np.array([0.0, 1.0]), np.ones(2, dtype=np.int64)
+    rims = [partial(_above, form.conic, side) for side in sides]
+    ring = wall.rim(builder, [fitted_curve(rim, unit, once) for rim in rims])
     face = face_on(builder, form.surface(), ring.edges, form.upward)
-    for edge, image in zip(ring.edges, images):
-        if image is not None:
-            builder.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
-    return turned_face(face, form.upward != (k == 1)), ring
+    for edge, rim in zip(ring.edges, rims):
+        builder.UpdateEdge(TopoDS.Edge_s(edge), form.trace(rim, (0.0, 1.0)), face, TOLERANCE)
+    return face, ring
 
 
 def _above(conic: PlacedConic, side: Floats, t: Floats) -> Floats:
     """Return the points of a conic above a side at t from 0 to 1, (n, 3), mm."""
-    x, y = (side[0] + t[:, None] * (side[1] - side[0])).T
+    x, y = (side[0] + np.outer(t, side[1] - side[0])).T
     return np.column_stack([x, y, conic(x, y)])
