@@ -14,6 +14,10 @@ if TYPE_CHECKING:
         write_faces as write_faces,
         write_step as write_step,
     )
+    from thbcad.cad.foreign import (
+        ForeignLens as ForeignLens,
+        read_lens_solid as read_lens_solid,
+    )
 
 _FILES = {
     "exchange": (
@@ -24,6 +28,10 @@ _FILES = {
         "to_cadquery",
         "write_faces",
         "write_step",
+    ),
+    "foreign": (
+        "ForeignLens",
+        "read_lens_solid",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

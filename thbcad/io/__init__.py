@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         parse_brep as parse_brep,
     )
     from thbcad.io.step_text import (
+        Entity as Entity,
         having as having,
         read_part21 as read_part21,
     )
@@ -110,6 +111,7 @@ _FILES = {
         "parse_brep",
     ),
     "step_text": (
+        "Entity",
         "having",
         "read_part21",
     ),
