@@ -75,6 +75,7 @@ QUICK = \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/parts/test_search.py \
+	tests/thbcad/cad/foreign \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \
 	tests/thbcad/certified/test_slope_and_curvature.py \
 	tests/thbcad/drawings \

@@ -28,7 +28,7 @@ FLOORS = [
     ["thbcad.io"],
     ["thbcad.drawings", "thbcad.cad.shapes"],
     ["thbcad.cad.exchange"],
-    ["thbcad.meshes", "thbcad.cad.parts"],
+    ["thbcad.meshes", "thbcad.cad.parts", "thbcad.cad.foreign"],
     ["thbcad.cad"],
     ["thbcad"],
     ["optics.runtime"],

@@ -11,7 +11,9 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from thbcad.cad import (
+        ForeignLens as ForeignLens,
         read_faces as read_faces,
+        read_lens_solid as read_lens_solid,
         read_step as read_step,
         to_build123d as to_build123d,
         to_cadquery as to_cadquery,
@@ -90,7 +92,9 @@ if TYPE_CHECKING:
 
 _FILES = {
     "cad": (
+        "ForeignLens",
         "read_faces",
+        "read_lens_solid",
         "read_step",
         "to_build123d",
         "to_cadquery",

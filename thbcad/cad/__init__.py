@@ -20,6 +20,10 @@ if TYPE_CHECKING:
         workplane as workplane,
         write_step as write_step,
     )
+    from thbcad.cad.foreign import (
+        ForeignLens as ForeignLens,
+        read_lens_solid as read_lens_solid,
+    )
 
 _FILES = {
     "exchange": (
@@ -36,6 +40,10 @@ _FILES = {
         "join",
         "workplane",
         "write_step",
+    ),
+    "foreign": (
+        "ForeignLens",
+        "read_lens_solid",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     )
     from thbcad.cad.exchange.step_writing import (
         compact as compact,
+        silence as silence,
     )
 
 _FILES = {
@@ -110,6 +111,9 @@ _FILES = {
         "step_bytes",
         "write_step",
     ),
-    "step_writing": ("compact",),
+    "step_writing": (
+        "compact",
+        "silence",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

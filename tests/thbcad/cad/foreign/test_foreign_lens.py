@@ -1,0 +1,273 @@
+"""Lenses of other programs: front, rear, frame and unit found in files with other headers, units, orders,
+placements and surfaces; refits that are as near as they say."""
+
+import random
+import re
+from itertools import pairwise
+
+import build123d as bd
+import numpy as np
+import pytest
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
+from OCP.gp import gp_Vec
+from OCP.Interface import Interface_Static
+from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+
+from tests.thbcad.drawings.cases import PLAIN, WAVY, WIDER
+from thbcad import read_lens_solid, to_build123d
+from thbcad.cad.exchange import part_step
+from thbcad.cad.shapes import flanged_part, geom_surface, lens_part, patched_part, trimmed_part
+from thbcad.lens import Flange, Product, placed_surfaces
+
+TOLERANCE = 1e-6
+
+
+def written(path, shape, unit="MM", schema="AP214IS"):
+    """Write a shape by OCCT's plain writer, without names."""
+    writer = STEPControl_Writer()
+    before = {key: Interface_Static.CVal_s(key) for key in ("write.step.unit", "write.step.schema")}
+    try:
+        Interface_Static.SetCVal_s("write.step.unit", unit)
+        Interface_Static.SetCVal_s("write.step.schema", schema)
+        writer = STEPControl_Writer()
+        writer.Transfer(shape, STEPControl_AsIs)
+        writer.Write(str(path))
+    finally:
+        for key, value in before.items():
+            Interface_Static.SetCVal_s(key, value)
+    return path
+
+
+def heights_apart(lens, refit):
+    """The greatest differences in z of front and rear of two lenses, each relative to its vertex."""
+    apart = []
+    for name in ("front", "rear"):
+        own, other = getattr(lens, name), getattr(refit.lens, name)
+        x, y = (np.linspace(-h * (1 - 1e-9), h * (1 - 1e-9), 41) for h in own.half_width)
+        middle = own(0, 0) - other(0, 0)
+        apart.append(np.abs(own.grid(x, y) - other.grid(x, y) - middle).max())
+    return apart
+
+
+def is_wavy(found, tolerance=TOLERANCE):
+    refit = found.refit(1.5, tolerance)
+    middle = WAVY.thickness + WAVY.rear(0, 0)[0] - WAVY.front(0, 0)[0]
+    assert found.thickness == pytest.approx(middle, abs=1e-9)
+    assert max(heights_apart(WAVY, refit)) <= max(refit.deviation) + 1e-9
+    return refit
+
+
+@pytest.mark.parametrize(
+    ("unit", "name", "size"), [("MM", "millimetre", 1), ("INCH", "inch", 25.4), ("M", "metre", 1000)]
+)
+@pytest.mark.parametrize("schema", ["AP214IS", "AP203", "AP242DIS"])
+def test_units_and_schemas_do_not_matter(tmp_path, unit, name, size, schema):
+    """OCCT's writer keeps the numbers of the shape and names another unit."""
+    found = read_lens_solid(written(tmp_path / "lens.step", lens_part(WAVY).solid, unit, schema))
+    assert found.unit == name
+    assert found.rear.half_width == pytest.approx([5 * size, 4 * size], rel=1e-12)
+    x = np.linspace(-5, 5, 11)
+    heights = found.refit(1.5).lens.rear(size * x, 0 * x) / size
+    assert heights == pytest.approx(WAVY.rear(x, 0 * x) - WAVY.rear(0, 0), abs=1e-10)
+
+
+def shuffled(text, seed):
+    """The text with another header, other numbers of entities in another order, and comments."""
+    head, data = text.split("DATA;")
+    body, tail = data.split("ENDSEC;")
+    entities = [e.strip() for e in re.split(r";\s*(?=#|$)", body) if e.strip()]
+    rng = random.Random(seed)
+    rng.shuffle(entities)
+    numbers = {}
+
+    def renumbered(match):
+        return f"#{numbers.setdefault(match[1], 7 * (len(numbers) + 100))}"
+
+    entities = [re.sub(r"#(\d+)", renumbered, entity) for entity in entities]
+    head = re.sub(
+        r"FILE_NAME\(.*?\);", "FILE_NAME('','',(''),(''),'','other CAD 7','');", head, flags=re.DOTALL
+    )
+    return head + "DATA;\n/* by hand */\n" + ";\n".join(entities) + ";\nENDSEC;" + tail
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_headers_numbers_and_order_of_entities_do_not_matter(tmp_path, seed):
+    text = part_step(lens_part(WAVY), Product()).decode()
+    path = tmp_path / "lens.step"
+    path.write_text(shuffled(text, seed).replace("'front'", "''").replace("'rear'", "'front'"))
+    found = read_lens_solid(path)
+    assert is_wavy(found).how == ("spline as it is", "spline as it is")
+    assert max(found.refit(1.5).deviation) < 1e-12
+
+
+def test_a_lens_that_was_moved_and_turned_has_its_frame(tmp_path):
+    place = bd.Pos(10, -20, 30) * bd.Rot(20, 30, 40)
+    found = read_lens_solid(written(tmp_path / "lens.step", (place * to_build123d(WAVY)).wrapped))
+    turn = place.wrapped.Transformation()
+    matrix = np.array([[turn.Value(row, column) for column in (1, 2, 3)] for row in (1, 2, 3)])
+    assert found.frame.origin == pytest.approx([10, -20, 30], abs=1e-9)
+    assert found.frame.axes == pytest.approx(matrix.T, abs=1e-9)
+    assert max(is_wavy(found).deviation) < 1e-10
+    points = np.random.default_rng(0).uniform(-9, 9, (5, 3))
+    assert found.frame.local(found.frame.world(points)) == pytest.approx(points, abs=1e-12)
+
+
+def test_an_upside_down_lens_has_its_front_below(tmp_path):
+    found = read_lens_solid(
+        written(tmp_path / "lens.step", (bd.Rot(180, 0, 0) * to_build123d(PLAIN)).wrapped)
+    )
+    refit = found.refit(1.5)
+    assert found.frame.axes[2] == pytest.approx([0, 0, 1])
+    x = np.linspace(-4, 4, 9)
+    assert refit.lens.front(x, 0 * x) == pytest.approx(-PLAIN.rear(x, 0 * x), abs=1e-9)
+    assert refit.lens.rear(x, 0 * x) == pytest.approx(0 * x, abs=1e-9)
+
+
+def prism(surface, change):
+    geom = geom_surface(surface)
+    change(geom)
+    face = BRepBuilderAPI_MakeFace(geom, 1e-7).Face()
+    return BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 2.5)).Shape()
+
+
+@pytest.mark.parametrize("change", ["UReverse", "VReverse", "ExchangeUV"])
+def test_reversed_and_swapped_parameters_do_not_matter(tmp_path, change):
+    """A prism over the rear: front and rear are one surface, 2.5 mm apart."""
+    shape = prism(placed_surfaces(WAVY)[1], lambda geom: getattr(geom, change)())
+    found = read_lens_solid(written(tmp_path / "lens.step", shape))
+    refit = found.refit(1.5)
+    x, y = np.linspace(-5, 5, 21), np.linspace(-4, 4, 21)
+    exact = WAVY.rear.grid(x, y) - WAVY.rear(0, 0)
+    assert found.thickness == pytest.approx(2.5, abs=1e-12)
+    assert refit.proven == (True, True)
+    for surface in (refit.lens.front, refit.lens.rear):
+        assert surface.grid(x, y) - surface(0, 0) == pytest.approx(exact, abs=1e-12)
+
+
+def test_the_deviation_from_graph_form_is_measured_by_the_poles(tmp_path):
+    def pushed(geom):
+        pole = geom.Pole(4, 4)
+        pole.SetX(pole.X() + 1e-4)
+        geom.SetPole(4, 4, pole)
+
+    found = read_lens_solid(written(tmp_path / "lens.step", prism(placed_surfaces(WAVY)[1], pushed)))
+    assert 0.9e-4 < found.rear.graph_deviation < 1e-4  # less what the affine function follows
+    assert found.refit(1.5, 1e-3).deviation[1] > 0
+    refit = found.refit(1.5, 1e-5)  # not as it is, then
+    assert (refit.how, refit.proven) == (("fitted spline",) * 2, (False, False))
+
+
+def test_a_surface_in_patches_is_one(tmp_path):
+    sag = WAVY.rear.sag.refine({0: [(i, j) for i in range(3) for j in range(3)]})
+    lens = WAVY.with_rear(WAVY.rear.with_sag(sag))
+    path = tmp_path / "lens.step"
+    path.write_bytes(part_step(patched_part(lens), Product()))
+    found = read_lens_solid(path)
+    assert len(found.rear.faces) == len(lens.rear.sag.to_patches()) > 1
+    assert (found.rear.degrees, found.rear.outline) == (None, "rectangle")
+
+
+@pytest.mark.parametrize("flange", [None, Flange(2.0, 0.3, 1.0)])
+def test_a_round_lens_with_a_flange_keeps_its_spline(tmp_path, flange):
+    part = trimmed_part(WAVY, (3.5, 3.5)) if flange is None else flanged_part(WAVY, flange, (3.5, 3.5))
+    found = read_lens_solid(written(tmp_path / "lens.step", part.solid))
+    assert (found.front.outline, found.rear.outline) == ("ellipse", "ellipse")
+    assert max(heights_apart(WAVY, found.refit(1.5))) < 1e-9
+
+
+def test_a_revolved_lens_is_a_plane_and_a_sphere(tmp_path):
+    with bd.BuildPart() as part:
+        with bd.BuildSketch(bd.Plane.XZ):
+            with bd.BuildLine():
+                bd.Polyline((0, 0), (10, 0), (10, 2))
+                top = 2 + 40 - np.sqrt(40**2 - 10**2)
+                bd.RadiusArc((10, 2), (0, top), -40)
+                bd.Line((0, top), (0, 0))
+            bd.make_face()
+        bd.revolve(axis=bd.Axis.Z)
+    found = read_lens_solid(written(tmp_path / "lens.step", part.part.wrapped))
+    refit = found.refit(1.5)
+    assert (found.front.kind, found.rear.kind) == ("plane", "sphere")
+    assert found.rear.periodic[0]
+    assert found.thickness == pytest.approx(top, abs=1e-9)
+    assert (refit.how, refit.proven) == (("plane", "conic"), (True, True))
+    assert max(refit.deviation) < 1e-10
+    assert refit.lens.rear.conic.radius == pytest.approx(-40, abs=1e-9)
+    assert refit.lens.rear.conic.constant == 0
+
+
+def test_a_revolved_parabola_is_a_conic(tmp_path):
+    """r^2 = 2 R z with R = 30, as a spline of revolution."""
+    with bd.BuildPart() as part:
+        with bd.BuildSketch(bd.Plane.XZ):
+            with bd.BuildLine():
+                bd.Bezier((0, 0), (4, 0), (8, 64 / 60))
+                bd.Polyline((8, 64 / 60), (8, 4), (0, 4), (0, 0))
+            bd.make_face()
+        bd.revolve(axis=bd.Axis.Z)
+    found = read_lens_solid(written(tmp_path / "lens.step", part.part.wrapped))
+    refit = found.refit(1.5)
+    assert found.front.kind in ("surface of revolution", "rational spline")
+    assert (refit.how, refit.proven) == (("conic", "plane"), (False, True))
+    assert refit.lens.front.conic.radius == pytest.approx(30, abs=1e-6)
+    assert refit.lens.front.conic.constant == pytest.approx(-1, abs=1e-6)
+    assert refit.deviation[0] < 1e-9
+
+
+def test_a_lofted_lens_is_fitted(tmp_path):
+    """Sections x = -6, -2, 2, 6 with an arched upper line."""
+
+    def section(x):
+        top = [(x, y, 4 - 0.01 * x * x - 0.02 * y * y + 0.001 * x * y) for y in (-5, -2, 0, 2, 5)]
+        edges = [bd.Edge.make_spline([bd.Vector(*p) for p in top])]
+        corners = [top[-1], (x, 5, 0), (x, -5, 0), top[0]]
+        edges += [bd.Edge.make_line(a, b) for a, b in pairwise(corners)]
+        return bd.Wire(edges)
+
+    solid = bd.Solid.make_loft([section(x) for x in (-6, -2, 2, 6)])
+    found = read_lens_solid(written(tmp_path / "lens.step", solid.wrapped))
+    refit = found.refit(1.5, 1e-5)
+    assert found.front.kind in ("plane", "spline")
+    assert found.rear.half_width == pytest.approx([6, 5], abs=1e-6)
+    x, y = (a.ravel() for a in np.meshgrid([-6, -2, 2], [-2, 0, 2]))
+    exact = 4 - 0.01 * x * x - 0.02 * y * y + 0.001 * x * y
+    assert found.thickness + refit.lens.rear(x, y) == pytest.approx(exact, abs=1e-5)
+    assert max(refit.deviation) <= 1e-5
+
+
+def test_the_record_says_what_was_found(tmp_path):
+    path = tmp_path / "lens.step"
+    path.write_bytes(part_step(lens_part(WIDER), Product()))
+    found = read_lens_solid(path)
+    said = repr(found).splitlines()
+    assert said[0] == "ForeignLens of lens.step, in millimetre"
+    assert re.search(r"front: spline in 1 face, degree 3 x 3, 9 x 8 poles, .* mm from graph form", said[3])
+    assert said[4].endswith("rectangle of 16 x 14 mm")
+    assert (found.rear.degrees, found.rear.control_points) == ((3, 3), (9, 8))
+    assert len(found.rear.knots[0]) == 13
+    assert re.fullmatch(
+        r"Refit\(front: spline as it is, .* mm proven; rear: .* mm proven\)", repr(found.refit(1.5))
+    )
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        (lambda: bd.Box(3, 4, 5), "holds no doubly curved face"),
+        (
+            lambda: bd.Compound([bd.Box(1, 1, 1), bd.Pos(3) * bd.Sphere(1)]),
+            "holds 2 solids where a lens is one",
+        ),
+    ],
+)
+def test_what_is_no_lens_is_refused(tmp_path, shape, words):
+    with pytest.raises(ValueError, match=words):
+        read_lens_solid(written(tmp_path / "lens.step", shape().wrapped))
+
+
+def test_a_damaged_file_is_refused(tmp_path):
+    path = written(tmp_path / "lens.step", lens_part(PLAIN).solid)
+    path.write_text(path.read_text()[:2000])
+    with pytest.raises(ValueError, match="is not a whole STEP file"):
+        read_lens_solid(path)

@@ -1,0 +1,150 @@
+"""A lens that another program wrote: its front and its rear, found by geometry, and its frame.
+
+Names, units, order of entities, placement and kinds of surfaces do not matter.  The doubly curved face of the
+greatest area is one optical surface; a line from its middle along the axis leaves the glass through the other
+one.  Faces that continue each other smoothly are one surface.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.TopAbs import TopAbs_SOLID
+
+from thbcad.cad.exchange import explore, face_hits, silence, step_shape
+from thbcad.cad.foreign.axial_heights import axial_heights
+from thbcad.cad.foreign.lens_frame import LensFrame, lens_axes
+from thbcad.cad.foreign.optical_surface import OpticalFace, optical_face
+from thbcad.cad.foreign.refitting import Refit, refitted
+from thbcad.cad.foreign.surveyed_faces import SurveyedFace, continued, surveyed
+from thbcad.checks import Floats
+from thbcad.io import Entity, having, read_part21
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Shape
+
+LEAST_FACING = 0.2  # cosine of the normal with the axis, from which a face can be optical
+NAMES = ("front", "rear")
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignLens:
+    """What a STEP file of any program holds of a lens.
+
+    path : Path.  unit : of length in the file, such as "millimetre" or "INCH"; all numbers here are mm
+    frame : LensFrame, in the file; z is the axis, the origin the front's point on it
+    thickness : float, mm, along the axis.  front, rear : OpticalFace.  shape : TopoDS_Shape, mm
+    """
+
+    path: Path
+    unit: str
+    frame: LensFrame
+    thickness: float
+    front: OpticalFace
+    rear: OpticalFace
+    shape: TopoDS_Shape
+
+    def __repr__(self) -> str:
+        rows = [
+            f"ForeignLens of {self.path.name}, in {self.unit}",
+            f"  vertex {_vector(self.frame.origin)} mm, axis {_vector(self.frame.axes[2])}, "
+            f"x along {_vector(self.frame.axes[0])}",
+            f"  thickness on the axis {self.thickness:.9g} mm",
+            *(f"  {name}: {getattr(self, name)!r}" for name in NAMES),
+        ]
+        return "\n".join(rows)
+
+    def refit(self, index: float, tolerance: float = 1e-6) -> Refit:
+        """Return a Lens with these surfaces, and how far it is from them.
+
+        index : refractive index; STEP files of other programs have none.  tolerance : mm, in z.
+
+        Raises
+        ------
+        ValueError : surfaces that are not centred on one axis; an outline that is no rectangle, unless the
+            surface is a conic or a spline in graph form; a surface that a fit does not meet; as `Lens`.
+        """
+        return refitted(self.frame, self.thickness, (self.front, self.rear), index, tolerance)
+
+
+def read_lens_solid(path: str | Path) -> ForeignLens:
+    """Read a STEP file of a lens by any program, and find its front and its rear by geometry.
+
+    Raises
+    ------
+    OSError : the file cannot be read.
+    ValueError : it is no STEP file or damaged; it does not hold one solid; the solid has no doubly curved
+        face, or none that faces it along the axis.
+    """
+    path = Path(path)
+    entities = read_part21(path)
+    silence()
+    shape = step_shape(path)
+    solids = explore(shape, TopAbs_SOLID)
+    if len(solids) != 1:
+        raise ValueError(f"{path} holds {len(solids)} solids where a lens is one")
+    faces = surveyed(solids[0])
+    curved = [face for face in faces if not face.is_ruled]
+    if not curved:
+        raise ValueError(f"{path} holds no doubly curved face: no lens surface was found")
+    main = max(curved, key=lambda face: face.area)
+    frame = LensFrame(np.zeros(3), lens_axes(main, faces))
+    pair = main, _opposite(solids[0], faces, main, frame)
+    groups = [_group(solids[0], faces, one, frame) for one in pair]
+    side = float(main.samples[1].mean(axis=0) @ frame.axes[2])
+    front, rear = (optical_face(group, frame) for group in (groups if side < 0 else groups[::-1]))
+    heights = [axial_heights(one.faces, frame, *front.centre[:, None])[0] for one in (front, rear)]
+    if not np.isfinite(heights).all():
+        raise ValueError(f"{path}: the axis through the middle of the front does not meet front and rear")
+    origin = frame.world(np.array([*front.centre, heights[0]]))
+    frame = frame.moved(origin)
+    front, rear = (optical_face(list(one.faces), frame) for one in (front, rear))
+    return ForeignLens(path, _unit_of(entities), frame, heights[1] - heights[0], front, rear, solids[0])
+
+
+def _vector(vector: Floats) -> str:
+    return "(" + ", ".join(f"{value + 0.0:.6g}" for value in vector) + ")"
+
+
+def _opposite(
+    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: LensFrame
+) -> SurveyedFace:
+    """Return the face through which a line from the middle of the main face leaves the glass."""
+    points, normals = main.samples
+    middle = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+    inward = -frame.axes[2] * np.sign(normals[middle] @ frame.axes[2])
+    hits = face_hits(solid, points[[middle]], inward[None])
+    if hits.faces[0] < 0 or hits.normals[0] @ inward < LEAST_FACING:
+        raise ValueError("the lens has no surface opposite to its largest curved face, along its axis")
+    return faces[int(hits.faces[0])]
+
+
+def _group(
+    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: LensFrame
+) -> list[SurveyedFace]:
+    """Return the faces of the optical surface that a face belongs to."""
+    sign = np.sign(main.samples[1].mean(axis=0) @ frame.axes[2])
+    facing = [f for f in faces if (sign * (f.samples[1] @ frame.axes[2]) > LEAST_FACING).all()]
+    if main.kind == "plane":
+        facing = [f for f in facing if f.kind == "plane"]
+    return continued(solid, facing, main)
+
+
+def _unit_of(entities: Mapping[int, Entity]) -> str:
+    """Return the unit of length of a STEP file, "unknown" where it says none or several."""
+    found = set()
+    for context in having(entities, "GLOBAL_UNIT_ASSIGNED_CONTEXT"):
+        numbers = [int(text) for text in re.findall(r"#(\d+)", context.text)]
+        for parts in (entities[number].parts for number in numbers):
+            if "LENGTH_UNIT" not in parts:
+                continue
+            if "CONVERSION_BASED_UNIT" in parts:
+                found.add(str(parts["CONVERSION_BASED_UNIT"][0]).lower())
+            else:
+                found.add("".join(str(word).lower() for word in parts["SI_UNIT"] if word is not None))
+    return found.pop() if len(found) == 1 else "unknown"

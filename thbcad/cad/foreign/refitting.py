@@ -1,0 +1,271 @@
+"""A lens of another program as a Lens: planes, conics and splines in graph form as they are, others fitted.
+
+A spline whose x and y are affine in its parameters but for d has the same poles as a graph z(x, y) with
+|dz| <= |grad z| d: that is proven.  So are planes and spheres.  Another conic of revolution with its vertex
+on the axis satisfies
+
+    r^2 = 2 R z - (1 + K) z^2,
+
+two unknowns of a linear least-squares problem.  Everything else is interpolated on a grid, with twice as many
+spans until it is met.  These conics and fits are compared with the faces at other points: that is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+
+from thbcad.cad.foreign.axial_heights import axial_heights
+from thbcad.certified import cell_bounds
+from thbcad.checks import EPS, Floats, require_number
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+from thbcad.splines import BSplineSurface, KnotVector, interpolate, tensor_apply
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from thbcad.cad.foreign.lens_frame import LensFrame
+    from thbcad.cad.foreign.optical_surface import OpticalFace
+
+CENTRED = 1e-6  # mm: how far the middle of front and rear may lie from the axis
+LEAST_SPANS, MOST_SPANS = 8, 100  # along each axis; rays to more than that take minutes
+DEGREE = 5
+CONIC_POINTS = 9  # along a radius in eight directions
+CONIC = 1e-9  # mm; what OCCT's intersections and eleven digits of a file leave of a conic
+FLATTEST = 1e-12  # 1/mm: a lesser curvature is a plane's
+MEASURED = 17  # points along each axis that a conic is measured at, and per span a quarter of them of a fit
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A Lens in the frame of the ForeignLens that it was made of.
+
+    lens : Lens.  deviation : (front, rear), mm in z.  how : (front, rear), "plane", "conic", "spline as it
+    is" or "fitted spline".  proven : (front, rear), whether the deviation is a bound or measured.
+    """
+
+    lens: Lens
+    deviation: tuple[float, float]
+    how: tuple[str, str]
+    proven: tuple[bool, bool]
+
+    def __repr__(self) -> str:
+        faces = zip(("front", "rear"), self.how, self.deviation, self.proven)
+        parts = [f"{name}: {how}, {d:.2g} mm {'proven' if p else 'measured'}" for name, how, d, p in faces]
+        return f"Refit({'; '.join(parts)})"
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    surface: FreeformSurface
+    deviation: float
+    how: str
+    proven: bool
+
+
+def refitted(
+    frame: LensFrame, thickness: float, faces: tuple[OpticalFace, OpticalFace], index: float, tolerance: float
+) -> Refit:
+    """Return the Refit of front and rear in their frame, as `ForeignLens.refit`."""
+    require_number("tolerance", tolerance, above=0, finite=True)
+    surfaces = []
+    for name, face, vertex in zip(("front", "rear"), faces, (0.0, thickness)):
+        if np.abs(face.centre).max() > CENTRED:
+            x, y = face.centre
+            raise ValueError(
+                f"the {name} is centred at x = {x:.6g}, y = {y:.6g} mm of the axis; a Lens has front and "
+                "rear on one axis"
+            )
+        surfaces.append(_surface(frame, face, vertex, tolerance, name))
+    front, rear = surfaces
+    return Refit(
+        Lens(front.surface, rear.surface, thickness, index),
+        (front.deviation, rear.deviation),
+        (front.how, rear.how),
+        (front.proven, rear.proven),
+    )
+
+
+def _surface(frame: LensFrame, face: OpticalFace, vertex: float, tolerance: float, name: str) -> _Surface:
+    """Return the first surface that meets a face within the tolerance."""
+    analytic = {"plane": _plane, "sphere": _sphere}
+    best = analytic.get(face.kind, _graph)(frame, face, vertex)
+    if best is None or best.deviation > tolerance:
+        best = _conic(frame, face, vertex)
+    if best is None or best.deviation > tolerance:
+        if face.outline != "rectangle":
+            raise ValueError(
+                f"the outline of the {name} is no rectangle, and its surface neither a conic nor a spline in "
+                "graph form: a Lens is fitted over rectangles"
+            )
+        best = _fitted(frame, face, vertex, tolerance)
+    if best.deviation > tolerance:
+        raise ValueError(
+            f"the {name} is met within {best.deviation:.2g} mm by the finest fit that is tried; allow a "
+            "greater tolerance"
+        )
+    return best
+
+
+def _plane(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface:
+    """Return a plane through the vertex, with the proven deviation that its tilt makes at the corners."""
+    tilt = frame.axes @ face.faces[0].samples[1][0]
+    half = (float(face.half_width[0]), float(face.half_width[1]))
+    slope = float(np.hypot(*tilt[:2]) / abs(tilt[2]))
+    rounding = 64 * EPS * float(np.abs(frame.origin).max() + max(half))
+    return _Surface(FreeformSurface(half), slope * float(np.hypot(*half)) + rounding, "plane", True)
+
+
+def _sphere(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | None:
+    """Return a sphere with its vertex on the axis, with the proven deviation that the place of its centre
+    makes: with the centre e off the axis and d along it, d + e |grad z|."""
+    sphere = BRepAdaptor_Surface(face.faces[0].face).Sphere()
+    centre = frame.local(np.array(sphere.Location().Coord())) - (0.0, 0.0, vertex)
+    radius = float(np.copysign(sphere.Radius(), centre[2]))
+    half = (float(face.half_width[0]), float(face.half_width[1]))
+    off, along = float(np.hypot(*centre[:2])), abs(float(centre[2]) - radius)
+    reach = float(np.hypot(*half)) + off
+    if len(face.faces) > 1 or reach >= abs(radius):
+        return None
+    rounding = 64 * EPS * float(np.abs(frame.origin).max() + abs(radius))
+    slope = reach / (radius**2 - reach**2) ** 0.5
+    surface = FreeformSurface(half, Conic(radius, 0.0))
+    return _Surface(surface, along + off * slope + rounding * (1 + slope), "conic", True)
+
+
+def _graph(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | None:
+    """Return a polynomial spline in one piece as a graph with the same poles, with a proven deviation."""
+    spline = face.faces[0].spline
+    if len(face.faces) > 1 or not isinstance(spline, BSplineSurface):
+        return None
+    if min(spline.kv_u.degree, spline.kv_v.degree) < 2:
+        return None
+    kv_u, kv_v, poles = _upright(spline.kv_u, spline.kv_v, frame.local(spline.coefficients))
+    corners = np.array([poles[0, 0, :2], poles[-1, -1, :2]])
+    if (corners[1] <= corners[0]).any():
+        return None
+    half = face.half_width if face.outline == "rectangle" else (corners[1] - corners[0]) / 2
+    outer = np.array([max(-low, high) for low, high in corners.T])
+    (x0, y0), (x1, y1) = corners.tolist()
+    kv_u, kv_v = kv_u.rescaled(x0, x1), kv_v.rescaled(y0, y1)
+    exact = np.stack(np.meshgrid(kv_u.greville(), kv_v.greville(), indexing="ij"), axis=-1)
+    apart = np.linalg.norm(poles[..., :2] - exact, axis=-1).max()
+    heights = poles[..., 2] - vertex
+    graph = BSplineSurface(kv_u, kv_v, heights)
+    slope = np.hypot(*cell_bounds(graph, ((1, 0), (0, 1))).max(axis=(1, 2)))
+    graph = _cut(graph, half, outer)
+    rounding = 64 * EPS * float(np.abs(frame.origin).max() + np.abs(poles).max())
+    sag = THBSurface(THBSpace(graph.kv_u, graph.kv_v), graph.coefficients.ravel())
+    return _Surface(
+        FreeformSurface((graph.kv_u.stop, graph.kv_v.stop), Conic(), sag),
+        float(slope * (apart + rounding) + rounding),
+        "spline as it is",
+        True,
+    )
+
+
+def _upright(kv_u: KnotVector, kv_v: KnotVector, poles: Floats) -> tuple[KnotVector, KnotVector, Floats]:
+    """Return knots and poles with x rising along the first and y along the second parameter."""
+    across = poles[-1, 0] - poles[0, 0]
+    if abs(across[1]) > abs(across[0]):
+        kv_u, kv_v, poles = kv_v, kv_u, poles.transpose(1, 0, 2)
+    if poles[-1, 0, 0] < poles[0, 0, 0]:
+        kv_u, poles = _reversed(kv_u), poles[::-1]
+    if poles[0, -1, 1] < poles[0, 0, 1]:
+        kv_v, poles = _reversed(kv_v), poles[:, ::-1]
+    return kv_u, kv_v, poles
+
+
+def _reversed(kv: KnotVector) -> KnotVector:
+    return KnotVector(kv.degree, kv.start + kv.stop - kv.knots[::-1])
+
+
+def _cut(graph: BSplineSurface, half: Floats, outer: Floats) -> BSplineSurface:
+    """Return the graph over |x|, |y| <= half, where it extends beyond that by more than rounding."""
+    operators = []
+    for kv, h, reach in zip((graph.kv_u, graph.kv_v), half, outer):
+        ends = (-float(h), float(h)) if reach > h * (1 + CENTRED) else (kv.start, kv.stop)
+        operators.append(kv.segment(max(ends[0], kv.start), min(ends[1], kv.stop)))
+    (kv_u, a), (kv_v, b) = operators
+    kv_u, kv_v = (kv.rescaled(-(kv.stop - kv.start) / 2, (kv.stop - kv.start) / 2) for kv in (kv_u, kv_v))
+    return BSplineSurface(kv_u, kv_v, tensor_apply(a, b, graph.coefficients))
+
+
+def _conic(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | None:
+    """Return the conic of revolution that a face is, or None."""
+    angle = np.repeat(np.arange(8) * np.pi / 4, CONIC_POINTS)
+    radius = np.tile(np.arange(1, CONIC_POINTS + 1) / CONIC_POINTS, 8) * face.half_width.min() * 0.98
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    z = axial_heights(face.faces, frame, x, y) - vertex
+    if not np.isfinite(z).all():
+        return None
+    curvature = 2 * float(z @ radius**2 / (radius**4).sum())
+    if abs(curvature) < FLATTEST:
+        conic = Conic()
+    else:
+        double, squared = np.linalg.lstsq(np.column_stack([z, -(z**2)]), radius**2, rcond=None)[0]
+        if not double:
+            return None
+        conic = Conic(float(double / 2), float(squared - 1))
+    half = (float(face.half_width[0]), float(face.half_width[1]))
+    try:
+        surface = FreeformSurface(half, conic)
+    except ValueError:  # it ends within the box of a round lens
+        return None
+    deviation = _measured(frame, face, vertex, surface, MEASURED)
+    how = "plane" if conic.is_plane else "conic"
+    return _Surface(surface, deviation, how, False) if deviation <= CONIC else None
+
+
+def _meshes(frame: LensFrame, face: OpticalFace) -> Iterator[tuple[KnotVector, KnotVector]]:
+    """Yield knots in x and y, finer and finer: those of a spline in one piece, where its derivatives jump, or
+    uniform ones."""
+    spline = face.faces[0].spline
+    a, b = face.half_width.tolist()
+    if len(face.faces) == 1 and spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) > 1:
+        points = spline.coefficients if isinstance(spline, BSplineSurface) else spline.points
+        kv_x, kv_y, _ = _upright(spline.kv_u, spline.kv_v, frame.local(points))
+    else:
+        kv_x, kv_y = (KnotVector.uniform(DEGREE, LEAST_SPANS, -h, h) for h in (a, b))
+    kv_x, kv_y = kv_x.rescaled(-a, a), kv_y.rescaled(-b, b)
+    yield kv_x, kv_y
+    while 2 * max(kv_x.spans, kv_y.spans) <= MOST_SPANS:
+        kv_x, kv_y = kv_x.bisect(), kv_y.bisect()
+        yield kv_x, kv_y
+
+
+def _fitted(frame: LensFrame, face: OpticalFace, vertex: float, tolerance: float) -> _Surface:
+    """Return a spline that interpolates a face, with spans until it is met."""
+    for kv_x, kv_y in _meshes(frame, face):
+        x, y = np.meshgrid(*(_inside(kv.greville()) for kv in (kv_x, kv_y)), indexing="ij")
+        z = axial_heights(face.faces, frame, x.ravel(), y.ravel()) - vertex
+        if not np.isfinite(z).all():
+            raise ValueError("a line along the axis within the outline misses the optical face")
+        graph = interpolate(kv_x, kv_y, z.reshape(x.shape))
+        sag = THBSurface(THBSpace(kv_x, kv_y), graph.coefficients.ravel())
+        surface = FreeformSurface((kv_x.stop, kv_y.stop), Conic(), sag)
+        deviation = _measured(frame, face, vertex, surface, 2 * max(kv_x.spans, kv_y.spans) + MEASURED)
+        if deviation <= tolerance:
+            break
+    return _Surface(surface, deviation, "fitted spline", False)
+
+
+def _measured(
+    frame: LensFrame, face: OpticalFace, vertex: float, surface: FreeformSurface, count: int
+) -> float:
+    """Return the greatest distance in z at count x count points; those beside the face do not count."""
+    steps = (np.arange(count) + 0.37) / count * 2 - 1  # not where a fit was sampled
+    x, y = (a.ravel() for a in np.meshgrid(*(h * steps for h in surface.half_width)))
+    z = axial_heights(face.faces, frame, x, y) - vertex
+    return float(np.nanmax(np.abs(z - surface(x, y))))
+
+
+def _inside(positions: Floats) -> Floats:
+    """Return positions with the outermost a little within the rim, where OCCT finds the face."""
+    inner: Floats = positions * (1 - 1e-9)
+    return inner

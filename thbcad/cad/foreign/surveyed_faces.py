@@ -1,0 +1,203 @@
+"""The faces of a solid that another program wrote: kind, samples, area, and which continue each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepClass import BRepClass_FaceClassifier
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepTools import BRepTools
+from OCP.Geom import Geom_BSplineSurface
+from OCP.GeomAbs import (
+    GeomAbs_BezierSurface,
+    GeomAbs_BSplineSurface,
+    GeomAbs_Cone,
+    GeomAbs_Cylinder,
+    GeomAbs_Plane,
+    GeomAbs_Sphere,
+    GeomAbs_SurfaceOfExtrusion,
+    GeomAbs_SurfaceOfRevolution,
+    GeomAbs_Torus,
+)
+from OCP.GeomConvert import GeomConvert
+from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_REVERSED
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
+
+from thbcad.cad.exchange import explore
+from thbcad.cad.shapes import spline_surface
+from thbcad.checks import Floats
+from thbcad.splines import BSplineSurface, NURBSSurface
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+
+KINDS = {
+    GeomAbs_Plane: "plane",
+    GeomAbs_Cylinder: "cylinder",
+    GeomAbs_Cone: "cone",
+    GeomAbs_Sphere: "sphere",
+    GeomAbs_Torus: "torus",
+    GeomAbs_BezierSurface: "spline",
+    GeomAbs_BSplineSurface: "spline",
+    GeomAbs_SurfaceOfRevolution: "surface of revolution",
+    GeomAbs_SurfaceOfExtrusion: "extrusion",
+}
+STRAIGHT = (
+    "plane",
+    "cylinder",
+    "cone",
+    "extrusion",
+)  # kinds with straight lines: no optical surface but planes
+FLAT = 1e-9  # between unit normals: of a plane that was written as something else
+GRID = 7  # samples along each parameter of a face
+RIM = 33  # samples of an edge
+SMOOTH = 1e-3  # rad between normals on a common edge: one surface that was split
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyedFace:
+    """A face, its number in the solid, and what its surface is.
+
+    kind : "plane", "sphere", "spline", ... or "other".
+    """
+
+    face: TopoDS_Face
+    number: int
+    kind: str
+
+    @cached_property
+    def spline(self) -> BSplineSurface | NURBSSurface | None:
+        """The spline under the face with the numbers of the file, of a spline face."""
+        if self.kind != "spline":
+            return None
+        surface = BRep_Tool.Surface_s(self.face)
+        if not isinstance(surface, Geom_BSplineSurface):  # a Bezier surface
+            surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
+        return spline_surface(surface)
+
+    @cached_property
+    def area(self) -> float:
+        """mm^2."""
+        properties = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(self.face, properties)
+        return properties.Mass()
+
+    @cached_property
+    def samples(self) -> tuple[Floats, Floats]:
+        """Points inside the face and outward unit normals there, (n, 3) each, n at least 1."""
+        u0, u1, v0, v1 = BRepTools.UVBounds_s(self.face)
+        steps = (np.arange(GRID) + 0.5) / GRID
+        pairs = [(u, v) for u in u0 + (u1 - u0) * steps for v in v0 + (v1 - v0) * steps]
+        inside = [pair for pair in pairs if _is_inside(self.face, pair)] or pairs
+        jets = np.array([_point_and_normal(self.face, *pair) for pair in inside])
+        return jets[:, 0], jets[:, 1]
+
+    @cached_property
+    def is_ruled(self) -> bool:
+        """Whether its surface consists of straight lines, by its kind or its degree."""
+        spline = self.spline
+        return self.kind in STRAIGHT or (
+            spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) == 1
+        )
+
+    @property
+    def periodic(self) -> tuple[bool, bool]:
+        """Whether its surface is periodic in u, in v."""
+        surface = BRep_Tool.Surface_s(self.face)
+        return bool(surface.IsUPeriodic()), bool(surface.IsVPeriodic())
+
+    @cached_property
+    def is_flat(self) -> bool:
+        """Whether it is plane, of whatever kind its surface is."""
+        normals = self.samples[1]
+        return self.kind == "plane" or bool(np.abs(normals - normals[0]).max() < FLAT)
+
+    @cached_property
+    def direction(self) -> Floats | None:
+        """The normal of a flat face; the axis of a cylinder, cone, torus or surface of revolution; the
+        direction of an extrusion; else None."""
+        adaptor = BRepAdaptor_Surface(self.face)
+        if self.kind == "plane":
+            return np.array(adaptor.Plane().Axis().Direction().Coord())
+        if self.is_flat:
+            return self.samples[1][0]
+        directions = {
+            "cylinder": lambda: adaptor.Cylinder().Axis().Direction(),
+            "cone": lambda: adaptor.Cone().Axis().Direction(),
+            "torus": lambda: adaptor.Torus().Axis().Direction(),
+            "surface of revolution": lambda: adaptor.AxeOfRevolution().Direction(),
+            "extrusion": lambda: adaptor.Direction(),
+        }
+        return np.array(directions[self.kind]().Coord()) if self.kind in directions else None
+
+    @cached_property
+    def rim(self) -> Floats:
+        """Points of its edges, both ends included, (n, 3)."""
+        rows = []
+        for edge in explore(self.face, TopAbs_EDGE):
+            if BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)):
+                continue
+            curve = BRepAdaptor_Curve(TopoDS.Edge_s(edge))
+            t = np.linspace(curve.FirstParameter(), curve.LastParameter(), RIM)
+            rows += [curve.Value(each).Coord() for each in t.tolist()]
+        return np.array(rows)
+
+
+def surveyed(solid: TopoDS_Shape) -> list[SurveyedFace]:
+    """Return the faces of a solid in the order of OCCT."""
+    faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
+    kinds = [KINDS.get(BRepAdaptor_Surface(face).GetType(), "other") for face in faces]
+    return [SurveyedFace(face, k, kind) for k, (face, kind) in enumerate(zip(faces, kinds))]
+
+
+def continued(solid: TopoDS_Shape, faces: Sequence[SurveyedFace], start: SurveyedFace) -> list[SurveyedFace]:
+    """Return `start` and the faces that continue it smoothly, from one to the next, in their order.
+
+    faces : those that may belong to it.
+    """
+    owners = TopTools_IndexedDataMapOfShapeListOfShape()
+    TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, owners)
+    found, waiting = {start.number}, [start]
+    while waiting:
+        own = waiting.pop()
+        for edge in explore(own.face, TopAbs_EDGE):
+            beside = list(owners.FindFromKey(edge))
+            for other in (f for f in faces if f.number not in found):
+                shared = any(other.face.IsSame(face) for face in beside)
+                if shared and _is_smooth(TopoDS.Edge_s(edge), own.face, other.face):
+                    found.add(other.number)
+                    waiting.append(other)
+    return [face for face in faces if face.number in found]
+
+
+def _is_inside(face: TopoDS_Face, parameters: tuple[float, float]) -> bool:
+    return BRepClass_FaceClassifier(face, gp_Pnt2d(*parameters), 1e-9).State() == TopAbs_IN
+
+
+def _point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Floats]:
+    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    BRep_Tool.Surface_s(face).D1(u, v, point, along_u, along_v)
+    normal = np.cross(along_u.Coord(), along_v.Coord())
+    size = float(np.linalg.norm(normal)) or 1.0
+    outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
+    return np.array(point.Coord()), outward * normal / size
+
+
+def _is_smooth(edge: TopoDS_Edge, first: TopoDS_Face, second: TopoDS_Face) -> bool:
+    """Return whether two faces have one normal in the middle of their common edge."""
+    normals = []
+    for face in (first, second):
+        curve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+        low, high = BRep_Tool.Range_s(edge, face)
+        normals.append(_point_and_normal(face, *curve.Value((low + high) / 2).Coord())[1])
+    return float(np.linalg.norm(normals[0] - normals[1])) < SMOOTH
