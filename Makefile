@@ -84,6 +84,7 @@ QUICK = \
 	tests/thbcad/io/test_surface_json.py \
 	tests/thbcad/lens/test_lens.py \
 	tests/thbcad/lens/test_product.py \
+	tests/thbcad/mounts \
 	tests/thbcad/pictures \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \

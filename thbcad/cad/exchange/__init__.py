@@ -35,7 +35,9 @@ if TYPE_CHECKING:
         step_solid as step_solid,
     )
     from thbcad.cad.exchange.reading import (
+        brep_shape as brep_shape,
         explore as explore,
+        iges_shape as iges_shape,
         step_shape as step_shape,
     )
     from thbcad.cad.exchange.solid_file import (
@@ -83,7 +85,9 @@ _FILES = {
         "step_solid",
     ),
     "reading": (
+        "brep_shape",
         "explore",
+        "iges_shape",
         "step_shape",
     ),
     "solid_file": (

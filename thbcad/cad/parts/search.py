@@ -16,7 +16,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Shape
 
 from thbcad.cad.exchange import explore
 from thbcad.cad.parts.numbers_of_surfaces import rigid_motion, same_points, surface_numbers
-from thbcad.cad.shapes import TOLERANCE, lens_part
+from thbcad.cad.shapes import TOLERANCE, Part, lens_part
 from thbcad.checks import Floats
 
 if TYPE_CHECKING:
@@ -105,6 +105,8 @@ def _wrapped(part: object) -> Any:
     if hasattr(part, "vals"):  # a Workplane of cadquery
         values = part.vals()
         shape = values[0] if len(values) == 1 else None
+    elif isinstance(part, Part):
+        shape = part.solid
     elif hasattr(part, "part"):  # a BuildPart of build123d
         shape = part.part
     return getattr(shape, "wrapped", shape)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.parts.own_surfaces import exact_part
 from thbcad.cad.parts.search import is_shape, placed_lens
+from thbcad.cad.shapes import Part
 from thbcad.checks import require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product
@@ -62,6 +63,6 @@ def placed_step(part: Any, lens: Lens, product: Product | None = None, schema: s
     if product.material and product.index is None:
         product = replace(product, index=lens.index)
     placed = placed_lens(part, lens)
-    names: Sequence[str] = getattr(part, "face_names", ())
+    names: Sequence[str] = part.names if isinstance(part, Part) else getattr(part, "face_names", ())
     exact = exact_part(placed, names)
     return part_step(exact, product, schema, placed.placement if placed.moved else None)
