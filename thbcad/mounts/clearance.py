@@ -80,7 +80,7 @@ def require_mount(mount: Mount, lens: Lens) -> MountProof:
         if post.bore
     ]
     _require_sinks(mount)
-    _require_gate(mount)
+    _require_gate(mount, aperture)
     return MountProof(low, high, framed, min(gaps, default=min(walls)), min(walls))
 
 
@@ -221,18 +221,23 @@ def _require_wall(rest: float, wall: float, where: str) -> float:
     return rest
 
 
-def _require_gate(mount: Mount) -> None:
+def _require_gate(mount: Mount, aperture: Point) -> None:
+    """Refuse a gate that is wider or thicker than the side that carries it."""
     gate, flange = mount.gate, mount.flange
     if gate is None:
         return
-    along = flange.half[1 if gate.side[1] == "x" else 0] - flange.inset
-    if gate.width / 2 > (along / 2 if flange.outline == "round" else along):
+    axis = int(gate.side[1] == "y")
+    along = flange.half[1 - axis] - flange.inset
+    if flange.outline == "round":  # its ends lie on the circle, beside the lens
+        along = max(along**2 - (aperture[axis] + mount.wall / 2) ** 2, 0.0) ** 0.5
+    if gate.width / 2 > along:
         raise ValueError(
-            f"the gate of {gate.width:g} mm is wider than the side {gate.side} of the flange carries; lower "
-            "gate.width"
+            f"the gate of {gate.width:g} mm is wider than the {2 * along:.6g} mm that the side {gate.side} "
+            "of the flange carries; lower gate.width"
         )
-    if gate.thickness > flange.thickness - 2 * flange.chamfer:
+    thickest = flange.thickness - 2 * flange.chamfer
+    if gate.thickness > thickest:
         raise ValueError(
             f"the gate of {gate.thickness:g} mm is thicker than the side {gate.side} of the flange, "
-            f"{flange.thickness - 2 * flange.chamfer:.6g} mm; lower gate.thickness"
+            f"{thickest:.6g} mm; lower gate.thickness"
         )

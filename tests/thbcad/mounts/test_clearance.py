@@ -35,7 +35,7 @@ from thbcad.mounts import mount_of, require_mount
         ({"flange__seat": -3.0}, "the flange from z = -3 mm meets the front, which reaches up to z = 0"),
         ({"flange__seat": 0.0}, "the flange from z = 0 mm meets the front"),
         ({"holes__0__countersink": 8.0, "flange__size": [60, 60]}, "a countersink of 8 mm is 2.9 mm deep"),
-        ({"gate__width": 40}, "the gate of 40 mm is wider than the side -x"),
+        ({"gate__width": 40}, "the gate of 40 mm is wider than the .* mm that the side -x"),
         ({"gate__thickness": 2}, "the gate of 2 mm is thicker than the side -x of the flange, 1.4 mm"),
     ],
 )

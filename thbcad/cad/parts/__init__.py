@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         edge_deviation as edge_deviation,
         face_deviation as face_deviation,
         face_spline as face_spline,
+        projected_area as projected_area,
     )
     from thbcad.cad.parts.facets import (
         part_mesh as part_mesh,
@@ -49,7 +50,7 @@ _FILES = {
     "operations": ("cut", "join"),
     "facets": ("part_mesh",),
     "search": ("PlacedLens", "placed_lens"),
-    "face_measures": ("edge_deviation", "face_deviation", "face_spline"),
+    "face_measures": ("edge_deviation", "face_deviation", "face_spline", "projected_area"),
     "mount_solids": ("mounted_part",),
     "numbers_of_surfaces": ("SurfaceNumbers", "surface_numbers"),
     "writing": ("placed_step", "write_step"),
