@@ -207,6 +207,11 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         help="planar flange from z = LOW to HIGH, mm",
     )
     command.add_argument(
+        "--mount",
+        metavar="FILE",
+        help="mount.toml: flange, holes, pins, bosses and gate, in one solid with the lens",
+    )
+    command.add_argument(
         "--patches", action="store_true", help="one face per patch of same-level cells (step)"
     )
     command.add_argument(

@@ -13,7 +13,11 @@ from optics.runtime import UserError, check_lines
 SCENE = ".xml"  # suffix of a scene for Mitsuba
 
 if TYPE_CHECKING:
-    from thbcad.lens import Flange
+    from pathlib import Path
+
+    from optics.export import Labels
+    from optics.runtime import Check
+    from thbcad.lens import Flange, Lens
 
 
 def export(options: Namespace) -> Outcome:
@@ -34,7 +38,10 @@ def export(options: Namespace) -> Outcome:
     )
     require_free(options.out, name, body, options.force)
     lens, labels = labelled_lens(options.result)
-    files, checks = run(lens, name, options.out, options.chord, body, labels)
+    if options.mount is None:
+        files, checks = run(lens, name, options.out, options.chord, body, labels)
+    else:
+        files, checks = _mounted(lens, name, options, labels)
     report = report_of(options.out)
     data = {
         "format": name,
@@ -46,6 +53,23 @@ def export(options: Namespace) -> Outcome:
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
     return Outcome(data, [*check_lines(data), *written], data["ok"])
+
+
+def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:
+    """Write the lens with the mount that --mount asks for.
+
+    Raises
+    ------
+    UserError : another option of the solid beside it; as `mount_from` and `export_mounted`.
+    """
+    from optics.parts import export_mounted, mount_from
+
+    if options.aperture or options.flange or options.patches or options.separate:
+        raise UserError(
+            "a mount has its own flange on the whole lens: leave out --aperture, --flange, --patches, "
+            "--separate"
+        )
+    return export_mounted(lens, mount_from(options.mount), name, options.out, options.chord, labels)
 
 
 def _scene(options: Namespace) -> Outcome:
@@ -65,7 +89,7 @@ def _scene(options: Namespace) -> Outcome:
     from thbcad.io import json_text, write_files, write_text
 
     out, folder = Path(options.out), Path(options.result)
-    shapes = ("aperture", "polygon", "flange", "patches", "separate")
+    shapes = ("aperture", "polygon", "flange", "mount", "patches", "separate")
     if any(getattr(options, name) for name in shapes):
         raise UserError(
             f"a scene holds the whole lens: leave out {', '.join(f'--{name}' for name in shapes)}"

@@ -9,6 +9,9 @@ if TYPE_CHECKING:
         Body as Body,
     )
     from optics.export.formats import (
+        MESHES as MESHES,
+        SOLIDS as SOLIDS,
+        Labels as Labels,
         export as export,
         format_of as format_of,
         labelled_lens as labelled_lens,
@@ -16,16 +19,29 @@ if TYPE_CHECKING:
         require_free as require_free,
         require_free_files as require_free_files,
     )
+    from optics.export.read_back import (
+        READERS as READERS,
+        read_mesh as read_mesh,
+        require_readers as require_readers,
+    )
 
 _FILES = {
     "body": ("Body",),
     "formats": (
+        "MESHES",
+        "SOLIDS",
+        "Labels",
         "export",
         "format_of",
         "labelled_lens",
         "report_of",
         "require_free",
         "require_free_files",
+    ),
+    "read_back": (
+        "READERS",
+        "read_mesh",
+        "require_readers",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

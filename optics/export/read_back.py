@@ -122,7 +122,7 @@ def mesh_checks(
     the centroids of triangles.  Of large meshes every n-th triangle counts, for about a million points a
     face.
     """
-    read = _read_3mf(path) if name == "3mf" else _read_mesh(path, name)
+    read = read_mesh(path, name)
     by = f"{name.upper()} read back by {READERS[name][0]}"
     checks = [
         Check(f"triangles missing or added, {by}", abs(len(read.faces) - len(mesh.triangles)), 0, ""),
@@ -237,6 +237,11 @@ def _height_error(points: Array, surface: FreeformSurface, vertex: float) -> flo
     x, y = (np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width))
     error = points - np.column_stack([x, y, vertex + surface(x, y)])
     return float(np.linalg.norm(error, axis=1).max())
+
+
+def read_mesh(path: Path, name: str) -> Any:
+    """Return the mesh of a file as a trimesh.Trimesh, as a program that did not write it reads it."""
+    return _read_3mf(path) if name == "3mf" else _read_mesh(path, name)
 
 
 def _read_mesh(path: Path, name: str) -> Any:

@@ -1,10 +1,14 @@
-"""A lens with its mount: STEP files of such parts proven against the lens."""
+"""A lens with its mount: exported, and STEP files of such parts proven against the lens."""
 
 from typing import TYPE_CHECKING
 
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.parts.mount_export import (
+        export_mounted as export_mounted,
+        mount_from as mount_from,
+    )
     from optics.parts.placement_text import (
         PlacedText as PlacedText,
         placed_text as placed_text,
@@ -14,6 +18,7 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "mount_export": ("export_mounted", "mount_from"),
     "placement_text": ("PlacedText", "placed_text"),
     "proof": ("part_checks",),
 }

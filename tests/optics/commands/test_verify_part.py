@@ -4,6 +4,7 @@ from argparse import Namespace
 
 import pytest
 
+from optics.commands.export_command import export
 from optics.commands.verify_command import verify
 from optics.runtime import UserError
 from tests.thbcad.cad.parts.cases import LENSES, MOTIONS, box, located
@@ -41,4 +42,53 @@ def test_wrong_files_are_one_sentence(wrong, step, tmp_path):
     lens = tmp_path / ("lens.json" if wrong != "no lens" else "none.json")
     with pytest.raises(UserError) as raised:
         verify(options(paths.get(wrong, tmp_path / "none.step"), lens))
+    assert "\n" not in str(raised.value)
+
+
+MOUNT = """
+[flange]
+size = [34, 30]
+thickness = 1.5
+[[holes]]
+at = [[14, 12], [-14, -12]]
+diameter = 2
+"""
+
+
+def export_options(tmp_path, **changes):
+    given = {"out": str(tmp_path / "part.step"), "format": None, "aperture": None, "flange": None}
+    given |= {
+        "patches": False,
+        "separate": False,
+        "chord": 1e-3,
+        "force": False,
+        "result": str(tmp_path / "lens.json"),
+    }
+    return Namespace(**(given | {"mount": str(tmp_path / "mount.toml")} | changes))
+
+
+def test_an_exported_mount_is_proven(tmp_path):
+    write_lens(LENSES["round"], tmp_path / "lens.json")
+    (tmp_path / "mount.toml").write_text(MOUNT)
+    outcome = export(export_options(tmp_path))
+    assert outcome.ok
+    assert any("least clearance of the mount, proven to be 4.65685 mm" in line for line in outcome.lines)
+    assert verify(options(tmp_path / "part.step", tmp_path / "lens.json")).ok
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"flange": [1.0, 1.0, 2.0]}, "leave out --aperture, --flange"),
+        ({"patches": True}, "leave out --aperture, --flange"),
+        ({"out": "scene.xml"}, "leave out --aperture, --flange, --mount"),
+        ({"mount": "none.toml"}, "cannot read none.toml"),
+        ({"out": "part.npz"}, "--mount needs step, iges"),
+    ],
+)
+def test_wrong_exports_of_mounts_are_one_sentence(changes, sentence, tmp_path):
+    write_lens(LENSES["round"], tmp_path / "lens.json")
+    (tmp_path / "mount.toml").write_text(MOUNT)
+    with pytest.raises(UserError, match=sentence) as raised:
+        export(export_options(tmp_path, **changes))
     assert "\n" not in str(raised.value)

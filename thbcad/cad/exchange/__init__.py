@@ -42,7 +42,9 @@ if TYPE_CHECKING:
         step_solid as step_solid,
     )
     from thbcad.cad.exchange.reading import (
+        brep_shape as brep_shape,
         explore as explore,
+        iges_shape as iges_shape,
         step_shape as step_shape,
     )
     from thbcad.cad.exchange.solid_file import (
@@ -96,7 +98,9 @@ _FILES = {
         "step_solid",
     ),
     "reading": (
+        "brep_shape",
         "explore",
+        "iges_shape",
         "step_shape",
     ),
     "solid_file": (

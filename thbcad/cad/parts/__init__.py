@@ -15,6 +15,13 @@ if TYPE_CHECKING:
         edge_deviation as edge_deviation,
         face_deviation as face_deviation,
         face_spline as face_spline,
+        projected_area as projected_area,
+    )
+    from thbcad.cad.parts.facets import (
+        part_mesh as part_mesh,
+    )
+    from thbcad.cad.parts.mount_solids import (
+        mounted_part as mounted_part,
     )
     from thbcad.cad.parts.numbers_of_surfaces import (
         SurfaceNumbers as SurfaceNumbers,
@@ -41,8 +48,10 @@ _FILES = {
     "cadquery_lens": ("workplane",),
     "own_surfaces": ("exact_part",),
     "operations": ("cut", "join"),
+    "facets": ("part_mesh",),
     "search": ("PlacedLens", "placed_lens"),
-    "face_measures": ("edge_deviation", "face_deviation", "face_spline"),
+    "face_measures": ("edge_deviation", "face_deviation", "face_spline", "projected_area"),
+    "mount_solids": ("mounted_part",),
     "numbers_of_surfaces": ("SurfaceNumbers", "surface_numbers"),
     "writing": ("placed_step", "write_step"),
 }

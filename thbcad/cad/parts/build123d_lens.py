@@ -9,6 +9,7 @@ import build123d as bd
 from OCP.TopLoc import TopLoc_Location
 
 from thbcad.cad.exchange import GLASS
+from thbcad.cad.parts.mount_solids import mounted_part
 from thbcad.cad.parts.named_booleans import fused, named_part, numbered, without
 from thbcad.cad.parts.search import occt_shape, one_solid
 from thbcad.cad.shapes import NAMES, Part, lens_part
@@ -17,6 +18,8 @@ from thbcad.lens import Lens
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
+
+    from thbcad.mounts import Mount
 
 
 class LensPart(bd.BasePartObject):
@@ -70,6 +73,15 @@ class LensPart(bd.BasePartObject):
             if name:
                 found[name] = face
         return found
+
+    def mounted(self, mount: Mount) -> LensPart:
+        """Return the lens with a mount, moved as this part is; what was joined to this part is left out.
+
+        Raises
+        ------
+        ValueError : as `thbcad.mounts.require_mount`.
+        """
+        return self.with_shape(mounted_part(self.lens, mount), occt_shape(self).Location())
 
     def with_shape(self, part: Part, placement: TopLoc_Location) -> LensPart:
         """Return a LensPart of this lens with another solid, moved to a placement."""

@@ -10,7 +10,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.Geom import Geom_BSplineSurface, Geom_Line, Geom_Plane
 from OCP.GeomAPI import GeomAPI_IntCS, GeomAPI_ProjectPointOnSurf
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
-from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.exchange import explore
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from thbcad.checks import Floats
     from thbcad.lens import FreeformSurface
 
-PER_SPAN = 6  # points of a spline in every span and direction
+PER_SPAN = 3  # points of a spline in every span and direction; its numbers are compared too
 ELSEWHERE = 33  # points of another surface in each direction
 ON_EDGE = 33  # points of an edge
 
@@ -89,6 +89,21 @@ def edge_deviation(face: TopoDS_Face) -> float:
                 off = point.Distance(surface.Value(at.X(), at.Y()))
             greatest = max(greatest, off)
     return greatest
+
+
+def projected_area(face: TopoDS_Face) -> float:
+    """Return the area under a face in x and y, the integral of x dy along its edges, mm^2.
+
+    Edges are straight between 33 points; the rims of a rectangular lens are straight anyway.
+    """
+    area = 0.0
+    for edge in map(TopoDS.Edge_s, explore(face, TopAbs_EDGE)):
+        curve = BRepAdaptor_Curve(edge)
+        steps = np.linspace(curve.FirstParameter(), curve.LastParameter(), ON_EDGE)
+        x, y, _ = np.array([curve.Value(t).Coord() for t in steps.tolist()]).T
+        along = -1.0 if edge.Orientation() == TopAbs_REVERSED else 1.0
+        area += along * float((x[1:] + x[:-1]) @ np.diff(y)) / 2
+    return abs(area)
 
 
 def face_spline(geometry: Geom_Surface, surface: FreeformSurface) -> BSplineSurface:

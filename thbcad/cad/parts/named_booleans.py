@@ -40,8 +40,8 @@ def numbered(names: Sequence[str]) -> list[str]:
     return result
 
 
-def fused(part: Part, tool: TopoDS_Shape, name: str = "") -> Part:
-    """Return the union of a part and a tool, whose faces get a name.
+def fused(part: Part, tool: Part | TopoDS_Shape, name: str = "") -> Part:
+    """Return the union of a part and a tool, whose faces keep their names or get one.
 
     Raises
     ------
@@ -51,8 +51,8 @@ def fused(part: Part, tool: TopoDS_Shape, name: str = "") -> Part:
     return _operated(BRepAlgoAPI_Fuse(), part, tool, name)
 
 
-def without(part: Part, tool: TopoDS_Shape, name: str = "") -> Part:
-    """Return a part less a tool, whose faces get a name.
+def without(part: Part, tool: Part | TopoDS_Shape, name: str = "") -> Part:
+    """Return a part less a tool, whose faces keep their names or get one.
 
     Raises
     ------
@@ -62,11 +62,14 @@ def without(part: Part, tool: TopoDS_Shape, name: str = "") -> Part:
     return _operated(BRepAlgoAPI_Cut(), part, tool, name)
 
 
-def _operated(operation: BRepAlgoAPI_BooleanOperation, part: Part, tool: TopoDS_Shape, name: str) -> Part:
+def _operated(
+    operation: BRepAlgoAPI_BooleanOperation, part: Part, tool: Part | TopoDS_Shape, name: str
+) -> Part:
     what = "join" if isinstance(operation, BRepAlgoAPI_Fuse) else "cut"
+    shape = tool.solid if isinstance(tool, Part) else tool
     arguments, tools = TopTools_ListOfShape(), TopTools_ListOfShape()
     arguments.Append(part.solid)
-    tools.Append(tool)
+    tools.Append(shape)
     operation.SetArguments(arguments)
     operation.SetTools(tools)
     operation.SetRunParallel(False)  # the same solids give the same faces in the same order
@@ -74,25 +77,27 @@ def _operated(operation: BRepAlgoAPI_BooleanOperation, part: Part, tool: TopoDS_
     if not operation.IsDone():
         raise ValueError(f"{what}: OpenCASCADE finds no result for this tool; move it by more than 1e-6 mm")
     solids = explore(operation.Shape(), TopAbs_SOLID)
-    images = {own: _images(operation, face) for own, face in zip(part.names, part.faces)}
-    for own in OPTICAL:
-        if own in images and len(images[own]) != 1:
-            raise ValueError(_destroyed(what, own, len(images[own])))
+    for own, face in zip(part.names, part.faces):
+        if own in OPTICAL and len(_images(operation, face)) != 1:
+            raise ValueError(_destroyed(what, own, len(_images(operation, face))))
     if len(solids) != 1:
         raise ValueError(f"{what}: the part would fall into {len(solids)} solids, where one is wanted")
-    return _renamed(operation, part, tool, solids[0], name)
+    added = tool.names if isinstance(tool, Part) else [name] * len(explore(shape, TopAbs_FACE))
+    origins = [*zip(added, explore(shape, TopAbs_FACE)), *zip(part.names, part.faces)]
+    return _renamed(operation, solids[0], origins)
 
 
 def _renamed(
-    operation: BRepAlgoAPI_BooleanOperation, part: Part, tool: TopoDS_Shape, solid: TopoDS_Shape, name: str
+    operation: BRepAlgoAPI_BooleanOperation, solid: TopoDS_Shape, origins: list[tuple[str, TopoDS_Shape]]
 ) -> Part:
-    """Return the result of an operation with the names of the part's faces, and `name` for the tool's."""
+    """Return the result of an operation with the names of the faces from which its faces come; of two, the
+    last one counts."""
     faces = explore(solid, TopAbs_FACE)
     numbers = TopTools_IndexedMapOfShape()
     for face in faces:
         numbers.Add(face)
-    names = [name] * numbers.Extent()
-    for own, face in zip(part.names, part.faces):
+    names = [""] * numbers.Extent()
+    for own, face in origins:
         for image in _images(operation, face):
             if numbers.Contains(image):
                 names[numbers.FindIndex(image) - 1] = own

@@ -1,4 +1,4 @@
-"""The numbers of OCCT surfaces, compared bit for bit, and whether two surfaces are one set of points."""
+"""The numbers of OCCT surfaces: compared bit for bit, as sets of points, and moved."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 from OCP.Geom import (
     Geom_BSplineSurface,
     Geom_ElementarySurface,
-    Geom_Plane,
     Geom_RectangularTrimmedSurface,
     Geom_SphericalSurface,
 )
+from OCP.gp import gp_Trsf
 
 from thbcad.checks import Floats
 
 if TYPE_CHECKING:
     from OCP.Geom import Geom_Surface
-    from OCP.gp import gp_Trsf
 
 
+SPLINE, PLANE, SPHERE = "Geom_BSplineSurface", "Geom_Plane", "Geom_SphericalSurface"
 LEFT_OUT = 1e-9  # of knots, weights and radii: STEP files of other programs have 10 digits or more
 
 
@@ -47,6 +47,31 @@ class SurfaceNumbers:
         digits that other programs leave out."""
         same = self.kind == other.kind and self.fixed.shape == other.fixed.shape
         return same and np.allclose(self.fixed, other.fixed, rtol=LEFT_OUT, atol=LEFT_OUT)
+
+    def moved_by(self, matrix: Floats) -> SurfaceNumbers:
+        """Return the numbers after a motion: a rotation beside a shift in mm, (3, 4) float."""
+        rows = self.moved @ matrix[:, :3].T
+        rows[: None if self.is_spline else 1] += matrix[:, 3]
+        return SurfaceNumbers(self.kind, self.fixed, rows)
+
+    def same_points(self, other: SurfaceNumbers, tolerance: float) -> bool:
+        """Return whether two surfaces are the same set of points within a tolerance, mm.
+
+        Planes may have any origin in them and spheres any axes; splines must have the same poles.
+        """
+        if not self.matches(other) or not self.moved.size:
+            return False
+        if self.kind == PLANE:
+            (origin, *_, normal), (there, *_, along) = self.moved, other.moved
+            turned = np.linalg.norm(np.cross(normal, along)) * (1 + np.linalg.norm(origin - there))
+            return bool(abs((origin - there) @ along) <= tolerance and turned <= tolerance)
+        count = 1 if self.kind == SPHERE else None
+        return bool(np.abs(self.moved[:count] - other.moved[:count]).max() <= tolerance)
+
+    @property
+    def is_spline(self) -> bool:
+        """Whether the surface is a spline."""
+        return self.kind.startswith(SPLINE)
 
     def differing(self, other: SurfaceNumbers) -> int:
         """Return how many numbers differ; all of them where kinds or sizes do."""
@@ -84,27 +109,11 @@ def _of_spline(geom: Geom_BSplineSurface) -> SurfaceNumbers:
     knots = [(geom.UKnot(k), geom.UMultiplicity(k)) for k in range(1, geom.NbUKnots() + 1)]
     knots += [(geom.VKnot(k), geom.VMultiplicity(k)) for k in range(1, geom.NbVKnots() + 1)]
     fixed = np.ravel(knots)
-    kind = f"Geom_BSplineSurface {geom.UDegree()} {geom.VDegree()} {len(rows)} {len(columns)}"
+    kind = f"{SPLINE} {geom.UDegree()} {geom.VDegree()} {len(rows)} {len(columns)}"
     if geom.IsURational() or geom.IsVRational():
         kind += " rational"
         fixed = np.concatenate([fixed, [geom.Weight(i, j) for i in rows for j in columns]])
     return SurfaceNumbers(kind, fixed, poles)
-
-
-def same_points(geom: Geom_Surface, wanted: Geom_Surface, tolerance: float) -> bool:
-    """Return whether two surfaces are the same set of points within a tolerance, mm.
-
-    Planes may have any origin in them and spheres any axes; splines must have the same poles.
-    """
-    a, b = surface_numbers(geom), surface_numbers(wanted)
-    if not a.matches(b):
-        return False
-    if isinstance(wanted, Geom_Plane):
-        (origin, *_, normal), (other, *_, along) = a.moved, b.moved
-        turned = np.linalg.norm(np.cross(normal, along)) * (1 + np.linalg.norm(origin - other))
-        return bool(abs((origin - other) @ along) <= tolerance and turned <= tolerance)
-    count = 1 if isinstance(wanted, Geom_SphericalSurface) else None
-    return bool(a.moved.size and np.abs(a.moved[:count] - b.moved[:count]).max() <= tolerance)
 
 
 def rigid_motion(start: SurfaceNumbers, end: SurfaceNumbers) -> gp_Trsf | None:
@@ -115,7 +124,7 @@ def rigid_motion(start: SurfaceNumbers, end: SurfaceNumbers) -> gp_Trsf | None:
 
     Source: W. Kabsch, Acta Cryst. A32 (1976) 922.
     """
-    if start.kind.startswith("Geom_BSplineSurface"):
+    if start.is_spline:
         a, b = (rows.moved.mean(axis=0) for rows in (start, end))
         u, s, v = np.linalg.svd((end.moved - b).T @ (start.moved - a))
         if s[1] <= 1e-9 * s[0]:  # of the size of the net: rounding
@@ -131,8 +140,11 @@ def rigid_motion(start: SurfaceNumbers, end: SurfaceNumbers) -> gp_Trsf | None:
 
 def motion(rows: Floats) -> gp_Trsf:
     """Return a matrix (3, 4), a rotation beside a shift in mm, as gp_Trsf."""
-    from OCP.gp import gp_Trsf
-
     result = gp_Trsf()
     result.SetValues(*rows.ravel().tolist())
     return result
+
+
+def matrix_of(trsf: gp_Trsf) -> Floats:
+    """Return a gp_Trsf as a matrix (3, 4), as of `motion`."""
+    return np.array([[trsf.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])

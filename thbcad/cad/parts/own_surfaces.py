@@ -4,7 +4,7 @@ again."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.Geom import Geom_Plane
@@ -36,7 +36,20 @@ def exact_part(placed: PlacedLens, names: Sequence[str] = ()) -> Part:
     for number, (name, surface) in zip(placed.numbers, placed.surfaces.items(), strict=True):
         own_names[number] = name
         _put_back(faces[number], surface)
+    for face in faces:
+        _without_images(face)
     return named_part(copied, numbered(own_names))
+
+
+def _without_images(face: TopoDS_Face) -> None:
+    """Take the images of edges from a plane face: OCCT projects edges on planes itself, and the images that
+    booleans leave there may end a rounding before their edges do."""
+    if not isinstance(BRep_Tool.Surface_s(face), Geom_Plane):
+        return
+    builder = BRep_Builder()
+    none: Any = None
+    for edge in explore(face, TopAbs_EDGE):
+        builder.UpdateEdge(TopoDS.Edge_s(edge), none, face, TOLERANCE)
 
 
 def _put_back(face: TopoDS_Face, surface: Geom_Surface) -> None:
@@ -48,9 +61,7 @@ def _put_back(face: TopoDS_Face, surface: Geom_Surface) -> None:
     edges = [TopoDS.Edge_s(edge) for edge in explore(face, TopAbs_EDGE)]
     images = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) for edge in edges]
     builder.UpdateFace(face, surface, TopLoc_Location(), BRep_Tool.Tolerance_s(face))
-    if isinstance(
-        surface, Geom_Plane
-    ):  # OCCT projects edges on planes itself; their axes may have been others
+    if isinstance(surface, Geom_Plane):
         return
     for edge, image in zip(edges, images):
         builder.UpdateEdge(edge, image, face, TOLERANCE)

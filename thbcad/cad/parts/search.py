@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -15,8 +15,8 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 
 from thbcad.cad.exchange import explore
-from thbcad.cad.parts.numbers_of_surfaces import rigid_motion, same_points, surface_numbers
-from thbcad.cad.shapes import TOLERANCE, lens_part
+from thbcad.cad.parts.numbers_of_surfaces import SurfaceNumbers, matrix_of, rigid_motion, surface_numbers
+from thbcad.cad.shapes import TOLERANCE, Part, lens_part
 from thbcad.checks import Floats
 
 if TYPE_CHECKING:
@@ -49,8 +49,7 @@ class PlacedLens:
     @property
     def matrix(self) -> Floats:
         """The placement as a rotation beside a shift in mm, (3, 4)."""
-        motion = self.placement.Transformation()
-        return np.array([[motion.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])
+        return matrix_of(self.placement.Transformation())
 
     @property
     def moved(self) -> bool:
@@ -105,6 +104,8 @@ def _wrapped(part: object) -> Any:
     if hasattr(part, "vals"):  # a Workplane of cadquery
         values = part.vals()
         shape = values[0] if len(values) == 1 else None
+    elif isinstance(part, Part):
+        shape = part.solid
     elif hasattr(part, "part"):  # a BuildPart of build123d
         shape = part.part
     return getattr(shape, "wrapped", shape)
@@ -133,14 +134,32 @@ def placed_lens(part: object, lens: Lens) -> PlacedLens:
     surfaces = {
         name: BRep_Tool.Surface_s(face) for name, face in zip(own.names, own.faces) if name in OPTICAL
     }
-    faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
+    wanted = {name: surface_numbers(surface) for name, surface in surfaces.items()}
+    faces = [_numbered(TopoDS.Face_s(face)) for face in explore(solid, TopAbs_FACE)]
     best = [_missing(name) for name in OPTICAL]
-    for placement in _placements(faces, surfaces):
-        found, wrong = _faces_at(faces, surfaces, placement, lens)
+    for placement in _placements(faces, wanted):
+        found, wrong = _faces_at(faces, wanted, placement, lens)
         if not wrong:
             return PlacedLens(solid, placement, found, surfaces)
         best = min(best, wrong, key=lambda sentences: sum(_weight(s) for s in sentences))
     raise ValueError("; ".join(best))
+
+
+class _NumberedFace(NamedTuple):
+    """A face, the numbers of its surface without its location, and that location."""
+
+    face: TopoDS_Face
+    numbers: SurfaceNumbers
+    location: TopLoc_Location
+
+    @property
+    def placed(self) -> SurfaceNumbers:
+        return self.numbers.moved_by(matrix_of(self.location.Transformation()))
+
+
+def _numbered(face: TopoDS_Face) -> _NumberedFace:
+    location = TopLoc_Location()
+    return _NumberedFace(face, surface_numbers(BRep_Tool.Surface_s(face, location)), location)
 
 
 def _weight(sentence: str) -> int:
@@ -155,36 +174,31 @@ def _missing(name: str) -> str:
     )
 
 
-def _placements(faces: list[TopoDS_Face], surfaces: dict[str, Geom_Surface]) -> Iterator[TopLoc_Location]:
+def _placements(faces: list[_NumberedFace], wanted: dict[str, SurfaceNumbers]) -> Iterator[TopLoc_Location]:
     """Yield the motions that take front or rear to a face, the exact ones first: where a face has the very
     numbers of the lens, its location is the motion."""
-    wanted = {name: surface_numbers(surface) for name, surface in surfaces.items()}
-    fitted = []
-    for face in faces:
-        location = TopLoc_Location()
-        numbers = surface_numbers(BRep_Tool.Surface_s(face, location))
-        for own in wanted.values():
-            if not numbers.matches(own):
-                continue
-            if not numbers.differing(own):
-                yield location
-            motion = rigid_motion(own, numbers)
-            if motion is not None:
-                fitted.append(location.Multiplied(TopLoc_Location(motion)))
+    pairs = [(face, own) for face in faces for own in wanted.values() if face.numbers.matches(own)]
+    for face, own in pairs:
+        if not face.numbers.differing(own):
+            yield face.location
     yield TopLoc_Location()
-    yield from fitted
+    for face, own in pairs:
+        motion = rigid_motion(own, face.numbers)
+        if motion is not None:
+            yield face.location.Multiplied(TopLoc_Location(motion))
 
 
 def _faces_at(
-    faces: list[TopoDS_Face], surfaces: dict[str, Geom_Surface], placement: TopLoc_Location, lens: Lens
+    faces: list[_NumberedFace], wanted: dict[str, SurfaceNumbers], placement: TopLoc_Location, lens: Lens
 ) -> tuple[dict[str, TopoDS_Face], list[str]]:
     """Return the optical faces at a placement by name, and a sentence for each that is not found."""
     found: dict[str, TopoDS_Face] = {}
     wrong = []
+    matrix = matrix_of(placement.Transformation())
     back = placement.Inverted().Transformation()
-    for name, surface in surfaces.items():
-        moved = surface.Transformed(placement.Transformation())
-        there = [face for face in faces if same_points(BRep_Tool.Surface_s(face), moved, APART)]
+    for name, numbers in wanted.items():
+        moved = numbers.moved_by(matrix)
+        there = [f.face for f in faces if f.numbers.matches(moved) and f.placed.same_points(moved, APART)]
         own = lens.front if name == "front" else lens.rear
         inside = [face for face in there if _beyond(face, back, own) is None]
         if len(inside) == 1:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.parts.own_surfaces import exact_part
 from thbcad.cad.parts.search import is_shape, placed_lens
+from thbcad.cad.shapes import Part
 from thbcad.checks import require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product
@@ -32,7 +33,7 @@ def write_step(
     product : names and material for the file; None is Product().  A material without an index gets the index
         of the lens.
     schema : AP242, AP214 or AP203.
-    lens : of the part; a `LensPart` knows its own.
+    lens : of the part; a `LensPart` and the Workplane of `workplane` know their own.
 
     Raises
     ------
@@ -46,7 +47,7 @@ def write_step(
             raise ValueError("lens must be left out where a Lens is written")
         write_bytes(path, step_bytes(part, product, schema))
         return
-    lens = getattr(part, "lens", None) if lens is None else lens
+    lens = _own_lens(part) if lens is None else lens
     if lens is None:
         if not is_shape(part):
             require_type("lens", part, Lens)
@@ -62,6 +63,20 @@ def placed_step(part: Any, lens: Lens, product: Product | None = None, schema: s
     if product.material and product.index is None:
         product = replace(product, index=lens.index)
     placed = placed_lens(part, lens)
-    names: Sequence[str] = getattr(part, "face_names", ())
-    exact = exact_part(placed, names)
-    return part_step(exact, product, schema, placed.placement if placed.moved else None)
+    return part_step(
+        exact_part(placed, _face_names(part)), product, schema, placed.placement if placed.moved else None
+    )
+
+
+def _own_lens(part: Any) -> Lens | None:
+    """Return the lens that a part knows to be its own."""
+    return getattr(part, "lens", None) or getattr(getattr(part, "ctx", None), "lens", None)
+
+
+def _face_names(part: Any) -> Sequence[str]:
+    """Return the names of the faces of a part, none where it knows none."""
+    if hasattr(part, "ctx"):
+        from thbcad.cad.parts.cadquery_lens import untagged
+
+        return untagged(part).names
+    return part.names if isinstance(part, Part) else getattr(part, "face_names", ())

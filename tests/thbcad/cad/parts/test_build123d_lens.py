@@ -96,6 +96,9 @@ def test_a_workplane_has_its_faces_tagged_and_keeps_the_tags(tmp_path):
     part = cut(part, cq.Workplane().center(12, 10).circle(1).extrude(5), "bore")
     assert part.faces(tag="front").val().Area() == pytest.approx(20 * 16, rel=1e-9)
     assert part.faces(tag="bore").size() == 1
+    write_step(part, tmp_path / "part.step")
+    text = (tmp_path / "part.step").read_text("ascii")
+    assert all(f"ADVANCED_FACE('{name}'" in text for name in ("front", "flange", "flange 2", "bore"))
     side = part.faces(">X").workplane(centerOption="CenterOfMass")
     with pytest.raises(ValueError, match=r"front.*clean\(\)"):
         write_step(side.hole(0.5, 2), tmp_path / "part.step", lens=LENS)

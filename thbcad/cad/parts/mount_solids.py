@@ -1,0 +1,169 @@
+"""The solids of a mount: flange, holes, pins, bosses and gate, and the lens with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from OCP.BRep import BRep_Builder
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeEdge,
+    BRepBuilderAPI_MakeFace,
+    BRepBuilderAPI_MakePolygon,
+    BRepBuilderAPI_MakeVertex,
+)
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeRevol
+from OCP.gp import gp_Ax1, gp_Dir, gp_Pln, gp_Pnt, gp_Vec
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
+
+from thbcad.cad.exchange import explore
+from thbcad.cad.parts.named_booleans import fused, named_part, without
+from thbcad.cad.shapes import Part, lens_part
+from thbcad.lens import Lens
+from thbcad.mounts import Gate, Hole, Mount, MountProof, Post, require_mount
+
+Point3 = tuple[float, float, float]
+
+
+def mounted_part(lens: Lens, mount: Mount) -> Part:
+    """Return the lens with its mount as one closed Part: front, rear, edges, and flange, hole, pin, boss,
+    gate with their numbers.
+
+    Raises
+    ------
+    ValueError : as `require_mount`.
+    """
+    return fused(lens_part(lens), mount_part(mount, require_mount(mount, lens), lens))
+
+
+def mount_part(mount: Mount, proof: MountProof, lens: Lens) -> Part:
+    """Return the mount alone as a Part; where it is a plate, the glass that it crosses belongs to it."""
+    part = _named(_flange_body(mount, proof), "flange")
+    if proof.framed:
+        x, y = lens.front.half_width
+        part = without(part, _box((-x, -y, proof.low - 1), (x, y, proof.high + 1)), "flange")
+    if mount.gate is not None:
+        part = fused(part, _gate_body(mount, mount.gate, proof), "gate")
+    count = {"hole": 0, "pin": 0, "boss": 0}
+    for post in mount.posts:
+        for place in post.places.points(post.word):
+            count[post.word] += 1
+            part = fused(part, _turned(_post_profile(post, proof), place), f"{post.word} {count[post.word]}")
+    for hole in mount.holes:
+        for place in hole.places.points("holes"):
+            count["hole"] += 1
+            part = without(part, _turned(_hole_profile(hole, proof), place), f"hole {count['hole']}")
+    return part
+
+
+def _named(solid: TopoDS_Shape, name: str) -> Part:
+    return named_part(solid, [name] * len(explore(solid, TopAbs_FACE)))
+
+
+def _flange_body(mount: Mount, proof: MountProof) -> TopoDS_Shape:
+    """Return the flange without anything on it: a stack of cones or of pyramid stumps."""
+    flange = mount.flange
+    levels = [(proof.low + s, inset) for s, inset in flange.sections()]
+    if flange.seat == "rear":
+        levels = [(proof.high - s, inset) for s, inset in reversed(flange.sections())]
+    x, y = flange.half
+    if flange.outline == "round":
+        rim = [(x - inset, z) for z, inset in levels]
+        return _turned([(0.0, rim[0][1]), *rim, (0.0, rim[-1][1])], (0.0, 0.0))
+    loops = [_rectangle(x - inset, y - inset, z) for z, inset in levels]
+    sides = [
+        [low[k - 1], low[k], high[k], high[k - 1]] for low, high in pairwise(loops) for k in range(len(low))
+    ]
+    return _polyhedron([loops[0][::-1], loops[-1], *sides])
+
+
+def _rectangle(x: float, y: float, z: float) -> list[Point3]:
+    return [(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)]
+
+
+def _hole_profile(hole: Hole, proof: MountProof) -> list[tuple[float, float]]:
+    """Return (radius, z) round a hole; it reaches beyond the flange by its thickness."""
+    depth = proof.high - proof.low
+    inner, outer = hole.diameter / 2, hole.radius
+    back, face, far = proof.low - depth, proof.high, proof.high + depth
+    sign = 1.0
+    if hole.side == "front":
+        back, face, far, sign = proof.high + depth, proof.low, proof.low - depth, -1.0
+    rim = (
+        [(inner, far)] if outer == inner else [(inner, face - sign * hole.sink), (outer, face), (outer, far)]
+    )
+    return [(0.0, back), (inner, back), *rim, (0.0, far)]
+
+
+def _post_profile(post: Post, proof: MountProof) -> list[tuple[float, float]]:
+    """Return (radius, z) round a pin or a boss, from the middle of the flange to its end."""
+    face, sign = (proof.high, 1.0) if post.side == "rear" else (proof.low, -1.0)
+    middle, end = (proof.low + proof.high) / 2, face + sign * post.length
+    radius, bore = post.diameter / 2, post.bore / 2
+    rim = [(radius, middle), (radius, end - sign * post.chamfer)]
+    if post.chamfer:
+        rim.append((radius - post.chamfer, end))
+    inside = [(bore, end), (bore, face), (0.0, face)] if bore else [(0.0, end)]
+    return [(0.0, middle), *rim, *inside]
+
+
+def _gate_body(mount: Mount, gate: Gate, proof: MountProof) -> TopoDS_Shape:
+    """Return the tab of a gate, from within the flange beyond its outline."""
+    flange = mount.flange
+    axis, sign = int(gate.side[1] == "y"), -1.0 if gate.side[0] == "-" else 1.0
+    start = flange.half[axis] - flange.inset
+    if flange.outline == "round":  # its corners lie on the circle
+        start = (start**2 - (gate.width / 2) ** 2) ** 0.5
+    reach = sorted((sign * (start - mount.wall / 2), sign * (flange.half[axis] + gate.length)))
+    middle = (proof.low + proof.high) / 2
+    low, high = (
+        (r, side * gate.width / 2, middle + side * gate.thickness / 2) for r, side in zip(reach, (-1.0, 1.0))
+    )
+    if axis == 1:
+        low, high = (low[1], low[0], low[2]), (high[1], high[0], high[2])
+    return _box(low, high)
+
+
+def _box(low: Point3, high: Point3) -> TopoDS_Shape:
+    return BRepPrimAPI_MakeBox(gp_Pnt(*low), gp_Pnt(*high)).Solid()
+
+
+def _polygon(points: Sequence[Point3]) -> TopoDS_Face:
+    """Return the plane face within a loop of points."""
+    polygon = BRepBuilderAPI_MakePolygon()
+    for point in points:
+        polygon.Add(gp_Pnt(*point))
+    polygon.Close()
+    return BRepBuilderAPI_MakeFace(polygon.Wire(), True).Face()
+
+
+def _polyhedron(loops: Sequence[Sequence[Point3]]) -> TopoDS_Shape:
+    """Return the solid within plane faces that share their edges; loops run counter-clockwise, seen from
+    outside."""
+    vertices = {point: BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex() for loop in loops for point in loop}
+    edges: dict[tuple[Point3, Point3], TopoDS_Shape] = {}
+    builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
+    builder.MakeShell(shell)
+    builder.MakeSolid(solid)
+    for loop in loops:
+        wire = TopoDS_Wire()
+        builder.MakeWire(wire)
+        for start, stop in pairwise([*loop, loop[0]]):
+            if (stop, start) not in edges:
+                edges[start, stop] = BRepBuilderAPI_MakeEdge(vertices[start], vertices[stop]).Edge()
+            used = edges[start, stop] if (start, stop) in edges else edges[stop, start].Reversed()
+            builder.Add(wire, used)
+        a, b, c = (gp_Pnt(*point) for point in loop[:3])
+        plane = gp_Pln(a, gp_Dir(gp_Vec(a, b).Crossed(gp_Vec(b, c))))
+        builder.Add(shell, BRepBuilderAPI_MakeFace(plane, wire, False).Face())
+    shell.Closed(True)
+    builder.Add(solid, shell)
+    return solid
+
+
+def _turned(profile: Sequence[tuple[float, float]], place: tuple[float, float]) -> TopoDS_Shape:
+    """Return the solid that a closed profile of (radius, z) makes round a vertical axis."""
+    x, y = place
+    face = _polygon([(x + r, y, z) for r, z in profile])
+    return BRepPrimAPI_MakeRevol(face, gp_Ax1(gp_Pnt(x, y, 0.0), gp_Dir(0, 0, 1))).Shape()

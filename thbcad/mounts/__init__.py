@@ -1,0 +1,30 @@
+"""Mounts of lenses: what a mount.toml describes, and the proof that it leaves the clear aperture free."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from thbcad.mounts.clearance import (
+        LEAST as LEAST,
+        MountProof as MountProof,
+        require_mount as require_mount,
+    )
+    from thbcad.mounts.mount_file import (
+        mount_of as mount_of,
+        read_mount as read_mount,
+    )
+    from thbcad.mounts.records import (
+        Gate as Gate,
+        Hole as Hole,
+        Mount as Mount,
+        MountFlange as MountFlange,
+        Post as Post,
+    )
+
+_FILES = {
+    "clearance": ("LEAST", "MountProof", "require_mount"),
+    "mount_file": ("mount_of", "read_mount"),
+    "records": ("Gate", "Hole", "Mount", "MountFlange", "Post"),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,101 @@
+"""Mounts as TOML files: every key is known, or a sentence names it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from thbcad.mounts.records import Gate, Hole, Mount, MountFlange, Places, Post
+
+MOST_BYTES = 1 << 20  # a mount has some kB
+
+
+def read_mount(path: str | Path) -> Mount:
+    """Read a mount.toml.
+
+    Raises
+    ------
+    OSError : the file cannot be read.
+    ValueError : it is no TOML; as `mount_of`.  Messages begin with the path.
+    """
+    path = Path(path)
+    with path.open("rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    try:
+        if len(data) > MOST_BYTES:
+            raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
+        return mount_of(tomllib.loads(data.decode("utf-8")))
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: it is not UTF-8 text") from None
+    except ValueError as error:  # that of TOML too
+        raise ValueError(f"{path}: {error}") from None
+
+
+def mount_of(data: Mapping[str, Any]) -> Mount:
+    """Return the Mount of tables: [flange], [[holes]], [[pins]], [[bosses]], [gate], wall and clearance.
+
+    Raises
+    ------
+    ValueError : an unknown or missing key; a value of another type or beyond its limits.
+    """
+    plain = [f.name for f in fields(Mount) if f.metadata]
+    _require_known("the file", data, ("flange", "holes", "pins", "bosses", "gate", *plain))
+    if "flange" not in data:
+        raise ValueError("the table [flange] is missing; a mount begins with its flange")
+    posts = [
+        Post(word, **_placed(f"{table}[{k + 1}]", row, Post))
+        for word, table in (("pin", "pins"), ("boss", "bosses"))
+        for k, row in enumerate(_tables(data, table))
+    ]
+    holes = [Hole(**_placed(f"holes[{k + 1}]", row, Hole)) for k, row in enumerate(_tables(data, "holes"))]
+    gate = (
+        None
+        if "gate" not in data
+        else Gate(**_table("gate", data["gate"], Gate, ("width", "length", "thickness")))
+    )
+    flange = MountFlange(**_table("flange", data["flange"], MountFlange, ("thickness",)))
+    return Mount(flange, tuple(holes), tuple(posts), gate, **{key: data[key] for key in plain if key in data})
+
+
+def _tables(data: Mapping[str, Any], name: str) -> list[Any]:
+    rows = data.get(name, [])
+    if not isinstance(rows, list):
+        raise ValueError(f"{name} must be tables [[{name}]], got {type(rows).__name__}")
+    return rows
+
+
+def _placed(where: str, row: Any, kind: type[Hole | Post]) -> dict[str, Any]:
+    """Return the fields of holes or posts, their positions among them."""
+    own = [f.name for f in fields(Places)]
+    needed = ("diameter", "length") if kind is Post else ("diameter",)
+    values = _table(where, row, kind, needed, own)
+    places = Places(**{key: values.pop(key) for key in own if key in values})
+    if not isinstance(places.at, list | tuple):
+        raise ValueError(f"{where}.at must be pairs [x, y], got {places.at!r}")
+    places.points(where)
+    return values | {"places": places}
+
+
+def _table(
+    where: str, row: Any, kind: type, needed: tuple[str, ...], more: list[str] | None = None
+) -> dict[str, Any]:
+    if not isinstance(row, Mapping):
+        raise ValueError(f"{where} must be a table, got {type(row).__name__}")
+    known = [f.name for f in fields(kind) if f.name not in ("places", "word")] + (more or [])
+    _require_known(where, row, tuple(known))
+    for key in needed:
+        if key not in row:
+            raise ValueError(f"the key {where}.{key} is missing; add it in mm")
+    return dict(row)
+
+
+def _require_known(where: str, row: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for key in row:
+        if key not in known:
+            near = get_close_matches(key, known, 1)
+            meant = f" (did you mean {near[0]}?)" if near else ""
+            raise ValueError(f"unknown key {key}{meant}; {where} takes {', '.join(known)}")
