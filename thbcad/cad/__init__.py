@@ -13,16 +13,16 @@ if TYPE_CHECKING:
         to_cadquery as to_cadquery,
         write_faces as write_faces,
     )
+    from thbcad.cad.foreign import (
+        ForeignLens as ForeignLens,
+        read_lens_solid as read_lens_solid,
+    )
     from thbcad.cad.parts import (
         LensPart as LensPart,
         cut as cut,
         join as join,
         workplane as workplane,
         write_step as write_step,
-    )
-    from thbcad.cad.foreign import (
-        ForeignLens as ForeignLens,
-        read_lens_solid as read_lens_solid,
     )
 
 _FILES = {
