@@ -72,6 +72,8 @@ def image_distance(brep: Brep) -> tuple[float, tuple[str, ...]]:
                 greatest = np.inf
             elif not image.known:
                 left["images of edges that are neither lines, splines nor conics"] += 1
+            elif edge.conic is not None and edge.conic.kind == "PARABOLA" and image.kv is not None:
+                left["images of parabolas, which OCCT writes over another parameter"] += 1
             elif not face.known:
                 left[f"images of edges on a {face.surface_type}"] += 1
             else:

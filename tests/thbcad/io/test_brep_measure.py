@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepGProp import BRepGProp
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere, BRepPrimAPI_MakeTorus
+from OCP.BRepPrimAPI import (
+    BRepPrimAPI_MakeBox,
+    BRepPrimAPI_MakeCylinder,
+    BRepPrimAPI_MakeSphere,
+    BRepPrimAPI_MakeTorus,
+)
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from scipy.integrate import dblquad
@@ -199,3 +204,23 @@ def test_a_solid_inside_out_is_refused():
 def test_written_and_read(tmp_path):
     write_step(LENSES["plano"], tmp_path / "lens.step")
     assert volume(parse_brep(tmp_path / "lens.step")) == pytest.approx(LENSES["plano"].volume(), rel=1e-10)
+
+
+def test_a_face_that_goes_round_too_often_takes_no_memory(tmp_path):
+    """Images stretched along a cylinder were cut into as many pieces of a turn."""
+    cylinder = BRepPrimAPI_MakeCylinder(2.0, 3.0).Solid()
+    solid = parse_brep(written(cylinder, tmp_path / "solid.step"))
+
+    def stretched(edge):
+        images = (k if k.kv or k.conic else replace(k, poles=k.poles * [1e12, 1.0]) for k in edge.images)
+        return replace(edge, images=tuple(images))
+
+    with pytest.raises(ValueError, match="must not go round more than 2 times"):
+        areas(replace(solid, edges=tuple(map(stretched, solid.edges))))
+
+
+def test_vertices_too_far_away_are_refused():
+    solid = of(LENSES["plano"])
+    far = tuple(replace(edge, ends=1e200 * edge.ends) for edge in solid.edges)
+    with pytest.raises(ValueError, match="vertices must lie nearer"):
+        volume(replace(solid, edges=far))

@@ -5,12 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeTorus
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
+from OCP.BRepPrimAPI import (
+    BRepPrimAPI_MakeBox,
+    BRepPrimAPI_MakeCone,
+    BRepPrimAPI_MakeCylinder,
+    BRepPrimAPI_MakeTorus,
+)
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 
 from tests.thbcad.cases import LENSES
 from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
 from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.shapes import flanged_part, patched_part, trimmed_part
+from thbcad.io.brep_records import ConicCurve
 from thbcad.io.parameter_curves import image_distance, turned_faces
 from thbcad.io.step_brep import brep_of_text, parse_brep
 from thbcad.lens import Flange, FreeformSurface, Lens, Product, optical_forms
@@ -72,10 +80,18 @@ def test_the_solids_of_another_program_pass(make, tmp_path):
     assert turned_faces(solid) == 0
 
 
+CONICS = {
+    "cone cut by a plane along its axis": "HYPERBOLA",
+    "cylinder cut aslant": "ELLIPSE",
+}
+
+
 @pytest.mark.parametrize("name", SOLIDS)
 def test_conics_and_rational_splines_lie_on_round_faces(name, tmp_path):
     """Ellipses, hyperbolas and circles on cones, cylinders and spheres, as OCCT parametrises them."""
     solid = parse_brep(written(turned_at_random(SOLIDS[name]()), tmp_path / "solid.step"))
+    kinds = {edge.conic.kind for edge in solid.edges if edge.conic}
+    assert CONICS.get(name, "CIRCLE") in kinds or name == "rational splines"
     distance, left = image_distance(solid)
     assert distance <= 1e-6  # OCCT's own fits of Boolean cuts
     assert left == ()
@@ -138,3 +154,28 @@ def test_a_turned_face_is_counted(name, which):
     faces[which] = replace(faces[which], outward=not faces[which].outward)
     assert turned_faces(solid) == 0
     assert turned_faces(replace(solid, faces=tuple(faces))) == 1
+
+
+@pytest.mark.parametrize("kind", ["CIRCLE", "ELLIPSE", "HYPERBOLA", "PARABOLA"])
+def test_parameters_and_derivatives_belong_to_the_points_of_a_conic(kind):
+    placement = np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 0.5], [0.3, -1.0, 2.0]])
+    sizes = {"CIRCLE": (2.0, 2.0), "PARABOLA": (1.5, 1.5)}.get(kind, (3.0, 0.7))
+    conic = ConicCurve(kind, placement, np.array(sizes))
+    t = np.linspace(-3.0, 3.0, 41)
+    assert conic.parameters(conic.points(t)) == pytest.approx(t, abs=1e-13)
+    slopes = (conic.points(t + 1e-5) - conic.points(t - 1e-5)) / 2e-5
+    assert abs(slopes - conic.points(t, 1)).max() <= 1e-7
+
+
+def test_a_parabola_is_read_and_its_images_by_occt_are_left_out(tmp_path):
+    """OCCT counts its parameter in mm, ISO 10303-42 in units of twice the focal distance."""
+    cone = BRepPrimAPI_MakeCone(3.0, 1.0, 5.0).Solid()
+    along = gp_Ax2(gp_Pnt(1.5, -9, -2), gp_Dir(1, 0, 0.4), gp_Dir(0, 1, 0))
+    cut = BRepAlgoAPI_Cut(cone, BRepPrimAPI_MakeBox(along, 18.0, 9.0, 9.0).Solid()).Shape()
+    solid = parse_brep(written(cut, tmp_path / "solid.step"))
+    (conic,) = (edge.conic for edge in solid.edges if edge.conic and edge.conic.kind == "PARABOLA")
+    r = np.hypot(*conic.points(np.linspace(-3, 3, 9)).T[:2])
+    assert r == pytest.approx(3 - 0.4 * conic.points(np.linspace(-3, 3, 9))[:, 2], abs=1e-11)
+    distance, left = image_distance(solid)
+    assert distance <= 1e-9
+    assert left == ("2 images of parabolas, which OCCT writes over another parameter",)
