@@ -100,7 +100,7 @@ def test_a_front_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
     file = StepFile(tmp_path / "lens.step")
     file.path.write_text(moved_front(good, 1e-6))
     if good.kind == "hyperboloid":  # it is no conic of revolution any more
-        with pytest.raises(ValueError, match="the front in .* is neither a spline"):
+        with pytest.raises(ValueError, match=r"the front in .* is neither a spline"):
             text_and_occt_checks(good.system, good.lens, file, backend)
         return
     checks = text_and_occt_checks(good.system, good.lens, file, backend)
