@@ -21,7 +21,7 @@ from functools import cache
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, edge_span
+from thbcad.io.brep_records import MATCH, TURN, Brep, BrepEdge, BrepFace, edge_span
 from thbcad.io.parameter_curves import Passage, boundary, knots
 from thbcad.sags import graph_of_poles
 from thbcad.splines import UNIT, BSplineSurface, KnotVector, Primitive, gauss_rule, grid_integral
@@ -31,6 +31,9 @@ FLUX = 1e-13  # of the size of the solid, cubed: some rounding errors of a sum o
 MORE_NODES = 48  # per span and direction, than the degree
 PIECE = np.pi / 4  # of a turn, in which 16 nodes integrate sines and cosines to rounding errors
 SMOOTH_NODES = 16
+SMOOTH_PIECES = 4  # of a direction that is no angle
+FARTHEST = 1e100  # its third power is a float64
+MOST_TURNS = 2  # a face goes round once; memory grows with the number
 
 
 class NotMeasured(ValueError):
@@ -52,6 +55,8 @@ def volume(brep: Brep) -> float:
     vertices = np.concatenate([edge.ends for edge in brep.edges])
     origin = vertices.mean(axis=0)
     size = float(abs(vertices - origin).max())
+    if not size < FARTHEST:
+        raise ValueError(f"vertices must lie nearer than {FARTHEST:g} to each other, got {size:g}")
     total = sum(_flux(face, edges, origin, size) for face in brep.faces) / 3
     if not total > 0:
         raise ValueError(f"the faces of the solid must point outward, got a volume of {total:.6g}")
@@ -244,8 +249,9 @@ def _lines(face: BrepFace, loops: Sequence[Passage]) -> tuple[Floats, Floats]:
             lines.append(breaks[max(first - 2, 0) : last + 2])  # samples may miss the extremes by a span
         else:
             slack = (high - low) / SMOOTH_NODES
-            turns = axis == 0 or face.sphere is not None
-            count = int(np.ceil((high - low) / PIECE)) if turns else 1
+            if face.turns[axis] and not high - low < MOST_TURNS * TURN:
+                raise ValueError(f"face #{face.number} must not go round more than {MOST_TURNS} times")
+            count = int(np.ceil((high - low) / PIECE)) if face.turns[axis] else SMOOTH_PIECES
             row = np.linspace(low - slack, high + slack, count + 1)
             swept = face.extrusion.curve.kv if face.extrusion is not None and axis == 0 else None
             lines.append(row if swept is None else np.union1d(row, swept.breaks))

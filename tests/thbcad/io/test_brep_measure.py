@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepGProp import BRepGProp
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere, BRepPrimAPI_MakeTorus
+from OCP.BRepPrimAPI import (
+    BRepPrimAPI_MakeBox,
+    BRepPrimAPI_MakeCylinder,
+    BRepPrimAPI_MakeSphere,
+    BRepPrimAPI_MakeTorus,
+)
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from scipy.integrate import dblquad
@@ -213,3 +218,23 @@ def test_densities_over_graphs_are_those_of_any_spline(name, origin):
     across, up = (a.ravel() for a in np.meshgrid(u, v, indexing="ij"))
     wanted = density(across, up).reshape(9, 8)
     np.testing.assert_allclose(density.grid(u, v), wanted, rtol=0, atol=1e-13 * abs(wanted).max())
+
+
+def test_a_face_that_goes_round_too_often_takes_no_memory(tmp_path):
+    """Images stretched along a cylinder were cut into as many pieces of a turn."""
+    cylinder = BRepPrimAPI_MakeCylinder(2.0, 3.0).Solid()
+    solid = parse_brep(written(cylinder, tmp_path / "solid.step"))
+
+    def stretched(edge):
+        images = (k if k.kv or k.conic else replace(k, poles=k.poles * [1e12, 1.0]) for k in edge.images)
+        return replace(edge, images=tuple(images))
+
+    with pytest.raises(ValueError, match="must not go round more than 2 times"):
+        areas(replace(solid, edges=tuple(map(stretched, solid.edges))))
+
+
+def test_vertices_too_far_away_are_refused():
+    solid = of(LENSES["plano"])
+    far = tuple(replace(edge, ends=1e200 * edge.ends) for edge in solid.edges)
+    with pytest.raises(ValueError, match="vertices must lie nearer"):
+        volume(replace(solid, edges=far))

@@ -75,8 +75,16 @@ class PolygonWall:
         return Geom_Line(gp_Pnt(*self.polygon.corners[corner], 0.0), UP)
 
     def level(self, builder: BRep_Builder, z: float) -> Ring:
-        flat = [(UNIT, np.column_stack([side, [z, z]])) for side in self.polygon.sides]
-        return self.rim(builder, flat)
+        starts = [np.array([*corner, z]) for corner in self.polygon.corners]
+        vertices = [new_vertex(builder, start) for start in starts]
+        edges = []
+        for start, (first, last), *pair in zip(
+            starts, self.polygon.sides, vertices, [*vertices[1:], vertices[0]]
+        ):
+            x, y = (last - first).tolist()
+            line = Geom_Line(gp_Pnt(*start.tolist()), gp_Dir(x, y, 0.0))
+            edges.append(new_edge(builder, line, 0.0, float(np.hypot(x, y)), *pair))
+        return Ring(vertices, edges, (), (z,) * len(starts))
 
     def rim(self, builder: BRep_Builder, curves: Sequence[tuple[KnotVector, Floats]]) -> Ring:
         """Return the ring along splines (x, y, z), one for each side; vertices have their z as height."""

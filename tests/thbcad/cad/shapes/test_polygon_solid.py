@@ -2,22 +2,27 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 from scipy.interpolate import BSpline
 
+from tests.thbcad import cases as strategies
 from tests.thbcad.cad.shapes.cases import CASES, rough, same_bits
 from thbcad.cad.exchange import part_step, read_step, solid_volume
 from thbcad.cad.shapes import polygon_part
 from thbcad.io import brep_of_text, image_distance, turned_faces, volume
 from thbcad.lens import (
+    DEGREE,
     FreeformSurface,
     Lens,
     Polygon,
     Product,
     optical_forms,
+    polygon_integral,
     polygon_volume,
     side_curve,
 )
 from thbcad.sags import Conic, PlacedConic
+from thbcad.splines import BSplineSurface
 
 HEXAGON = [(3.5 * np.cos(t), 3.5 * np.sin(t)) for t in np.pi / 3 * np.arange(6)]
 OUTLINES = {
@@ -119,6 +124,73 @@ def test_a_rim_above_a_straight_side_is_exact(start, stop, degree):
     x, y = (np.array(start) + t[:, None] * np.subtract(stop, start)).T
     assert kv.degree == degree
     assert abs(BSpline(kv.knots, poles, degree)(t) - np.column_stack([x, y, graph(x, y)])).max() <= 1e-13
+
+
+def test_a_rim_of_a_high_degree_is_fitted():
+    """Degrees 6 and 5 would make 11, which CAD files do not hold."""
+    graph = FreeformSurface((5, 4), Conic(30.0, -1.0), rough((6, 5), (3, 3))).graph((6, 5))
+    start, stop = np.array([-4.0, -3.0]), np.array([3.5, 2.0])
+    kv, poles = side_curve(graph, start, stop)
+    t = np.linspace(0, 1, 2001)
+    x, y = (start + t[:, None] * (stop - start)).T
+    assert kv.degree == DEGREE
+    assert abs(BSpline(kv.knots, poles, DEGREE)(t) - np.column_stack([x, y, graph(x, y)])).max() <= 2e-9
+
+
+@settings(max_examples=25)
+@given(strategies.seeds(), st.integers(4, 9))
+def test_the_integral_over_a_polygon_is_that_over_its_parts(rng, count):
+    """A convex polygon and both sides of a chord of it, over a rough spline."""
+    kvs = [strategies.random_knot_vector(rng, 3, 5).rescaled(-5.0, 5.0) for _ in range(2)]
+    graph = BSplineSurface(*kvs, rng.uniform(-1, 1, [kv.dim for kv in kvs]))
+    angles = 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.8, count)) / count
+    corners = np.column_stack([4.9 * np.cos(angles), 3.0 * np.sin(angles)])
+    parts = corners[:3], np.vstack([corners[2:], corners[:1]])
+    whole, *pieces = (polygon_integral(graph, Polygon(rows)) for rows in (corners, *parts))
+    assert whole == pytest.approx(sum(pieces), abs=1e-12)
+
+
+def meet(a, b, c, d):
+    """Whether the segments ab and cd have a point in common, by whole numbers."""
+
+    def turn(p, q, r):
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    def on(p, q, r):
+        return turn(p, q, r) == 0 and all(min(p[k], q[k]) <= r[k] <= max(p[k], q[k]) for k in (0, 1))
+
+    across = turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
+    return across or on(a, b, c) or on(a, b, d) or on(c, d, a) or on(c, d, b)
+
+
+def simple(corners):
+    """Whether sides meet nowhere but neighbours in their corner."""
+    count = len(corners)
+    sides = [(corners[k], corners[(k + 1) % count]) for k in range(count)]
+    if any(a == b for a, b in sides):
+        return False
+    apart = (
+        (i, j) for i in range(count) for j in range(i + 1, count) if (j - i) % count not in (1, count - 1)
+    )
+    folded = any(
+        meet(a, a, *after) or meet(c, c, a, b)
+        for (a, b), after in zip(sides, [*sides[1:], sides[0]])
+        for c in [after[1]]
+    )
+    return not folded and not any(meet(*sides[i], *sides[j]) for i, j in apart)
+
+
+@settings(max_examples=200)
+@given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=3, max_size=7))
+def test_polygons_are_refused_where_sides_meet(corners):
+    """On a grid, where whole numbers decide."""
+    try:
+        polygon = Polygon(corners)
+    except ValueError:
+        assert not simple(corners)
+    else:
+        assert simple(corners)
+        assert polygon.area > 0
 
 
 @pytest.mark.parametrize(
