@@ -23,11 +23,11 @@ from tests.thbcad.cases import LENSES, lenses
 from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
 from thbcad.cad.exchange import part_step, solid_volume, step_bytes, write_step
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
-from thbcad.io.brep_measure import ACCURACY, NotMeasured, areas, volume
+from thbcad.io.brep_measure import ACCURACY, Density, NotMeasured, areas, volume
 from thbcad.io.step_brep import brep, parse_brep
 from thbcad.io.step_text import entities_of_text
 from thbcad.lens import Flange, FreeformSurface, Lens, Product, aperture_volume, flanged_volume
-from thbcad.sags import Conic
+from thbcad.sags import Conic, graph_of_poles
 from thbcad.splines import BSplineSurface, gauss_rule
 
 
@@ -204,6 +204,20 @@ def test_a_solid_inside_out_is_refused():
 def test_written_and_read(tmp_path):
     write_step(LENSES["plano"], tmp_path / "lens.step")
     assert volume(parse_brep(tmp_path / "lens.step")) == pytest.approx(LENSES["plano"].volume(), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", ["freeform", "paraboloids", "awkward"])
+@pytest.mark.parametrize("origin", [None, np.array([0.3, -0.2, 1.0])], ids=["area", "volume"])
+def test_densities_over_graphs_are_those_of_any_spline(name, origin):
+    """On a grid z alone is evaluated; at points the whole surface and the cross product."""
+    face = of(LENSES[name]).faces[1]
+    assert graph_of_poles(face.surface) is not None
+    density = Density(face, origin)
+    kvs = face.surface.kv_u, face.surface.kv_v
+    u, v = (np.linspace(kv.start, kv.stop, n) for kv, n in zip(kvs, (9, 8)))
+    across, up = (a.ravel() for a in np.meshgrid(u, v, indexing="ij"))
+    wanted = density(across, up).reshape(9, 8)
+    np.testing.assert_allclose(density.grid(u, v), wanted, rtol=0, atol=1e-13 * abs(wanted).max())
 
 
 def test_a_face_that_goes_round_too_often_takes_no_memory(tmp_path):

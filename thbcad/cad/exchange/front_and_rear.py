@@ -22,6 +22,7 @@ from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sp
 from thbcad.splines import BSplineSurface
 
 if TYPE_CHECKING:
+    from OCP.Geom import Geom_Surface
     from OCP.gp import gp_Ax3
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
@@ -85,8 +86,13 @@ def _named(face: TopoDS_Face, name: str, path: str | Path) -> OpticalForm:
 def conic_faces(shape: TopoDS_Shape) -> list[PlacedConic]:
     """Return the planes across z, spheres and patches of conics around z under the faces of a shape, in their
     order."""
-    forms = (optical_form(TopoDS.Face_s(face)) for face in explore(shape, TopAbs_FACE))
+    faces = [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
+    forms = [optical_form(face) for face in faces if not _is_polynomial(BRep_Tool.Surface_s(face))]
     return [form for form in forms if isinstance(form, PlacedConic)]
+
+
+def _is_polynomial(geom: Geom_Surface) -> bool:
+    return isinstance(geom, Geom_BSplineSurface) and not (geom.IsURational() or geom.IsVRational())
 
 
 def _across_the_middle(faces: Sequence[TopoDS_Face], corners: Floats) -> list[OpticalForm]:
