@@ -134,7 +134,8 @@ def prism(surface, change):
 @pytest.mark.parametrize("change", ["UReverse", "VReverse", "ExchangeUV"])
 def test_reversed_and_swapped_parameters_do_not_matter(tmp_path, change):
     """A prism over the rear: front and rear are one surface, 2.5 mm apart."""
-    shape = prism(placed_surfaces(WAVY)[1], lambda geom: getattr(geom, change)())
+    uneven = placed_surfaces(WAVY)[1].insert([1.3], [-2.1])  # else mirrored knots are the same
+    shape = prism(uneven, lambda geom: getattr(geom, change)())
     found = read_lens_solid(written(tmp_path / "lens.step", shape))
     refit = found.refit(1.5)
     x, y = np.linspace(-5, 5, 21), np.linspace(-4, 4, 21)
