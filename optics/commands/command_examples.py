@@ -24,7 +24,6 @@ EXAMPLES = {
     ),
     "export": (
         "thbcad export lens --out lens.stl --chord 0.01",
-        "thbcad export lens --out drawing.dxf",
         "thbcad export lens --out mounted.step --aperture 40 40 --flange 5 2 6",
         "thbcad export lens/lens.json --out surface.dat",
     ),
