@@ -17,7 +17,7 @@ from thbcad.drawings.title_block import BAND, MARGINS, PAPER, tables
 from thbcad.drawings.views import View, plan_view, section_view, side_view
 from thbcad.lens import Lens, Product, require_sound
 
-GAP = 30.0  # mm between views, for dimensions and titles
+GAP = 27.0  # mm between views at least, for dimensions and titles; a lens of 100 mm is drawn 1:1
 SCALES = tuple(a * 10.0**k for k in range(4, -6, -1) for a in (5, 2, 1))
 DIGITS = 1e-9  # mm on paper; what rounding coordinates to nine decimals adds
 LEVEL = 10.0  # mm between a view and its dimension line
@@ -108,7 +108,7 @@ def _captions(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
     marks: Marks = []
     for one in placed:
         low, high = _frame(one, scale)
-        drop = 8.0 if one.view.axes == ("x", "z") else 23.0  # below a dimension and a section mark
+        drop = 10.0 if one.view.axes == ("x", "z") else 23.0  # below a dimension and a section mark
         title = letters.get(one.view.title, one.view.title)
         marks.append(caption(title, (float((low[0] + high[0]) / 2), float(low[1] - drop))))
     return marks

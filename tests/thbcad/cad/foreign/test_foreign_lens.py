@@ -14,6 +14,7 @@ from OCP.gp import gp_Vec
 from OCP.Interface import Interface_Static
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
+from tests.cases import DATA
 from tests.thbcad.drawings.cases import PLAIN, WAVY, WIDER
 from thbcad import read_lens_solid, to_build123d
 from thbcad.cad.exchange import part_step
@@ -134,7 +135,8 @@ def prism(surface, change):
 @pytest.mark.parametrize("change", ["UReverse", "VReverse", "ExchangeUV"])
 def test_reversed_and_swapped_parameters_do_not_matter(tmp_path, change):
     """A prism over the rear: front and rear are one surface, 2.5 mm apart."""
-    shape = prism(placed_surfaces(WAVY)[1], lambda geom: getattr(geom, change)())
+    uneven = placed_surfaces(WAVY)[1].insert([1.3], [-2.1])  # else mirrored knots are the same
+    shape = prism(uneven, lambda geom: getattr(geom, change)())
     found = read_lens_solid(written(tmp_path / "lens.step", shape))
     refit = found.refit(1.5)
     x, y = np.linspace(-5, 5, 21), np.linspace(-4, 4, 21)
@@ -234,6 +236,29 @@ def test_a_lofted_lens_is_fitted(tmp_path):
     exact = 4 - 0.01 * x * x - 0.02 * y * y + 0.001 * x * y
     assert found.thickness + refit.lens.rear(x, y) == pytest.approx(exact, abs=1e-5)
     assert max(refit.deviation) <= 1e-5
+
+
+def test_a_lens_of_two_spheres_by_freecad():
+    found = read_lens_solid(DATA / "freecad_spheres.step")
+    refit = found.refit(1.5)
+    assert (found.front.outline, found.rear.outline) == ("rectangle", "rectangle")
+    assert (found.thickness, *found.front.half_width) == pytest.approx((12, 6, 5), abs=1e-9)
+    assert refit.lens.front.conic.radius == pytest.approx(30, abs=1e-9)
+    assert refit.lens.rear.conic.radius == pytest.approx(-25, abs=1e-9)
+    assert refit.proven == (True, True)
+
+
+def test_a_spline_by_freecad_is_no_graph_and_is_fitted():
+    """Through z = 4 - 0.01 x^2 - 0.02 y^2 + 0.001 x y at integer x and y, extruded by 3 mm."""
+    found = read_lens_solid(DATA / "freecad_spline.step")
+    refit = found.refit(1.5)
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(-5, 6), np.arange(-4, 5)))
+    exact = -0.01 * x * x - 0.02 * y * y + 0.001 * x * y
+    assert 1e-3 < found.rear.graph_deviation < 1e-1
+    assert found.thickness == pytest.approx(3, abs=1e-9)
+    assert (refit.how, refit.proven) == (("fitted spline",) * 2, (False, False))
+    for surface, deviation in zip((refit.lens.front, refit.lens.rear), refit.deviation):
+        assert np.abs(surface(x, y) - exact).max() <= 2 * deviation <= 2e-6
 
 
 def test_the_record_says_what_was_found(tmp_path):
