@@ -76,6 +76,15 @@ def test_the_bounds_hold_in_exact_arithmetic(circles, clearance):
             assert apart >= (Fraction(proof.wall) + Fraction(d / 2) + Fraction(c / 2)) ** 2
 
 
+def test_rounding_never_lifts_a_bound():
+    """Half of all distances are rounded up in float64; the bound stays below the exact one."""
+    for x, y, d in np.random.default_rng(5).uniform((11, 9, 0.1), (13, 11, 1.5), (300, 3)).tolist():
+        table = {"flange": {"size": [40, 40], "thickness": 2}, "holes": [{"at": [[x, y]], "diameter": d}]}
+        bound = require_mount(mount_of({**table, "wall": 0.1}), FLAT).clearance
+        exact = (Fraction(x) - 10) ** 2 + (Fraction(y) - 8) ** 2
+        assert 0 < exact - (Fraction(bound) + Fraction(d) / 2) ** 2 < 1e-11
+
+
 def test_a_refused_hole_is_really_too_close():
     for x in np.linspace(8, 13, 101).tolist():
         table = {**PLAIN, "holes": [{"at": [[x, 0]], "diameter": 1}], "clearance": 0.5, "wall": 0.1}

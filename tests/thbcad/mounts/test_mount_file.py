@@ -35,7 +35,7 @@ def refusal(table):
     return sentence
 
 
-@pytest.mark.parametrize(("key", "value"), itertools.product(NUMBERS, NONSENSE))
+@pytest.mark.parametrize(("key", "value"), list(itertools.product(NUMBERS, NONSENSE)))
 def test_nonsense_is_one_sentence_that_names_the_key(key, value):
     assert key.replace("__0", "").replace("__", ".") in refusal(changed(SQUARE, **{key: value}))
 
