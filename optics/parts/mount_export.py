@@ -17,12 +17,12 @@ from thbcad.cad.exchange import (
     brep_text,
     iges_shape,
     part_iges,
+    part_mesh,
     solid_volume,
 )
 from thbcad.cad.parts import (
     exact_part,
     mounted_part,
-    part_mesh,
     placed_lens,
     placed_step,
     surface_numbers,

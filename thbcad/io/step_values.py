@@ -178,7 +178,7 @@ def curve_of(entities: Entities, curve: Entity, dimensions: int = 3) -> BrepCurv
         point = points_of(entities, [start], curve, dimensions)[0]
         return BrepCurve(poles=np.stack([point, point + step]))
     if "B_SPLINE_CURVE_WITH_KNOTS" in curve.parts:
-        return _spline(entities, curve, dimensions)
+        return BrepCurve() if _periodic(curve) else _spline(entities, curve, dimensions)
     for kind, count in CONICS.items():
         if kind in curve.parts:
             _, where, *values = curve.parameters(kind, 2 + count)
@@ -187,6 +187,18 @@ def curve_of(entities: Entities, curve: Entity, dimensions: int = 3) -> BrepCurv
                 conic=ConicCurve(kind, _placement(entities, where, curve, dimensions), np.resize(sizes, 2))
             )
     return BrepCurve()
+
+
+def _periodic(curve: Entity) -> bool:
+    """Return whether a closed spline has the knots of a period, whose ends are not clamped.
+
+    OCCT writes circles so in the parameters of a plane whose axes turn the other way round.
+    """
+    row = spline_row(curve, "CURVE", 9)
+    counts = list_of(row[6], curve)
+    return (
+        row[4] == "T" and counts[:1] != [] and isinstance(row[1], int) and counts[0] in range(1, row[1] + 1)
+    )
 
 
 def _spline(entities: Entities, curve: Entity, dimensions: int) -> BrepCurve:

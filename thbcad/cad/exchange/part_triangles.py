@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 LEAST = 1e-5  # mm; finer meshes take OCCT hours
 ANGLE = 0.35  # rad between neighbouring chords: 18 to a turn, so that small bores stay round
 ROUNDS = 8
+SAME = 9  # decimals of mm within which points of neighbours are one
 SLOWEST = 100_000  # triangles, up to which OCCT's mesher takes some minutes
 SAMPLES = (
     np.array(  # barycentric: the quarters of a triangle, its rim included
@@ -43,20 +44,23 @@ SAMPLES = (
 )
 
 
-def part_mesh(part: Part, chord: float) -> Tessellation:
+def part_mesh(part: Part, chord: float, single: bool = False) -> Tessellation:
     """Return a mesh of a Part, its faces named as those of the part, within a measured chord error.
 
     chord : mm.  Fifteen points of every triangle are measured.
+    single : round the vertices to float32.
 
     Raises
     ------
     ValueError : a chord below 1e-5 mm, or one that OCCT does not keep with 100,000 triangles.
     RuntimeError : OCCT leaves a face without triangles.
     """
-    return solid_mesh(part.solid, chord, tuple(part.names))
+    return solid_mesh(part.solid, chord, tuple(part.names), single)
 
 
-def solid_mesh(solid: TopoDS_Shape, chord: float, names: tuple[str, ...] = ()) -> Tessellation:
+def solid_mesh(
+    solid: TopoDS_Shape, chord: float, names: tuple[str, ...] = (), single: bool = False
+) -> Tessellation:
     """Return a mesh of any closed OCCT shape in mm, as `part_mesh`.
 
     names : of the faces in the order in which OCCT counts them; () numbers them.
@@ -67,7 +71,7 @@ def solid_mesh(solid: TopoDS_Shape, chord: float, names: tuple[str, ...] = ()) -
     for _ in range(ROUNDS):
         BRepTools.Clean_s(solid)
         BRepMesh_IncrementalMesh(solid, deflection, False, ANGLE, False)
-        pieces = [_piece(face) for face in faces]
+        pieces = [_piece(face, single) for face in faces]
         error = max(_error(face, piece) for face, piece in zip(faces, pieces))
         count = sum(len(piece.triangles) for piece in pieces)
         if error <= chord or count > SLOWEST:
@@ -83,14 +87,18 @@ def solid_mesh(solid: TopoDS_Shape, chord: float, names: tuple[str, ...] = ()) -
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """The triangles of a face: points (n, 3) in mm, their parameters (n, 2), corners (t, 3), outward."""
+    """The triangles of a face: points (n, 3) in mm, their parameters (n, 2), corners (t, 3), outward.
+
+    rounding : mm, how far the points were moved at most.
+    """
 
     points: Floats
     parameters: Floats
     triangles: Integers
+    rounding: float
 
 
-def _piece(face: TopoDS_Face) -> _Piece:
+def _piece(face: TopoDS_Face, single: bool) -> _Piece:
     location = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None:
@@ -101,14 +109,16 @@ def _piece(face: TopoDS_Face) -> _Piece:
     parameters = np.array([mesh.UVNode(k).Coord() for k in nodes])
     corners = np.array([mesh.Triangle(k).Get() for k in range(1, mesh.NbTriangles() + 1)]) - 1
     inward = face.Orientation() == TopAbs_REVERSED
-    return _Piece(points, parameters, corners[:, ::-1] if inward else corners)
+    kept = points.astype(np.float32).astype(np.float64) if single else points
+    rounding = float(np.linalg.norm(kept - points, axis=1).max())
+    return _Piece(kept, parameters, corners[:, ::-1] if inward else corners, rounding)
 
 
 def _error(face: TopoDS_Face, piece: _Piece) -> float:
     """Return the greatest measured distance of the triangles of a face from its surface, mm."""
     surface = BRep_Tool.Surface_s(face)
     if isinstance(surface, Geom_Plane):
-        return 0.0
+        return piece.rounding
     points, parameters = (
         np.einsum("kc,tcd->tkd", SAMPLES, rows[piece.triangles]).reshape(-1, rows.shape[1])
         for rows in (piece.points, piece.parameters)
@@ -138,7 +148,7 @@ def _joined(pieces: list[_Piece], error: float, names: tuple[str, ...]) -> Tesse
     first = np.cumsum([0, *(len(piece.points) for piece in pieces)])
     triangles = np.concatenate([piece.triangles + start for piece, start in zip(pieces, first)])
     faces = np.repeat(np.arange(len(pieces)), [len(piece.triangles) for piece in pieces])
-    _, chosen, owner = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    _, chosen, owner = np.unique(points.round(SAME) + 0.0, axis=0, return_index=True, return_inverse=True)
     triangles = owner.ravel()[triangles]
     whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # OCCT leaves some at seams and poles
     triangles = triangles[whole]

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
         face_spline as face_spline,
         projected_area as projected_area,
     )
-    from thbcad.cad.parts.facets import (
-        part_mesh as part_mesh,
-    )
     from thbcad.cad.parts.mount_solids import (
         mounted_part as mounted_part,
     )
@@ -48,7 +45,6 @@ _FILES = {
     "cadquery_lens": ("workplane",),
     "own_surfaces": ("exact_part",),
     "operations": ("cut", "join"),
-    "facets": ("part_mesh",),
     "search": ("PlacedLens", "placed_lens"),
     "face_measures": ("edge_deviation", "face_deviation", "face_spline", "projected_area"),
     "mount_solids": ("mounted_part",),

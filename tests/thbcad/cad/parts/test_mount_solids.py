@@ -9,8 +9,7 @@ import trimesh
 from OCP.BRep import BRep_Tool
 
 from tests.thbcad.mounts.cases import CONCAVE, FLAT, FLAT_REAR, PLAIN, ROUND, SQUARE, changed
-from thbcad.cad.exchange import SolidState, solid_volume
-from thbcad.cad.parts.facets import part_mesh
+from thbcad.cad.exchange import SolidState, part_mesh, solid_volume
 from thbcad.cad.parts.mount_solids import mounted_part
 from thbcad.cad.parts.numbers_of_surfaces import surface_numbers
 from thbcad.cad.parts.search import placed_lens
