@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification import occt_trace, optiland_trace, trace_step
-from thbcad.cad.parts import PlacedLens, face_spline
-from thbcad.lens import placed_surfaces
+from thbcad.cad.parts import PlacedLens
+from thbcad.lens import OpticalForm, optical_forms
 
 if TYPE_CHECKING:
     from thbcad.lens import Lens
-    from thbcad.splines import BSplineSurface
 
 RAYS = (21, 22)  # in x and y: numbers without a ray on the axes of symmetry of both
 WITHIN = 0.98  # of the half-widths: rays that meet the front
@@ -28,8 +27,8 @@ LANDING = 1e-8  # mm
 class Surfaces(NamedTuple):
     """Front and rear, as the reference tracer takes them."""
 
-    front: BSplineSurface
-    rear: BSplineSurface
+    front: OpticalForm
+    rear: OpticalForm
 
 
 def landing_checks(placed: PlacedLens, lens: Lens, by_optiland: bool) -> list[Check]:
@@ -42,17 +41,13 @@ def landing_checks(placed: PlacedLens, lens: Lens, by_optiland: bool) -> list[Ch
     origins, directions = _rays(lens)
     target = lens.thickness + DISTANCE
     flux = np.ones(len(origins))
-    wanted = trace_step(Surfaces(*placed_surfaces(lens)), origins, directions, flux, lens.index, target)
+    wanted = trace_step(Surfaces(*optical_forms(lens)), origins, directions, flux, lens.index, target)
     solid = placed.in_lens_frame()
     programs = {
         "OCCT's intersections": occt_trace(solid, placed.numbers, origins, directions, lens.index, target)
     }
     if by_optiland:
-        splines = (
-            face_spline(placed.geometry("front"), lens.front),
-            face_spline(placed.geometry("rear"), lens.rear),
-        )
-        programs["optiland's trace"] = optiland_trace(*splines, origins, directions, lens.index, target)
+        programs["optiland's trace"] = optiland_trace(*placed.forms, origins, directions, lens.index, target)
     return [check for name, found in programs.items() for check in _compared(name, found, wanted)]
 
 

@@ -163,7 +163,7 @@ def _outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
 
 def _edge_outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
     """Return the outer outlines of the two edges that are seen edge-on: of planes a line, of slanted ones as
-    of graphs over the rim and from rim to rim."""
+    of graphs over the rim and from rim to rim, and the lines in which both rims appear."""
     pieces = []
     surfaces = placed_surfaces(lens)
     across = 1 - along
@@ -182,6 +182,10 @@ def _edge_outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
         chosen, z = (low, low.z) if widths[0] < widths[1] else (high, -high.z)
         position = sign * ((1 - chosen.v) * widths[0] + chosen.v * widths[1])
         pieces.append(("edge", np.column_stack([position, z]), Style.OUTLINE, chosen.bound))
+        bound = max(low.bound, high.bound)
+        for v, width in enumerate(widths):  # both rims are seen edge-on too, the narrower through the glass
+            line = np.array([[sign * width, low.z[-v]], [sign * width, -high.z[-v]]])
+            pieces.append(("edge", line, Style.OUTLINE if width == max(widths) else Style.HIDDEN, bound))
     return pieces
 
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     )
     from thbcad.cad.exchange.front_and_rear import (
         conic_faces as conic_faces,
+        optical_form as optical_form,
     )
     from thbcad.cad.exchange.handover import (
         GLASS as GLASS,
@@ -69,7 +70,7 @@ _FILES = {
         "FaceNodes",
         "face_nodes",
     ),
-    "front_and_rear": ("conic_faces",),
+    "front_and_rear": ("conic_faces", "optical_form"),
     "handover": (
         "GLASS",
         "library",

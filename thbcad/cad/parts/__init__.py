@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from thbcad.cad.parts.face_measures import (
         edge_deviation as edge_deviation,
         face_deviation as face_deviation,
-        face_spline as face_spline,
         projected_area as projected_area,
     )
     from thbcad.cad.parts.mount_solids import (
@@ -46,7 +45,7 @@ _FILES = {
     "own_surfaces": ("exact_part",),
     "operations": ("cut", "join"),
     "search": ("PlacedLens", "placed_lens"),
-    "face_measures": ("edge_deviation", "face_deviation", "face_spline", "projected_area"),
+    "face_measures": ("edge_deviation", "face_deviation", "projected_area"),
     "mount_solids": ("mounted_part",),
     "numbers_of_surfaces": ("SurfaceNumbers", "surface_numbers"),
     "writing": ("placed_step", "write_step"),

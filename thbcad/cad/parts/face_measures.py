@@ -14,8 +14,6 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.exchange import explore
-from thbcad.cad.shapes import spline_surface
-from thbcad.splines import BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
     from OCP.Geom import Geom_Surface
@@ -104,23 +102,3 @@ def projected_area(face: TopoDS_Face) -> float:
         along = -1.0 if edge.Orientation() == TopAbs_REVERSED else 1.0
         area += along * float((x[1:] + x[:-1]) @ np.diff(y)) / 2
     return abs(area)
-
-
-def face_spline(geometry: Geom_Surface, surface: FreeformSurface) -> BSplineSurface:
-    """Return a spline or a plane as BSplineSurface, the plane over the rectangle of a lens surface.
-
-    Raises
-    ------
-    ValueError : another surface.
-    """
-    if isinstance(geometry, Geom_BSplineSurface):
-        spline = spline_surface(geometry)
-        if isinstance(spline, BSplineSurface):
-            return spline
-    if isinstance(geometry, Geom_Plane):
-        a, b, c, d = geometry.Coefficients()
-        hx, hy = surface.half_width
-        kv_x, kv_y = (KnotVector.uniform(1, 1, -h, h) for h in (hx, hy))
-        corners = [[(x, y, -(a * x + b * y + d) / c) for y in (-hy, hy)] for x in (-hx, hx)]
-        return BSplineSurface(kv_x, kv_y, np.array(corners))
-    raise ValueError(f"{geometry.DynamicType().Name()} is no polynomial spline and no plane")

@@ -14,7 +14,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 
-from thbcad.cad.exchange import explore
+from thbcad.cad.exchange import explore, optical_form
 from thbcad.cad.parts.numbers_of_surfaces import SurfaceNumbers, matrix_of, rigid_motion, surface_numbers
 from thbcad.cad.shapes import TOLERANCE, Part, lens_part
 from thbcad.checks import Floats
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from OCP.Geom import Geom_Surface
     from OCP.TopoDS import TopoDS_Face
 
-    from thbcad.lens import FreeformSurface, Lens
+    from thbcad.lens import FreeformSurface, Lens, OpticalForm
 
 OPTICAL = ("front", "rear")
 ON_EDGE = 5  # points of an edge, its ends too, that show whether a face leaves the rectangle of a lens
@@ -68,6 +68,21 @@ class PlacedLens:
     def geometry(self, name: str) -> Geom_Surface:
         """Return the surface under the front or the rear as the part has it, without its location."""
         return BRep_Tool.Surface_s(self.faces[name], TopLoc_Location())
+
+    @property
+    def forms(self) -> tuple[OpticalForm, OpticalForm]:
+        """Front and rear as the part has them, in the lens's frame.
+
+        Raises
+        ------
+        ValueError : a surface that no lens has.
+        """
+        faces = explore(self.in_lens_frame(), TopAbs_FACE)
+        front, rear = (optical_form(TopoDS.Face_s(faces[number])) for number in self.numbers)
+        if front is None or rear is None:
+            name = OPTICAL[front is not None]
+            raise ValueError(f"the {name} of the part is no spline over x and y and no conic around z")
+        return front, rear
 
     def in_lens_frame(self) -> TopoDS_Shape:
         """Return a copy of the solid in the frame of the lens, whose numbers are those of that frame: nothing

@@ -15,6 +15,9 @@ LENSES = {name: CASES[name][0] for name in ("round", "upright", "front smaller",
 LENSES["flat, smaller"] = Lens(
     FreeformSurface((5, 4)), FreeformSurface((7, 8), Conic(-50.0, -1.0), rough()), 6.0, 1.5
 )
+LENSES["ellipsoid"] = Lens(
+    FreeformSurface((5, 5), Conic(-30.0, 0.6)), FreeformSurface((5, 5), Conic(-50.0, -1.0), rough()), 6.0, 1.5
+)
 FLUSH = ("round", "flat, smaller")  # lenses with a flat front
 
 
