@@ -26,19 +26,28 @@ import numpy as np
 from benchmarks.cad import rough_lens
 from benchmarks.checkout import EXAMPLES
 from optics.export import Body
+from optics.parts import placed_text
 from optics.problem import load_problem
 from optics.runtime import Row, UserError
 from optics.system import OpticalSystem
-from thbcad import Lens, THBSurface
-from thbcad.cad.exchange import SolidState, part_step
+from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
+from thbcad.cad.exchange import SolidState, part_step, step_shape
 from thbcad.cad.shapes import Part, lens_part
-from thbcad.lens import Product
+from thbcad.io import volume
+from thbcad.lens import Flange, Product
 
 Programs = Mapping[str, Callable[[Path], dict[str, Any]]]
 
 BOX = 1e-6  # mm; both programs widen boxes by the tolerance of the faces
 VOLUME = 1e-9  # relative
-ROUND = (45.0, 45.0)  # mm, semi-axes of a round body
+BODIES = {  # of a lens of 100 x 100 mm
+    "round": Body(aperture=(45.0, 45.0)),
+    "elliptic": Body(aperture=(48.0, 35.0)),
+    "polygon": Body(polygon=[(-45.0, -40.0), (40.0, -45.0), (45.0, 30.0), (0.0, 48.0)]),
+    "flange": Body(flange=Flange(5.0, 1.0, 3.0)),
+    "patches": Body(patches=True),
+}
+FRONTS = {"sphere": 0.0, "ellipsoid": 0.5, "paraboloid": -1.0, "hyperboloid": -2.0}  # conic constants
 RELIEF = 1e-3  # of the thickness: random heights of the unshaped surfaces
 GMSH = """
 import gmsh, json, sys
@@ -97,12 +106,10 @@ def rows() -> list[Row]:
     opened: dict[str, list[Opened]] = {program: [] for program in programs}
     quadrature = []
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "lens.step"
-        for name, part, volume in _bodies():
-            path.write_bytes(part_step(part, Product()))
-            own = SolidState(part.solid)
-            off = abs(own.default_volume / volume - 1)
-            quadrature.append(Row(f"{name}: default quadrature against the closed form, relative", off))
+        for name, path in _files(Path(folder)):
+            own = SolidState(step_shape(path))
+            off = abs(own.default_volume / volume(placed_text(path).solid) - 1)
+            quadrature.append(Row(f"{name}: default quadrature against ours, relative", off))
             for program, opens in programs.items():
                 opened[program].append(_compared(opens(path), own))
     return [*(row for program in opened for row in _rows(program, opened[program])), *quadrature]
@@ -162,14 +169,34 @@ def _by_freecad(path: Path) -> dict[str, Any]:
     return opened
 
 
-def _bodies() -> Iterator[tuple[str, Part, float]]:
-    """Yield (name, solid, volume in mm^3) of every example with random heights, and of two of 227^2 poles."""
+def _files(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Yield (name, STEP file) of every example and of every kind of body."""
+    for name, part in _bodies():
+        path = folder / "body.step"
+        path.write_bytes(part_step(part, Product()))
+        yield name, path
+    subprocess.run(
+        [sys.executable, str(EXAMPLES / "mount.py"), str(folder / "mounts")], check=True, capture_output=True
+    )
+    for path in sorted((folder / "mounts").glob("*.step")):
+        yield f"{path.stem}, moved", path
+
+
+def _bodies() -> Iterator[tuple[str, Part]]:
+    """Yield (name, solid) of every example with random heights, of conic fronts, and of cut bodies."""
     for file in sorted(EXAMPLES.glob("*.toml")):
-        lens = _rough(OpticalSystem(load_problem(file)).lens)
-        yield file.stem, lens_part(lens), lens.volume()
-    rough, round_body = rough_lens(227), Body(aperture=ROUND)
-    yield "227^2 poles", lens_part(rough), rough.volume()
-    yield "227^2 poles, round", round_body.part(rough), round_body.volume(rough)
+        yield file.stem, lens_part(_rough(OpticalSystem(load_problem(file)).lens))
+    rough = rough_lens(227)
+    yield "227^2 poles", lens_part(rough)
+    for name, body in BODIES.items():
+        yield f"227^2 poles, {name}", body.part(rough)
+    kv = KnotVector.uniform(3, 8)
+    sag = THBSurface(THBSpace(kv, kv), np.zeros((len(kv.greville())) ** 2))
+    for name, constant in FRONTS.items():
+        for half in (10.0, 12.0):
+            rear = FreeformSurface((half, half), Conic(-60.0, -1.0), sag)
+            front = FreeformSurface((10.0, 10.0), Conic(40.0, constant))
+            yield f"{name} before {half:g} mm", lens_part(_rough(Lens(front, rear, 12.0, 1.5)))
 
 
 def _rough(lens: Lens) -> Lens:

@@ -65,17 +65,34 @@ class Lens:
         ------
         ValueError : degree 1, or a conic that needs more than 2000 control points per direction.
         """
-        return self._graphs
+        return self._elevated
+
+    def own_graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
+        """Return front and rear as `graphs`, each in the degrees of its own sag."""
+        return self._own
 
     @cached_property
-    def _graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
-        spaces = [f.sag.space for f in (self.front, self.rear) if f.sag is not None]
-        # conics that are no paraboloids need fewer knots of degree 5
-        default = 3 if all(f.conic.is_paraboloid for f in (self.front, self.rear)) else 5
-        p = max((space.kv_u.degree for space in spaces), default=default)
-        q = max((space.kv_v.degree for space in spaces), default=default)
-        front, rear = (f.graph((p, q)).elevated((p, q)) for f in (self.front, self.rear))
+    def _own(self) -> tuple[BSplineSurface, BSplineSurface]:
+        front, rear = (f.graph(self._degrees) for f in (self.front, self.rear))
         return front, rear
+
+    @cached_property
+    def _elevated(self) -> tuple[BSplineSurface, BSplineSurface]:
+        front, rear = (graph.elevated(self._degrees) for graph in self._own)
+        return front, rear
+
+    @property
+    def _degrees(self) -> tuple[int, int]:
+        """The least degrees in x and y that hold both sags."""
+        spaces = [f.sag.space for f in (self.front, self.rear) if f.sag is not None]
+        bare = [f.conic for f in (self.front, self.rear) if f.sag is None]
+        # conics that are no paraboloids need fewer knots of degree 5
+        least = [5] if any(not conic.is_paraboloid for conic in bare) else []
+        p, q = (
+            max([*least, *(kv.degree for kv in knots)], default=3)
+            for knots in ([space.kv_u for space in spaces], [space.kv_v for space in spaces])
+        )
+        return p, q
 
     def volume(self) -> float:
         """Return the volume in mm^3, by Gauss quadrature that is exact for the splines."""

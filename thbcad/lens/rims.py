@@ -61,22 +61,27 @@ def placed_surfaces(lens: Lens) -> Surfaces:
 
     Both are parametrised over the rear's rectangle, so that their rims can be ruled.
     """
-    front, rear = lens.graphs()
-    return graph_poles(front, 0.0, rear), graph_poles(rear, lens.thickness, rear)
+    return _placed(lens.graphs(), lens.thickness)
 
 
 def optical_forms(lens: Lens) -> tuple[OpticalForm, OpticalForm]:
     """Return front and rear as CAD files hold them, in the lens's frame, mm.
 
     A plane, a sphere and another conic without sag is a PlacedConic, all else a BSplineSurface as of
-    `placed_surfaces`: paraboloids, and conics that a file would not hold exactly.
+    `placed_surfaces` in the degrees of its own sag: paraboloids, and conics that a file would not hold
+    exactly.
     """
     front = _placed_conic(lens.front, 0.0)
     rear = _placed_conic(lens.rear, lens.thickness)
     if front is not None and rear is not None:
         return front, rear
-    splines = placed_surfaces(lens)
+    splines = _placed(lens.own_graphs(), lens.thickness)
     return front or splines[0], rear or splines[1]
+
+
+def _placed(graphs: tuple[BSplineSurface, BSplineSurface], thickness: float) -> Surfaces:
+    front, rear = graphs
+    return graph_poles(front, 0.0, rear), graph_poles(rear, thickness, rear)
 
 
 def _placed_conic(surface: FreeformSurface, vertex: float) -> PlacedConic | None:

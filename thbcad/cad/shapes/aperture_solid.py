@@ -70,7 +70,7 @@ def elliptic_faces(builder: BRep_Builder, lens: Lens, ellipse: Ellipse) -> list[
             face, ring = _conic_face(builder, form, ellipse)
             upward = form.upward
         else:
-            curves = [rim_curve(lens.graphs()[k], ellipse, half) for half in (0, 1)]
+            curves = [rim_curve(lens.own_graphs()[k], ellipse, half) for half in (0, 1)]
             scale = np.divide(lens.rear.half_width, (lens.front, lens.rear)[k].half_width)
             face, ring = _spline_face(builder, surface, ellipse, curves, k * lens.thickness, scale)
             upward = True

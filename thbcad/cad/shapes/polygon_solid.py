@@ -67,7 +67,7 @@ def _optical_face(
         face, ring = _conic_face(builder, form, wall, sides)
         return turned_face(face, form.upward != (k == 1)), ring
     vertex = np.array([0.0, 0.0, k * lens.thickness])
-    curves = [side_curve(lens.graphs()[k], *side) for side in sides]
+    curves = [side_curve(lens.own_graphs()[k], *side) for side in sides]
     ring = wall.rim(builder, [(kv, poles + vertex) for kv, poles in curves])
     face = face_on(builder, geom_surface(surface), ring.edges)
     # from x and y to parameters, which are those over the rear's rectangle
