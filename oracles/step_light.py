@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
 
-FLAT = 1e-12  # mm: of the front, and of the rear's poles from equal steps in x and y
+FLAT = 1e-12  # of the size: how far the rear's poles are from equal steps in x and y
 LINES = 32  # of cells that are traced at once
 NUMBER = r"[-+]?\d+\.?\d*(?:E[-+]?\d+)?"
 
@@ -89,12 +89,13 @@ class Face:
         return lower @ csr_array(steps)
 
 
-def read_faces(path: Path) -> tuple[Face, Face]:
-    """Return the faces named "front" and "rear" of a STEP file.
+def read_rear(path: Path) -> Face:
+    """Return the face named "rear" of a STEP file whose "front" is a plane across z.
 
     Raises
     ------
-    ValueError : another kind of surface, or poles that are not at equal steps of their knots' means.
+    ValueError : another front, a rear that is no spline, or poles that are not at equal steps of their knots'
+        means.
     """
     text = path.read_text("ascii").replace("\n", "")
     data = dict(re.findall(r"#(\d+)=(.*?);", text))
@@ -102,8 +103,18 @@ def read_faces(path: Path) -> tuple[Face, Face]:
     for entity in data.values():
         found = re.match(r"ADVANCED_FACE\('(front|rear)',\(.*?\),#(\d+),", entity)
         if found:
-            named[found[1]] = _face(data[found[2]], data)
-    return named["front"], named["rear"]
+            named[found[1]] = data[found[2]]
+    _require_flat(named["front"], data)
+    return _face(named["rear"], data)
+
+
+def _require_flat(entity: str, data: dict[str, str]) -> None:
+    """Raise ValueError unless an entity is a PLANE whose normal is the z direction."""
+    placement = re.match(r"PLANE\('',#(\d+)\)", entity)
+    axis = placement and re.match(r"AXIS2_PLACEMENT_3D\('',#\d+,#(\d+)", data[placement[1]])
+    normal = re.findall(NUMBER, data[axis[1]].partition(",")[2]) if axis else []
+    if [abs(float(n)) for n in normal] != [0, 0, 1]:
+        raise ValueError(f"wanted a plane front across the beam, got {entity[:60]!r}")
 
 
 def _face(entity: str, data: dict[str, str]) -> Face:
@@ -131,22 +142,20 @@ def _face(entity: str, data: dict[str, str]) -> Face:
     return Face(knots, degrees, tuple(ranges), poles[..., 2])
 
 
-def cell_image(faces: tuple[Face, Face], beam: Beam, pixels: Pixels, count: int) -> Floats:
+def cell_image(rear: Face, beam: Beam, pixels: Pixels, count: int) -> Floats:
     """Return the irradiance (rows, columns), W/mm^2, of count^2 cells of the beam.
 
     Raises
     ------
-    ValueError : a front that is no plane across the beam, a beam beside the faces, total reflection.
+    ValueError : a beam beside the rear, total reflection.
     """
-    if np.ptp(faces[0].heights) > FLAT:
-        raise ValueError("wanted a plane front across the beam")
-    if any(h > min(abs(ends)) for h, ends in zip(beam.half_width, faces[1].ranges)):
+    if any(h > min(abs(ends)) for h, ends in zip(beam.half_width, rear.ranges)):
         raise ValueError("wanted a beam that meets the rear everywhere")
     image = np.zeros(pixels.counts[::-1])
     cell = beam.flux / count**2
     x, y = (h * (2 * np.arange(count + 1) / count - 1) for h in beam.half_width)
     for start in range(0, count, LINES):
-        column, row, passing = _landed(faces, beam, pixels, x[start : start + LINES + 1], y)
+        column, row, passing = _landed(rear, beam, pixels, x[start : start + LINES + 1], y)
         mean = (passing[1:, 1:] + passing[1:, :-1] + passing[:-1, 1:] + passing[:-1, :-1]) / 4
         corners = tuple(
             np.stack([a[:-1, :-1], a[1:, :-1], a[1:, 1:], a[:-1, 1:]]).reshape(4, -1) for a in (column, row)
@@ -155,11 +164,8 @@ def cell_image(faces: tuple[Face, Face], beam: Beam, pixels: Pixels, count: int)
     return image / pixels.area
 
 
-def _landed(
-    faces: tuple[Face, Face], beam: Beam, pixels: Pixels, x: Floats, y: Floats
-) -> tuple[Floats, Floats, Floats]:
+def _landed(rear: Face, beam: Beam, pixels: Pixels, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the columns and rows where rays at all pairs of x and y land, and the part that arrives."""
-    rear = faces[1]
     z, by_x, by_y = (rear.grid(x, y, orders) for orders in ((0, 0), (1, 0), (0, 1)))
     index = beam.index
     cos_i = 1 / np.sqrt(1 + by_x**2 + by_y**2)

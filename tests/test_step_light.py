@@ -15,7 +15,7 @@ from optics.system import OpticalSystem
 from oracles import step_light
 from oracles.error_measures import relative
 from oracles.exact_cells import area_within, signed_area
-from oracles.step_light import Beam, Pixels, cell_image, read_faces
+from oracles.step_light import Beam, Pixels, cell_image, read_rear
 from tests.cases import EXAMPLES, ROOT
 from thbcad import write_step
 
@@ -45,7 +45,7 @@ def images(lens, system, path, counts=COUNTS):
     source, screen = system.problem.source, system.target.screen()
     beam = Beam(source.half_width, source.flux, lens.index, system.target.z)
     pixels = Pixels(screen.half_width, screen.pixels)
-    return [cell_image(read_faces(path), beam, pixels, count) for count in counts]
+    return [cell_image(read_rear(path), beam, pixels, count) for count in counts]
 
 
 def test_the_light_of_the_text_is_that_of_mapped_cells(lens, system, tmp_path):

@@ -33,7 +33,7 @@ from optics.runtime import Backend, Row, load_backend
 from optics.system import OpticalSystem
 from optics.target import BoxWindow
 from oracles.error_measures import relative
-from oracles.step_light import Beam, Pixels, cell_image, read_faces
+from oracles.step_light import Beam, Pixels, cell_image, read_rear
 from thbcad import write_step
 
 QUANTITY = quantity(BOX)
@@ -96,8 +96,8 @@ def step_reference(case: Case) -> tuple[Floats, float]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "lens.step"
         write_step(case.lens, path, system.product)
-        faces = read_faces(path)
-    coarse, fine = (cell_image(faces, beam, pixels, count) for count in REFERENCE_CELLS)
+        rear = read_rear(path)
+    coarse, fine = (cell_image(rear, beam, pixels, count) for count in REFERENCE_CELLS)
     return fine, relative(coarse, fine) / 3
 
 

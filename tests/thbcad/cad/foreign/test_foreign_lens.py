@@ -45,7 +45,10 @@ def heights_apart(lens, refit):
     apart = []
     for name in ("front", "rear"):
         own, other = getattr(lens, name), getattr(refit.lens, name)
-        x, y = (np.linspace(-h * (1 - 1e-9), h * (1 - 1e-9), 41) for h in own.half_width)
+        x, y = (
+            np.linspace(-h * (1 - 1e-9), h * (1 - 1e-9), 41)
+            for h in np.minimum(own.half_width, other.half_width)
+        )
         middle = own(0, 0) - other(0, 0)
         apart.append(np.abs(own.grid(x, y) - other.grid(x, y) - middle).max())
     return apart
@@ -98,7 +101,7 @@ def test_headers_numbers_and_order_of_entities_do_not_matter(tmp_path, seed):
     path = tmp_path / "lens.step"
     path.write_text(shuffled(text, seed).replace("'front'", "''").replace("'rear'", "'front'"))
     found = read_lens_solid(path)
-    assert is_wavy(found).how == ("spline as it is", "spline as it is")
+    assert is_wavy(found).how == ("plane", "spline as it is")
     assert max(found.refit(1.5).deviation) < 1e-12
 
 
