@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from optics.sources import Rays
     from optics.system import OpticalSystem
     from optics.verification.step_file import StepFile
-    from thbcad.io import ConicCurve
     from thbcad.lens import Lens, OpticalForm
-    from thbcad.sags import ConicSection
+    from thbcad.sags import ConicCurve
 
     Rows = NDArray[np.float64]
 
@@ -155,7 +154,7 @@ def _rims(form: OpticalForm) -> Iterator[bytes]:
             yield _conic_bits(form.section(side.axis, half if side.end else -half))
 
 
-def _conic_bits(conic: ConicCurve | ConicSection) -> bytes:
+def _conic_bits(conic: ConicCurve) -> bytes:
     return conic.kind.encode() + _bits(conic.placement) + _bits(conic.sizes)
 
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
         BrepCurve as BrepCurve,
         BrepEdge as BrepEdge,
         BrepFace as BrepFace,
-        ConicCurve as ConicCurve,
         ParameterCurve as ParameterCurve,
     )
     from thbcad.io.lens_json import (
@@ -91,7 +90,6 @@ _FILES = {
         "BrepCurve",
         "BrepEdge",
         "BrepFace",
-        "ConicCurve",
         "MILLIMETRE",
         "ParameterCurve",
     ),

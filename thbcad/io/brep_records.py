@@ -13,58 +13,15 @@ from typing import Literal
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.sags import lobatto_nodes
+from thbcad.sags import ConicCurve, axes, lobatto_nodes
 from thbcad.splines import BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 
 MILLIMETRE = "MILLI METRE"
 MATCH = 1e-7  # the distance within which edges and the sides of faces agree, as CAD programs have it in mm
 NEWTON_STEPS = 20  # about 5 suffice where the point lies on the curve
 TURN = 2 * np.pi
-CLOSED = ("CIRCLE", "ELLIPSE")
 Order = Literal[0, 1]  # of a derivative
 Local = tuple[Floats, Floats, Floats]  # components along P1, P2 and P3
-
-
-@dataclass(frozen=True, eq=False)
-class ConicCurve:
-    """A circle, an ellipse, a hyperbola or a parabola.
-
-        circle, ellipse   C + a cos t P1 + b sin t P2
-        hyperbola         C + a cosh t P1 + b sinh t P2
-        parabola          C + a t^2 P1 + 2 a t P2
-
-    kind : "CIRCLE", "ELLIPSE", "HYPERBOLA" or "PARABOLA".
-    placement : (3, 3) float, rows C, axis and first direction, as the file has them; in a plane of parameters
-        the third components are those of (., ., 0), (0, 0, 1) and (., ., 0).
-    sizes : (a, b) float; twice the radius of a circle, twice the focal distance of a parabola.
-    """
-
-    kind: str
-    placement: Floats
-    sizes: Floats
-
-    def points(self, t: Floats, derivative: Order = 0) -> Floats:
-        """Return the points at the parameters t, (n,), or their derivatives, (n, 3)."""
-        a, b = self.sizes
-        if self.kind in CLOSED:
-            by_order = (a * np.cos(t), b * np.sin(t)), (-a * np.sin(t), b * np.cos(t))
-        elif self.kind == "HYPERBOLA":
-            by_order = (a * np.cosh(t), b * np.sinh(t)), (a * np.sinh(t), b * np.cosh(t))
-        else:
-            by_order = (a * t * t, 2 * a * t), (2 * a * t, 2 * a + 0 * t)
-        along: Floats = np.stack(by_order[derivative], axis=1) @ axes(self.placement)[:2]
-        return along if derivative else self.placement[0] + along
-
-    def parameters(self, points: Floats) -> Floats:
-        """Return the parameters of points of the curve, (n, 3), as (n,); angles lie within -pi to pi."""
-        a, b = self.sizes
-        x, y = axes(self.placement)[:2] @ (points - self.placement[0]).T
-        t: Floats = y / (2 * a)
-        if self.kind in CLOSED:
-            t = np.arctan2(y / b, x / a)
-        elif self.kind == "HYPERBOLA":
-            t = np.arcsinh(y / b)
-        return t
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,7 +47,7 @@ class BrepCurve:
     @property
     def closed_conic(self) -> bool:
         """True for circles and ellipses, whose points repeat after 2 pi."""
-        return self.conic is not None and self.conic.kind in CLOSED
+        return self.conic is not None and self.conic.closed
 
     def points(self, t: Floats, derivative: Order = 0) -> Floats:
         """Return the points of a known curve at the parameters t, (n,), or their derivatives, (n, d)."""
@@ -241,15 +198,6 @@ class Brep:
     gaps: int
     contradictions: int
     labels: Mapping[str, tuple[str, ...]]
-
-
-def axes(placement: Floats) -> Floats:
-    """Return P1, P2 and P3 of a placement with rows centre, axis and first direction, (3, 3) float."""
-    _, axis, first = placement
-    axis = axis / np.linalg.norm(axis)
-    across = first - (first @ axis) * axis
-    across = across / np.linalg.norm(across)
-    return np.stack([across, np.cross(axis, across), axis])
 
 
 def _on_plane(u: Floats, v: Floats, derivative: tuple[Order, Order]) -> Local:

@@ -34,10 +34,9 @@ from thbcad.io.brep_records import (
     BrepFace,
     Order,
     ParameterCurve,
-    axes,
     edge_span,
 )
-from thbcad.sags import lobatto_nodes
+from thbcad.sags import axes, lobatto_nodes
 from thbcad.splines import KnotVector
 
 BEYOND = 1e-9  # of the size of a parameter rectangle: rounding

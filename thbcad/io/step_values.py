@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thbcad.checks import Floats
-from thbcad.io.brep_records import BrepCurve, ConicCurve, Extrusion
+from thbcad.io.brep_records import BrepCurve, Extrusion
 from thbcad.io.step_text import REAL, STRING, Entity, Reference, Value
+from thbcad.sags import ConicCurve
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 Entities = Mapping[int, Entity]

@@ -36,7 +36,8 @@ class Spot:
     radius: float
 
     def __str__(self) -> str:
-        return f"{self.word} {self.number} at ({self.x:.6g}, {self.y:.6g}) mm"
+        x, y = round(self.x, 6) + 0.0, round(self.y, 6) + 0.0  # no 1e-16 of a sine, no -0
+        return f"{self.word} {self.number} at ({x:.6g}, {y:.6g}) mm"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,10 @@ if TYPE_CHECKING:
         Conic as Conic,
         meridian as meridian,
     )
+    from thbcad.sags.conic_curve import (
+        ConicCurve as ConicCurve,
+        axes as axes,
+    )
     from thbcad.sags.graphs import (
         CONIC_TOLERANCE as CONIC_TOLERANCE,
         conic_graph as conic_graph,
@@ -46,6 +50,10 @@ _FILES = {
     "conic": (
         "Conic",
         "meridian",
+    ),
+    "conic_curve": (
+        "ConicCurve",
+        "axes",
     ),
     "graphs": (
         "CONIC_TOLERANCE",

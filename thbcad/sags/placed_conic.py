@@ -13,6 +13,7 @@ import numpy as np
 
 from thbcad.checks import Floats
 from thbcad.sags.conic import Conic, Coordinate
+from thbcad.sags.conic_curve import ConicCurve
 from thbcad.splines import KnotVector, NURBSSurface
 
 FARTHEST = 1e4  # half-widths from vertex to centre: sums of both keep 1e-11 half-widths
@@ -29,30 +30,13 @@ def patch_numbers(surface: NURBSSurface) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class ConicSection:
-    """The piece of a conic curve between two parameters, as ISO 10303-42 parametrises it.
+class ConicSection(ConicCurve):
+    """The piece of a circle, an ellipse or a hyperbola between two parameters.
 
-    With centre C, first direction X and Y = axis x X the points are C + a cos(t) X + b sin(t) Y,
-    of a hyperbola C + a cosh(t) X + b sinh(t) Y.
-
-    kind : CIRCLE, ELLIPSE or HYPERBOLA
-    placement : (3, 3) float, rows C (mm), axis, X
-    sizes : (2,) float, a and b, mm
     ends : float, the parameters between which the curve runs towards increasing x or y
     """
 
-    kind: str
-    placement: Floats
-    sizes: Floats
     ends: tuple[float, float]
-
-    def __call__(self, t: Floats) -> Floats:
-        """Return the points at the parameters t, (n, 3), mm."""
-        centre, axis, first = self.placement
-        along, across = (np.cosh(t), np.sinh(t)) if self.kind == "HYPERBOLA" else (np.cos(t), np.sin(t))
-        a, b = self.sizes
-        points: Floats = centre + np.outer(a * along, first) + np.outer(b * across, np.cross(axis, first))
-        return points
 
 
 @dataclass(frozen=True, eq=False)

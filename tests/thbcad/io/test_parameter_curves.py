@@ -18,11 +18,10 @@ from tests.thbcad.cases import LENSES
 from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
 from thbcad.cad.exchange import part_step, step_bytes
 from thbcad.cad.shapes import flanged_part, patched_part, trimmed_part
-from thbcad.io.brep_records import ConicCurve
 from thbcad.io.parameter_curves import image_distance, turned_faces
 from thbcad.io.step_brep import brep_of_text, parse_brep
 from thbcad.lens import Flange, FreeformSurface, Lens, Product, optical_forms
-from thbcad.sags import Conic
+from thbcad.sags import Conic, ConicCurve
 from thbcad.splines import BSplineSurface, KnotVector
 
 PARTS = {

@@ -46,7 +46,7 @@ def test_sections_run_along_the_rims(conic):
     for axis, sign in SIDES:
         offset = sign * conic.half_width[1 - axis]
         section = conic.section(axis, offset)
-        points = section(np.linspace(*section.ends, 33))
+        points = section.points(np.linspace(*section.ends, 33))
         assert abs(points[:, 1 - axis] - offset).max() <= size
         x, y = (np.clip(points[:, k], -h, h) for k, h in enumerate(conic.half_width))
         slope = 1 / np.sqrt(1 - (1 + conic.conic.constant) * ((x**2 + y**2) / conic.conic.radius**2).max())

@@ -158,11 +158,11 @@ class ConicForm:
 
     def rim(self, side: Side) -> RimCurve:
         section = _section(self.conic, side)
-        return RimCurve(_geom_section(section), section.ends, section)
+        return RimCurve(_geom_section(section), section.ends, section.points)
 
     def side_trace(self, side: Side) -> Geom2d_Curve | None:
         section = _section(self.conic, side)
-        return self.trace(section, section.ends)
+        return self.trace(section.points, section.ends)
 
     def trace(self, points: Points, ends: tuple[float, float]) -> Geom2d_Curve:
         """Return the image of a curve on it in its parameters."""
