@@ -70,7 +70,8 @@ def _text_checks(text: PlacedText, lens: Lens) -> list[Check]:
             Check(f"text of the file: faces named {name} that are not the {name} of the lens", off, 0, "")
         )
     rotation = text.motion[:, :3]
-    off_rotation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    mirrored = abs(np.linalg.det(rotation) - 1)
+    off_rotation = max(float(np.abs(rotation @ rotation.T - np.eye(3)).max()), float(mirrored))
     checks.append(Check("text of the file: placement that is no rotation", off_rotation, MOTION, ""))
     return checks
 

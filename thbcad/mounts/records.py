@@ -12,6 +12,7 @@ Point = tuple[float, float]
 
 SIDES = ("front", "rear")
 EDGES = ("-x", "+x", "-y", "+y")
+LARGEST = 1e5  # mm; OCCT's tolerance of 1e-7 mm is far above rounding up to there
 STEEPEST = 45.0  # degrees of draft: beyond it a side is rather a chamfer
 
 
@@ -25,8 +26,14 @@ def _checked(record: Any, where: str) -> None:
     for item in fields(record):
         if item.metadata:
             value = getattr(record, item.name)
-            require_number(f"{where}.{item.name}", value, finite=True, **item.metadata)
+            _require_number(f"{where}.{item.name}", value, **item.metadata)
             object.__setattr__(record, item.name, float(value))
+
+
+def _require_number(name: str, value: Any, **limits: float) -> None:
+    require_number(name, value, finite=True, **limits)
+    if abs(value) > LARGEST:
+        raise ValueError(f"{name} must be at most {LARGEST:g} in size, got {value:g}")
 
 
 def _require_choice(where: str, value: object, choices: tuple[str, ...]) -> None:
@@ -63,11 +70,11 @@ class MountFlange:
         if not isinstance(pair, list | tuple) or len(pair) != 2:
             raise ValueError(f"flange.size must be two numbers [x, y], got {pair!r}")
         for value in pair:
-            require_number(f"flange.{wanted}", value, above=0.0, finite=True)
+            _require_number(f"flange.{wanted}", value, above=0.0)
         if isinstance(self.seat, str):
             _require_choice("flange.seat", self.seat, SIDES)
         else:
-            require_number("flange.seat", self.seat, finite=True)
+            _require_number("flange.seat", self.seat)
         if self.draft > STEEPEST:
             raise ValueError(f"flange.draft must be at most {STEEPEST:g} degrees, got {self.draft:g}")
         if 2 * self.chamfer >= self.thickness:
@@ -121,7 +128,7 @@ class Places:
             if not isinstance(point, list | tuple) or len(point) != 2:
                 raise ValueError(f"{where}.at must be pairs [x, y], got {point!r}")
             for value in point:
-                require_number(f"{where}.at", value, finite=True)
+                _require_number(f"{where}.at", value)
         turns = (self.start * pi / 180 + 2 * pi * k / max(self.count, 1) for k in range(self.count))
         round_axis = [(self.circle / 2 * cos(t), self.circle / 2 * sin(t)) for t in turns]
         return [(float(x), float(y)) for x, y in self.at] or round_axis

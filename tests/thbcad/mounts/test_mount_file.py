@@ -63,6 +63,7 @@ def test_what_was_meant_is_proposed():
         (changed(PLAIN, flange__size=[1, math.nan]), "flange.size must be a positive finite number"),
         (changed(PLAIN, flange__seat="top"), "flange.seat must be one of 'front', 'rear'"),
         (changed(PLAIN, flange__seat=math.nan), "flange.seat must be a finite number"),
+        (changed(PLAIN, flange__size=[1e300, 30.0]), "flange.size must be at most 100000 in size"),
         (changed(PLAIN, flange__chamfer=0.5), "the flange cuts itself: chamfers of 0.5 mm"),
         (changed(PLAIN, flange__draft=60), "flange.draft must be at most 45 degrees"),
         (

@@ -96,6 +96,8 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
     frame = LensFrame(np.zeros(3), lens_axes(main, faces))
     pair = main, _opposite(solids[0], faces, main, frame)
     groups = [_group(solids[0], faces, one, frame) for one in pair]
+    if not all(groups):
+        raise ValueError(f"{path} holds one curved face and none opposite: a lens has a front and a rear")
     side = float(main.samples[1].mean(axis=0) @ frame.axes[2])
     front, rear = (optical_face(group, frame) for group in (groups if side < 0 else groups[::-1]))
     heights = [axial_heights(one.faces, frame, *front.centre[:, None])[0] for one in (front, rear)]

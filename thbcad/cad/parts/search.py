@@ -142,7 +142,8 @@ def placed_lens(part: object, lens: Lens) -> PlacedLens:
 
     Raises
     ------
-    ValueError : not one solid; a front or a rear that is missing, grew beyond the lens or fell into pieces.
+    ValueError : not one solid; a front or a rear that is missing, grew beyond the lens or fell into pieces; a
+        mirrored part.
     """
     solid = one_solid(part)
     own = lens_part(lens)
@@ -155,6 +156,8 @@ def placed_lens(part: object, lens: Lens) -> PlacedLens:
     for placement in _placements(faces, wanted):
         found, wrong = _faces_at(faces, wanted, placement, lens)
         if not wrong:
+            if placement.Transformation().VectorialPart().Determinant() < 0:
+                raise ValueError("the part is mirrored, which no placement in a file can do; mirror the lens")
             return PlacedLens(solid, placement, found, surfaces)
         best = min(best, wrong, key=lambda sentences: sum(_weight(s) for s in sentences))
     raise ValueError("; ".join(best))

@@ -283,6 +283,7 @@ def test_the_record_says_what_was_found(tmp_path):
     ("shape", "words"),
     [
         (lambda: bd.Box(3, 4, 5), "holds no doubly curved face"),
+        (lambda: bd.Sphere(2), "holds one curved face and none opposite"),
         (
             lambda: bd.Compound([bd.Box(1, 1, 1), bd.Pos(3) * bd.Sphere(1)]),
             "holds 2 solids where a lens is one",

@@ -7,6 +7,7 @@ import pytest
 from OCP.BRep import BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopLoc import TopLoc_Location
 
@@ -27,6 +28,13 @@ def mounted(lens, flush=True):
     low = 0.0 if flush else 0.4 * lens.thickness
     part = fused(lens_part(lens), box(x + 5, y + 4, low, low + 1), "flange")
     return without(part, rod(x + 3, y + 2, 1, low - 1, low + 2), "bore")
+
+
+def mirrored(solid):
+    """The solid mirrored about the plane x = 0, by its location alone."""
+    mirror = gp_Trsf()
+    mirror.SetMirror(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0)))
+    return solid.Moved(TopLoc_Location(mirror), False)
 
 
 PARTS = {name: mounted(lens, name in FLUSH) for name, lens in LENSES.items()}
@@ -125,6 +133,7 @@ def test_what_destroys_an_optical_face_is_refused():
     [
         ("a box", "part must be a Lens or one shape"),
         (None, "part must be a Lens or one shape"),
+        (mirrored(lens_part(LENSES["round"]).solid), "the part is mirrored"),
         (box(1, 1, 0, 1), "no face with the surface of the rear"),  # a plane front is there
         (box(1, 1, 0, 1).Reversed().EmptyCopied(), "part must hold one solid|no face"),
     ],
