@@ -298,6 +298,7 @@ def test_verify_works_without_the_picture(copy):
     assert main(["verify", str(copy), "--no-optiland"]) == 0
 
 
+@pytest.mark.slow  # a whole program
 def test_a_design_that_misses_says_so_everywhere_and_ends_with_1(tmp_path, capsys):
     """With hardly any freedom the lens throws a bright square; the map's note and the verdict say why."""
     changes = QUICK | {"lens.rear.freeform.max_level": 0, "lens.rear.freeform.z_freedom": 0.01}

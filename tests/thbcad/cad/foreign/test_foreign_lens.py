@@ -251,6 +251,7 @@ def test_a_lens_of_two_spheres_by_freecad():
     assert refit.proven == (True, True)
 
 
+@pytest.mark.slow  # a fit of seconds
 def test_a_spline_by_freecad_is_no_graph_and_is_fitted():
     """Through z = 4 - 0.01 x^2 - 0.02 y^2 + 0.001 x y at integer x and y, extruded by 3 mm."""
     found = read_lens_solid(DATA / "freecad_spline.step")
