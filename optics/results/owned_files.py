@@ -84,6 +84,8 @@ def writable_folder(path: Path) -> None:
 def require_writable(path: Path) -> None:
     """Raise UserError unless a file can be written there, before any work is done."""
     reason = "it is a folder" if path.is_dir() else ""
+    if path.exists() and not path.is_dir() and not path.is_file():
+        reason = "it is a device or a pipe, not a file"
     if not path.parent.is_dir():
         reason = f"there is no folder {path.parent}"
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -26,11 +27,13 @@ def write_files(files: Mapping[Path, bytes]) -> None:
 
     Raises
     ------
-    OSError : as `write_bytes`; the old files are untouched, unless the disk fails between two renamings.
+    OSError : as `write_bytes`; the old files are untouched, unless the disk fails between two renamings;
+        a name that is a device or a pipe, which renaming would replace by a file.
     """
     staged: dict[Path, str] = {}
     try:
         for path, data in files.items():
+            _require_replaceable(path)
             _stage(path, data, staged)
         for path in files:
             os.replace(staged[path], path)
@@ -41,6 +44,11 @@ def write_files(files: Mapping[Path, bytes]) -> None:
         if isinstance(error, OSError):
             error.filename = str(path)
         raise
+
+
+def _require_replaceable(path: Path) -> None:
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(errno.EINVAL, "this is a device or a pipe: give the name of a file", str(path))
 
 
 def _stage(path: Path, data: bytes, staged: dict[Path, str]) -> None:

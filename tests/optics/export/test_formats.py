@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -219,6 +220,7 @@ def test_a_drawing_of_another_lens_or_with_a_curve_less_shows(tmp_path, name):
         (["--out", "lens.STL", "--format", "brep"], "lens.STL would hold brep, but its suffix promises stl"),
         (["--out", "none/lens.stl"], "cannot write .*lens.stl: there is no folder"),
         (["--out", "folder.stl"], "cannot write .*folder.stl: it is a folder"),
+        (["--out", "pipe.stl"], "cannot write .*pipe.stl: it is a device or a pipe"),
         (["--out", "lens.stl", "--chord", "1e-7"], "cannot export .*lens.stl: chord must be at least"),
         (
             ["--out", "lens.ply", "--chord", "1e-8"],
@@ -230,6 +232,7 @@ def test_a_drawing_of_another_lens_or_with_a_curve_less_shows(tmp_path, name):
 def test_refusals_are_one_sentence_and_leave_no_file(capsys, native, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder.stl").mkdir()
+    os.mkfifo(tmp_path / "pipe.stl")
     before = names(tmp_path)
     done = run(capsys, native, *arguments)
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
