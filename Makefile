@@ -52,6 +52,7 @@ QUICK = \
 	tests/optics/optimisation/test_bounded_variables.py \
 	tests/optics/optimisation/test_loop_failures.py \
 	tests/optics/optimisation/test_refinement.py \
+	tests/optics/optimisers \
 	tests/optics/parts/test_proof.py \
 	tests/optics/prediction/test_automatic.py \
 	tests/optics/problem/test_schema.py \

@@ -21,6 +21,15 @@ if TYPE_CHECKING:
         minimise as minimise,
         mitsuba_scene as mitsuba_scene,
     )
+    from optics.optimisers import (
+        LBFGS as LBFGS,
+        Adam as Adam,
+        GradientDescent as GradientDescent,
+        LineSearch as LineSearch,
+        Momentum as Momentum,
+        Optimiser as Optimiser,
+        RMSProp as RMSProp,
+    )
     from optics.problem import (
         Export as Export,
         Freeform as Freeform,
@@ -51,6 +60,15 @@ _FILES = {
         "design",
         "minimise",
         "mitsuba_scene",
+    ),
+    "optimisers": (
+        "LBFGS",
+        "Adam",
+        "GradientDescent",
+        "LineSearch",
+        "Momentum",
+        "Optimiser",
+        "RMSProp",
     ),
     "problem": (
         "Export",

@@ -32,7 +32,7 @@ FLOORS = [
     ["thbcad.cad"],
     ["thbcad"],
     ["optics.runtime"],
-    ["optics.problem", "optics.sources", "optics.target", "optics.transport"],
+    ["optics.optimisers", "optics.problem", "optics.sources", "optics.target", "optics.transport"],
     ["optics.tracing", "optics.system", "optics.shape"],
     ["optics.analysis", "optics.engines"],
     ["optics.optimisation", "optics.etendue", "optics.verification"],
@@ -72,7 +72,7 @@ ALLOWED = {
         "the adapter checks libLLVM and the version before it loads Mitsuba",
     ),
     "drjit": (
-        ["optics/runtime/backend.py", "optics/mitsuba/loading.py"],
+        ["optics/runtime/backend.py", "optics/mitsuba/loading.py", "optics/optimisers/gradient_steps.py"],
         "they check libLLVM before they load Dr.Jit, which can abort the process",
     ),
     "optiland": (["optics/verification/optiland_tracer.py"], "an optional tracer that takes seconds to load"),

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.api.coefficient_vectors import Coefficients, packed
-from optics.optimisation import adam, lbfgs
+from optics.optimisers import LBFGS, Adam, Optimiser
 from optics.runtime import NumericalError, UserError
 
 Floats = NDArray[np.float64]
 Loss = Callable[[Coefficients], tuple[float, Coefficients]]
-METHODS = ("lbfgs", "adam")
+METHODS: dict[str, Callable[[], Optimiser]] = {"lbfgs": LBFGS, "adam": Adam}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +37,15 @@ class Minimum:
 def minimise(
     loss: Loss,
     coefficients: Coefficients,
-    method: str = "lbfgs",
+    method: str | Optimiser = "lbfgs",
     iterations: int = 60,
-    step: float = 0.01,
     callback: Callable[[int, float, Coefficients], object] | None = None,
 ) -> Minimum:
     """Return the Minimum of a loss: a function that returns its value and its gradient.
 
     coefficients : to start from, one vector or a tuple of vectors.
-    method : "lbfgs" or "adam".  step : of Adam in every coefficient, mm.
+    method : an `Optimiser`, such as `optics.Adam(step=1e-3)`; "lbfgs" and "adam" stand for `LBFGS()` and
+        `Adam()`.
     callback : called after every step with its number, the least loss and the best coefficients so far;
         StopIteration ends the work.
 
@@ -56,19 +56,25 @@ def minimise(
     UserError : an unknown method, or a loss that does not return a number and a gradient of the same shape.
     NumericalError : a loss or gradient that is not finite.
     """
-    if method not in METHODS:
-        raise UserError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
-    search = _Search(loss, coefficients, callback)
+    optimiser, search = _optimiser(method), _Search(loss, coefficients, callback)
     try:
-        if method == "adam":
-            adam(search, search.start, iterations, search.stepped, step)
-        else:
-            lbfgs(search, search.start, iterations, search.stepped)
+        optimiser.run(search, search.start, iterations, search.stepped)
     except KeyboardInterrupt:
         if not search.losses:
             raise
         return search.minimum(True)
     return search.minimum(False)
+
+
+def _optimiser(method: str | Optimiser) -> Optimiser:
+    if isinstance(method, str) and method in METHODS:
+        return METHODS[method]()
+    if not hasattr(method, "run") or isinstance(method, type):
+        names = ", ".join(map(repr, METHODS))
+        raise UserError(
+            f"method must be one of {names}, or an optimiser such as optics.Adam(), got {method!r}"
+        )
+    return method
 
 
 class _Search:

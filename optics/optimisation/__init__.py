@@ -24,10 +24,6 @@ if TYPE_CHECKING:
         design as design,
         transmitted_flux as transmitted_flux,
     )
-    from optics.optimisation.minimisers import (
-        adam as adam,
-        lbfgs as lbfgs,
-    )
     from optics.optimisation.objective import (
         Objective as Objective,
     )
@@ -76,10 +72,6 @@ _FILES = {
     "loop": (
         "design",
         "transmitted_flux",
-    ),
-    "minimisers": (
-        "adam",
-        "lbfgs",
     ),
     "objective": ("Objective",),
     "rear_light": ("RearLight",),

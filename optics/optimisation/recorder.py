@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.optimisation.bounded_variables import BoundedVariables
-from optics.optimisation.minimisers import adam, lbfgs
 from optics.optimisation.stage_plan import PROBES
 from optics.optimisation.state import Row, State
+from optics.optimisers import LBFGS, Adam
 from optics.runtime import NumericalError
 from thbcad.surfaces import THBSurface
 
@@ -118,10 +118,11 @@ class Recorder:
                 self.precondition()
             zeros = self._variables.zeros()
             if options.method == "adam":
-                steps = adam(self, zeros, iterations, self._keep_best, options.step)
+                steps = Adam(options.step).run(self, zeros, iterations, self._keep_best)
             else:
                 enough = LEAST_DECREASE * first.loss if self._gone_on else None  # scipy compares with 1
-                steps = lbfgs(self, zeros, iterations, self._stop_where_flat, options.memory, enough)
+                method = LBFGS(options.memory, enough)
+                steps = method.run(self, zeros, iterations, self._stop_where_flat)
             if steps >= iterations:
                 self.fall = self._fall_per_step()
         except KeyboardInterrupt:

@@ -79,10 +79,10 @@ class Backend:
         give_back_memory()
 
 
-def load_backend(precision: str = "double", threads: int = 0) -> Backend:
+def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     """Load Dr.Jit's LLVM backend.
 
-    threads : number of threads, 0 for all cores.
+    threads : number of threads, 0 for all cores, None for as many as before.
 
     Raises
     ------
@@ -92,7 +92,8 @@ def load_backend(precision: str = "double", threads: int = 0) -> Backend:
     os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
     drjit = loaded("drjit")
     types = import_module("drjit.llvm.ad")
-    drjit.set_thread_count(threads or _cores())
+    if threads is not None:
+        drjit.set_thread_count(threads or _cores())
     name, dtype, resolution = PRECISIONS[precision]
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
 

@@ -1,0 +1,41 @@
+"""Optimisers of a function with its gradient behind one interface: first-order steps, line search, L-BFGS."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.optimisers.gradient_steps import (
+        Adam as Adam,
+        GradientDescent as GradientDescent,
+        Momentum as Momentum,
+        RMSProp as RMSProp,
+    )
+    from optics.optimisers.iterations import (
+        Callback as Callback,
+        Function as Function,
+        Optimiser as Optimiser,
+    )
+    from optics.optimisers.line_search import (
+        LineSearch as LineSearch,
+    )
+    from optics.optimisers.quasi_newton import (
+        LBFGS as LBFGS,
+    )
+
+_FILES = {
+    "gradient_steps": (
+        "Adam",
+        "GradientDescent",
+        "Momentum",
+        "RMSProp",
+    ),
+    "iterations": (
+        "Callback",
+        "Function",
+        "Optimiser",
+    ),
+    "line_search": ("LineSearch",),
+    "quasi_newton": ("LBFGS",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
