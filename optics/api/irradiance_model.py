@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optics.api.coefficient_vectors import Coefficients, image_of, packed, vectors
+from optics.optimisation import vertex_knots
+from optics.runtime import UserError
 
 if TYPE_CHECKING:
     from optics.engines import LightModel
@@ -101,6 +103,30 @@ class Model:
             image, slope = self._light.push_forward(at, along)
         return self._shown(image), self._shown(slope)
 
+    def vertex_gradients(
+        self, coefficients: Coefficients, slope: ArrayLike, counts: tuple[int, int] = (449, 449)
+    ) -> Coefficients:
+        """Return the derivative of a loss by the heights of a grid of vertices over every free surface.
+
+        It is what refinement by vertex gradients looks at (thesis 6.2).
+
+        slope : dL/dE, (rows, columns).
+        counts : of vertices in x and y, from border to border.  The result is (nx, ny); of two free surfaces
+            a tuple, front first.
+
+        Raises
+        ------
+        UserError : as of a call, or a dL/dE of another shape.
+        """
+        at = vectors(coefficients, self._spaces)
+        bar = self._scale * image_of(slope, self.shape, "dL/dE")
+        if len(counts) != 2 or not all(isinstance(n, int) and n >= 2 for n in counts):
+            raise UserError(f"counts must be two whole numbers from 2 on, got {counts!r}")
+        with DEVICE:
+            screen = self._light.screen
+            knots = [vertex_knots(_half_width(space), counts) for space in self._spaces]
+            return packed(self._light.light(at).vertex_gradients(screen.pad(bar), 0.0, knots))
+
     def loss(self, coefficients: Coefficients) -> tuple[float, Coefficients]:
         """Return the project's own loss and its gradient, see `optics.optimisation.Objective`.
 
@@ -114,3 +140,7 @@ class Model:
 
     def _shown(self, image: Floats) -> Floats:
         return self._scale * self._light.screen.crop(image)
+
+
+def _half_width(space: THBSpace) -> tuple[float, float]:
+    return space.kv_u.stop, space.kv_v.stop

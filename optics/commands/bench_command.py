@@ -7,10 +7,13 @@ import sys
 from argparse import Namespace
 from datetime import date
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
+from types import ModuleType
 
 from optics.commands.outcome import Outcome
 from optics.runtime import (
+    Row,
     StoredRows,
     UserError,
     machine,
@@ -22,6 +25,8 @@ from optics.runtime import (
     table,
 )
 from thbcad.io import write_text
+
+PARTS = ("quick", "only", "resume")  # options of benchmarks that can be run in part
 
 
 def bench(options: Namespace) -> Outcome:
@@ -35,14 +40,32 @@ def bench(options: Namespace) -> Outcome:
         names = ", ".join(sorted(modules)) or "none, run from a checkout"
         wrong = f"there is no benchmark {options.name!r}" if options.name else "bench needs a name"
         raise UserError(f"{wrong}; this installation has: {names}")
-    sys.path.insert(0, str(checkout()))
-    module = modules[options.name].relative_to(checkout()).with_suffix("")
-    rows = import_module(".".join(module.parts)).rows()
+    rows = _measured(options, _loaded(modules[options.name]))
     plain, lines = [row.plain() for row in rows], [machine(), *table(rows)]
     if options.store:
         stored = StoredRows(options.name, date.today().isoformat(), machine_facts(), plain)
         lines.append(f"stored in {store_rows(stored, checkout() / 'docs' / 'data')}")
     return Outcome(plain, lines, all(row.ok for row in rows))
+
+
+def _loaded(path: Path) -> ModuleType:
+    """Return a module of the checkout."""
+    sys.path.insert(0, str(checkout()))
+    return import_module(".".join(path.relative_to(checkout()).with_suffix("").parts))
+
+
+def _measured(options: Namespace, module: ModuleType) -> list[Row]:
+    """Return the rows of a benchmark, and let one with own pages write them where rows are stored."""
+    given = {name: getattr(options, name) for name in PARTS if getattr(options, name)}
+    unknown = [f"--{name}" for name in given if name not in signature(module.rows).parameters]
+    if unknown:
+        raise UserError(f"bench {options.name} has no parts: leave out {', '.join(unknown)}")
+    if options.store and given.keys() & {"quick", "only"}:
+        raise UserError("--store keeps a whole run: leave out --quick and --only")
+    rows: list[Row] = module.rows(**given)
+    if options.store and hasattr(module, "publish"):
+        module.publish()
+    return rows
 
 
 def checkout() -> Path:
@@ -59,12 +82,22 @@ def benchmark_page(root: Path) -> str:
     return rows_page([*stored.values()], {name: _sentence(modules[name]) for name in stored})
 
 
+def own_pages(path: Path) -> dict[Path, str]:
+    """Return the pages that a benchmark writes itself, from what it stored."""
+    if "\ndef pages(" not in path.read_text("utf-8"):
+        return {}
+    pages: dict[Path, str] = _loaded(path).pages()
+    return pages
+
+
 def _write_pages(root: Path, modules: dict[str, Path]) -> Outcome:
     """Write docs/benchmarks.md and refresh the marked numbers of the README and the pages of docs."""
     stored = read_rows(root / "docs" / "data")
     if not stored:
         raise UserError("there are no stored rows in docs/data of a checkout; run thbcad bench NAME --store")
     new = {root / "docs" / "benchmarks.md": benchmark_page(root)}
+    for name in stored:
+        new |= own_pages(modules[name])
     for path in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
         new.setdefault(path, refreshed(path.read_text("utf-8"), stored))
     changed = [path for path, text in new.items() if not path.exists() or path.read_text("utf-8") != text]

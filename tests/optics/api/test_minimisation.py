@@ -88,5 +88,5 @@ def test_a_bad_loss_gets_one_sentence(loss, error, sentence):
 
 
 def test_an_unknown_method_is_refused():
-    with pytest.raises(optics.UserError, match="method must be one of 'lbfgs', 'adam', or an .*'newton'"):
+    with pytest.raises(optics.UserError, match=r"method must be one of 'lbfgs', 'adam', or an .*'newton'"):
         optics.minimise(bowl, np.zeros(3), "newton")

@@ -69,6 +69,25 @@ def test_derivatives_agree_with_each_other_and_with_differences(tmp_path, name):
     assert dot(gradient, d) == pytest.approx(differences, abs=1e-7 * abs(differences) + 1e-9 * value / h)
 
 
+@pytest.mark.parametrize("name", ["cells", "two free surfaces", "glowing area"])
+def test_vertex_gradients_move_planes_as_coefficients_do(tmp_path, name):
+    """A plane lies both in the space of the sag and in that of the vertices."""
+    changes, window = CASES[name]
+    system = small_system(tmp_path, changes)
+    space = system.space()
+    model, c = system.model(space, RAYS, window), at_of(space)
+    weights = np.random.default_rng(4).standard_normal(model.shape)
+    pulled, vertices = model.vjp(c)[1](weights), model.vertex_gradients(c, weights, (21, 31))
+    tuples = isinstance(space, tuple)
+    for s, by_net, by_vertex in zip(*((row if tuples else (row,)) for row in (space, pulled, vertices))):
+        x, y = (np.linspace(kv.start, kv.stop, n) for kv, n in ((s.kv_u, 21), (s.kv_v, 31)))
+        u, v = np.meshgrid(s.kv_u.greville(), s.kv_v.greville(), indexing="ij")
+        for plane in (lambda a, b: 1 + 0 * a, lambda a, b: a - 0.3 * b):
+            wanted = by_net @ plane(u, v).ravel()
+            got = np.sum(by_vertex * plane(x[:, None], y[None, :]))
+            assert got == pytest.approx(wanted, abs=1e-9 * np.abs(by_net).sum() * np.ptp(x))
+
+
 def test_the_flux_of_the_irradiance_is_that_of_the_trace(tmp_path):
     system = small_system(tmp_path)
     space = system.space()
@@ -135,6 +154,8 @@ def test_models_may_be_called_from_several_threads(tmp_path):
         (lambda s, m, c: m("abc"), "must be numbers, got str"),
         (lambda s, m, c: m.jvp(c, c[1:]), r"the direction of the rear must have the shape \(49,\)"),
         (lambda s, m, c: m.vjp(c)[1](np.zeros((3, 3))), r"dL/dE must have the shape \(48, 48\)"),
+        (lambda s, m, c: m.vertex_gradients(c, np.zeros((3, 3))), r"dL/dE must have the shape \(48, 48\)"),
+        (lambda s, m, c: m.vertex_gradients(c, 0 * m.target, (1, 9)), "counts must be two whole numbers"),
         (lambda s, m, c: s.space(-1), "level must be a whole number from 0"),
         (lambda s, m, c: s.model(s.space(), rays=0), "rays must be two whole numbers"),
         (lambda s, m, c: s.model(s.space(), rays=(1 << 20, 1 << 20)), "take fewer"),

@@ -1,0 +1,120 @@
+"""The studies of the thesis: gradients, optimisers, constraints, nets, networks, refinement, and its lenses.
+
+A. N. M. Heemels, Composing Light, Delft University of Technology, 2025.  Every study is a module with its
+runs, its pictures, and a section of a page that judges the thesis's claims by the numbers of the runs.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import cast
+
+from benchmarks.checkout import ROOT
+from benchmarks.thesis.pages import Section, choices_text, section_text, verdicts_text
+from benchmarks.thesis.records import Found, RunFolder, Study, completed
+from optics.runtime import Row, UserError
+from thbcad.io import json_text, write_bytes, write_text
+
+STUDIES = {}
+CHAPTERS = {  # number: title, studies
+    2: ("Chapter 2: small optical figures", (9,)),
+    4: ("Chapter 4: gradients, optimisers, constraints", (1, 2, 3)),
+    5: ("Chapter 5: fixed nets, and networks as parametrisation", (4, 5)),
+    6: ("Chapter 6: refinement, the pearl, the extended source", (6, 7, 8)),
+    7: ("Chapter 7: light from several sources", (10,)),
+}
+LIMITS = {True: 600, False: 7200}  # seconds of the quick set and of the full one
+BUILD = ROOT / "build" / "thesis"
+PAGES = ROOT / "docs" / "thesis"
+STORED = "results.json"  # of PAGES: the numbers of all runs
+INTRODUCTION = """\
+# The studies of the thesis
+
+A. N. M. Heemels, *Composing Light* (Delft University of Technology, 2025) shapes lenses by differentiable
+ray tracing and gradual refinement. Its studies are run here with this project's exact tracer, and its claims
+are judged by numbers. `thbcad bench thesis` runs them all, `thbcad bench thesis --quick` a small version of
+each, and `--only 4` one of them; `--resume` goes on with the runs that are missing. All pages here are
+written by `thbcad bench thesis --store`. Problem files and scripts lie in
+[examples/thesis](../../examples/thesis). Misprints of the thesis are listed in
+[corrections](../corrections.md).
+"""
+
+
+def rows(quick: bool = False, only: int | None = None, resume: bool = False) -> list[Row]:
+    """Run the studies, write their pages into build/thesis, and return times and verdicts."""
+    if only is not None and only not in STUDIES:
+        raise UserError(f"--only must be one of {', '.join(map(str, STUDIES))}, got {only}")
+    folder = BUILD / ("quick" if quick else "full")
+    chosen = STUDIES if only is None else (only,)
+    table, sections = [], {}
+    for number in chosen:
+        study = _study(number)
+        runs = RunFolder(folder / str(number))
+        if not resume:
+            runs.clear()
+        results = completed(study, quick, runs)
+        sections[number] = section = study.section(results)
+        for name, png in study.pictures(results):
+            write_bytes(_made(folder / "pages") / f"{name}.png", png)
+        table += _rows(study, section, results)
+    for name, text in _texts(sections).items():
+        write_text(_made(folder / "pages") / name, text)
+    print(f"pages: {folder / 'pages'}", file=sys.stderr)
+    seconds = sum(row.value for row in table if row.unit == "s")
+    return [*table, Row("all", seconds, "s", limit=LIMITS[quick] if only is None else None)]
+
+
+def publish() -> list[Path]:
+    """Write docs/thesis from the full set of runs, and return the paths."""
+    results = {n: completed(_study(n), False, RunFolder(BUILD / "full" / str(n))) for n in STUDIES}
+    numbers = {n: {name: found.numbers for name, found in runs.items()} for n, runs in results.items()}
+    write_text(_made(PAGES) / STORED, json_text(numbers))
+    for n, runs in results.items():
+        for name, png in _study(n).pictures(runs):
+            write_bytes(PAGES / f"{name}.png", png)
+    texts = pages()
+    for path, text in texts.items():
+        write_text(path, text)
+    return [*texts]
+
+
+def pages() -> dict[Path, str]:
+    """Return the text of every page of docs/thesis, from the stored numbers."""
+    stored = json.loads((PAGES / STORED).read_text("utf-8"))
+    results = {int(n): {name: Found(numbers) for name, numbers in runs.items()} for n, runs in stored.items()}
+    sections = {n: _study(n).section(runs) for n, runs in results.items()}
+    return {PAGES / name: text for name, text in _texts(sections).items()}
+
+
+def _texts(sections: dict[int, Section]) -> dict[str, str]:
+    """Return the pages by their names."""
+    out, links = {}, []
+    for chapter, (title, numbers) in CHAPTERS.items():
+        present = [sections[n] for n in numbers if n in sections]
+        if present:
+            out[f"chapter{chapter}.md"] = "\n".join([f"# {title}\n", *map(section_text, present)])
+            links.append(f"- [{title}](chapter{chapter}.md)")
+    whole = [sections[n] for n in sorted(sections)]
+    parts = [INTRODUCTION, "\n".join(links) + "\n", "## Verdicts\n", verdicts_text(whole), "## Choices\n"]
+    out["README.md"] = "\n".join([*parts, choices_text(whole)])
+    return out
+
+
+def _rows(study: Study, section: Section, results: dict[str, Found]) -> list[Row]:
+    """Return the time of a study, and how many of its claims hold, fail and cannot be judged."""
+    words = [claim.word for claim in section.claims]
+    seconds = sum(found.numbers["seconds"] for found in results.values())
+    head = Row(f"study {study.NUMBER}: {study.TITLE}", seconds, "s", f"{len(results)} runs")
+    return [head, *(Row(f"  claims: {word}", words.count(word)) for word in dict.fromkeys(words))]
+
+
+def _study(number: int) -> Study:
+    return cast(Study, import_module(f"benchmarks.thesis.{STUDIES[number]}"))
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
