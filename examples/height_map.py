@@ -10,6 +10,7 @@ Run: python examples/height_map.py [picture.png]
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from matplotlib.patches import Rectangle
 GRID = np.linspace(0, 1, 225)  # N = M vertices (6.1)
 LEVELS = 5
 ALPHA = 0.5  # threshold of (6.3)
+Mean = Callable[[THBSpace, NDArray[np.float64]], NDArray[np.float64]]  # the indicators' mean, for every cell
 
 
 def height_map(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -41,16 +43,26 @@ def height_map(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.flo
     return hill + rim + knoll + valley
 
 
-def mark(surface: THBSurface, samples: Samples) -> dict[int, NDArray[np.int64]]:
-    """Return the leaf cells whose sum of vertex gradients (6.2) exceeds ALPHA times the mean over the leaf
-    cells (6.3).
+def indicator(surface: THBSurface, samples: Samples) -> NDArray[np.float64]:
+    """Return the sums of the vertex gradients in the leaf cells (6.2), (cells,), times the loss.
 
     The gradient of the loss (6.4) by a vertex height is the residual there over the loss.
     """
-    space = surface.space
     residual = np.abs(surface(samples.u, samples.v) - samples.values)
-    indicator = np.bincount(space.locate(samples.u, samples.v), residual, len(space.cells))
-    chosen = space.cells[indicator > ALPHA * indicator.mean()]
+    return np.bincount(surface.space.locate(samples.u, samples.v), residual, len(surface.space.cells))
+
+
+def leaf_mean(space: THBSpace, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean over all leaf cells, for every cell."""
+    return np.full(len(space.cells), sums.mean())
+
+
+def mark(
+    surface: THBSurface, samples: Samples, alpha: float = ALPHA, mean: Mean = leaf_mean
+) -> dict[int, NDArray[np.int64]]:
+    """Return the leaf cells whose indicator exceeds alpha times a mean (6.3)."""
+    space, sums = surface.space, indicator(surface, samples)
+    chosen = space.cells[sums > alpha * mean(space, sums)]
     return {level: chosen[chosen[:, 0] == level, 1:] for level in np.unique(chosen[:, 0]).tolist()}
 
 

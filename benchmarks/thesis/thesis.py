@@ -18,7 +18,11 @@ from benchmarks.thesis.records import Found, RunFolder, Study, completed
 from optics.runtime import Row, UserError
 from thbcad.io import json_text, write_bytes, write_text
 
-STUDIES = {}
+STUDIES = {
+    6: "chapter6.height_map",
+    9: "chapter2.small_figures",
+    10: "chapter7.several_sources",
+}
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),
     4: ("Chapter 4: gradients, optimisers, constraints", (1, 2, 3)),
