@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     )
     from optics.deconvolution.comparison import (
         CASES as CASES,
+        Response as Response,
         compare as compare,
     )
     from optics.deconvolution.deconvolution import (
@@ -46,6 +47,7 @@ _FILES = {
     ),
     "comparison": (
         "CASES",
+        "Response",
         "compare",
     ),
     "deconvolution": (

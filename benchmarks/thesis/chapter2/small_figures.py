@@ -222,7 +222,7 @@ def _angles(results: Results) -> Table:
         critical = "none" if n["critical"] is None else f"{n['critical']:.2f}"
         angles = (f"{n['brewster']:.2f}", f"{n['at_brewster']:.12f}", critical)
         rows.append((name, f"{n['normal']:.4f}", *angles, f"{n['tracer']:.1e}"))
-    head = ("face", "T at 0 degrees", "Brewster angle", "T_p there", "critical angle", "tracer less formula")
+    head = ("face", "T at 0 degrees", "Brewster angle", "T_p there", "critical angle", "tracer minus formula")
     return Table("Figure 2.3 in numbers; angles in degrees.", head, rows)
 
 
