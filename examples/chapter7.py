@@ -133,7 +133,7 @@ def methods(responses: Mapping[str, Response]) -> Figure:
     figure, axes = plt.subplots(4, 2, figsize=(7.5, 13), layout="constrained")
     for (left, right), (name, response) in zip(axes, responses.items()):
         _image(left, response.image, f"{name}: residual {response.residual:.3f}")
-        _image(right, response.light, f"response, least {response.least:.2g} of the greatest")
+        _image(right, response.light, f"response, least {response.least:.2f} of the greatest")
     return figure
 
 
