@@ -6,16 +6,20 @@ from io import StringIO
 
 import pytest
 
-from optics.commands import benchmark_page
+from optics.commands import benchmark_page, own_pages
 from optics.problem import load_problem
 from optics.runtime import marked_numbers, read_rows, without_marked_numbers
 from tests.cases import EXAMPLES, ROOT
 
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
 ]
-QUOTING = [page for page in PAGES if page.name not in ("CONTRIBUTING.md", "CHANGELOG.md", "benchmarks.md")]
+STUDIES = ROOT / "docs" / "thesis"
+WRITTEN = [ROOT / "docs" / "benchmarks.md", *STUDIES.glob("*.md")]  # by a program
+QUOTING = [
+    page for page in PAGES if page.name not in ("CONTRIBUTING.md", "CHANGELOG.md") and page not in WRITTEN
+]
 STORED = read_rows(ROOT / "docs" / "data")
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TOML = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -104,6 +108,20 @@ def test_no_ratio_sets_box_pixels_against_a_window():
 
 def test_the_page_of_benchmarks_is_that_of_the_stored_rows():
     assert (ROOT / "docs" / "benchmarks.md").read_text("utf-8") == benchmark_page(ROOT)
+
+
+def test_the_pages_of_the_studies_are_those_of_the_stored_runs():
+    pages = own_pages(ROOT / "benchmarks" / "thesis" / "thesis.py")
+    assert set(pages) == set(STUDIES.glob("*.md"))
+    assert [path.name for path, text in pages.items() if path.read_text("utf-8") != text] == []
+
+
+def test_every_picture_of_the_studies_is_on_a_page():
+    """That every picture of a page exists is a matter of links."""
+    named = {target for page in STUDIES.glob("*.md") for target in LINK.findall(page.read_text("utf-8"))}
+    pictures = {path.name for path in STUDIES.glob("*.png")}
+    assert pictures != set()
+    assert pictures <= named
 
 
 def table_rows(page):

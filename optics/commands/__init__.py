@@ -7,6 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.commands.bench_command import (
         benchmark_page as benchmark_page,
+        own_pages as own_pages,
     )
     from optics.commands.cli import (
         entry as entry,
@@ -14,7 +15,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "bench_command": ("benchmark_page",),
+    "bench_command": (
+        "benchmark_page",
+        "own_pages",
+    ),
     "cli": (
         "entry",
         "main",

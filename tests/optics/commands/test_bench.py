@@ -23,6 +23,28 @@ def rows():
     return [*first, Row("worst", float("inf"), "", "", 1), Row("ratio", 3.0, "", "by a law", **light)]
 '''
 
+PARTS = '''"""Can be run in part, and has own pages."""
+
+from pathlib import Path
+
+from optics.runtime import Row
+
+PAGES = Path(__file__).parents[1] / "docs" / "own"
+
+
+def rows(quick=False, only=None, resume=False):
+    return [Row("quick", quick), Row("only", only or 0), Row("resume", resume)]
+
+
+def publish():
+    PAGES.mkdir()
+    (PAGES / "numbers.txt").write_text("42")
+
+
+def pages():
+    return {PAGES / "page.md": "The number is " + (PAGES / "numbers.txt").read_text()}
+'''
+
 
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
@@ -40,9 +62,16 @@ def checkout(tmp_path, monkeypatch):
     for name in others:
         del sys.modules[name]
     yield tmp_path
-    for name in ("benchmarks", "benchmarks.tiny"):
+    for name in ("benchmarks", "benchmarks.tiny", "benchmarks.parts"):
         sys.modules.pop(name, None)
     sys.modules.update(others)
+
+
+@pytest.fixture
+def parts(checkout):
+    """A checkout with a second benchmark, which can be run in part and writes its own pages."""
+    (checkout / "benchmarks" / "parts.py").write_text(PARTS)
+    return checkout
 
 
 def test_rows_are_stored_as_they_are_printed(checkout, capsys):
@@ -112,6 +141,40 @@ def test_bad_use_is_one_sentence(checkout, capsys, arguments, reason):
     message = capsys.readouterr().err
     assert reason in message
     assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["tiny", "--quick"], "bench tiny has no parts: leave out --quick"),
+        (["tiny", "--only", "4", "--resume"], "bench tiny has no parts: leave out --only, --resume"),
+        (["parts", "--quick", "--store"], "--store keeps a whole run: leave out --quick and --only"),
+        (["parts", "--only", "4", "--store"], "--store keeps a whole run: leave out --quick and --only"),
+    ],
+)
+def test_parts_are_for_benchmarks_that_have_them_and_never_stored(parts, capsys, arguments, reason):
+    assert main(["bench", *arguments]) == 2
+    assert capsys.readouterr().err == f"thbcad: {reason}\n"
+    assert not (parts / "docs" / "data").exists()
+
+
+def test_a_benchmark_gets_the_parts_that_are_asked_for(parts, capsys):
+    assert main(["bench", "parts", "--quick", "--only", "4", "--resume", "--json"]) == 0
+    assert [row["value"] for row in json.loads(capsys.readouterr().out)] == [True, 4, True]
+    assert main(["bench", "parts", "--json"]) == 0
+    assert [row["value"] for row in json.loads(capsys.readouterr().out)] == [False, 0, False]
+
+
+def test_own_pages_are_published_when_rows_are_stored_and_written_from_what_was_published(parts, capsys):
+    assert main(["bench", "parts", "--resume"]) == 0
+    assert not (parts / "docs" / "own").exists()
+    assert main(["bench", "parts", "--store", "--resume"]) == 0
+    assert (parts / "docs" / "own" / "numbers.txt").exists()
+    main(["bench", "tiny", "--store"])  # the pages of the checkout quote it
+    capsys.readouterr()
+    assert main(["bench", "--markdown"]) == 0
+    assert "wrote docs/own/page.md" in capsys.readouterr().out
+    assert (parts / "docs" / "own" / "page.md").read_text() == "The number is 42"
 
 
 @pytest.mark.parametrize("text", ["[]", "no json", '{"date": "", "machine": {}, "rows": [{"name": "a"}]}'])
