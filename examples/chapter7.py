@@ -91,7 +91,7 @@ def rectangles(splits: Sequence[int] = SPLITS) -> Figure:
 
     The first source is at 0, so that the pieces of its light are pieces of the rectangle.
     """
-    figure, axes = plt.subplots(2, 2, figsize=(10, 5), sharex=True, sharey=True, layout="constrained")
+    figure, axes = plt.subplots(2, 2, figsize=(10, 5.5), sharex=True, sharey=True, layout="constrained")
     x = np.linspace(-0.6, 0.6, 4801)
     wanted, *panels = axes.ravel()
     wanted.fill_between(x, np.abs(x) <= 0.5, step="mid", color="0.6")
