@@ -73,6 +73,7 @@ QUICK = \
 	tests/optics/transport \
 	tests/optics/verification/test_step_checks.py \
 	tests/optics/view \
+	tests/thesis \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/parts/test_search.py \

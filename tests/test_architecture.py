@@ -42,7 +42,8 @@ FLOORS = [
     ["optics.commands"],
     ["optics"],
     ["oracles"],
-    ["benchmarks", "tests", "examples"],
+    ["examples"],
+    ["benchmarks", "tests"],
 ]
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 SINGLE_FILES = {"thbcad.doors", "thbcad.checks"}  # rooms of one file, which is its own door

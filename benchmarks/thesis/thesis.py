@@ -18,7 +18,11 @@ from benchmarks.thesis.records import Found, RunFolder, Study, completed
 from optics.runtime import Row, UserError
 from thbcad.io import json_text, write_bytes, write_text
 
-STUDIES = {}
+STUDIES = {
+    1: "chapter4.gradients",
+    2: "chapter4.optimisers",
+    3: "chapter4.constraints",
+}
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),
     4: ("Chapter 4: gradients, optimisers, constraints", (1, 2, 3)),
