@@ -1,6 +1,6 @@
-"""Bounds c = b r(w) and penalties mu p(c) on the coefficients c of a lens, with derivatives (thesis 4.4).
+"""Bounds c = b r(w) and penalties mu p(c) on the coefficients of a lens (thesis 4.4), with derivatives.
 
-Infinity is outside.  Run: python examples/thesis/constraints.py
+Run: python examples/thesis/constraints.py
 """
 
 from pathlib import Path
@@ -9,7 +9,6 @@ import numpy as np
 
 import optics
 
-PROBLEM = Path(__file__).parent / "optimisers.toml"
 RANGES = {
     "tanh": lambda w: (np.tanh(w), 1 - np.tanh(w) ** 2),
     "arctan": lambda w: (2 / np.pi * np.arctan(w), 2 / np.pi / (1 + w**2)),
@@ -44,7 +43,7 @@ PENALTIES = {"Tikhonov": tikhonov, "smoothness": smoothness, "barrier": barrier,
 
 def main(name="tanh", bound=0.5, iterations=40, rays=(257, 257)):
     """Return the misfit of a lens behind a range function, and its greatest |c| / b."""
-    system = optics.System(optics.load_problem(PROBLEM))
+    system = optics.System(optics.load_problem(Path(__file__).with_name("optimisers.toml")))
     model, start = system.model(system.space(), rays), np.zeros(system.space().dim)
 
     def loss(w):

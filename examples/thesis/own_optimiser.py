@@ -1,8 +1,7 @@
 """An own optimiser: any object with a method `run` will do (thesis 4.2).
 
 A step along the negative gradient is kept only where the loss falls.  The next one is then longer, or else
-shorter.  The lens is that of `optimisers.toml`; an arctangent bounds its coefficients.
-Run: python examples/thesis/own_optimiser.py
+shorter.  An arctangent bounds the coefficients.  Run: python examples/thesis/own_optimiser.py
 """
 
 from dataclasses import dataclass

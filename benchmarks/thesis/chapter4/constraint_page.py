@@ -43,22 +43,19 @@ def _text(rows: Rows) -> list[str]:
     free, own = rows[FREE], rows[OWN]
     return [
         "The thesis defines bounds and penalties and shows no run. Here they work on the lens of study 2. "
-        "L-BFGS "
-        f"has {free['evaluations']} evaluations. The forms are in "
+        f"L-BFGS has {free['evaluations']} evaluations. The forms are in "
         "[constraints.py](../../examples/thesis/constraints.py).",
         f"Without a bound the greatest coefficient is {free['greatest']:.2f} mm. The bound b is half of "
-        f"that, "
-        f"{own['bound']:.2f} mm, so that it binds. It bounds the thickness of the net too, from both sides.",
+        f"that, {own['bound']:.2f} mm, so that it binds. It bounds the thickness of the net too, from both "
+        "sides.",
         "Penalties: Tikhonov ||c||^2 (4.35), smoothness ||L c||^2 with the discrete Laplacian L of the net "
         "(4.36), the barrier -log(b - c) - log(b + c) (4.37, 4.38), the entropy sum p log p of p = (c + "
-        "b)/(2 b) "
-        "(4.39), and this project's bending energy h^2 mean |D^2 s|^2. Each has a weight mu.",
-        "The product keeps its own range function, the bending energy, and limits. The range function y/(1 + "
-        "|y|^8)^(1/8) is the identity inside the "
-        "bound, so that coefficients which do not meet the bound are not bent. Its bending energy does not "
-        "depend on the net. Limits of thickness, radius and slope are charged by an augmented Lagrangian and "
-        "then "
-        "proven, since neither a penalty nor a bound of coefficients proves what a manufacturer asks for.",
+        "b)/(2 b) (4.39), and this project's bending energy h^2 mean |D^2 s|^2. Each has a weight mu.",
+        "The product keeps its own range function, the bending energy, and limits. The range function y/(1 "
+        "+ |y|^8)^(1/8) is the identity inside the bound, so that coefficients which do not meet the bound "
+        "are not bent. Its bending energy does not depend on the net. Limits of thickness, radius and "
+        "slope are charged by an augmented Lagrangian and then proven, since neither a penalty nor a bound "
+        "of coefficients proves what a manufacturer asks for.",
     ]
 
 
@@ -79,8 +76,7 @@ def _bound_claims(rows: Rows) -> list[Claim]:
             "All designs use the arctangent; tanh or arctan will do.",
             "4.4.1, (5.3)",
             f"Misfits, and coefficients at the bound: {ends}. Lowest is {best} (holds where that is arctan "
-            f"or "
-            "tanh).",
+            "or tanh).",
             best in ("arctan", "tanh"),
         ),
     ]
@@ -99,19 +95,17 @@ def _penalty_claims(rows: Rows) -> list[Claim]:
             f"From mu {tikhonov[0]['mu']:g} to {tikhonov[-1]['mu']:g} the rms of c goes from "
             f"{tikhonov[0]['size']:.3f} to {tikhonov[-1]['size']:.3f} mm and the misfit from "
             f"{tikhonov[0]['misfit']:.3f} to {tikhonov[-1]['misfit']:.3f} (holds where the rms falls). It "
-            f"does not "
-            f"bound: the greatest |c|/b is {tikhonov[0]['ratio']:.2f} at the smallest mu.",
+            f"does not bound: the greatest |c|/b is {tikhonov[0]['ratio']:.2f} at the smallest mu.",
             tikhonov[-1]["size"] < tikhonov[0]["size"],
         ),
         Claim(
             "A discrete Laplacian in the penalty makes the solution smooth.",
             "(4.36)",
             f"Roughness goes from {smooth[0]['roughness']:.3f} to {smooth[-1]['roughness']:.3f} and the "
-            f"misfit from "
-            f"{smooth[0]['misfit']:.3f} to {smooth[-1]['misfit']:.3f} (holds where roughness falls). The "
-            f"bending "
-            f"energy goes from {bending[0]['roughness']:.3f} to {bending[-1]['roughness']:.3f}, and from "
-            f"{bending[0]['misfit']:.3f} to {bending[-1]['misfit']:.3f}.",
+            f"misfit from {smooth[0]['misfit']:.3f} to {smooth[-1]['misfit']:.3f} (holds where roughness "
+            f"falls). The bending energy goes from {bending[0]['roughness']:.3f} to "
+            f"{bending[-1]['roughness']:.3f}, and from {bending[0]['misfit']:.3f} to "
+            f"{bending[-1]['misfit']:.3f}.",
             smooth[-1]["roughness"] < smooth[0]["roughness"],
         ),
         Claim(
@@ -125,10 +119,8 @@ def _penalty_claims(rows: Rows) -> list[Claim]:
             "The barrier is added to the loss without a weight.",
             "(4.38)",
             f"With weight {printed['mu']:g} the misfit stays at {printed['misfit']:.3f}; with "
-            f"{barrier[0]['mu']:g} to "
-            f"{barrier[-2]['mu']:g} the least is {min(row['misfit'] for row in barrier[:-1]):.3f} (holds "
-            f"where the "
-            "printed form is not worse).",
+            f"{barrier[0]['mu']:g} to {barrier[-2]['mu']:g} the least is "
+            f"{min(row['misfit'] for row in barrier[:-1]):.3f} (holds where the printed form is not worse).",
             printed["misfit"] <= min(row["misfit"] for row in barrier[:-1]),
         ),
         Claim(
@@ -136,10 +128,8 @@ def _penalty_claims(rows: Rows) -> list[Claim]:
             "(4.39)",
             f"The least p is {min(row['least_p'] for row in entropy):.1e}, but entropy is finite at p = 0: "
             f"{sum(row['refused'] for row in entropy)} trials below it were refused. A bound from above it "
-            f"has "
-            f"not: the greatest |c|/b is {max(row['ratio'] for row in entropy):.2f} (holds where no trial "
-            f"was "
-            "refused).",
+            f"has not: the greatest |c|/b is {max(row['ratio'] for row in entropy):.2f} (holds where no "
+            "trial was refused).",
             sum(row["refused"] for row in entropy) == 0,
         ),
     ]
@@ -164,8 +154,7 @@ def _table(rows: Rows) -> Table:
     head = ("form", "misfit", "roughness", "greatest abs(c)/b", "at or beyond 0.99 b", "evaluations to 1.1 x")
     return Table(
         "Every form: the misfit of the lens of least loss, its roughness and coefficients, the evaluations "
-        "until "
-        "1.1 times its misfit, trials outside that were refused, and figures of merit on fresh rays.",
+        "until 1.1 times its misfit, trials outside that were refused, and figures of merit on fresh rays.",
         (*head, "refused", "rel_l2", "efficiency", "stray"),
         body,
     )
@@ -175,9 +164,7 @@ def _choices() -> list[Choice]:
     return [
         Choice("a problem for section 4.4 (none in the thesis)", "that of study 2, half the sag it asks for"),
         Choice("weights mu", "decades, from hardly felt to dominant"),
-        Choice(
-            "L of (4.36)", "the five-point Laplacian of the net; its border has the neighbours that exist"
-        ),
+        Choice("L of (4.36)", "the five-point Laplacian of the net, with the neighbours that exist"),
         Choice("(4.38) is printed for p > b with the sign of p < b, and without mu", "both sides, with mu"),
         Choice("the positive quantity of (4.39)", "p = (c + b)/(2 b)"),
     ]

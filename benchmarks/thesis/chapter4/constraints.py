@@ -173,10 +173,10 @@ def _tradeoff_picture(results: Results) -> bytes:
             ax.loglog(
                 [row[key] for row in rows], [row["misfit"] for row in rows], "o-", ms=3, lw=1, label=name
             )
-    for name in (FREE, *(SQUASHED + kind for kind in RANGES)):
+    for name, mark in zip((FREE, *(SQUASHED + kind for kind in RANGES)), "*^vs"):
         row = results[name].numbers
         for ax, key in zip(axes, ("roughness", "ratio")):
-            ax.loglog(row[key], row["misfit"], "k*" if name == FREE else "^", label=name)
+            ax.loglog(row[key], row["misfit"], mark, ms=8, mec="k", mfc="none", label=name)
     axes[1].axvline(1, color="0.5", lw=0.8)
     axes[0].set(xlabel="roughness", ylabel="misfit")
     axes[1].set(xlabel="greatest |c| / b", ylabel="misfit")

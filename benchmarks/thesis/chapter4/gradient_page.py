@@ -54,9 +54,9 @@ def _text(lenses: Rows) -> list[str]:
         "[gradients.py](../../examples/thesis/gradients.py); "
         "[computational_graph.py](../../examples/thesis/computational_graph.py) has the graph.",
         f"The control runs on a freeform lens, [pearl.toml](../../examples/pearl.toml), with {sizes} "
-        "coefficients. The loss is the misfit of the irradiance. Reverse mode is timed for all coefficients. "
-        f"Forward mode and central differences are timed for {lenses[0]['directions']} of them and "
-        "extrapolated.",
+        "coefficients. The loss is the misfit of the irradiance. Reverse mode is timed for all "
+        f"coefficients. Forward mode and central differences are timed for {lenses[0]['directions']} of "
+        "them and extrapolated.",
     ]
 
 
@@ -83,8 +83,8 @@ def _thin_claims(thin: Numbers) -> list[Claim]:
             "Tables 4.2 and 4.3 list the tangents and adjoints of all nodes.",
             "Tables 4.2, 4.3",
             f"As printed, Table 4.2 gives dL/df = {tangent:.3f}, Table 4.3 dL/df = {adjoint_f:.3f} and "
-            f"dL/dd_o = {adjoint_d_o:.3f} at d_o = {TABLE:g}; right are {by_f:.3f} and {by_d_o:.3f}. "
-            "Four entries are misprinted.",
+            f"dL/dd_o = {adjoint_d_o:.3f} at d_o = {TABLE:g}; right are {by_f:.3f} and {by_d_o:.3f}. Four "
+            "entries are misprinted.",
             printed < ROUNDING,
         ),
         Claim(
@@ -132,8 +132,8 @@ def _lens_claims(lenses: Rows) -> list[Claim]:
             "Forward mode is most efficient where objectives outnumber parameters.",
             "4.3.3",
             f"The derivatives of {few['pixels']} pixels by {few['coefficients']} coefficients take "
-            f"{by_columns:.0f} s forward and {by_rows:.0f} s in reverse, both extrapolated (holds "
-            "where forward is faster).",
+            f"{by_columns:.0f} s forward and {by_rows:.0f} s in reverse, both extrapolated (holds where "
+            "forward is faster).",
             by_columns < by_rows,
         ),
         Claim(

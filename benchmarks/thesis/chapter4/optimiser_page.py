@@ -45,15 +45,13 @@ def _text(scans: Searches, searches: Searches) -> list[str]:
     adam, trials = searches["Adam"], scans["Adam"]["trials"]
     return [
         "The thesis defines its optimisers and compares none. Here all of them work on one lens, "
-        "[optimisers.toml](../../examples/thesis/optimisers.toml): a collimated beam, a square top hat, and "
-        f"one net of {adam['dof']:.0f} control points, flat at the start.",
+        "[optimisers.toml](../../examples/thesis/optimisers.toml): a collimated beam, a square top hat, "
+        f"and one net of {adam['dof']:.0f} control points, flat at the start.",
         "The loss is ||E - T|| / ||T||. The light is filtered by a Gaussian, the target is not. The "
         "coefficients are bounded by the arctangent (5.3).",
         f"The step of a method is the best of a scan over decades, {trials} evaluations each. Then every "
-        f"method "
-        f"has {adam['evaluations']} evaluations. A short scan favours large steps: a tenth of the step is "
-        f"run "
-        "too, and the better run counts. Every trial of a line search counts.",
+        f"method has {adam['evaluations']} evaluations. A short scan favours large steps: a tenth of the "
+        "step is run too, and the better run counts. Every trial of a line search counts.",
         "Three controls are not in the thesis: steps that are kept only where the loss falls "
         "([own_optimiser.py](../../examples/thesis/own_optimiser.py)), L-BFGS in the same variables, and "
         "L-BFGS in this project's variables. Those are weights of B-splines of all levels, scaled by the "
@@ -102,9 +100,8 @@ def _step_claim(scan: Numbers) -> Claim:
         "4.2",
         f"The constant step {scan['steps'][k]:g} reaches {scan['losses'][k]:.3f} in {scan['trials']} "
         f"evaluations. The smallest step, {scan['steps'][0]:g}, reaches {scan['losses'][0]:.3f}, the "
-        f"greatest, "
-        f"{scan['steps'][-1]:g}, {scan['losses'][-1]:.3f} (holds where both, and both neighbours, are "
-        "worse).",
+        f"greatest, {scan['steps'][-1]:g}, {scan['losses'][-1]:.3f} (holds where both, and both neighbours, "
+        "are worse).",
         len(around) == 2 and min(*around, scan["losses"][0], scan["losses"][-1]) > scan["losses"][k],
     )
 
@@ -113,10 +110,9 @@ def _momentum_claim(plain: Numbers, momentum: Numbers) -> Claim:
     return Claim(
         "Momentum reduces oscillation and accelerates along steady directions.",
         "4.2",
-        f"The loss rises in {momentum['rising']:.0%} of the steps with momentum and in {plain['rising']:.0%} "
-        f"without. It ends at {momentum['at_1']:.3f} with and at {plain['at_1']:.3f} without (holds where "
-        f"both "
-        "are lower with it).",
+        f"The loss rises in {momentum['rising']:.0%} of the steps with momentum and in "
+        f"{plain['rising']:.0%} without. It ends at {momentum['at_1']:.3f} with and at {plain['at_1']:.3f} "
+        "without (holds where both are lower with it).",
         momentum["rising"] < plain["rising"] and momentum["at_1"] < plain["at_1"],
     )
 
@@ -127,10 +123,8 @@ def _line_claim(line: Numbers, plain: Numbers) -> Claim:
         "Line searches find good steps, but an iteration needs several evaluations.",
         "4.2",
         f"A step takes {per_step:.1f} evaluations. After {line['steps']} steps the loss is "
-        f"{line['at_1']:.3f}; "
-        f"the constant step ends at {plain['at_1']:.3f} after {plain['steps']} (holds where a step takes "
-        f"more "
-        "than one evaluation).",
+        f"{line['at_1']:.3f}; the constant step ends at {plain['at_1']:.3f} after {plain['steps']} (holds "
+        "where a step takes more than one evaluation).",
         per_step > 1,
     )
 
