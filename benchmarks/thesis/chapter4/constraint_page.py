@@ -12,6 +12,8 @@ SQUASHED = "bounded by "
 BENDING = "bending energy"
 OWN = SQUASHED + "this project"
 ROUNDING = 1e-12  # of the bound
+GAIN = 0.5  # of the misfit without a penalty: clearly another lens
+SAME = 0.05  # of a misfit: what rounding on two threads changes in unconverged runs
 
 Rows = Mapping[str, Numbers]
 
@@ -56,14 +58,30 @@ def _text(rows: Rows) -> list[str]:
         "are not bent. Its bending energy does not depend on the net. Limits of thickness, radius and "
         "slope are charged by an augmented Lagrangian and then proven, since neither a penalty nor a bound "
         "of coefficients proves what a manufacturer asks for.",
+        _best_text(rows),
     ]
+
+
+def _best_text(rows: Rows) -> str:
+    """Return what the best of all forms gains."""
+    best, free = min(rows, key=lambda name: rows[name]["misfit"]), rows[FREE]
+    row = rows[best]
+    lesson = (
+        " So a penalty can do more than restrict: it can lead the optimiser to another lens."
+        if row["misfit"] < GAIN * free["misfit"]
+        else ""
+    )
+    return (
+        f"The least misfit of all forms is {row['misfit']:.3f}, by {best}; without bound and penalty it is "
+        f"{free['misfit']:.3f}. The roughness is {row['roughness']:.3f} and {free['roughness']:.3f}.{lesson}"
+    )
 
 
 def _bound_claims(rows: Rows) -> list[Claim]:
     squashed = {name.removeprefix(SQUASHED): row for name, row in rows.items() if name.startswith(SQUASHED)}
     ratio = max(row["ratio"] for row in squashed.values())
     ends = ", ".join(f"{name} {row['misfit']:.3f} ({row['at_bound']:.0%})" for name, row in squashed.items())
-    best = min(squashed, key=lambda name: squashed[name]["misfit"])
+    least = min(row["misfit"] for row in squashed.values())
     return [
         Claim(
             "A range function such as tanh or arctan keeps every parameter within its bounds.",
@@ -73,11 +91,11 @@ def _bound_claims(rows: Rows) -> list[Claim]:
             ratio <= 1 + ROUNDING,
         ),
         Claim(
-            "All designs use the arctangent; tanh or arctan will do.",
+            "All designs use the arctangent; tanh would do as well.",
             "4.4.1, (5.3)",
-            f"Misfits, and coefficients at the bound: {ends}. Lowest is {best} (holds where that is arctan "
-            "or tanh).",
-            best in ("arctan", "tanh"),
+            f"Misfits, and coefficients at the bound: {ends} (holds where both are within {SAME:.0%} of the "
+            "least).",
+            max(squashed["tanh"]["misfit"], squashed["arctan"]["misfit"]) < (1 + SAME) * least,
         ),
     ]
 

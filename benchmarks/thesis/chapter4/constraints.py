@@ -30,8 +30,8 @@ NEAR = 1.1  # times the final loss
 REFUSED = 10.0  # stands for an infinite loss: a line search of L-BFGS needs a number, and this is above all
 WEIGHTS = {  # mu: from hardly felt to dominant
     "Tikhonov": (1e-5, 1e-4, 1e-3, 1e-2, 1e-1),
-    "smoothness": (1e-4, 1e-3, 1e-2, 1e-1, 1.0),
-    BENDING: (1e-4, 1e-3, 1e-2, 1e-1, 1.0),
+    "smoothness": (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0),
+    BENDING: (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0),
     "barrier": (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1.0),  # 1: (4.38) as printed, without mu
     "entropy": (1e-6, 1e-5, 1e-4, 1e-3, 1e-2),
 }
