@@ -51,7 +51,8 @@ def _text(scans: Searches, searches: Searches) -> list[str]:
         "coefficients are bounded by the arctangent (5.3).",
         f"The step of a method is the best of a scan over decades, {trials} evaluations each. Then every "
         f"method has {adam['evaluations']} evaluations. A short scan favours large steps: a tenth of the "
-        "step is run too, and the better run counts. Every trial of a line search counts.",
+        "step is run too, and the better run counts. Every trial of a line search counts. Sums on two "
+        "threads differ in rounding, so that runs which oscillate differ a little each time.",
         "Three controls are not in the thesis: steps that are kept only where the loss falls "
         "([own_optimiser.py](../../examples/thesis/own_optimiser.py)), L-BFGS in the same variables, and "
         "L-BFGS in this project's variables. Those are weights of B-splines of all levels, scaled by the "
@@ -111,7 +112,7 @@ def _momentum_claim(plain: Numbers, momentum: Numbers) -> Claim:
         "Momentum reduces oscillation and accelerates along steady directions.",
         "4.2",
         f"The loss rises in {momentum['rising']:.0%} of the steps with momentum and in "
-        f"{plain['rising']:.0%} without. It ends at {momentum['at_1']:.3f} with and at {plain['at_1']:.3f} "
+        f"{plain['rising']:.0%} without. It ends at {momentum['at_1']:.4f} with and at {plain['at_1']:.4f} "
         "without (holds where both are lower with it).",
         momentum["rising"] < plain["rising"] and momentum["at_1"] < plain["at_1"],
     )
