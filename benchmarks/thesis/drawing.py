@@ -79,3 +79,13 @@ def curves(figsize: tuple[float, float] = (7.0, 4.2)) -> tuple[Figure, Axes]:
     figure, ax = plt.subplots(figsize=figsize, layout="constrained")
     ax.grid(which="both", alpha=0.25)
     return figure, ax
+
+
+def curve_row(columns: int, size: float = 4.0) -> tuple[Figure, NDArray[Any]]:
+    """Return a figure with axes side by side, each with a grid, for curves; the axes are (columns,)."""
+    figure, axes = plt.subplots(
+        1, columns, figsize=(size * columns, 3.6), layout="constrained", squeeze=False
+    )
+    for ax in axes[0]:
+        ax.grid(which="both", alpha=0.25)
+    return figure, axes[0]

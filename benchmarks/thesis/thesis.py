@@ -22,6 +22,9 @@ STUDIES = {
     6: "chapter6.height_map",
     9: "chapter2.small_figures",
     10: "chapter7.several_sources",
+    1: "chapter4.gradients",
+    2: "chapter4.optimisers",
+    3: "chapter4.constraints",
 }
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),

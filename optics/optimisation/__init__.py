@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.optimisation.bounded_variables import (
+        BoundedVariables as BoundedVariables,
+    )
     from optics.optimisation.indicators import (
         mark as mark,
         summed_over_cells as summed_over_cells,
@@ -54,6 +57,7 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "bounded_variables": ("BoundedVariables",),
     "indicators": (
         "mark",
         "summed_over_cells",
