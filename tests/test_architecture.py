@@ -41,8 +41,8 @@ FLOORS = [
     ["optics.api", "optics.external", "optics.parts"],
     ["optics.commands"],
     ["optics"],
-    ["oracles"],
-    ["benchmarks", "tests", "examples"],
+    ["oracles", "examples"],
+    ["benchmarks", "tests"],
 ]
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 SINGLE_FILES = {"thbcad.doors", "thbcad.checks"}  # rooms of one file, which is its own door

@@ -18,7 +18,10 @@ from benchmarks.thesis.records import Found, RunFolder, Study, completed
 from optics.runtime import Row, UserError
 from thbcad.io import json_text, write_bytes, write_text
 
-STUDIES = {}
+STUDIES = {
+    4: "chapter5.fixed_nets",
+    5: "chapter5.networks",
+}
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),
     4: ("Chapter 4: gradients, optimisers, constraints", (1, 2, 3)),
