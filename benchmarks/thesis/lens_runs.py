@@ -62,13 +62,14 @@ class Training:
     """What an optimiser did.
 
     w : after the last step, (n,).  losses : of every evaluation.  seconds : since the start, of every
-    evaluation.  kept : {evaluation: w}.
+    evaluation.  kept : {evaluation: w}.  crossed : w where the loss first fell to the mark, None where never.
     """
 
     w: Floats
     losses: Floats
     seconds: Floats
     kept: dict[int, Floats]
+    crossed: Floats | None = None
 
 
 def trained(
@@ -77,32 +78,30 @@ def trained(
     optimiser: optics.Optimiser,
     iterations: int,
     keep: tuple[int, ...] = (),
-    enough: float = 0.0,
+    mark: float = 0.0,
 ) -> Training:
     """Return the training of w from a start.
 
-    keep : the evaluations whose w is kept, from 0.  enough : a loss that ends the work.
+    keep : the evaluations whose w is kept, from 0.  mark : a loss; where it is first reached w is kept too.
     """
     losses: list[float] = []
     seconds: list[float] = []
     kept: dict[int, Floats] = {}
+    crossed: list[Floats] = []
     last, begun = [start], perf_counter()
 
     def recorded(w: Floats) -> tuple[float, Floats]:
         if len(losses) in keep:
             kept[len(losses)] = w.copy()
         value, gradient = loss(w)
+        if value <= mark and not crossed:
+            crossed.append(w.copy())
         losses.append(value)
         seconds.append(perf_counter() - begun)
         return value, gradient
 
-    def stepped(w: Floats) -> None:
-        last[0] = np.array(w)
-        if losses[-1] <= enough:
-            raise StopIteration
-
-    optimiser.run(recorded, start, iterations, stepped)
-    return Training(last[0], np.array(losses), np.array(seconds), kept)
+    optimiser.run(recorded, start, iterations, lambda w: last.__setitem__(0, np.array(w)))
+    return Training(last[0], np.array(losses), np.array(seconds), kept, *crossed)
 
 
 def unfiltered_target(system: System) -> Floats:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchmarks.thesis.chapter5.fixed_nets_claims import claims
 from benchmarks.thesis.chapter5.fixed_nets_runs import CONTROL_NET, TARGETS, trial_names
 from benchmarks.thesis.pages import Choice, Picture, Section, Table
 from benchmarks.thesis.records import Results
 
 TITLE = "Fixed nets and step sizes"
-HEAD = ("run", "iterations", "loss", "rel_l2", "astray", "stray", "roughness", "detail, mm", "seconds")
+HEAD = ("run", "iterations", "rel_l2", "astray", "stray", "roughness", "detail, mm", "loss", "seconds")
 CHOICES = (
     Choice("Table 5.1: R = 666.7 mm sends the beam past the target.", "R = +1000 mm: half-width 71.25 mm."),
     Choice("Outline of the top hat.", "A square of 60 % of the target's width."),
@@ -18,7 +20,8 @@ CHOICES = (
     ),
     Choice(
         "Iterations with steps of 1e-4.",
-        "Until the loss of 1e-3 is reached; at most 10 (top hat) or 4 times.",
+        "10 (top hat) and 4 times (pearl) those of 1e-3; where the loss of 1e-3 is reached, the lens "
+        "counts too.",
     ),
     Choice("Scale of the loss.", "||E - T|| / ||T||; Adam does not see the factor."),
     Choice("Encoding of the pearl's numbers.", "sRGB, decoded to linear light."),
@@ -74,7 +77,14 @@ def _text(results: Results) -> list[str]:
 
 def _main_table(results: Results) -> Table:
     names = [n for t in TARGETS for kind in ("1e-3", "1e-4") for n in trial_names(results, t, kind)]
-    return Table("Runs of the thesis.", HEAD, [_row(results, name) for name in names])
+    rows = [row for name in names for row in (_row(results, name), *_marked(results, name))]
+    return Table("Runs of the thesis.", HEAD, rows)
+
+
+def _marked(results: Results, name: str) -> list[list[str]]:
+    """Return the row of a lens on the way, where the loss of 1e-3 is reached."""
+    r, mark = results[name].numbers, results[name.replace("1e-4", "1e-3")].numbers["loss"]
+    return [[*_cells(f"{name}, on the way", r["at_mark"]), f"{mark:.3f}", ""]] if r["at_mark"] else []
 
 
 def _control_table(results: Results) -> Table:
@@ -84,15 +94,12 @@ def _control_table(results: Results) -> Table:
 
 def _row(results: Results, name: str) -> list[str]:
     r = results[name].numbers
-    shown = [f"{r[key]:.3f}" for key in ("loss", "rel_l2", "astray", "stray")]
-    return [
-        name,
-        f"{r['evaluations'] - 1}",
-        *shown,
-        f"{r['roughness']:.2f}",
-        f"{r['detail']:.4f}",
-        f"{r['seconds']:.0f}",
-    ]
+    return [*_cells(name, r), f"{r['loss']:.3f}", f"{r['seconds']:.0f}"]
+
+
+def _cells(name: str, r: Mapping[str, float]) -> list[str]:
+    shown = [f"{r[key]:.3f}" for key in ("rel_l2", "astray", "stray")]
+    return [name, f"{r['evaluations'] - 1}", *shown, f"{r['roughness']:.2f}", f"{r['detail']:.4f}"]
 
 
 def _pictures(results: Results) -> list[Picture]:

@@ -130,12 +130,10 @@ def _seed_table(results: Results) -> Table:
 def _pictures() -> list[Picture]:
     return [
         Picture("study5_losses", "Loss against iterations (figure 5.12), and the controls."),
-        Picture(
-            "study5_lenses", "Heights of the control points at the iterations of figure 5.13, steps of 1e-4."
-        ),
+        Picture("study5_lenses", "Sags at the iterations of figure 5.13, and their range, steps of 1e-4."),
         Picture(
             "study5_irradiance",
-            "Irradiance and its error on the pixels at the same iterations (figures 5.14 to 5.17), steps "
-            "of 1e-4.",
+            "Irradiance and its error at the same iterations (figures 5.14 to 5.17), steps of 1e-4. Red: too "
+            "little light; blue: too much.",
         ),
     ]

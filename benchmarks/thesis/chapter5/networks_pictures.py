@@ -31,25 +31,32 @@ def _losses(results: Results) -> bytes:
     for kind in KINDS:
         for step, line in LINES.items():
             losses = results[f"{kind} {step}"].arrays["losses"]
-            left.plot(losses, line, color=COLOURS[kind], label=f"{kind} {step}", linewidth=1)
+            left.loglog(
+                _counted(losses), losses, line, color=COLOURS[kind], label=f"{kind} {step}", linewidth=1
+            )
     controls = [n for n in results if n.startswith(("NN ", "smooth ")) and not n.endswith("1e-5")]
     shades = plt.get_cmap("turbo")(np.linspace(0.05, 0.95, len(controls)))
     for name, shade in zip(controls, shades):
         line = "--" if name.startswith("smooth") else "-"
-        right.plot(results[name].arrays["losses"], line, color=shade, label=name, linewidth=1)
+        losses = results[name].arrays["losses"]
+        right.loglog(_counted(losses), losses, line, color=shade, label=name, linewidth=1)
     dense = results["UD 1e-4"].arrays["losses"]
-    right.plot(dense, ":", color=COLOURS["UD"], label="UD 1e-4", linewidth=2)
+    right.loglog(_counted(dense), dense, ":", color=COLOURS["UD"], label="UD 1e-4", linewidth=2)
     for ax, title in ((left, "as in the thesis"), (right, "controls")):
-        ax.set(title=title, xlabel="iteration", ylabel="||E - T|| / ||T||", yscale="log", xscale="symlog")
+        ax.set(title=title, xlabel="evaluation", ylabel="||E - T|| / ||T||")
         ax.grid(which="both", alpha=0.25)
-        ax.legend(fontsize=6, ncols=2)
+        ax.legend(fontsize=6, ncols=2, loc="lower left")
     return png(figure)
+
+
+def _counted(losses):
+    return np.arange(1, len(losses) + 1)
 
 
 def _lenses(results: Results) -> bytes:
     figure, axes = panels(len(KINDS), len(MOMENTS) + 1, SIZE)
     for row, kind in zip(axes, KINDS):
-        for ax, heights, moment in zip(row, _shown(results, kind).arrays["nets"], _moments(results)):
+        for ax, heights, moment in zip(row, _shown(results, kind).arrays["sags"], _moments(results)):
             relief(ax, heights, f"iteration {moment}, {np.ptp(heights):.2g} mm")
         row[0].set_ylabel(kind)
     return png(figure)

@@ -14,6 +14,7 @@ from benchmarks.thesis.records import Found, Run
 from examples.thesis.networks import PROBLEM, loss_through
 from optics.api import System
 from optics.problem import Problem
+from thbcad import THBSurface
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +24,7 @@ NETWORKS = ("RS", "US", "UD")
 SEEDED = ("1e-3", "1e-4")  # steps with more than one seed
 SHOWN = "1e-4"  # the step whose lenses and irradiances are drawn
 MARKS = 0.95 ** np.arange(100)  # losses, down to 0.006
+SURFACE = 121  # samples of a sag in each direction, for its picture
 MOMENTS = (0, 50, 100)  # iterations that are drawn, and the last one
 
 
@@ -39,7 +41,7 @@ class Size:
 
 
 FULL = Size(net=24, pixels=128, rays=225, iterations=1000, seeds=5, newton=200)
-QUICK = Size(net=12, pixels=64, rays=113, iterations=300, seeds=2, newton=60)
+QUICK = Size(net=12, pixels=64, rays=113, iterations=200, seeds=2, newton=60)
 
 
 @dataclass(frozen=True)
@@ -178,13 +180,17 @@ def _parametrisation(size: Size, trial: Trial, system: System) -> tuple[Any, Flo
 def _moments(
     system: System, model: optics.Model, heights: Any, training: Training, keep: tuple[int, ...]
 ) -> dict[str, Floats]:
-    """Return the irradiances and the nets of heights at the kept iterations and at the last one."""
+    """Return the irradiances and the sags at the kept iterations and at the last one."""
     if not keep:
         return {}
-    bound, n = system.problem.lens.rear.freeform.freedom, system.space().kv_u.dim
+    bound, space = system.problem.lens.rear.freeform.freedom, system.space()
     nets = [bound * heights(w)[0] for w in (*(training.kept[k] for k in keep), training.w)]
-    images = np.array([model(c) for c in nets])
-    return {"images": images, "nets": np.reshape(nets, (-1, n, n)), "wanted": unfiltered_target(system)}
+    u = np.linspace(-1, 1, SURFACE) * space.kv_u.stop
+    return {
+        "images": np.array([model(c) for c in nets]),
+        "sags": np.array([THBSurface(space, c).grid(u, u) for c in nets]),
+        "wanted": unfiltered_target(system),
+    }
 
 
 def _problem(size: Size) -> Problem:
