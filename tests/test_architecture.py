@@ -41,7 +41,8 @@ FLOORS = [
     ["optics.api", "optics.external", "optics.parts"],
     ["optics.commands"],
     ["optics"],
-    ["oracles", "examples"],
+    ["oracles"],
+    ["examples"],
     ["benchmarks", "tests"],
 ]
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

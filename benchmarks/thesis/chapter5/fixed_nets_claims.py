@@ -65,8 +65,8 @@ def _irregular(hat: Rows) -> Claim:
         "lenses, which scatter light outside.",
         "5.3.1, figure 5.5",
         f"Roughness is {_list(r['roughness'] for r in hat.values())}, light astray is "
-        f"{_percent(r['astray'] for r in hat.values())} for nets of {_nets(hat)}. It holds if both groups "
-        f"are apart in roughness, and {INSIDE:.0%} of the light lies between them.",
+        f"{_percent(r['astray'] for r in hat.values())} for nets of {_nets(hat)}. It holds if the first "
+        f"two are smoother than the others, and they alone leave less than {100 * INSIDE:.0f} % astray.",
         smooth and inside,
     )
 
@@ -154,7 +154,7 @@ def _step_alone(hat: Rows, newton: Rows, transport: Rows) -> Claim:
         f"{_list(hat[n]['roughness'] for n in many)}. From the transport start it leaves "
         f"{_percent(transport[n]['astray'] for n in many)} and "
         f"{_list(transport[n]['roughness'] for n in many)}. So start and optimiser count besides the step. "
-        f"It holds if L-BFGS from the flat start leaves less than {INSIDE:.0%} astray.",
+        f"It holds if L-BFGS from the flat start leaves less than {100 * INSIDE:.0f} % astray.",
         max(rough) < INSIDE,
     )
 
@@ -176,4 +176,4 @@ def _list(values) -> str:
 
 
 def _percent(values) -> str:
-    return ", ".join(f"{100 * value:.2g} %" for value in values)
+    return ", ".join(f"{100 * value:.1f} %" for value in values)

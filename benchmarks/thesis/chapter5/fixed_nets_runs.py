@@ -111,7 +111,7 @@ def _found(size: Size, trial: Trial, results: Results) -> Found:
     system, rays = optics.System(_problem(size, trial)), (size.rays, size.rays)
     space = system.space()
     mark = results[f"{trial.target} {trial.net} 1e-3"].numbers["loss"] if trial.step == SMALL_STEP else 0.0
-    misfit, training = _trained(size, trial, system, mark)
+    misfit, training, evaluations = _trained(size, trial, system, mark)
     c = misfit.coefficients(training.w)
     lens, image = system.lens(space, c), misfit.model(c)
     by_step = step_irradiance(system, lens, rays, trial.sigma)
@@ -120,7 +120,7 @@ def _found(size: Size, trial: Trial, results: Results) -> Found:
         "target": trial.target,
         "net": trial.net,
         "loss": misfit(training.w)[0],
-        "evaluations": len(training.losses),
+        "evaluations": evaluations,
         "step_difference": float(np.linalg.norm(by_step - image) / np.linalg.norm(image)),
         "at_mark": _at_mark(system, misfit, training, mark),
         **merit(system, lens),
@@ -138,14 +138,15 @@ def _at_mark(system: System, misfit: Misfit, training: Training, mark: float) ->
     return {"evaluations": evaluations, **merit(system, lens)}
 
 
-def _trained(size: Size, trial: Trial, system: System, mark: float) -> tuple[Misfit, Training]:
-    """Return the loss and the training of the last pass."""
+def _trained(size: Size, trial: Trial, system: System, mark: float) -> tuple[Misfit, Training, int]:
+    """Return the loss and the training of the last pass, and the evaluations of all."""
     space, rays, bound = system.space(), (size.rays, size.rays), system.problem.lens.rear.freeform.freedom
     c = np.zeros(space.dim) if trial.start == "flat" else system.transport_start(space).coefficients
     method = optics.LBFGS() if trial.step is None else optics.Adam(trial.step)
     iterations = size.newton if trial.step is None else size.iterations[trial.target]
     if trial.step == SMALL_STEP:
         iterations = size.longest[trial.target]
+    evaluations = 0
     for merged in trial.passes:
         at = system if merged == 1 else optics.System(_merged(system.problem, merged))
         model = at.model(space, rays)
@@ -153,7 +154,8 @@ def _trained(size: Size, trial: Trial, system: System, mark: float) -> tuple[Mis
         w = misfit.variables(c)
         training = trained(misfit, w, method, iterations // len(trial.passes), mark=mark)
         c = misfit.coefficients(training.w)
-    return misfit, training
+        evaluations += len(training.losses)
+    return misfit, training, evaluations
 
 
 def _problem(size: Size, trial: Trial) -> Problem:

@@ -80,6 +80,7 @@ def _text(results: Results) -> list[str]:
         f"The mark is {NEAR} times the least final loss of the thesis's runs. A move is the greatest change "
         "of a height in one iteration; the table has its median and its greatest value. "
         + _amplification(results),
+        _transport(results),
     ]
 
 
@@ -90,6 +91,17 @@ def _amplification(results: Results) -> str:
         f"At a step of 1e-4 the dense network moves a height {moves['UD'] / moves['NN']:.0f} times as far "
         f"in an iteration as no network does, the sparse one {moves['US'] / moves['NN']:.1f} times as far: "
         "a network multiplies the step."
+    )
+
+
+def _transport(results: Results) -> str:
+    """Return what the start does, beside the parametrisation."""
+    start = results["NN transport"].numbers
+    return (
+        f"From the transport start, L-BFGS without network ends at a loss of {start['loss']:.3f} and rel_l2 "
+        f"{start['rel_l2']:.3f} after {start['evaluations']} evaluations, with roughness "
+        f"{start['roughness']:.2f}. The least loss of all networks and steps of the thesis, from the flat "
+        f"start, is {least(results):.3f}."
     )
 
 

@@ -40,8 +40,8 @@ class Size:
     newton: int
 
 
-FULL = Size(net=24, pixels=128, rays=225, iterations=1000, seeds=5, newton=200)
-QUICK = Size(net=12, pixels=64, rays=113, iterations=200, seeds=2, newton=60)
+FULL = Size(net=24, pixels=128, rays=161, iterations=1000, seeds=5, newton=200)
+QUICK = Size(net=12, pixels=64, rays=81, iterations=200, seeds=2, newton=60)
 
 
 @dataclass(frozen=True)
