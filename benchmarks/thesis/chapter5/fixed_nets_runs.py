@@ -46,7 +46,7 @@ class Size:
 FULL = Size(
     nets=(10, 25, 50, 75, 100),
     pixels=256,
-    rays=449,
+    rays=385,  # 0.63 pixels apart at the start, for a Gaussian of 0.5 pixels
     iterations={"top hat": 250, "pearl": 1000},
     longest={"top hat": 2500, "pearl": 4000},  # ten times; four times keep a run within two minutes
     newton=200,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.thesis.chapter5.networks_claims import NEAR, claims, least, reached, with_seeds
-from benchmarks.thesis.chapter5.networks_runs import NETWORKS, SEEDED, STEPS
+from benchmarks.thesis.chapter5.networks_runs import KINDS, SEEDED, STEPS
 from benchmarks.thesis.pages import Choice, Picture, Section, Table
 from benchmarks.thesis.records import Results
 
@@ -25,8 +25,8 @@ HEAD = (
 CHOICES = (
     Choice(
         "Net, lens, throw, degree and target of section 5.5.",
-        "The plano lens of table 5.1, R = inf, d2 = 300 mm; degree 3, 24 x 24 control points; a disk of "
-        "35 mm on a target of half-width 50 mm; 128 x 128 pixels, Gaussian of 1 pixel.",
+        "The plano lens of table 5.1, R = inf, d2 = 300 mm; degree 3, 24 x 24 control points; a disk of 35 "
+        "mm on a target of half-width 50 mm; 128 x 128 pixels, Gaussian of 1 pixel.",
     ),
     Choice(
         "Scale of a network's outputs, and of the heights without network.",
@@ -74,9 +74,9 @@ def _text(results: Results) -> list[str]:
         "Scripts: [networks.py](../../examples/thesis/networks.py), "
         "[height_network.py](../../examples/thesis/height_network.py), "
         "[sparse_layers.py](../../examples/thesis/sparse_layers.py).",
-        f"Networks with other seeds were run too, {seeds} seeds at steps {' and '.join(SEEDED)}. Controls: "
-        "no network with larger steps; a fixed smoothing in place of the sparse network, z = t0 + S t1 + "
-        "S^2 t2 with S the mean of the neighbours; L-BFGS; L-BFGS from the transport start.",
+        f"Other starts were run too, {seeds} seeds at steps {' and '.join(SEEDED)}. Controls: no network "
+        "with larger steps; a fixed smoothing in place of the sparse network, z = t0 + S t1 + S^2 t2 with "
+        "S the mean of the neighbours; L-BFGS; L-BFGS from the transport start.",
         f"The mark is {NEAR} times the least final loss of the thesis's runs. A move is the greatest change "
         "of a height in one iteration; the table has its median and its greatest value. "
         + _amplification(results),
@@ -88,9 +88,9 @@ def _amplification(results: Results) -> str:
     """Return what the networks make of a step."""
     moves = {kind: results[f"{kind} 1e-4"].numbers["usual_move"] for kind in ("NN", "US", "UD")}
     return (
-        f"At a step of 1e-4 the dense network moves a height {moves['UD'] / moves['NN']:.0f} times as far "
-        f"in an iteration as no network does, the sparse one {moves['US'] / moves['NN']:.1f} times as far: "
-        "a network multiplies the step."
+        f"At a step of 1e-4 the dense network moves a height {moves['UD'] / moves['NN']:.0f} times as far in "
+        f"an iteration as no network does, the sparse one {moves['US'] / moves['NN']:.1f} times as far: a "
+        "network multiplies the step."
     )
 
 
@@ -129,7 +129,7 @@ def _row(results: Results, name: str) -> list[str]:
 
 def _seed_table(results: Results) -> Table:
     rows = []
-    for kind in NETWORKS:
+    for kind in KINDS:
         for step in STEPS:
             found = with_seeds(results, kind, step)
             losses, rough = ([row[key] for row in found] for key in ("loss", "roughness"))
@@ -145,7 +145,7 @@ def _pictures() -> list[Picture]:
         Picture("study5_lenses", "Sags at the iterations of figure 5.13, and their range, steps of 1e-4."),
         Picture(
             "study5_irradiance",
-            "Irradiance and its error at the same iterations (figures 5.14 to 5.17), steps of 1e-4. Red: too "
-            "little light; blue: too much.",
+            "Irradiance and its error at the same iterations (figures 5.14 to 5.17), steps of 1e-4. Red: "
+            "too little light; blue: too much.",
         ),
     ]

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 STEPS = {"1e-3": 1e-3, "1e-4": 1e-4, "1e-5": 1e-5}  # of the thesis
 TUNING = {"3e-3": 3e-3, "1e-2": 1e-2, "3e-2": 3e-2, "1e-1": 1e-1}  # the larger ones, of the controls
-NETWORKS = ("RS", "US", "UD")
+KINDS = ("NN", "RS", "US", "UD")
 SEEDED = ("1e-3", "1e-4")  # steps with more than one seed
 SHOWN = "1e-4"  # the step whose lenses and irradiances are drawn
 MARKS = 0.95 ** np.arange(100)  # losses, down to 0.006
@@ -46,7 +46,10 @@ QUICK = Size(net=12, pixels=64, rays=81, iterations=200, seeds=2, newton=60)
 
 @dataclass(frozen=True)
 class Trial:
-    """kind : NN, RS, US, UD, or smooth.  step : of Adam, None is L-BFGS.  start : flat or transport."""
+    """kind : NN, RS, US, UD, or smooth.  step : of Adam, None is L-BFGS.  start : flat or transport.
+
+    seed : of a network's start; NN is flat with seed 0, and within SMALL of it with others.
+    """
 
     kind: str
     step: float | None
@@ -62,9 +65,9 @@ def runs(quick: bool) -> list[Run]:
 
 def trials(size: Size) -> dict[str, Trial]:
     """Return the trials by the names of their runs."""
-    out = {f"{k} {s}": Trial(k, step) for k in ("NN", *NETWORKS) for s, step in STEPS.items()}
+    out = {f"{k} {s}": Trial(k, step) for k in KINDS for s, step in STEPS.items()}
     for seed in range(1, size.seeds):
-        out |= {f"{k} {s} seed {seed}": Trial(k, STEPS[s], seed) for k in NETWORKS for s in SEEDED}
+        out |= {f"{k} {s} seed {seed}": Trial(k, STEPS[s], seed) for k in KINDS for s in SEEDED}
     out |= {f"NN {s}": Trial("NN", step) for s, step in TUNING.items()}
     out |= {f"smooth {s}": Trial("smooth", step) for s, step in {**STEPS, **TUNING}.items() if step < 0.1}
     return out | {"NN L-BFGS": Trial("NN", None), "NN transport": Trial("NN", None, start="transport")}
@@ -163,16 +166,17 @@ class _Moves:
 
 def _parametrisation(size: Size, trial: Trial, system: System) -> tuple[Any, Floats]:
     """Return heights as a function of their parameters, and the start."""
+    from examples.thesis.height_network import SMALL, Network  # System has found a version of LLVM that works
+
     space, freeform = system.space(), system.problem.lens.rear.freeform
     if trial.kind == "NN":
-        flat = np.zeros(space.dim)
-        sag = flat if trial.start == "flat" else system.transport_start(space).coefficients
-        return Direct(space.dim), sag / freeform.freedom
+        start = np.random.default_rng(trial.seed).uniform(-SMALL, SMALL, space.dim) * (trial.seed > 0)
+        if trial.start == "transport":
+            start = system.transport_start(space).coefficients / freeform.freedom
+        return Direct(space.dim), start
     if trial.kind == "smooth":
         smooth = Smooth(size.net, freeform.degree)
         return smooth, np.zeros(smooth.parameters)
-    from examples.thesis.height_network import Network
-
     network = Network("dense" if trial.kind == "UD" else "sparse", size.net, freeform.degree)
     return network, network.start(trial.seed, ordinary=trial.kind == "RS")
 
