@@ -63,8 +63,8 @@ def _random_start(results: Results) -> Claim:
         "The sparse network ends far higher from a random start than from a uniform one, at every step.",
         "5.5, figure 5.12",
         f"The final loss is {_list(means['RS'])} from the random start and {_list(means['US'])} from the "
-        f"uniform one at steps {_steps()} (mean of seeds). It holds if every ratio is above {FAR}; they "
-        f"are {_list(ratios)}.",
+        f"uniform one at steps {_steps()} (mean of seeds). It holds if every ratio is above {FAR}; they are "
+        f"{_list(ratios)}.",
         min(ratios) > FAR,
     )
 
@@ -147,8 +147,7 @@ def _amplifies(results: Results) -> Claim:
         f"At {SHOWN} the dense network moves a height by {moves[0]:.2g} um in an iteration, no network by "
         f"{moves[2]:.2g} um. No network at {alike.removeprefix('NN ')} moves it by {moves[1]:.2g} um. With "
         f"about equal moves the dense network ends at {losses[0]:.3f}, no network at {losses[1]:.3f}. It "
-        f"holds beyond a larger step if the dense network's loss is below {100 * FASTER:.0f} % of the "
-        "other.",
+        f"holds beyond a larger step if the dense network's loss is below {100 * FASTER:.0f} % of the other.",
         losses[0] < FASTER * losses[1],
     )
 
