@@ -8,11 +8,13 @@ as it is or filtered as E is.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 import optics
 from optics.api import Model, System
@@ -21,8 +23,10 @@ from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
+Loss = Callable[[Floats], tuple[float, Floats]]  # w -> loss and gradient
 
 COARSE = 10  # control points in each direction: what a net of these cannot follow is detail
+NEAR = 0.025  # of the target's width: light so close to the wanted light blurs its border
 DENSE = 201  # samples of a sag in each direction, for roughness and detail
 
 
@@ -58,34 +62,46 @@ class Training:
     """What an optimiser did.
 
     w : after the last step, (n,).  losses : of every evaluation.  seconds : since the start, of every
-    evaluation.  kept : {evaluation: w}.
+    evaluation.  kept : {evaluation: w}.  crossed : w where the loss first fell to the mark, None where never.
     """
 
     w: Floats
     losses: Floats
     seconds: Floats
     kept: dict[int, Floats]
+    crossed: Floats | None = None
 
 
 def trained(
-    loss: Misfit, start: Floats, optimiser: optics.Optimiser, iterations: int, keep: tuple[int, ...] = ()
+    loss: Loss,
+    start: Floats,
+    optimiser: optics.Optimiser,
+    iterations: int,
+    keep: tuple[int, ...] = (),
+    mark: float = 0.0,
 ) -> Training:
-    """Return the training of w from a start; `keep` are the evaluations whose w is kept, from 0."""
+    """Return the training of w from a start.
+
+    keep : the evaluations whose w is kept, from 0.  mark : a loss; where it is first reached w is kept too.
+    """
     losses: list[float] = []
     seconds: list[float] = []
     kept: dict[int, Floats] = {}
+    crossed: list[Floats] = []
     last, begun = [start], perf_counter()
 
     def recorded(w: Floats) -> tuple[float, Floats]:
         if len(losses) in keep:
             kept[len(losses)] = w.copy()
         value, gradient = loss(w)
+        if value <= mark and not crossed:
+            crossed.append(w.copy())
         losses.append(value)
         seconds.append(perf_counter() - begun)
         return value, gradient
 
     optimiser.run(recorded, start, iterations, lambda w: last.__setitem__(0, np.array(w)))
-    return Training(last[0], np.array(losses), np.array(seconds), kept)
+    return Training(last[0], np.array(losses), np.array(seconds), kept, *crossed)
 
 
 def unfiltered_target(system: System) -> Floats:
@@ -100,12 +116,16 @@ def unfiltered_target(system: System) -> Floats:
 def merit(system: System, lens: Lens) -> dict[str, float]:
     """Return the figures of merit of a lens, on fresh rays and box pixels.
 
-    rel_l2, psnr_db, efficiency, stray, and of the free sag: dof, roughness (rms of the second derivatives
-    times the half-width), detail (rms of the sag less its fit by a net of COARSE x COARSE, mm).
+    rel_l2, psnr_db, efficiency, stray, astray (flux that lands NEAR of the target's width or more from where
+    light is wanted, or beside the target / source), and of the free sag: dof, roughness (rms of the second
+    derivatives times the half-width), detail (rms of the sag less its fit by a net of COARSE x COARSE, mm).
     """
-    metrics = system.measure(lens).metrics
-    chosen = {key: float(metrics[key]) for key in ("rel_l2", "psnr_db", "efficiency", "stray")}
-    return {**chosen, **sag_figures(lens.sags[-1])}
+    measured = system.measure(lens)
+    chosen = {key: float(measured.metrics[key]) for key in ("rel_l2", "psnr_db", "efficiency", "stray")}
+    near = binary_dilation(measured.target > 0, iterations=round(NEAR * measured.target.shape[1]))
+    dark = float(measured.irradiance[~near].sum()) * system.optical.target.screen().pixel_area
+    astray = chosen["stray"] + dark / system.problem.source.flux
+    return {**chosen, "astray": astray, **sag_figures(lens.sags[-1])}
 
 
 def sag_figures(sag: THBSurface) -> dict[str, float]:

@@ -25,6 +25,8 @@ STUDIES = {
     1: "chapter4.gradients",
     2: "chapter4.optimisers",
     3: "chapter4.constraints",
+    4: "chapter5.fixed_nets",
+    5: "chapter5.networks",
 }
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),
