@@ -93,7 +93,8 @@ QUICK = \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \
 	tests/thbcad/splines/test_nurbs.py \
-	tests/thbcad/surfaces/test_priced_faces.py
+	tests/thbcad/surfaces/test_priced_faces.py \
+	tests/thesis/test_refinement_problems.py
 
 quick: setup
 	@$(PYTEST) -m "not slow" $(QUICK)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import optics
+from optics.analysis import Measurement
 from optics.api import Model, System
 from thbcad import Lens, Samples, THBSurface, least_squares
 from thbcad.hierarchy import THBSpace
@@ -103,8 +104,12 @@ def merit(system: System, lens: Lens) -> dict[str, float]:
     rel_l2, psnr_db, efficiency, stray, and of the free sag: dof, roughness (rms of the second derivatives
     times the half-width), detail (rms of the sag less its fit by a net of COARSE x COARSE, mm).
     """
-    metrics = system.measure(lens).metrics
-    chosen = {key: float(metrics[key]) for key in ("rel_l2", "psnr_db", "efficiency", "stray")}
+    return measured_merit(system.measure(lens), lens)
+
+
+def measured_merit(found: Measurement, lens: Lens) -> dict[str, float]:
+    """Return the figures of `merit` of a lens that is measured already."""
+    chosen = {key: float(found.metrics[key]) for key in ("rel_l2", "psnr_db", "efficiency", "stray")}
     return {**chosen, **sag_figures(lens.sags[-1])}
 
 

@@ -18,7 +18,10 @@ from benchmarks.thesis.records import Found, RunFolder, Study, completed
 from optics.runtime import Row, UserError
 from thbcad.io import json_text, write_bytes, write_text
 
-STUDIES = {}
+STUDIES = {
+    7: "chapter6.pearl",
+    8: "chapter6.extended",
+}
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),
     4: ("Chapter 4: gradients, optimisers, constraints", (1, 2, 3)),
