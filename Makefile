@@ -96,6 +96,7 @@ QUICK = \
 	tests/thbcad/splines/test_nurbs.py \
 	tests/thbcad/surfaces/test_priced_faces.py \
 	tests/thesis/test_fixed_nets.py
+	tests/thesis/test_refinement_problems.py
 
 quick: setup
 	@$(PYTEST) -m "not slow" $(QUICK)

@@ -21,11 +21,10 @@ from time import perf_counter
 
 from benchmarks.checkout import EXAMPLES, ROOT
 from benchmarks.designs.design_run import DesignRun, run_design
-from benchmarks.designs.thesis_method import ITERATIONS, adam_batches
-from optics.analysis import measure
+from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
+from optics.api import System
 from optics.problem import Problem, load_problem, problem_to_toml
-from optics.runtime import Row, load_backend
-from optics.system import OpticalSystem
+from optics.runtime import Row
 
 FIGURE = ROOT / "exports" / "bench" / "designs.png"
 STARTS = ("transport", "flat")
@@ -81,12 +80,13 @@ def _points(name: str, problem: Problem) -> Iterator[Point]:
             yield Point(name, method, effort, run.seconds, run.metrics["rel_l2"])
     for method, effort, run in _others(problem):
         yield Point(name, method, effort, run.seconds, run.metrics["rel_l2"])
-    system, backend = OpticalSystem(problem), load_backend("double")
+    system = System(problem)
     seconds, start_time = median(beside), perf_counter()
-    for k, lens in enumerate(islice(adam_batches(system, backend), BATCHES), 1):
+    for k, batch in enumerate(islice(adam_batches(system, BOTH_FILTERED), BATCHES), 1):
         seconds += perf_counter() - start_time
-        error = measure(system, lens, backend).metrics["rel_l2"]
-        yield Point(name, "Adam of the thesis, flat start", f"{k * ITERATIONS} steps", seconds, error)
+        error = system.measure(batch.lens).metrics["rel_l2"]
+        steps = f"{k * BOTH_FILTERED.iterations} steps"
+        yield Point(name, "Adam of the thesis, flat start", steps, seconds, error)
         start_time = perf_counter()
 
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.designs.design_run import IRRADIANCE, LANDING, rel_l2_row, run_design
-from benchmarks.designs.thesis_method import adam_batches
-from optics.analysis import counted_ways, light_by_other_ways, measure, ray_irradiance
+from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
+from optics.analysis import counted_ways, light_by_other_ways, ray_irradiance
+from optics.api import System
 from optics.engines import ExactEngine
 from optics.optimisation import State, design
 from optics.problem import load_problem, problem_to_toml
@@ -37,7 +38,7 @@ def rows() -> list[Row]:
     """Return the measured rows."""
     system, backend = OpticalSystem(load_problem(EXAMPLES / "extended.toml")), load_backend("double")
     with tempfile.TemporaryDirectory() as folder:
-        adam, other = _adam(system, backend)
+        adam, other = _adam(System(system.problem))
         result = Path(folder) / "one"
         one = [*_design("extended", result, other), _other_ways(result), *_source_image(result)]
         two = _design("extended_two", Path(folder) / "two", other)
@@ -156,14 +157,14 @@ def _light(name: str, metrics: dict[str, Any], other: dict[str, float] | None = 
     ]
 
 
-def _adam(system: OpticalSystem, backend: Backend) -> tuple[list[Row], dict[str, float]]:
+def _adam(system: System) -> tuple[list[Row], dict[str, float]]:
     """Return the rows of the thesis's method, and its error and flux as limits of the designs."""
     start = perf_counter()
-    *_, lens = adam_batches(system, backend)
+    *_, batch = adam_batches(system, BOTH_FILTERED)
     seconds = perf_counter() - start
-    metrics = measure(system, lens, backend).metrics
+    metrics = system.measure(batch.lens).metrics
     name = "6 batches of 250 Adam steps"
-    dof = Row(f"{name}: degrees of freedom", lens.rear.sag.space.dim, "", "thesis 2180")
+    dof = Row(f"{name}: degrees of freedom", batch.sag.space.dim, "", "thesis 2180")
     limits = {"rel_l2": metrics["rel_l2"], "lit": metrics["nonsequential"]["lit_w"]}
     return [
         Row(f"{name}: optimisation alone", seconds, "s", THESIS_SECONDS),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 import optics
+from optics.analysis import Measurement
 from optics.api import Model, System
 from thbcad import Lens, Samples, THBSurface, least_squares
 from thbcad.hierarchy import THBSpace
@@ -126,6 +127,13 @@ def merit(system: System, lens: Lens) -> dict[str, float]:
     dark = float(measured.irradiance[~near].sum()) * system.optical.target.screen().pixel_area
     astray = chosen["stray"] + dark / system.problem.source.flux
     return {**chosen, "astray": astray, **sag_figures(lens.sags[-1])}
+    return measured_merit(system.measure(lens), lens)
+
+
+def measured_merit(found: Measurement, lens: Lens) -> dict[str, float]:
+    """Return the figures of `merit` of a lens that is measured already."""
+    chosen = {key: float(found.metrics[key]) for key in ("rel_l2", "psnr_db", "efficiency", "stray")}
+    return {**chosen, **sag_figures(lens.sags[-1])}
 
 
 def sag_figures(sag: THBSurface) -> dict[str, float]:

@@ -27,6 +27,8 @@ STUDIES = {
     3: "chapter4.constraints",
     4: "chapter5.fixed_nets",
     5: "chapter5.networks",
+    7: "chapter6.pearl",
+    8: "chapter6.extended",
 }
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),

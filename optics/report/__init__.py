@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         scene_paths as scene_paths,
     )
     from optics.report.solid_figure import (
+        draw_solid as draw_solid,
         solid_views as solid_views,
     )
     from optics.report.trace_figures import (
@@ -67,7 +68,10 @@ _FILES = {
     ),
     "scene_figure": ("scene_view",),
     "scene_rays": ("scene_paths",),
-    "solid_figure": ("solid_views",),
+    "solid_figure": (
+        "draw_solid",
+        "solid_views",
+    ),
     "trace_figures": (
         "irradiance_figure",
         "phase_space_figure",
