@@ -94,9 +94,7 @@ QUICK = \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \
 	tests/thbcad/splines/test_nurbs.py \
-	tests/thbcad/surfaces/test_priced_faces.py \
-	tests/thesis/test_fixed_nets.py
-	tests/thesis/test_refinement_problems.py
+	tests/thbcad/surfaces/test_priced_faces.py
 
 quick: setup
 	@$(PYTEST) -m "not slow" $(QUICK)

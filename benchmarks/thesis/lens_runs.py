@@ -122,16 +122,14 @@ def merit(system: System, lens: Lens) -> dict[str, float]:
     derivatives times the half-width), detail (rms of the sag less its fit by a net of COARSE x COARSE, mm).
     """
     measured = system.measure(lens)
-    chosen = {key: float(measured.metrics[key]) for key in ("rel_l2", "psnr_db", "efficiency", "stray")}
     near = binary_dilation(measured.target > 0, iterations=round(NEAR * measured.target.shape[1]))
     dark = float(measured.irradiance[~near].sum()) * system.optical.target.screen().pixel_area
-    astray = chosen["stray"] + dark / system.problem.source.flux
-    return {**chosen, "astray": astray, **sag_figures(lens.sags[-1])}
-    return measured_merit(system.measure(lens), lens)
+    astray = measured.metrics["stray"] + dark / system.problem.source.flux
+    return {**measured_merit(measured, lens), "astray": float(astray)}
 
 
 def measured_merit(found: Measurement, lens: Lens) -> dict[str, float]:
-    """Return the figures of `merit` of a lens that is measured already."""
+    """Return the figures of `merit` of a lens that is measured already, without astray."""
     chosen = {key: float(found.metrics[key]) for key in ("rel_l2", "psnr_db", "efficiency", "stray")}
     return {**chosen, **sag_figures(lens.sags[-1])}
 

@@ -19,16 +19,16 @@ from optics.runtime import Row, UserError
 from thbcad.io import json_text, write_bytes, write_text
 
 STUDIES = {
-    6: "chapter6.height_map",
-    9: "chapter2.small_figures",
-    10: "chapter7.several_sources",
     1: "chapter4.gradients",
     2: "chapter4.optimisers",
     3: "chapter4.constraints",
     4: "chapter5.fixed_nets",
     5: "chapter5.networks",
+    6: "chapter6.height_map",
     7: "chapter6.pearl",
     8: "chapter6.extended",
+    9: "chapter2.small_figures",
+    10: "chapter7.several_sources",
 }
 CHAPTERS = {  # number: title, studies
     2: ("Chapter 2: small optical figures", (9,)),
