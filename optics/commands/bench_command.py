@@ -56,7 +56,8 @@ def _loaded(path: Path) -> ModuleType:
 
 def _measured(options: Namespace, module: ModuleType) -> list[Row]:
     """Return the rows of a benchmark, and let one with own pages write them where rows are stored."""
-    given = {name: getattr(options, name) for name in PARTS if getattr(options, name)}
+    given = {name: getattr(options, name) for name in PARTS}
+    given = {name: value for name, value in given.items() if value is not None and value is not False}
     unknown = [f"--{name}" for name in given if name not in signature(module.rows).parameters]
     if unknown:
         raise UserError(f"bench {options.name} has no parts: leave out {', '.join(unknown)}")

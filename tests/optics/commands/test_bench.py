@@ -149,6 +149,7 @@ def test_bad_use_is_one_sentence(checkout, capsys, arguments, reason):
         (["tiny", "--quick"], "bench tiny has no parts: leave out --quick"),
         (["tiny", "--only", "4", "--resume"], "bench tiny has no parts: leave out --only, --resume"),
         (["parts", "--quick", "--store"], "--store keeps a whole run: leave out --quick and --only"),
+        (["tiny", "--only", "0"], "bench tiny has no parts: leave out --only"),
         (["parts", "--only", "4", "--store"], "--store keeps a whole run: leave out --quick and --only"),
     ],
 )
