@@ -53,7 +53,7 @@ def main(name="tanh", bound=0.5, iterations=40, rays=(257, 257)):
         return np.sum(difference**2), bound * slope * pull(2 * difference / np.linalg.norm(model.target))
 
     found = optics.minimise(loss, start, iterations=iterations)
-    return found.loss**0.5, np.abs(RANGES[name](found.coefficients)[0]).max()
+    return found.loss**0.5, float(np.abs(RANGES[name](found.coefficients)[0]).max())
 
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ def section(results: Results) -> Section:
             Picture("study3_ranges", "Range functions and their slopes (Fig. 4.6)."),
             Picture("study3_tradeoff", "Misfit against roughness, and against the greatest |c| / b."),
             Picture("study3_losses", "Least misfit by evaluations, with and without a bound."),
+            Picture("study3_irradiance", "Irradiance and misfit of every form, of penalties at the best mu."),
         ),
         _choices(),
     )

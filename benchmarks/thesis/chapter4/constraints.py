@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import optics
 from benchmarks.thesis.chapter4.constraint_page import BENDING, FREE, SQUASHED, label, section as section
 from benchmarks.thesis.chapter4.search import Bench, Search, bench, searched
-from benchmarks.thesis.drawing import curve_row, png
+from benchmarks.thesis.drawing import curve_row, irradiance, panels, png
 from benchmarks.thesis.lens_runs import merit
 from benchmarks.thesis.records import Found, Results, Run
 from examples.thesis.constraints import PENALTIES, RANGES
@@ -35,6 +35,8 @@ WEIGHTS = {  # mu: from hardly felt to dominant
     "barrier": (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1.0),  # 1: (4.38) as printed, without mu
     "entropy": (1e-6, 1e-5, 1e-4, 1e-3, 1e-2),
 }
+UNCHARGED = (FREE, *(SQUASHED + kind for kind in RANGES))
+TOP = 3.5  # of the pictures, over the mean: the light asked for has 1 / 0.36
 WINDOW = np.linspace(-3, 3, 301)  # of the picture of the range functions
 
 
@@ -143,14 +145,16 @@ def _found(lens: Bench, misfit: _Misfits, search: Search, c: Floats, bound: floa
         "bound": bound,
         **merit(lens.system, lens.system.lens(lens.space, c)),
     }
-    return Found(numbers, {"misfits": seen.astype(np.float32)})
+    image = lens.model(c).astype(np.float32)
+    return Found(numbers, {"misfits": seen.astype(np.float32), "image": image})
 
 
 def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
-    """Yield the range functions (Fig. 4.6), the trade-off curves, and the losses behind a bound."""
+    """Yield the range functions (Fig. 4.6), trade-off curves, losses behind a bound, and the light."""
     yield "study3_ranges", _range_picture()
     yield "study3_tradeoff", _tradeoff_picture(results)
     yield "study3_losses", _loss_picture(results)
+    yield "study3_irradiance", _light_picture(results)
 
 
 def _range_picture() -> bytes:
@@ -173,7 +177,7 @@ def _tradeoff_picture(results: Results) -> bytes:
             ax.loglog(
                 [row[key] for row in rows], [row["misfit"] for row in rows], "o-", ms=3, lw=1, label=name
             )
-    for name, mark in zip((FREE, *(SQUASHED + kind for kind in RANGES)), "*^vs"):
+    for name, mark in zip(UNCHARGED, "*^vs"):
         row = results[name].numbers
         for ax, key in zip(axes, ("roughness", "ratio")):
             ax.loglog(row[key], row["misfit"], mark, ms=8, mec="k", mfc="none", label=name)
@@ -186,13 +190,24 @@ def _tradeoff_picture(results: Results) -> bytes:
 
 def _loss_picture(results: Results) -> bytes:
     figure, axes = curve_row(1, 6)
-    barrier = min(
-        (name for name in results if name.startswith("barrier")),
-        key=lambda name: results[name].numbers["misfit"],
-    )
-    for name in (FREE, *(SQUASHED + kind for kind in RANGES), barrier):
+    for name in (*UNCHARGED, _best(results, "barrier")):
         misfits = np.minimum.accumulate(results[name].arrays["misfits"])
         axes[0].loglog(np.arange(1, len(misfits) + 1), misfits, lw=1.1, label=name)
     axes[0].set(xlabel="evaluations inside the bound", ylabel="least misfit so far")
     axes[0].legend(fontsize=8)
     return png(figure)
+
+
+def _light_picture(results: Results) -> bytes:
+    names = [*UNCHARGED, *(_best(results, name) for name in WEIGHTS)]
+    figure, axes = panels(3, 3)
+    for ax, name in zip(axes.ravel(), names):
+        found = results[name]
+        irradiance(ax, found.arrays["image"], f"{name}: {found.numbers['misfit']:.3f}", top=TOP)
+    return png(figure)
+
+
+def _best(results: Results, penalty: str) -> str:
+    """Return the name of a penalty's run with the least misfit."""
+    names = [name for name in results if name.startswith(penalty)]
+    return min(names, key=lambda name: results[name].numbers["misfit"])
