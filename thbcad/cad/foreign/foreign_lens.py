@@ -110,7 +110,7 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
 
 
 def _vector(vector: Floats) -> str:
-    return "(" + ", ".join(f"{value + 0.0:.6g}" for value in vector) + ")"
+    return "(" + ", ".join(f"{round(value, 9) + 0.0:.6g}" for value in vector.tolist()) + ")"
 
 
 def _opposite(

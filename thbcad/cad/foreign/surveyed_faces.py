@@ -142,12 +142,12 @@ class SurveyedFace:
 
     @cached_property
     def rim(self) -> Floats:
-        """Points of its edges, both ends included, (n, 3)."""
+        """Points of its edges, both ends included, (n, 3); seams lie within the face and are left out."""
         rows = []
-        for edge in explore(self.face, TopAbs_EDGE):
-            if BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)):
+        for edge in map(TopoDS.Edge_s, explore(self.face, TopAbs_EDGE)):
+            if BRep_Tool.Degenerated_s(edge) or BRep_Tool.IsClosed_s(edge, self.face):
                 continue
-            curve = BRepAdaptor_Curve(TopoDS.Edge_s(edge))
+            curve = BRepAdaptor_Curve(edge)
             t = np.linspace(curve.FirstParameter(), curve.LastParameter(), RIM)
             rows += [curve.Value(each).Coord() for each in t.tolist()]
         return np.array(rows)

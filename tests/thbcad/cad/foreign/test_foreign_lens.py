@@ -202,6 +202,13 @@ def test_a_revolved_lens_is_a_plane_and_a_sphere(tmp_path):
     assert refit.lens.rear.conic.constant == 0
 
 
+def test_the_seam_of_a_round_face_is_no_part_of_its_outline(tmp_path):
+    lens = bd.Pos(0, 0, -28) * bd.Sphere(30) & bd.Pos(0, 0, 28) * bd.Sphere(30)
+    found = read_lens_solid(written(tmp_path / "lens.step", lens.wrapped))
+    assert (found.front.outline, found.rear.outline) == ("ellipse", "ellipse")
+    assert found.rear.half_width == pytest.approx([116**0.5] * 2, rel=1e-6)
+
+
 def test_a_revolved_parabola_is_a_conic(tmp_path):
     """r^2 = 2 R z with R = 30, as a spline of revolution."""
     with bd.BuildPart() as part:
