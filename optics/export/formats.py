@@ -141,7 +141,7 @@ def export(
     A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
 
     chord : mm, the error that meshes may have, and grid sags between their points
-    body : of the solid formats step, iges and brep; aperture and flange also of meshes
+    body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes
     labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
@@ -153,8 +153,7 @@ def export(
     for option, asked, allowed in (
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
-        ("--polygon needs", body.polygon is not None, SOLIDS),
-        ("--aperture and --flange need", body.shaped, (*SOLIDS, *MESHES)),
+        ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES)),
     ):
         if asked and name not in allowed:
             raise UserError(f"{option} {', '.join(allowed)}, got {name}")

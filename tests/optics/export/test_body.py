@@ -83,7 +83,7 @@ def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_
 
 
 @pytest.mark.parametrize("name", ["stl", "3mf", "glb"])
-@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture"])
+@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture", "polygon"])
 def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
     write_lens(EQUAL, tmp_path / "lens.json")
     out = tmp_path / f"body.{name}"
@@ -104,6 +104,16 @@ def test_a_wall_that_moved_shows(tmp_path, name):
     moved = np.unique(mesh.triangles[mesh.faces == mesh.names.index(name)])
     vertices[moved] *= [1.02, 1.02, 1.1]
     path = tmp_path / "body.ply"
+    path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
+    failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
+    assert "edges against the exact surfaces, PLY read back by trimesh" in failed
+
+
+def test_a_wall_of_a_polygon_that_moved_shows(tmp_path):
+    body = Body(polygon=[(-4, -3), (4, -3), (0, 3)])
+    mesh = body.mesh(EQUAL, 0.02, single=False)
+    path = tmp_path / "body.ply"
+    vertices = mesh.vertices * [1, 1.02, 1]
     path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
     failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
     assert "edges against the exact surfaces, PLY read back by trimesh" in failed
@@ -254,6 +264,7 @@ def test_bodies_that_cannot_be_are_refused_and_leave_no_file(capsys, tmp_path, n
         (["--patches"], ("step",)),
         (["--separate"], SOLIDS),
         (["--aperture", 5, 5, "--chord", 0.02], (*SOLIDS, *MESHES)),
+        (["--polygon", 0, 0, 2, 0, 0, 2, "--chord", 0.02], (*SOLIDS, *MESHES)),
     ],
 )
 @pytest.mark.parametrize(
