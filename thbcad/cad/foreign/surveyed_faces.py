@@ -52,12 +52,7 @@ KINDS = {
     GeomAbs_SurfaceOfRevolution: "surface of revolution",
     GeomAbs_SurfaceOfExtrusion: "extrusion",
 }
-STRAIGHT = (
-    "plane",
-    "cylinder",
-    "cone",
-    "extrusion",
-)  # kinds with straight lines: no optical surface but planes
+STRAIGHT = ("plane", "cylinder", "cone", "extrusion")  # kinds with straight lines
 FLAT = 1e-9  # between unit normals: of a plane that was written as something else
 GRID = 7  # samples along each parameter of a face
 RIM = 33  # samples of an edge
@@ -109,6 +104,14 @@ class SurveyedFace:
         return self.kind in STRAIGHT or (
             spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) == 1
         )
+
+    @cached_property
+    def radius(self) -> float | None:
+        """mm, of a sphere or a cylinder, else None."""
+        adaptor = BRepAdaptor_Surface(self.face)
+        if self.kind == "sphere":
+            return adaptor.Sphere().Radius()
+        return adaptor.Cylinder().Radius() if self.kind == "cylinder" else None
 
     @property
     def periodic(self) -> tuple[bool, bool]:
