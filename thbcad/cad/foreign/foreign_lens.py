@@ -124,7 +124,8 @@ def _arched(solid: TopoDS_Shape, faces: Sequence[SurveyedFace]) -> list[Surveyed
     for face in faces:
         normals = face.samples[1]
         one_way = (normals @ normals.mean(axis=0) > LEAST_FACING).all()
-        if not face.is_flat and one_way and not any(f.is_flat for f in continued(solid, faces, face)):
+        curved = not face.is_flat and face.kind != "cone"
+        if curved and one_way and not any(f.is_flat for f in continued(solid, faces, face)):
             arched.append(face)
     return arched
 

@@ -13,7 +13,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepClass import BRepClass_FaceClassifier
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
-from OCP.Geom import Geom_BSplineSurface
+from OCP.Geom import Geom_BSplineSurface, Geom_RectangularTrimmedSurface
 from OCP.GeomAbs import (
     GeomAbs_BezierSurface,
     GeomAbs_BSplineSurface,
@@ -78,6 +78,19 @@ class SurveyedFace:
         surface = BRep_Tool.Surface_s(self.face)
         if not isinstance(surface, Geom_BSplineSurface):  # a Bezier surface
             surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
+        return spline_surface(surface)
+
+    @cached_property
+    def exact_spline(self) -> BSplineSurface | NURBSSurface | None:
+        """The spline under the face; of a surface of revolution a rational one with the same points."""
+        if self.kind != "surface of revolution":
+            return self.spline
+        trimmed = Geom_RectangularTrimmedSurface(
+            BRep_Tool.Surface_s(self.face), *BRepTools.UVBounds_s(self.face)
+        )
+        surface = GeomConvert.SurfaceToBSplineSurface_s(trimmed)
+        surface.SetUNotPeriodic()
+        surface.SetVNotPeriodic()
         return spline_surface(surface)
 
     @cached_property
