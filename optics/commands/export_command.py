@@ -11,6 +11,7 @@ from optics.results import HASHES, hashes
 from optics.runtime import UserError, check_lines
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
+SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,10 +65,10 @@ def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple
     """
     from optics.parts import export_mounted, mount_from
 
-    if options.aperture or options.flange or options.patches or options.separate:
+    shapes = [name for name in SHAPES if name != "mount"]
+    if any(getattr(options, name) for name in shapes):
         raise UserError(
-            "a mount has its own flange on the whole lens: leave out --aperture, --flange, --patches, "
-            "--separate"
+            f"a mount has its own flange on the whole lens: leave out {', '.join(f'--{s}' for s in shapes)}"
         )
     return export_mounted(lens, mount_from(options.mount), name, options.out, options.chord, labels)
 
@@ -89,10 +90,9 @@ def _scene(options: Namespace) -> Outcome:
     from thbcad.io import json_text, write_files, write_text
 
     out, folder = Path(options.out), Path(options.result)
-    shapes = ("aperture", "polygon", "flange", "mount", "patches", "separate")
-    if any(getattr(options, name) for name in shapes):
+    if any(getattr(options, name) for name in SHAPES):
         raise UserError(
-            f"a scene holds the whole lens: leave out {', '.join(f'--{name}' for name in shapes)}"
+            f"a scene holds the whole lens: leave out {', '.join(f'--{name}' for name in SHAPES)}"
         )
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")

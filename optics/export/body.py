@@ -81,7 +81,7 @@ class Body:
         ------
         ValueError : as `body_mesh`.
         """
-        return body_mesh(lens, chord, self.aperture, self.flange, single)
+        return body_mesh(lens, chord, self.aperture, self.flange, single, self.polygon)
 
     def volume(self, lens: Lens) -> float:
         """Return the volume in mm^3 by quadrature over the splines."""

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
+from optics.export.body import Body
 from optics.runtime import Check
 
 if TYPE_CHECKING:
@@ -18,17 +20,20 @@ if TYPE_CHECKING:
 SVG = "{http://www.w3.org/2000/svg}"
 APPLICATION = "THBCAD"
 LINES = 801  # of a surface on which an outline is looked at
+WHOLE = Body()
 ROUNDING = 1e-9  # mm: a conic as a spline, and coordinates that are moved to their place on the sheet
 
 Drawn = tuple[str, str, str, "Floats"]  # view, curve, style, points (n, 2) in mm of the lens
 
 
-def drawing_checks(lens: Lens, sheet: Sheet, path: Path, name: str) -> list[Check]:
+def drawing_checks(lens: Lens, sheet: Sheet, path: Path, name: str, body: Body = WHOLE) -> list[Check]:
     """Return the Checks of a drawing: curves as many as drawn, sections and outlines within the bound that
     the sheet states.
 
     Points and middles of chords are compared: sections with the surfaces, outlines with the least z of the
     front and the greatest z of the rear on 801 lines, which they must not fall short of.
+
+    body : to which the lens is cut
     """
     by = {"svg": "SVG read back by ElementTree", "dxf": "DXF read back by ezdxf"}[name]
     drawn, faults = _read_svg(path) if name == "svg" else _read_dxf(path)
@@ -43,7 +48,7 @@ def drawing_checks(lens: Lens, sheet: Sheet, path: Path, name: str) -> list[Chec
         own = [curve for curve in drawn if curve[1] == word]
         section = max(_section_error(curve, surface, vertex) for curve in own if "SECTION" in curve[0])
         sign = -1 if word == "front" else 1
-        outline = max(_shortfall(own, surface, vertex, axis, sign) for axis in (0, 1))
+        outline = max(_shortfall(own, (surface, vertex, sign), axis, body, limit) for axis in (0, 1))
         checks.append(Check(f"{word} in sections, {by}", section, limit, "mm"))
         checks.append(Check(f"{word} beyond its outline, {by}", outline, limit, "mm"))
     return checks
@@ -89,28 +94,58 @@ def _chord_samples(points: Floats) -> Floats:
 
 
 def _section_error(curve: Drawn, surface: FreeformSurface, vertex: float) -> float:
-    """Return the greatest distance in z of a section x = 0 or y = 0 from the surface."""
+    """Return the greatest distance in z of a section x = at or y = at from the surface."""
     view, _, _, points = curve
     samples = _chord_samples(points)
-    zero = np.zeros(len(samples))
+    plane = np.full(len(samples), float(view.rpartition("=")[2]))
+    a, b = surface.half_width
     if view.startswith("SECTION x"):
-        z, exact = samples[:, 0], surface(zero, samples[:, 1])
+        z, exact = samples[:, 0], surface(plane, np.clip(samples[:, 1], -b, b))
     else:
-        z, exact = samples[:, 1], surface(samples[:, 0], zero)
+        z, exact = samples[:, 1], surface(np.clip(samples[:, 0], -a, a), plane)
     return float(np.abs(z - vertex - exact).max())
 
 
-def _shortfall(own: list[Drawn], surface: FreeformSurface, vertex: float, axis: int, sign: int) -> float:
-    """Return by how much the surface, seen along an axis, extends to +z (sign 1) or -z beyond all its curves
-    in that view."""
+def _shortfall(
+    own: list[Drawn], side: tuple[FreeformSurface, float, int], axis: int, body: Body, limit: float
+) -> float:
+    """Return by how much a surface at a vertex, seen along an axis, extends to +z (sign 1) or -z beyond all
+    its curves in that view; of a body, whose silhouette may be steep, those nearer than a limit in y or x."""
+    surface, vertex, sign = side
     lines = [_height_line(points, axis) for view, _, _, points in own if view == f"SEEN FROM -{'xy'[axis]}"]
     along = np.linspace(-surface.half_width[axis], surface.half_width[axis], LINES)
     across = np.unique(np.concatenate([_chord_samples(line)[:, 0] for line in lines]))
     across = across[np.abs(across) <= surface.half_width[1 - axis]]
     heights = surface.grid(*((along, across) if axis == 0 else (across, along)))
-    heights = sign * (vertex + (heights if axis == 0 else heights.T))
-    curves = sign * np.array([np.interp(across, *line.T) for line in lines])
-    return float((heights.max(axis=0) - curves.max(axis=0)).max())
+    inside = _within(body, *((along, across) if axis == 0 else (across, along)))
+    heights = np.where(inside, sign * (vertex + heights), -np.inf)
+    heights = heights if axis == 0 else heights.T
+    shifts = (-limit, 0.0, limit) if body.shaped else (0.0,)
+    curves = [_highest(line, across + shift, sign) for line in lines for shift in shifts]
+    return float((heights.max(axis=0) - np.max(curves, axis=0)).max())
+
+
+def _highest(line: Floats, positions: Floats, sign: int) -> Floats:
+    """Return sign z of a line at positions, -infinity beside it."""
+    outside = dict.fromkeys(("left", "right"), -np.inf)
+    highest: Floats = np.interp(positions, line[:, 0], sign * line[:, 1], **outside)
+    return highest
+
+
+def _within(body: Body, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Return which positions of a grid x (n,), y (m,) lie in the outline of a body, (n, m)."""
+    x, y = x[:, None], y[None, :]
+    if body.aperture is not None:
+        a, b = body.aperture
+        return (x / a) ** 2 + (y / b) ** 2 <= 1
+    if body.polygon is None:
+        return np.ones((len(x), y.shape[1]), dtype=np.bool_)
+    inside = np.zeros((len(x), y.shape[1]), dtype=np.bool_)
+    corners = np.asarray(body.polygon, dtype=np.float64)
+    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0)):
+        if y0 != y1:
+            inside ^= ((y0 <= y) != (y1 <= y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return inside
 
 
 def _height_line(points: Floats, axis: int) -> Floats:

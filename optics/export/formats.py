@@ -141,7 +141,8 @@ def export(
     A sag table or point cloud holds one surface: OUT_front and OUT_rear are written.
 
     chord : mm, the error that meshes may have, and grid sags between their points
-    body : of the solid formats step, iges and brep; aperture and flange also of meshes
+    body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes and
+        drawings
     labels : for STEP and IGES; None is those of a nameless lens
 
     Raises
@@ -153,8 +154,7 @@ def export(
     for option, asked, allowed in (
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
-        ("--polygon needs", body.polygon is not None, SOLIDS),
-        ("--aperture and --flange need", body.shaped, (*SOLIDS, *MESHES)),
+        ("--aperture, --polygon and --flange need", body.shaped, (*SOLIDS, *MESHES, *DRAWINGS)),
     ):
         if asked and name not in allowed:
             raise UserError(f"{option} {', '.join(allowed)}, got {name}")
@@ -170,7 +170,7 @@ def export(
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
         if name in DRAWINGS:
-            return _drawing(lens, name, path, chord, labels or Labels())
+            return _drawing(lens, name, path, chord, body, labels or Labels())
         if body.separate:
             return _faces(lens, name, path)
         return _solid(lens, name, path, body, labels or Labels())
@@ -205,12 +205,12 @@ def _written(files: dict[Path, bytes]) -> list[Path]:
 
 
 def _drawing(
-    lens: Lens, name: str, path: Path, chord: float, labels: Labels
+    lens: Lens, name: str, path: Path, chord: float, body: Body, labels: Labels
 ) -> tuple[list[Path], list[Check]]:
     """Write the drawing of the lens."""
-    sheet = lens_sheet(lens, labels.product, chord)
+    sheet = lens_sheet(lens, labels.product, chord, body.aperture, body.flange, body.polygon)
     files = _written({path: drawing_bytes(sheet, name)})
-    return files, drawing_checks(lens, sheet, path, name)
+    return files, drawing_checks(lens, sheet, path, name, body)
 
 
 def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path], list[Check]]:

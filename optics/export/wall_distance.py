@@ -1,4 +1,4 @@
-"""How far points of a mesh lie from the walls of a lens: its ruled edges, or those of an aperture and a
+"""How far points of a mesh lie from the walls of a lens: its ruled edges, or those of an outline and a
 flange."""
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.export.edge_distance import edge_distance
-from thbcad.lens import SIDES
+from thbcad.lens import SIDES, Polygon
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,11 +23,22 @@ def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]])
 
     samples : (name of the face, points (n, 3)) of every face but front and rear, in the order of the mesh.
     """
+    if body.polygon is not None:
+        sides = Polygon(tuple(body.polygon)).sides
+        return max(_from_side(side, points) for side, (_, points) in zip(sides, samples))
     if body.aperture is None and body.flange is None:
         return max(edge_distance(lens, side, points) for side, (_, points) in zip(SIDES, samples))
     half = np.array(body.aperture or lens.front.half_width)
     round_ = body.aperture is not None
     return max(_distance(name, points, half, round_, body.flange) for name, points in samples)
+
+
+def _from_side(side: Floats, points: Floats) -> float:
+    """Return the greatest distance from the upright wall over the side of a polygon, (2, 2)."""
+    start, step = side[0], side[1] - side[0]
+    relative = points[:, :2] - start
+    along = np.clip(relative @ step / (step @ step), 0, 1)
+    return float(np.hypot(*(relative - along[:, None] * step).T).max())
 
 
 def _distance(name: str, points: Floats, half: Floats, round_: bool, flange: Flange | None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from thbcad.doors import loaded
@@ -9,7 +10,7 @@ from thbcad.drawings.lens_drawing import lens_sheet
 from thbcad.drawings.sheets import Sheet
 from thbcad.drawings.svg_sheet import svg_bytes
 from thbcad.io import write_bytes
-from thbcad.lens import Lens, Product
+from thbcad.lens import Flange, Lens, Product
 
 DRAWINGS = ("svg", "dxf")
 
@@ -30,7 +31,15 @@ def drawing_bytes(sheet: Sheet, name: str) -> bytes:
     return data
 
 
-def write_drawing(lens: Lens, path: str | Path, product: Product | None = None, chord: float = 1e-3) -> None:
+def write_drawing(
+    lens: Lens,
+    path: str | Path,
+    product: Product | None = None,
+    chord: float = 1e-3,
+    aperture: tuple[float, float] | None = None,
+    flange: Flange | None = None,
+    polygon: Sequence[tuple[float, float]] | None = None,
+) -> None:
     """Write the drawing of a lens, as `lens_sheet`, to a file that ends in .svg or .dxf.
 
     In SVG the sheet is at its scale; in DXF the lens has its true size in mm.
@@ -44,4 +53,4 @@ def write_drawing(lens: Lens, path: str | Path, product: Product | None = None, 
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in DRAWINGS:
         raise ValueError(f"{path} must end in .svg or .dxf")
-    write_bytes(path, drawing_bytes(lens_sheet(lens, product, chord), suffix))
+    write_bytes(path, drawing_bytes(lens_sheet(lens, product, chord, aperture, flange, polygon), suffix))

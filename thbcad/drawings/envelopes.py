@@ -57,7 +57,7 @@ def lowest_outline(graph: BSplineSurface, chord: float) -> Outline:
     bend = cell_bounds(graph, ((0, 2),))[0].max(axis=0)
     slack = chord / 8  # of the values on the lines
     parts = np.ceil(np.diff(graph.kv_v.breaks) * np.sqrt(bend / (4 * chord)))
-    _require_few(parts.sum(), chord)
+    require_few(parts.sum(), chord)
     v = subdivided(graph.kv_v.breaks, np.maximum(parts, 1).astype(np.int64))
     z, u = lowest_points(graph, v, slack)
     while True:
@@ -66,13 +66,13 @@ def lowest_outline(graph: BSplineSurface, chord: float) -> Outline:
         if not failing.any():
             return Outline(v, z, float(error.max()))
         middles = (v[:-1] + np.diff(v) / 2)[failing]
-        _require_few(len(v) + len(middles), chord)
+        require_few(len(v) + len(middles), chord)
         between, at = lowest_points(graph, middles, slack)
         where = np.flatnonzero(failing) + 1
         v, z, u = (np.insert(row, where, new) for row, new in ((v, middles), (z, between), (u, at)))
 
 
-def _require_few(lines: float, chord: float) -> None:
+def require_few(lines: float, chord: float) -> None:
     if lines > MOST_LINES:
         raise ValueError(
             f"a chord error of {chord:g} mm needs more than {MOST_LINES:,} lines of an outline; "

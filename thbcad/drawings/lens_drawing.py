@@ -1,57 +1,95 @@
 """The drawing of a lens: rear and front, two sections, two sides, dimensions and tables on one sheet.
 
-Views stand in third-angle projection round the section x = 0: the front to its left, the rear to its right,
-what is seen from -y below the rear.
+Views stand in third-angle projection round the section across x: the front to its left, the rear to its
+right, what is seen from -y below the front.  A lens that is cut to an outline, or has a flange, is drawn with
+it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from thbcad.certified import value_range
-from thbcad.checks import Floats, require_type
+from thbcad.checks import Floats, require_number, require_type
 from thbcad.drawings.curves import Style
+from thbcad.drawings.cut_outlines import CutLens, box_of, cut_lens, intervals, is_circle
+from thbcad.drawings.cut_views import cut_plan, cut_section, cut_side
 from thbcad.drawings.dimensions import Marks, caption, centre_line, dimension, hatching, section_mark
 from thbcad.drawings.sheets import PlacedView, Sheet, Stroke, number
 from thbcad.drawings.title_block import BAND, MARGINS, PAPER, tables
 from thbcad.drawings.views import View, plan_view, section_view, side_view
-from thbcad.lens import Lens, Product, require_sound
+from thbcad.lens import LEAST_CHORD, Flange, Lens, Product, require_sound
 
 GAP = 27.0  # mm between views at least, for dimensions and titles; a lens of 100 mm is drawn 1:1
 SCALES = tuple(a * 10.0**k for k in range(4, -6, -1) for a in (5, 2, 1))
 DIGITS = 1e-9  # mm on paper; what rounding coordinates to nine decimals adds
 LEVEL = 10.0  # mm between a view and its dimension line
+DIAMETER = "\u00d8 "  # ISO 129: before the diameter of a circle
 
 
-def lens_sheet(lens: Lens, product: Product | None = None, chord: float = 1e-3) -> Sheet:
+def lens_sheet(
+    lens: Lens,
+    product: Product | None = None,
+    chord: float = 1e-3,
+    aperture: tuple[float, float] | None = None,
+    flange: Flange | None = None,
+    polygon: Sequence[tuple[float, float]] | None = None,
+) -> Sheet:
     """Return the drawing of a lens on an A3 sheet, at the greatest scale of ISO 5455 that it allows.
 
     product : names and material; None is Product().
     chord : mm, the error that curves may have; the sheet states what they keep.
+    aperture : semi-axes (a, b), mm, to which the lens is cut.  flange : Flange.
+    polygon : corners (x, y), mm, to which it is cut.  Sections of an outline beside the axis pass through its
+        middle.
 
     Raises
     ------
-    ValueError : as `require_sound`, `section_view` and `side_view`; a lens that no scale puts on the sheet.
+    ValueError : as `require_sound`, `section_view`, `side_view`, `require_aperture`, `require_clear` and
+        `require_polygon`; a lens that no scale puts on the sheet.
     """
     require_type("lens", lens, Lens)
     product = Product() if product is None else product
     require_type("product", product, Product)
     require_sound(lens)
+    require_number("chord", chord, least=LEAST_CHORD, finite=True)
+    cut = cut_lens(lens, aperture, flange, polygon)
+    top, low = _views(lens, chord) if cut is None else _cut_views(cut, chord)
+    scale = _scale(top, low)
+    placed = _placed(top, low, scale)
+    bound = max(view.bound for view in (*top, *low)) + DIGITS / scale
+    sheet = Sheet(product.name, PAPER, scale, bound, tuple(placed))
+    sheet = sheet.with_(tables(lens, product, scale, bound, cut.text() if cut else ""))
+    for mark in (_captions, _hatched):
+        sheet = sheet.with_(mark(placed, scale))
+    sheet = sheet.with_(_axes(placed, scale, (0.0, 0.0) if cut is None else cut.planes))
+    if cut is None:
+        return sheet.with_([*_sizes(lens, placed, scale), *_thicknesses(lens, placed, scale)])
+    return sheet.with_([*_cut_sizes(cut, placed, scale), *_cut_thicknesses(cut, placed, scale)])
+
+
+def _views(lens: Lens, chord: float) -> tuple[tuple[View, ...], tuple[View, ...]]:
+    """Return the views of the upper and of the lower row."""
     top = (
         plan_view(lens, "front"),
         side_view(lens, "x", chord),
         section_view(lens, "x", chord=chord),
         plan_view(lens, "rear"),
     )
-    low = (side_view(lens, "y", chord), section_view(lens, "y", chord=chord))
-    scale = _scale(top, low)
-    placed = _placed(top, low, scale)
-    bound = max(view.bound for view in (*top, *low)) + DIGITS / scale
-    sheet = Sheet(product.name, PAPER, scale, bound, tuple(placed))
-    sheet = sheet.with_(tables(lens, product, scale, bound))
-    for mark in (_captions, _hatched, _axes, _sizes, _thicknesses):
-        sheet = sheet.with_(mark(lens, placed, scale))
-    return sheet
+    return top, (side_view(lens, "y", chord), section_view(lens, "y", chord=chord))
+
+
+def _cut_views(cut: CutLens, chord: float) -> tuple[tuple[View, ...], tuple[View, ...]]:
+    """Return the same views of a lens that is cut to an outline."""
+    top = (
+        cut_plan(cut, "front", chord),
+        cut_side(cut, 0, chord),
+        cut_section(cut, 0, chord),
+        cut_plan(cut, "rear", chord),
+    )
+    return top, (cut_side(cut, 1, chord), cut_section(cut, 1, chord))
 
 
 def _extent(view: View) -> Floats:
@@ -103,28 +141,29 @@ def _frame(placed: PlacedView, scale: float) -> Floats:
     return frame
 
 
-def _captions(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
-    letters = {"SECTION x = 0": "A-A   x = 0", "SECTION y = 0": "B-B   y = 0"}
+def _captions(placed: list[PlacedView], scale: float) -> Marks:
     marks: Marks = []
     for one in placed:
         low, high = _frame(one, scale)
         drop = 10.0 if one.view.axes == ("x", "z") else 23.0  # below a dimension and a section mark
-        title = letters.get(one.view.title, one.view.title)
+        title = one.view.title.replace("SECTION x", "A-A   x").replace("SECTION y", "B-B   y")
         marks.append(caption(title, (float((low[0] + high[0]) / 2), float(low[1] - drop))))
     return marks
 
 
-def _hatched(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
+def _hatched(placed: list[PlacedView], scale: float) -> Marks:
+    """Return the hatching of the pieces of sections, each within its front, rear and edges."""
     marks: Marks = []
     for one in placed:
-        if one.view.title.startswith("SECTION"):
-            front, rear, *_ = (one.origin + scale * curve.points for curve in one.view.curves)
-            marks += hatching(np.concatenate([front, rear[::-1]]))
+        lines = [one.origin + scale * curve.points for curve in one.view.curves]
+        for k in range(0, len(lines) if one.view.title.startswith("SECTION") else 0, 4):
+            front, rear, start, stop = lines[k : k + 4]
+            marks += hatching(np.concatenate([front, stop[1:-1], rear[::-1], start[-2:0:-1]]))
     return marks
 
 
-def _axes(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
-    """Return the optical axis of every view, and on the rear the marks of the sections."""
+def _axes(placed: list[PlacedView], scale: float, planes: tuple[float, float]) -> Marks:
+    """Return the optical axis of every view, and on the rear the marks of the sections x, y = planes."""
     marks: Marks = []
     for one in placed:
         low, high = _frame(one, scale)
@@ -135,7 +174,7 @@ def _axes(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
             marks.append(centre_line(np.array([x, low[1]]), np.array([x, high[1]])))
     rear = placed[3]
     (left, bottom), (right, top) = _frame(rear, scale)
-    x, y = rear.origin
+    x, y = rear.origin + scale * np.array(planes)
     upright, level = np.array([(x, bottom), (x, top)]), np.array([(left, y), (right, y)])
     marks += section_mark(upright, np.array([1.0, 0.0]), "A")
     return [*marks, *section_mark(level, np.array([0.0, 1.0]), "B")]
@@ -148,15 +187,69 @@ def _sizes(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
     if lens.front.half_width != lens.rear.half_width:
         shown.append((placed[0], lens.front))
     for one, surface in shown:
-        (_, _), (right, top) = _frame(one, scale)
-        half = scale * np.array(surface.half_width)
-        low, high = one.origin - half, one.origin + half
-        beside = right + 2 * LEVEL, top + 2 * LEVEL  # clear of the section marks
-        for axis, level in ((0, beside[1]), (1, beside[0])):
-            start = high.copy()
-            start[axis] = low[axis]
-            marks += dimension(np.array([start, high]), level, axis, number(2 * surface.half_width[axis]))
+        half = np.array(surface.half_width)
+        marks += _width_and_height(one, scale, (-half, half))
     return marks
+
+
+def _width_and_height(one: PlacedView, scale: float, box: tuple[Floats, Floats], sign: str = "") -> Marks:
+    """Return the dimensions of a box in a plan, above it and to its right.
+
+    box : the least and the greatest (right, up) of the view, mm.  sign : before the numbers.
+    """
+    (_, _), (right, top) = _frame(one, scale)
+    low, high = (one.origin + scale * corner for corner in box)
+    marks: Marks = []
+    for axis, edge in ((0, top), (1, right)):
+        start = high.copy()
+        start[axis] = low[axis]
+        level = edge + 2 * LEVEL  # clear of the section marks
+        size = float(box[1][axis] - box[0][axis])
+        marks += dimension(np.array([start, high]), level, axis, sign + number(size))
+    return marks
+
+
+def _cut_sizes(cut: CutLens, placed: list[PlacedView], scale: float) -> Marks:
+    """Return width and height of the outline on the rear, and of the flange on the front."""
+    marks = _width_and_height(placed[3], scale, box_of(cut.shape), sign=DIAMETER * is_circle(cut.shape))
+    if cut.around is not None:
+        marks += _width_and_height(
+            placed[0], scale, box_of(cut.around), sign=DIAMETER * is_circle(cut.around)
+        )
+    return marks
+
+
+def _cut_thicknesses(cut: CutLens, placed: list[PlacedView], scale: float) -> Marks:
+    """Return the thickness on the axis, where the lens has one, and at the upper edge of the section across
+    x; of a flange its thickness, and where it begins behind the front vertex."""
+    section, side = placed[2], placed[1]
+    front, rear = (curve.points for curve in section.view.curves[-4:-2])
+    marks: Marks = []
+    (_, bottom), (_, top) = _frame(section, scale)
+    if cut.planes[0] == 0 and any(low <= 0 <= high for low, high in intervals(cut.shape, 0, 0.0)):
+        marks += _along_axis(cut.lens, section, scale, bottom - LEVEL)
+    marks += _between(section, scale, front[-1], rear[-1], top + LEVEL)
+    if cut.flange is not None:
+        (_, bottom), (_, top) = _frame(side, scale)
+        height = side.view.box()[1, 1]
+        low, high = (np.array([z, height]) for z in (cut.flange.low, cut.flange.high))
+        marks += _between(side, scale, low, high, top + LEVEL)
+        vertex = np.array([float(cut.lens.front(0, 0)[0]), -height])
+        marks += _between(side, scale, vertex, low * [1, -1], bottom - LEVEL)
+    return marks
+
+
+def _along_axis(lens: Lens, section: PlacedView, scale: float, level: float) -> Marks:
+    """Return the thickness on the optical axis."""
+    heights = [float(lens.front(0, 0)[0]), lens.thickness + float(lens.rear(0, 0)[0])]
+    ends = [np.array([z, 0.0]) for z in heights]
+    return _between(section, scale, ends[0], ends[1], level)
+
+
+def _between(one: PlacedView, scale: float, start: Floats, stop: Floats, level: float) -> Marks:
+    """Return the dimension along z between two points (z, y) of a view, mm; level : on the paper."""
+    ends = np.array([one.origin + scale * point for point in (start, stop)])
+    return dimension(ends, level, 0, number(abs(float(stop[0] - start[0]))))
 
 
 def _thicknesses(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
@@ -165,11 +258,8 @@ def _thicknesses(lens: Lens, placed: list[PlacedView], scale: float) -> Marks:
     front, rear = (curve.points for curve in section.view.curves[:2])
     marks: Marks = []
     (_, bottom), (_, top) = _frame(section, scale)
-    heights = [float(lens.front(0, 0)[0]), lens.thickness + float(lens.rear(0, 0)[0])]
-    axis = np.array([section.origin + scale * np.array([z, 0.0]) for z in heights])
-    marks += dimension(axis, bottom - LEVEL, 0, number(heights[1] - heights[0]))
-    edge = np.array([section.origin + scale * line[-1] for line in (front, rear)])
-    marks += dimension(edge, top + LEVEL, 0, number(float(rear[-1, 0] - front[-1, 0])))
+    marks += _along_axis(lens, section, scale, bottom - LEVEL)
+    marks += _between(section, scale, front[-1], rear[-1], top + LEVEL)
     (left, bottom), (right, _) = _frame(side, scale)
     ends = np.array([(left, bottom), (right, bottom)])
     lowest, highest = (value_range(graph)[k].value for k, graph in enumerate(lens.graphs()))

@@ -23,8 +23,8 @@ ROW = 5.5  # mm
 LONGEST = 44  # characters of a text in a cell
 
 
-def tables(lens: Lens, product: Product, scale: float, bound: float) -> Marks:
-    """Return frame, table and title block."""
+def tables(lens: Lens, product: Product, scale: float, bound: float, outline: str = "") -> Marks:
+    """Return frame, table and title block; outline : the size of both surfaces, where they are cut."""
     left, low = MARGINS
     right, top = PAPER[0] - MARGINS[1], PAPER[1] - MARGINS[1]
     split = right - TITLE
@@ -34,7 +34,7 @@ def tables(lens: Lens, product: Product, scale: float, bound: float) -> Marks:
         line((split, low), (split, low + BAND), style=Style.FRAME),
     ]
     width = (split - left) / 3
-    columns = (_surface(lens.front), _material(lens, product), _surface(lens.rear))
+    columns = (_surface(lens.front, outline), _material(lens, product), _surface(lens.rear, outline))
     for k, (head, rows) in enumerate(zip(("FRONT", "MATERIAL", "REAR"), columns)):
         x = left + k * width
         marks += _column(head, rows, x, low)
@@ -49,11 +49,11 @@ def _column(head: str, rows: Sequence[str], x: float, low: float) -> Marks:
     return [Label(head, (x + 2, top), TEXT), *texts]
 
 
-def _surface(surface: FreeformSurface) -> list[str]:
+def _surface(surface: FreeformSurface, outline: str) -> list[str]:
     conic = surface.conic
     base = "plane" if conic.is_plane else f"R {number(conic.radius)} mm, K {conic.constant:.6g}"
     a, b = (number(2 * h) for h in surface.half_width)
-    rows = [f"size {a} x {b} mm", f"base {base}"]
+    rows = [outline or f"size {a} x {b} mm", f"base {base}"]
     if surface.sag is None:
         return [*rows, "no sag"]
     kv_u, kv_v = surface.sag.space.kv_u, surface.sag.space.kv_v

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thbcad.checks import Floats, require_number
-from thbcad.drawings.curves import Curve, Style, spline_chords
+from thbcad.drawings.curves import Curve, Style, edge_cut, spline_chords
 from thbcad.drawings.envelopes import lowest_outline
-from thbcad.drawings.ruled_cuts import edge_cut
 from thbcad.lens import (
     ALLOWANCE,
     LEAST_CHORD,
@@ -113,8 +112,8 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
         lines.append(line)
         bounds.append(bound)
     names = (*NAMES, "edge", "edge")
-    curves = tuple(Curve(name, _oriented(line, across)) for name, line in zip(names, lines))
-    return View(f"SECTION {axis} = {at:g}", _side_axes(across), curves, max(bounds) + ALLOWANCE)
+    curves = tuple(Curve(name, oriented(line, across)) for name, line in zip(names, lines))
+    return View(f"SECTION {axis} = {at:g}", side_axes(across), curves, max(bounds) + ALLOWANCE)
 
 
 def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
@@ -139,10 +138,10 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
         *_rims(lens, along, allowed),
     ]
     curves = tuple(
-        Curve(name, _oriented(line, along), style) for name, line, style, _ in _distinct(pieces, chord)
+        Curve(name, oriented(line, along), style) for name, line, style, _ in distinct(pieces, chord)
     )
     bound = max(piece[3] for piece in pieces)
-    return View(f"SEEN FROM -{axis}", _side_axes(along), curves, bound + ALLOWANCE)
+    return View(f"SEEN FROM -{axis}", side_axes(along), curves, bound + ALLOWANCE)
 
 
 Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, proven error
@@ -152,9 +151,9 @@ def _outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
     """Return the least and the greatest z of front and rear; inside the glass they are hidden."""
     pieces = []
     for name, graph, vertex in zip(NAMES, lens.graphs(), (0.0, lens.thickness)):
-        turned = graph if along == 0 else _transposed(graph)
+        turned = graph if along == 0 else transposed(graph)
         for sign in (1, -1):
-            outline = lowest_outline(_scaled(turned, sign), chord)
+            outline = lowest_outline(scaled(turned, sign), chord)
             line = np.column_stack([outline.v, vertex + sign * outline.z])
             shown = (name == "front") == (sign == 1)
             pieces.append((name, line, Style.OUTLINE if shown else Style.HIDDEN, outline.bound))
@@ -173,7 +172,7 @@ def _edge_outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
         net = ruled_edge(surfaces, side)
         edge = BSplineSurface(net.kv_u, net.kv_v, net.coefficients[..., 2])
         low = lowest_outline(edge, chord)
-        high = lowest_outline(_scaled(edge, -1), chord)
+        high = lowest_outline(scaled(edge, -1), chord)
         if widths[0] == widths[1]:
             z = np.array([low.z[0], -high.z[-1]])
             line = np.column_stack([np.full(2, sign * widths[0]), z])
@@ -211,7 +210,7 @@ def _rims(lens: Lens, along: int, chord: float) -> list[Piece]:
     return pieces
 
 
-def _distinct(pieces: list[Piece], chord: float) -> list[Piece]:
+def distinct(pieces: list[Piece], chord: float) -> list[Piece]:
     """Return the pieces without those that one before them covers within twice the chord; outlines first."""
     kept: list[Piece] = []
     for piece in sorted(pieces, key=lambda item: item[2] is Style.HIDDEN):
@@ -239,18 +238,21 @@ def _require_chord(chord: float) -> None:
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
 
 
-def _side_axes(along: int) -> tuple[str, str]:
+def side_axes(along: int) -> tuple[str, str]:
+    """Return the axes of a view or a section along x (0) or y (1)."""
     return ("z", "y") if along == 0 else ("x", "z")
 
 
-def _oriented(line: Floats, along: int) -> Floats:
+def oriented(line: Floats, along: int) -> Floats:
     """Return points (y, z) as (z, y); points (x, z) stay."""
     return line[:, ::-1] if along == 0 else line
 
 
-def _transposed(graph: BSplineSurface) -> BSplineSurface:
+def transposed(graph: BSplineSurface) -> BSplineSurface:
+    """Return z(y, x) of a graph z(x, y)."""
     return BSplineSurface(graph.kv_v, graph.kv_u, graph.coefficients.T)
 
 
-def _scaled(graph: BSplineSurface, factor: float) -> BSplineSurface:
+def scaled(graph: BSplineSurface, factor: float) -> BSplineSurface:
+    """Return a graph with other heights."""
     return BSplineSurface(graph.kv_u, graph.kv_v, factor * graph.coefficients)

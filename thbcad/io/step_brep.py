@@ -14,13 +14,16 @@ from thbcad.io.brep_records import MATCH, Brep, BrepEdge, BrepFace, ParameterCur
 from thbcad.io.step_text import Entity, Typed, Value, entities_of_text, having, header_of_text, read_file
 from thbcad.io.step_values import (
     Entities,
+    cone,
     curve_of,
     entity_of,
     extrusion,
     flag_of,
+    in_radians,
     list_of,
     placed,
     points_of,
+    radians_of,
     reals_of,
     spline_row,
     spline_surface,
@@ -89,11 +92,12 @@ def brep(entities: Entities, header: Header = NO_HEADER) -> Brep:
     count = Counter(chain.from_iterable(loops))
     numbers = dict.fromkeys(number for number, _ in count)
     unpaired = sum(not count[number, True] == count[number, False] == 1 for number in numbers)
+    radians = radians_of(entities, _units(entities, "PLANE_ANGLE_UNIT", "plane angles", 0))
     return Brep(
         name=" ".join(names),
         unit=length_unit(entities),
-        faces=tuple(_face(entities, face) for face in shell),
-        edges=tuple(_edge(entities, entities[number]) for number in numbers),
+        faces=tuple(_face(entities, face, radians) for face in shell),
+        edges=tuple(_edge(entities, entities[number], radians) for number in numbers),
         unpaired=unpaired,
         gaps=sum(_gaps(entities, loop) for loop in loops),
         contradictions=_contradictions(entities),
@@ -109,25 +113,26 @@ def length_unit(entities: Entities) -> str:
     ------
     ValueError : the solid stands in no representation, or that has not one unit of length.
     """
+    (unit,) = _units(entities, "LENGTH_UNIT", "length")
+    if "CONVERSION_BASED_UNIT" in unit.parts:
+        return text_of(unit.parameters("CONVERSION_BASED_UNIT", 2)[0], unit)
+    return " ".join(text_of(part, unit) for part in unit.parameters("SI_UNIT", 2) if part is not None)
+
+
+def _units(entities: Entities, kind: str, what: str, least: int = 1) -> list[Entity]:
+    """Return the units of a kind in the representation of the solid, at most one; raise ValueError as
+    `length_unit`."""
     solid = _solid(entities).number
     for shape in having(entities, "ADVANCED_BREP_SHAPE_REPRESENTATION"):
         _, items, context = shape.parameters("ADVANCED_BREP_SHAPE_REPRESENTATION", 3)
         if solid in list_of(items, shape):
             (units,) = entity_of(entities, context, shape).parameters("GLOBAL_UNIT_ASSIGNED_CONTEXT", 1)
-            lengths = [
-                u
-                for u in (entity_of(entities, k, shape) for k in list_of(units, shape))
-                if "LENGTH_UNIT" in u.parts
-            ]
-            if len(lengths) != 1:
+            found = [u for k in list_of(units, shape) if kind in (u := entity_of(entities, k, shape)).parts]
+            if not least <= len(found) <= 1:
                 raise ValueError(
-                    f"the representation #{shape.number} must have one unit of length, got {len(lengths)}"
+                    f"the representation #{shape.number} must have one unit of {what}, got {len(found)}"
                 )
-            if "CONVERSION_BASED_UNIT" in lengths[0].parts:
-                return text_of(lengths[0].parameters("CONVERSION_BASED_UNIT", 2)[0], lengths[0])
-            return " ".join(
-                text_of(part, lengths[0]) for part in lengths[0].parameters("SI_UNIT", 2) if part is not None
-            )
+            return found
     raise ValueError(f"the solid #{solid} stands in no ADVANCED_BREP_SHAPE_REPRESENTATION")
 
 
@@ -180,7 +185,8 @@ def _gaps(entities: Entities, loop: list[tuple[int, bool]]) -> int:
     return sum(before[1] != after[0] for before, after in zip(ends[-1:] + ends[:-1], ends))
 
 
-def _face(entities: Entities, face: Entity) -> BrepFace:
+def _face(entities: Entities, face: Entity, radians: float) -> BrepFace:
+    """Return a face; radians : how many the unit of angles has."""
     name, _, carrier, same = face.parameters("ADVANCED_FACE", 4)
     surface = entity_of(entities, carrier, face)
     along = {
@@ -198,14 +204,14 @@ def _face(entities: Entities, face: Entity) -> BrepFace:
         plane=placed(entities, surface, "PLANE"),
         sphere=placed(entities, surface, "SPHERICAL_SURFACE", 1),
         cylinder=placed(entities, surface, "CYLINDRICAL_SURFACE", 1),
-        cone=placed(entities, surface, "CONICAL_SURFACE", 2),
+        cone=cone(entities, surface, radians),
         extrusion=extrusion(entities, surface),
         outward=flag_of(same, face),
         loops=loops,
     )
 
 
-def _edge(entities: Entities, edge: Entity) -> BrepEdge:
+def _edge(entities: Entities, edge: Entity, radians: float) -> BrepEdge:
     _, start, stop, carrier, along = edge.parameters("EDGE_CURVE", 5)
     both = (start, stop) if flag_of(along, edge) else (stop, start)
     vertices = [entity_of(entities, k, edge) for k in both]
@@ -217,19 +223,19 @@ def _edge(entities: Entities, edge: Entity) -> BrepEdge:
         _, space, others, _ = curve.parameters(kind, 4)
         images = [entity_of(entities, k, curve) for k in list_of(others, curve)]
         curve = entity_of(entities, space, curve)
-    flat = tuple(_image(entities, image) for image in images if "PCURVE" in image.parts)
+    flat = tuple(_image(entities, image, radians) for image in images if "PCURVE" in image.parts)
     shape = curve_of(entities, curve)
     return BrepEdge(number=edge.number, ends=ends, images=flat, **vars(shape))
 
 
-def _image(entities: Entities, image: Entity) -> ParameterCurve:
+def _image(entities: Entities, image: Entity, radians: float) -> ParameterCurve:
     _, carrier, drawn = image.parameters("PCURVE", 3)
     items = entity_of(entities, drawn, image)
     curves = list_of(items.parameters("DEFINITIONAL_REPRESENTATION", 3)[1], items)
     if len(curves) != 1:
         raise ValueError(f"STEP entity #{items.number} must have one curve, got {len(curves)}")
     surface = entity_of(entities, carrier, image)
-    shape = curve_of(entities, entity_of(entities, curves[0], items), 2)
+    shape = in_radians(curve_of(entities, entity_of(entities, curves[0], items), 2), surface, radians)
     return ParameterCurve(carrier=surface.number, **vars(shape))
 
 

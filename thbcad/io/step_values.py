@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from thbcad.checks import Floats
 from thbcad.io.brep_records import BrepCurve, Extrusion
-from thbcad.io.step_text import REAL, STRING, Entity, Reference, Value
+from thbcad.io.step_text import REAL, STRING, Entity, Reference, Typed, Value
 from thbcad.sags import ConicCurve
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
@@ -24,6 +25,11 @@ POINTS = {
     for dimensions in (2, 3)
 }
 CONICS = {"CIRCLE": 1, "ELLIPSE": 2, "HYPERBOLA": 2, "PARABOLA": 1}  # and how many sizes each has
+ANGLES = {  # which parameters are angles
+    "SPHERICAL_SURFACE": (True, True),
+    "CYLINDRICAL_SURFACE": (True, False),
+    "CONICAL_SURFACE": (True, False),
+}
 UPWARD = (0.0, 0.0, 1.0)  # the axis of a placement that names none
 WORDS = {2: "two", 3: "three"}
 
@@ -162,6 +168,14 @@ def placed(entities: Entities, surface: Entity, kind: str, sizes: int = 0) -> Fl
     return rows if not sizes else np.vstack([rows, [*_sizes(values, surface), *[0.0] * (3 - sizes)]])
 
 
+def cone(entities: Entities, surface: Entity, radians: float) -> Floats | None:
+    """Return a cone as `placed`, its half angle in radians; None for another surface."""
+    rows = placed(entities, surface, "CONICAL_SURFACE", 2)
+    if rows is not None:
+        rows[3, 1] *= radians
+    return rows
+
+
 def extrusion(entities: Entities, surface: Entity) -> Extrusion | None:
     """Return an extrusion of a curve that is known, None for another surface."""
     if "SURFACE_OF_LINEAR_EXTRUSION" not in surface.parts:
@@ -188,6 +202,33 @@ def curve_of(entities: Entities, curve: Entity, dimensions: int = 3) -> BrepCurv
                 conic=ConicCurve(kind, _placement(entities, where, curve, dimensions), np.resize(sizes, 2))
             )
     return BrepCurve()
+
+
+def in_radians(curve: BrepCurve, surface: Entity, radians: float) -> BrepCurve:
+    """Return the image of an edge in the parameters of a surface with its angles in radians."""
+    angles = [pair for kind, pair in ANGLES.items() if kind in surface.parts]
+    if radians == 1 or not angles:
+        return curve
+    if curve.poles is None:
+        return BrepCurve()  # a stretched circle is none
+    return replace(curve, poles=curve.poles * np.where(angles[0], radians, 1.0))
+
+
+def radians_of(entities: Entities, units: Sequence[Entity]) -> float:
+    """Return how many radians the unit of plane angles has, 1 for none; raise ValueError where it is open."""
+    for unit in units:
+        if "CONVERSION_BASED_UNIT" in unit.parts:
+            measured = entity_of(entities, unit.parameters("CONVERSION_BASED_UNIT", 2)[1], unit)
+            for kind in measured.parts:
+                if kind.endswith("MEASURE_WITH_UNIT") and len(measured.parts[kind]) == 2:
+                    value = measured.parts[kind][0]
+                    (size,) = reals_of(value.parameters if isinstance(value, Typed) else [value], measured)
+                    if 0 < size < np.inf:
+                        return size
+        elif unit.parameters("SI_UNIT", 2) == [None, "RADIAN"]:
+            continue
+        raise ValueError(f"the unit of plane angles #{unit.number} must be radians or a number of them")
+    return 1.0
 
 
 def _periodic(curve: Entity) -> bool:

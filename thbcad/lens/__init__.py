@@ -81,6 +81,7 @@ if TYPE_CHECKING:
         require_apart as require_apart,
         subdivided as subdivided,
         tessellated as tessellated,
+        walled_triangles as walled_triangles,
     )
 
 _FILES = {
@@ -156,6 +157,7 @@ _FILES = {
         "require_apart",
         "subdivided",
         "tessellated",
+        "walled_triangles",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import NdBSpline
 
-from thbcad.checks import Floats, Integers, half_widths, require_type
+from thbcad.checks import Floats, Integers, floats, half_widths, require_type
 from thbcad.lens.lens import Lens
 from thbcad.splines import BSplineSurface, Primitive, gauss_rule
 
 LEAST = 1e-6  # mm; CAD kernels take points within 1e-7 mm for one
 MOST_CORNERS = 1000  # every pair of sides is looked at
+FARTHEST = 1e6  # mm of a corner; rounding is then still far below LEAST
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Ellipse:
 
     Raises
     ------
-    ValueError : semi-axes that are not two positive numbers.
+    ValueError : semi-axes that are not two positive numbers, or are below 1e-6 mm.
     """
 
     semi_axes: tuple[float, float]
@@ -42,6 +43,8 @@ class Ellipse:
             object.__setattr__(self, "semi_axes", half_widths(self.semi_axes))
         except ValueError:
             raise ValueError(f"semi_axes must be two positive numbers, got {self.semi_axes}") from None
+        if min(self.semi_axes) < LEAST:
+            raise ValueError(f"semi_axes must be at least {LEAST:g} mm, got {self.semi_axes}")
 
     @property
     def area(self) -> float:
@@ -147,8 +150,8 @@ class Polygon:
 
     Raises
     ------
-    ValueError : corners that are not finite numbers, fewer than 3 or more than 1000; sides that cross or come
-        within 1e-6 mm of each other.
+    ValueError : corners that are no numbers up to 1e6 mm, fewer than 3 or more than 1000; sides that cross or
+        come within 1e-6 mm of each other.
     """
 
     corners: tuple[tuple[float, float], ...]
@@ -174,15 +177,16 @@ class Polygon:
 
 def _corners(values: object) -> Floats:
     """Return corners as (n, 2) float; raise ValueError for anything else."""
-    wanted = f"a polygon must have 3 to {MOST_CORNERS} corners (x, y) of finite numbers in mm"
+    wanted = f"a polygon must have 3 to {MOST_CORNERS} corners (x, y) of finite numbers up to {FARTHEST:g} mm"
     try:
-        rows = np.array(values, dtype=np.float64)
+        rows = floats(values)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise ValueError(f"{wanted}, got {str(values)[:60]}") from None
     if rows.ndim != 2 or rows.shape[1] != 2 or not 3 <= len(rows) <= MOST_CORNERS:
         raise ValueError(f"{wanted}, got an array of shape {rows.shape}")
-    if not np.isfinite(rows).all():
-        raise ValueError(f"{wanted}, got {rows[~np.isfinite(rows).all(axis=1)][0].tolist()}")
+    within = (abs(rows) <= FARTHEST).all(axis=1)
+    if not within.all():
+        raise ValueError(f"{wanted}, got {rows[~within][0].tolist()}")
     return rows
 
 

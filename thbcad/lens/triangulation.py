@@ -207,22 +207,30 @@ def require_apart(vertices: Floats, triangles: Integers) -> None:
 def closed_triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:
     """Return the vertex numbers of all triangles, (t, 3), and the strip of each, (t,).
 
-    The vertices are a front and a rear grid of (nu + 1) x (nv + 1) points, then rows - 1 rings between their
-    rims in the order of `rim_indices`, front first.  Strips are 0 front, 1 rear, and 2 + 4 k + s on the side
-    s of the k-th row.
+    The vertices are a front and a rear grid of (nu + 1) x (nv + 1) points, then rings between their rims, as
+    of `walled_triangles`.  Strips are 0 front, 1 rear, and 2 + 4 k + s on the side s of the k-th row.
     """
     count = (nu + 1) * (nv + 1)
-    ring = rim_indices(nu + 1, nv + 1)
     grid = np.arange(count).reshape(nu + 1, nv + 1)
-    rear = _halves(grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
+    plan = _halves(grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
+    triangles = walled_triangles(plan, rim_indices(nu + 1, nv + 1), count, rows)
+    side = np.repeat(np.arange(4), [2 * nu, 2 * nv, 2 * nu, 2 * nv])
+    side = (EDGES[0] + 4 * np.arange(rows)[:, None] + side).ravel()
+    return triangles, np.concatenate([np.repeat([FRONT, REAR], len(plan)), side])
+
+
+def walled_triangles(plan: Integers, ring: Integers, count: int, rows: int) -> Integers:
+    """Return the vertex numbers of the triangles of a front and a rear over one plan, and of rows of walls
+    between them, two by two along the ring, (t, 3).
+
+    plan : (t, 3), counter-clockwise as seen from +z.  ring : (n,), its rim in that sense.  The vertices are
+    `count` points of the front, those of the rear, then rows - 1 rings between them, front first.
+    """
     between = 2 * count + np.arange((rows - 1) * len(ring)).reshape(rows - 1, len(ring))
     levels = np.concatenate([ring[None], between, count + ring[None]])
     following = np.roll(levels, -1, axis=1)
-    edges = _halves(levels[:-1], following[:-1], following[1:], levels[1:])
-    triangles = np.concatenate([rear[:, ::-1], count + rear, edges])
-    side = np.repeat(np.arange(4), [2 * nu, 2 * nv, 2 * nu, 2 * nv])
-    side = (EDGES[0] + 4 * np.arange(rows)[:, None] + side).ravel()
-    return triangles, np.concatenate([np.repeat([FRONT, REAR], len(rear)), side])
+    walls = _halves(levels[:-1], following[:-1], following[1:], levels[1:])
+    return np.concatenate([plan[:, ::-1], count + plan, walls])
 
 
 def _halves(a: Integers, b: Integers, c: Integers, d: Integers) -> Integers:

@@ -1,4 +1,4 @@
-"""Triangle meshes of lenses, apertures, flanges and parts; hand-over to trimesh, and GLB files."""
+"""Triangle meshes of lenses, apertures, polygons, flanges and parts; hand-over to trimesh, and GLB files."""
 
 from typing import TYPE_CHECKING
 

@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.mounts.clearance import (
-        LEAST as LEAST,
         MountProof as MountProof,
         require_mount as require_mount,
     )
@@ -15,6 +14,7 @@ if TYPE_CHECKING:
         read_mount as read_mount,
     )
     from thbcad.mounts.records import (
+        LEAST as LEAST,
         Gate as Gate,
         Hole as Hole,
         Mount as Mount,
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "clearance": ("LEAST", "MountProof", "require_mount"),
+    "clearance": ("MountProof", "require_mount"),
     "mount_file": ("mount_of", "read_mount"),
-    "records": ("Gate", "Hole", "Mount", "MountFlange", "Post"),
+    "records": ("LEAST", "Gate", "Hole", "Mount", "MountFlange", "Post"),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

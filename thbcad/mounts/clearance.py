@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING
 from thbcad.certified import value_range
 from thbcad.checks import EPS, require_type
 from thbcad.lens import SIDES, Lens, require_sound, rim
-from thbcad.mounts.records import Mount, Point
+from thbcad.mounts.records import LEAST, Mount, Point
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
     from thbcad.mounts.records import MountFlange
 
-LEAST = 1e-6  # mm; ten times what CAD programs take for one point, and what limits may be missed by
 ROUNDINGS = 32  # of float64, more than there are operations from the numbers of a mount to a distance
 
 

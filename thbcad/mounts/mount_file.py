@@ -28,9 +28,12 @@ def read_mount(path: str | Path) -> Mount:
     try:
         if len(data) > MOST_BYTES:
             raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
-        return mount_of(tomllib.loads(data.decode("utf-8")))
+        tables = tomllib.loads(data.decode("utf-8-sig"))  # editors of Windows put a mark before the text
+        return mount_of(tables)
     except UnicodeDecodeError:
         raise ValueError(f"{path}: it is not UTF-8 text") from None
+    except RecursionError:
+        raise ValueError(f"{path}: its values are nested too deeply; a mount has tables of numbers") from None
     except ValueError as error:  # that of TOML too
         raise ValueError(f"{path}: {error}") from None
 

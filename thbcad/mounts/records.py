@@ -12,6 +12,7 @@ Point = tuple[float, float]
 
 SIDES = ("front", "rear")
 EDGES = ("-x", "+x", "-y", "+y")
+LEAST = 1e-6  # mm; ten times what CAD programs take for one point, and what limits may be missed by
 LARGEST = 1e5  # mm; OCCT's tolerance of 1e-7 mm is far above rounding up to there
 STEEPEST = 45.0  # degrees of draft: beyond it a side is rather a chamfer
 
@@ -34,6 +35,8 @@ def _require_number(name: str, value: Any, **limits: float) -> None:
     require_number(name, value, finite=True, **limits)
     if abs(value) > LARGEST:
         raise ValueError(f"{name} must be at most {LARGEST:g} in size, got {value:g}")
+    if limits and 0 < value < LEAST:
+        raise ValueError(f"{name} must be {'0 or ' * ('least' in limits)}at least {LEAST:g}, got {value:g}")
 
 
 def _require_choice(where: str, value: object, choices: tuple[str, ...]) -> None:
@@ -77,12 +80,12 @@ class MountFlange:
             _require_number("flange.seat", self.seat)
         if self.draft > STEEPEST:
             raise ValueError(f"flange.draft must be at most {STEEPEST:g} degrees, got {self.draft:g}")
-        if 2 * self.chamfer >= self.thickness:
+        if 2 * self.chamfer > self.thickness - LEAST:
             raise ValueError(
                 f"the flange cuts itself: chamfers of {self.chamfer:g} mm need more than its thickness of "
                 f"{self.thickness:g} mm; lower flange.chamfer"
             )
-        if min(self.half) <= self.inset:
+        if min(self.half) < self.inset + LEAST:
             raise ValueError(
                 f"the flange cuts itself: draft and chamfer move its sides inward by {self.inset:.6g} mm, "
                 f"more than its half-width of {min(self.half):.6g} mm; lower flange.draft"
@@ -122,7 +125,8 @@ class Places:
         """Return the positions, mm; raise ValueError where there are none, or both kinds."""
         _checked(self, where)
         require_integer(f"{where}.count", self.count, 0, 1000)
-        if bool(self.at) == bool(self.circle and self.count):
+        no_circle = not (self.circle or self.count or self.start)
+        if not (no_circle if self.at else self.circle and self.count):
             raise ValueError(f"{where} must have either at = [[x, y], ...] or circle and count")
         for point in self.at:
             if not isinstance(point, list | tuple) or len(point) != 2:
@@ -151,7 +155,7 @@ class Hole:
     def __post_init__(self) -> None:
         _checked(self, "holes")
         _require_choice("holes.side", self.side, SIDES)
-        if self.countersink and self.countersink <= self.diameter:
+        if self.countersink and self.countersink < self.diameter + LEAST:
             raise ValueError(
                 f"holes.countersink must be greater than the diameter {self.diameter:g} mm, got "
                 f"{self.countersink:g} mm"
@@ -193,7 +197,7 @@ class Post:
         where = "bosses" if self.word == "boss" else "pins"
         _checked(self, where)
         _require_choice(f"{where}.side", self.side, SIDES)
-        if self.chamfer >= min(self.length, (self.diameter - self.bore) / 2):
+        if self.chamfer > min(self.length, (self.diameter - self.bore) / 2) - LEAST:
             raise ValueError(
                 f"{where}.chamfer must be below their length and their wall, got {self.chamfer:g} mm at "
                 f"{self.diameter:g} mm with a bore of {self.bore:g} mm"

@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import re
+from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
 
@@ -15,11 +16,13 @@ import pytest
 
 from optics.commands import main
 from optics.export.body import Body
+from optics.export.drawing_checks import drawing_checks
 from optics.export.formats import MESHES, SOLIDS, export
 from optics.export.read_back import mesh_checks
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad import write_lens
 from thbcad.cad.exchange import read_faces
+from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import ply_bytes
 from thbcad.lens import Flange, placed_surfaces
 
@@ -83,7 +86,7 @@ def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_
 
 
 @pytest.mark.parametrize("name", ["stl", "3mf", "glb"])
-@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture"])
+@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture", "polygon"])
 def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
     write_lens(EQUAL, tmp_path / "lens.json")
     out = tmp_path / f"body.{name}"
@@ -96,6 +99,42 @@ def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
     assert out.read_bytes() == first
 
 
+@pytest.mark.parametrize("name", DRAWINGS)
+@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture", "polygon"])
+def test_drawings_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
+    write_lens(EQUAL, tmp_path / "lens.json")
+    out = tmp_path / f"body.{name}"
+    options = [*BODIES[word], "--chord", 0.01]
+    done = run(capsys, "export", tmp_path / "lens.json", "--out", out, *options)
+    assert (done.code, done.err) == (0, "")
+    assert "rear beyond its outline" in done.out
+    first = out.read_bytes()
+    assert run(capsys, "export", tmp_path / "lens.json", "--out", out, *options).code == 0
+    assert out.read_bytes() == first
+
+
+@pytest.mark.parametrize("word", ["FROM -y", "SECTION x"])
+def test_a_curve_of_a_drawn_body_that_moved_shows(tmp_path, word):
+    body = Body(polygon=[(-4, -3), (4, -3), (0, 3)])
+    sheet = lens_sheet(EQUAL, chord=0.01, polygon=body.polygon)
+    path = tmp_path / "body.svg"
+    path.write_bytes(drawing_bytes(sheet, "svg"))
+    assert all(check.ok for check in drawing_checks(EQUAL, sheet, path, "svg", body))
+    views = [replace(one, view=moved(one.view)) if word in one.view.title else one for one in sheet.views]
+    path.write_bytes(drawing_bytes(replace(sheet, views=tuple(views)), "svg"))
+    failed = [check.name for check in drawing_checks(EQUAL, sheet, path, "svg", body) if not check.ok]
+    assert any(
+        name.startswith("rear " + ("in sections" if "SECTION" in word else "beyond")) for name in failed
+    )
+
+
+def moved(view):
+    """A view whose rear lies 0.02 mm lower in z."""
+    shift = -0.02 * np.array([axis == "z" for axis in view.axes])
+    curves = [replace(c, points=c.points + shift) if c.name == "rear" else c for c in view.curves]
+    return replace(view, curves=tuple(curves))
+
+
 @pytest.mark.parametrize("name", ["flange front +x", "flange side -y", "edge +y rear"])
 def test_a_wall_that_moved_shows(tmp_path, name):
     body = Body((4.5, 4.0), Flange(2.0, 0.5, 1.0))
@@ -104,6 +143,16 @@ def test_a_wall_that_moved_shows(tmp_path, name):
     moved = np.unique(mesh.triangles[mesh.faces == mesh.names.index(name)])
     vertices[moved] *= [1.02, 1.02, 1.1]
     path = tmp_path / "body.ply"
+    path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
+    failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
+    assert "edges against the exact surfaces, PLY read back by trimesh" in failed
+
+
+def test_a_wall_of_a_polygon_that_moved_shows(tmp_path):
+    body = Body(polygon=[(-4, -3), (4, -3), (0, 3)])
+    mesh = body.mesh(EQUAL, 0.02, single=False)
+    path = tmp_path / "body.ply"
+    vertices = mesh.vertices * [1, 1.02, 1]
     path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
     failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
     assert "edges against the exact surfaces, PLY read back by trimesh" in failed
@@ -230,6 +279,9 @@ def test_separate_faces_read_back_bit_for_bit(tmp_path, name, lens):
         (["--polygon", 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, "--aperture", 1.0, 1.0], "an outline by itself"),
         (["--polygon", 0.0, 0.0, 1.0, 0.0, 0.0], "X and Y of every corner, got 5 numbers"),
         (["--polygon", 0.0, 0.0, 2.0, 2.0, 2.0, 0.0, 0.0, 2.0], "must not touch or cross itself"),
+        (["--polygon", 0.0, 0.0, 1e200, 0.0, 0.0, 1e200], "finite numbers up to 1e+06 mm"),
+        (["--mount", "mount.toml", "--polygon", 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], "leave out --aperture"),
+        (["--aperture", 1e-7, 5.0], "semi_axes must be at least 1e-06 mm"),
         (["--polygon", 0.0, 0.0, 99.0, 0.0, 0.0, 1.0], "must lie within the front's half-widths"),
         (["--separate", "--aperture", 5.0, 5.0], "exclude each other"),
         (["--separate", "--flange", 1.0, 1.0, 2.0], "exclude each other"),
@@ -250,7 +302,8 @@ def test_bodies_that_cannot_be_are_refused_and_leave_no_file(capsys, tmp_path, n
     [
         (["--patches"], ("step",)),
         (["--separate"], SOLIDS),
-        (["--aperture", 5, 5, "--chord", 0.02], (*SOLIDS, *MESHES)),
+        (["--aperture", 5, 5, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
+        (["--polygon", 0, 0, 2, 0, 0, 2, "--chord", 0.02], (*SOLIDS, *MESHES, *DRAWINGS)),
     ],
 )
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
-"""Meshes of apertures and flanges: closed, within their chord of the exact lens, by trimesh and by OCCT's
-volume."""
+"""Meshes of apertures, polygons and flanges: closed, within their chord of the exact lens, by trimesh and by
+OCCT's volume."""
 
 import io
 import json
@@ -13,8 +13,17 @@ from scipy.spatial import cKDTree
 from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER
 from thbcad import body_mesh, to_trimesh
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
-from thbcad.lens import Flange, Tessellation, aperture_volume, flanged_volume, tessellated
+from thbcad.lens import (
+    Flange,
+    Polygon,
+    Tessellation,
+    aperture_volume,
+    flanged_volume,
+    polygon_volume,
+    tessellated,
+)
 from thbcad.meshes import glb_bytes
+from thbcad.meshes.polygon_bodies import ears
 
 FLANGE = Flange(2.0, 0.3, 1.0)
 APERTURE = (4.5, 3.5)
@@ -25,6 +34,15 @@ BODIES = {
     "flange": (WAVY, None, FLANGE),
     "both": (PLAIN, APERTURE, FLANGE),
     "both, of conics": (BALL, (3.5, 3.9), Flange(1.0, 1.5, 2.5)),
+}
+
+TURN = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+POLYGONS = {
+    "triangle, clockwise": [(-3, -3), (0, 3), (3, -3)],
+    "L": [(-4, -3), (4, -3), (4, 0), (0, 0), (0, 3), (-4, 3)],
+    "star": np.c_[np.cos(TURN), np.sin(TURN)] * (2.5 + 1.4 * np.cos(15 * TURN)[:, None]),
+    "corners on sides": [(-4, -3), (0, -3), (1, -3), (4, -3), (4, 3), (2, 3), (-4, 3)],
+    "whole": [(-5, -4), (5, -4), (5, 4), (-5, 4)],
 }
 
 
@@ -79,6 +97,49 @@ def test_any_ellipse_keeps_any_chord(a, b, chord):
     assert mesh.chord <= chord
     assert max(np.abs(heights(WAVY, samples(mesh, face), face)).max() for face in (0, 1)) <= mesh.chord
     assert to_trimesh(mesh).is_watertight
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("lens", [WAVY, PLAIN, WIDER, BALL])
+@pytest.mark.parametrize("corners", POLYGONS.values(), ids=POLYGONS)
+def test_a_lens_cut_to_a_polygon_is_closed_and_within_its_chord(corners, lens, single):
+    mesh = body_mesh(lens, CHORD, single=single, polygon=corners)
+    made = to_trimesh(mesh)
+    assert mesh.chord <= CHORD
+    assert (made.is_watertight, made.is_winding_consistent, made.euler_number) == (True, True, 2)
+    assert abs(made.volume - polygon_volume(lens, corners)) <= mesh.chord * made.area
+    for face in (0, 1):
+        assert np.abs(heights(lens, samples(mesh, face), face)).max() <= mesh.chord
+    sides = Polygon(tuple(map(tuple, np.array(corners).tolist()))).sides
+    for k, (start, stop) in enumerate(sides):
+        assert mesh.names[2 + k] == f"edge {k + 1}"
+        points = samples(mesh, 2 + k)[:, :2]
+        step, (x, y) = stop - start, (points - start).T
+        along, across = step[0] * x + step[1] * y, step[0] * y - step[1] * x
+        assert abs(across).max() <= 1e-5  # float32 at 5 mm, along sides of at most 10 mm
+        assert -1e-5 <= along.min() <= along.max() <= step @ step + 1e-5
+    assert (mesh.vertices == mesh.vertices.astype(np.float32)).all() or not single
+
+
+@given(st.lists(st.tuples(st.integers(0, 2), st.floats(0.2, 1)), min_size=3, max_size=12))
+def test_ears_fill_any_polygon(steps):
+    """Star-shaped polygons with corners on straight lines."""
+    corners = []
+    for k, (between, radius) in enumerate(steps):
+        t = 2 * np.pi * k / len(steps)
+        corner = radius * np.array([np.cos(t), np.sin(t)])
+        if corners:
+            corners += [
+                corners[-1] + (corner - corners[-1]) * j / (between + 1) for j in range(1, between + 1)
+            ]
+        corners.append(corner)
+    polygon = Polygon(tuple(map(tuple, corners)))
+    triangles = np.array(polygon.corners)[ears(polygon)]
+    u, v = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    areas = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
+    assert len(triangles) == len(polygon.corners) - 2
+    assert areas.min() > -1e-15  # rounding of corners on straight lines
+    assert areas.sum() == pytest.approx(polygon.area, rel=1e-12)
 
 
 def test_occt_agrees_with_a_body():
@@ -141,6 +202,10 @@ def test_a_glb_is_in_metres_with_one_coloured_material_per_face():
         (lambda: body_mesh(WIDER, 1e-3, None, FLANGE), "cut both by an aperture, or export step"),
         (lambda: body_mesh(PLAIN, 1e-3, (9, 9)), "semi_axes must be at most the front's half-widths"),
         (lambda: body_mesh(PLAIN, 1e-3, None, Flange(2, -1, 1)), "flange low must lie above the front's"),
+        (lambda: body_mesh(PLAIN, 1e-3, (2, 2), polygon=POLYGONS["L"]), "an outline by itself"),
+        (lambda: body_mesh(PLAIN, 1e-3, polygon=[(0, 0), (9, 0), (0, 9)]), "must lie within the front's"),
+        (lambda: body_mesh(WAVY, 1e-8, polygon=POLYGONS["L"]), "needs more than 20,000,000 triangles"),
+        (lambda: body_mesh(WAVY, 1e-8, None, None, True, POLYGONS["L"]), "chord must be greater than 2e-06"),
         (lambda: body_mesh(PLAIN, np.nan, (2, 2)), "chord must be a finite number"),
         (lambda: body_mesh(WAVY, 1e-8, (2, 2)), "needs more than 20,000,000 triangles"),
         (lambda: glb_bytes(tessellated(WAVY, 1e-2)), "GLB holds float32"),

@@ -78,6 +78,13 @@ def test_what_was_meant_is_proposed():
         (changed(SQUARE, holes__0__at=7), r"holes\[1\].at must be pairs"),
         (changed(ROUND, holes__0__count=2.5), r"holes\[1\].count must be"),
         (changed(ROUND, holes__0__at=[[1, 2]]), "must have either at"),
+        (changed(SQUARE, holes__0__count=4), "must have either at"),
+        (changed(SQUARE, holes__0__start=30), "must have either at"),
+        (changed(SQUARE, flange__chamfer=1e-9), "flange.chamfer must be 0 or at least 1e-06, got 1e-09"),
+        (changed(SQUARE, gate__width=1e-9), "gate.width must be at least 1e-06, got 1e-09"),
+        (changed(SQUARE, flange__chamfer=1 - 1e-9), "the flange cuts itself"),
+        (changed(SQUARE, pins__0__chamfer=1 - 1e-9), "pins.chamfer must be below their length"),
+        (changed(SQUARE, holes__0__countersink=2.2 + 1e-9), "holes.countersink must be greater than"),
         (changed(SQUARE, holes__0__countersink=2.0), "holes.countersink must be greater than the diameter"),
         (changed(SQUARE, holes__0__angle=180), "holes.angle must be below 180"),
         (changed(SQUARE, holes__0__side="left"), "holes.side must be one of"),
@@ -100,7 +107,9 @@ def test_a_file_is_read_and_its_faults_begin_with_its_path(tmp_path):
     mount = read_mount(path)
     assert mount.wall == 1.0
     assert mount.holes[0].places.points("holes")[1] == pytest.approx((0, 14))
-    for text in ("[flange", "[flange]\nsize = [1, 2]\nthickness = nan\n", "\xff"):
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())  # as an editor of Windows writes it
+    assert read_mount(path) == mount
+    for text in ("a = " + 10_000 * "[", "[flange", "[flange]\nsize = [1, 2]\nthickness = nan\n", "\xff"):
         path.write_bytes(text.encode("latin-1"))
         with pytest.raises(ValueError, match=str(path)):
             read_mount(path)

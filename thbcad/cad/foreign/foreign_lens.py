@@ -1,8 +1,9 @@
 """A lens that another program wrote: its front and its rear, found by geometry, and its frame.
 
 Names, units, order of entities, placement and kinds of surfaces do not matter.  The doubly curved face of the
-greatest area is one optical surface; a line from its middle along the axis leaves the glass through the other
-one.  Faces that continue each other smoothly are one surface.
+greatest area is one optical surface; of a cylinder lens, which has none, the largest of the faces that are
+curved in one direction and end in sharp edges.  A line from its middle along the axis leaves the glass
+through the other one.  Faces that continue each other smoothly are one surface.
 """
 
 from __future__ import annotations
@@ -78,8 +79,8 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
     Raises
     ------
     OSError : the file cannot be read.
-    ValueError : it is no STEP file or damaged; it does not hold one solid; the solid has no doubly curved
-        face, or none that faces it along the axis.
+    ValueError : it is no STEP file or damaged; it does not hold one solid; the solid has no curved face that
+        can be optical, or none that faces it along the axis.
     """
     path = Path(path)
     entities = read_part21(path)
@@ -89,9 +90,12 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
     if len(solids) != 1:
         raise ValueError(f"{path} holds {len(solids)} solids where a lens is one")
     faces = surveyed(solids[0])
-    curved = [face for face in faces if not face.is_ruled]
+    curved = [face for face in faces if not face.is_ruled] or _arched(solids[0], faces)
     if not curved:
-        raise ValueError(f"{path} holds no doubly curved face: no lens surface was found")
+        raise ValueError(
+            f"{path} holds no curved face that ends in sharp edges and faces one way: no lens surface was "
+            "found"
+        )
     main = max(curved, key=lambda face: face.area)
     frame = LensFrame(np.zeros(3), lens_axes(main, faces))
     pair = main, _opposite(solids[0], faces, main, frame)
@@ -110,7 +114,20 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
 
 
 def _vector(vector: Floats) -> str:
-    return "(" + ", ".join(f"{value + 0.0:.6g}" for value in vector) + ")"
+    return "(" + ", ".join(f"{round(value, 9) + 0.0:.6g}" for value in vector.tolist()) + ")"
+
+
+def _arched(solid: TopoDS_Shape, faces: Sequence[SurveyedFace]) -> list[SurveyedFace]:
+    """Return the faces curved in one direction that can be optical: they face one way, as walls of round
+    plates do not, and end in sharp edges, as rounded edges do not."""
+    arched = []
+    for face in faces:
+        normals = face.samples[1]
+        one_way = (normals @ normals.mean(axis=0) > LEAST_FACING).all()
+        curved = not face.is_flat and face.kind != "cone"
+        if curved and one_way and not any(f.is_flat for f in continued(solid, faces, face)):
+            arched.append(face)
+    return arched
 
 
 def _opposite(

@@ -104,6 +104,8 @@ def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats
     """Return the direction of a side, or of a parameter line, that is nearest to the file's x axis."""
     graph = [_unit(d - (d @ axis) * axis) for d in _graph_directions(main)[1:]]
     walls = [d for d in _of_planes(faces) if abs(d @ axis) < SAME]
+    if main.is_ruled and not main.is_flat and main.direction is not None:
+        walls.insert(0, _unit(main.direction - (main.direction @ axis) * axis))
     alike = [d for d in walls if not graph or any(abs(d @ g) > ALIKE for g in graph)]
     candidates = [d for one in alike or graph for d in (one, np.cross(axis, one))]
     toward = np.eye(3)[0] if abs(axis[0]) < 0.9 else np.eye(3)[1]

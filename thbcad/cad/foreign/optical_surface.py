@@ -18,7 +18,8 @@ ROUND = 1e-6  # relative: how well an outline must be a rectangle or an ellipse
 class OpticalFace:
     """One optical surface of a solid.
 
-    kind : "plane", "sphere", "spline", "rational spline", "surface of revolution", ...
+    kind : "plane", "sphere", "cylinder", "spline", "rational spline", "surface of revolution", ...
+    radius : float, mm, of a sphere or a cylinder, else None
     faces : SurveyedFace, one or, where the surface was split, several
     outline : "rectangle", "ellipse" or "other", seen along the axis
     half_width : (2,) of the box round the outline, mm.  centre : (2,) of that box in the lens's frame, mm
@@ -30,6 +31,7 @@ class OpticalFace:
     """
 
     kind: str
+    radius: float | None
     faces: tuple[SurveyedFace, ...]
     outline: str
     half_width: Floats
@@ -42,7 +44,8 @@ class OpticalFace:
 
     def __repr__(self) -> str:
         a, b = 2 * self.half_width
-        parts = [f"{self.kind} in {len(self.faces)} face{'s' * (len(self.faces) > 1)}"]
+        size = "" if self.radius is None else f" of radius {self.radius:.9g} mm"
+        parts = [f"{self.kind}{size} in {len(self.faces)} face{'s' * (len(self.faces) > 1)}"]
         if self.degrees and self.control_points:
             p, q = self.degrees
             parts.append(f"degree {p} x {q}, {self.control_points[0]} x {self.control_points[1]} poles")
@@ -62,6 +65,7 @@ def optical_face(group: list[SurveyedFace], frame: LensFrame) -> OpticalFace:
         kind = "rational spline"
     return OpticalFace(
         kind=kind,
+        radius=group[0].radius,
         faces=tuple(group),
         outline=_outline_kind((outline - centre) / half),
         half_width=half,

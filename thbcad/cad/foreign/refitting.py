@@ -6,8 +6,9 @@ on the axis satisfies
 
     r^2 = 2 R z - (1 + K) z^2,
 
-two unknowns of a linear least-squares problem.  Everything else is interpolated on a grid, with twice as many
-spans until it is met.  These conics and fits are compared with the faces at other points: that is measured.
+two unknowns of a linear least-squares problem; of one face its distance is proven by `conic_deviation`.
+Everything else is interpolated on a grid, with twice as many spans until it is met.  These fits are compared
+with the faces at other points: that is measured.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 
 from thbcad.cad.foreign.axial_heights import axial_heights
+from thbcad.cad.foreign.conic_bounds import conic_deviation
 from thbcad.certified import cell_bounds
 from thbcad.checks import EPS, Floats, require_number
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
-from thbcad.splines import BSplineSurface, KnotVector, interpolate, tensor_apply
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, interpolate, tensor_apply
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
@@ -218,8 +220,30 @@ def _conic(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | Non
     except ValueError:  # it ends within the box of a round lens
         return None
     deviation = _measured(frame, face, vertex, surface, MEASURED)
-    how = "plane" if conic.is_plane else "conic"
-    return _Surface(surface, deviation, how, False) if deviation <= CONIC else None
+    if deviation > CONIC:
+        return None
+    bound = None if conic.is_plane else _conic_bound(frame, face, vertex, conic)
+    if bound is not None and bound <= CONIC:
+        return _Surface(surface, bound, "conic", True)
+    return _Surface(surface, deviation, "plane" if conic.is_plane else "conic", False)
+
+
+def _conic_bound(frame: LensFrame, face: OpticalFace, vertex: float, conic: Conic) -> float | None:
+    """Return a bound of the distance in z of one face from a conic, None where there is no use of one."""
+    spline = face.faces[0].exact_spline
+    if len(face.faces) > 1 or spline is None:
+        return None
+    if isinstance(spline, NURBSSurface):
+        poles, weights = spline.points, spline.weights
+    else:
+        poles, weights = spline.coefficients, np.ones(spline.coefficients.shape[:2])
+    points = frame.local(poles) - np.array([0.0, 0.0, vertex])
+    bound = conic_deviation(spline.kv_u, spline.kv_v, points, weights, conic)
+    if bound is None:
+        return None
+    reach = float(np.hypot(*points[..., :2].reshape(-1, 2).T).max())
+    slope = reach / (conic.radius**2 - (1 + conic.constant) * reach**2) ** 0.5
+    return bound + 64 * EPS * float(np.abs(frame.origin).max() + np.abs(points).max()) * (1 + slope)
 
 
 def _meshes(frame: LensFrame, face: OpticalFace) -> Iterator[tuple[KnotVector, KnotVector]]:

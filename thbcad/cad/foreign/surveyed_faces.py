@@ -13,7 +13,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepClass import BRepClass_FaceClassifier
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
-from OCP.Geom import Geom_BSplineSurface
+from OCP.Geom import Geom_BSplineSurface, Geom_RectangularTrimmedSurface
 from OCP.GeomAbs import (
     GeomAbs_BezierSurface,
     GeomAbs_BSplineSurface,
@@ -52,12 +52,7 @@ KINDS = {
     GeomAbs_SurfaceOfRevolution: "surface of revolution",
     GeomAbs_SurfaceOfExtrusion: "extrusion",
 }
-STRAIGHT = (
-    "plane",
-    "cylinder",
-    "cone",
-    "extrusion",
-)  # kinds with straight lines: no optical surface but planes
+STRAIGHT = ("plane", "cylinder", "cone", "extrusion")  # kinds with straight lines
 FLAT = 1e-9  # between unit normals: of a plane that was written as something else
 GRID = 7  # samples along each parameter of a face
 RIM = 33  # samples of an edge
@@ -86,6 +81,19 @@ class SurveyedFace:
         return spline_surface(surface)
 
     @cached_property
+    def exact_spline(self) -> BSplineSurface | NURBSSurface | None:
+        """The spline under the face; of a surface of revolution a rational one with the same points."""
+        if self.kind != "surface of revolution":
+            return self.spline
+        trimmed = Geom_RectangularTrimmedSurface(
+            BRep_Tool.Surface_s(self.face), *BRepTools.UVBounds_s(self.face)
+        )
+        surface = GeomConvert.SurfaceToBSplineSurface_s(trimmed)
+        surface.SetUNotPeriodic()
+        surface.SetVNotPeriodic()
+        return spline_surface(surface)
+
+    @cached_property
     def area(self) -> float:
         """mm^2."""
         properties = GProp_GProps()
@@ -109,6 +117,14 @@ class SurveyedFace:
         return self.kind in STRAIGHT or (
             spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) == 1
         )
+
+    @cached_property
+    def radius(self) -> float | None:
+        """mm, of a sphere or a cylinder, else None."""
+        adaptor = BRepAdaptor_Surface(self.face)
+        if self.kind == "sphere":
+            return adaptor.Sphere().Radius()
+        return adaptor.Cylinder().Radius() if self.kind == "cylinder" else None
 
     @property
     def periodic(self) -> tuple[bool, bool]:
@@ -142,12 +158,12 @@ class SurveyedFace:
 
     @cached_property
     def rim(self) -> Floats:
-        """Points of its edges, both ends included, (n, 3)."""
+        """Points of its edges, both ends included, (n, 3); seams lie within the face and are left out."""
         rows = []
-        for edge in explore(self.face, TopAbs_EDGE):
-            if BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge)):
+        for edge in map(TopoDS.Edge_s, explore(self.face, TopAbs_EDGE)):
+            if BRep_Tool.Degenerated_s(edge) or BRep_Tool.IsClosed_s(edge, self.face):
                 continue
-            curve = BRepAdaptor_Curve(TopoDS.Edge_s(edge))
+            curve = BRepAdaptor_Curve(edge)
             t = np.linspace(curve.FirstParameter(), curve.LastParameter(), RIM)
             rows += [curve.Value(each).Coord() for each in t.tolist()]
         return np.array(rows)

@@ -202,6 +202,13 @@ def test_a_revolved_lens_is_a_plane_and_a_sphere(tmp_path):
     assert refit.lens.rear.conic.constant == 0
 
 
+def test_the_seam_of_a_round_face_is_no_part_of_its_outline(tmp_path):
+    lens = bd.Pos(0, 0, -28) * bd.Sphere(30) & bd.Pos(0, 0, 28) * bd.Sphere(30)
+    found = read_lens_solid(written(tmp_path / "lens.step", lens.wrapped))
+    assert (found.front.outline, found.rear.outline) == ("ellipse", "ellipse")
+    assert found.rear.half_width == pytest.approx([116**0.5] * 2, rel=1e-6)
+
+
 def test_a_revolved_parabola_is_a_conic(tmp_path):
     """r^2 = 2 R z with R = 30, as a spline of revolution."""
     with bd.BuildPart() as part:
@@ -214,10 +221,48 @@ def test_a_revolved_parabola_is_a_conic(tmp_path):
     found = read_lens_solid(written(tmp_path / "lens.step", part.part.wrapped))
     refit = found.refit(1.5)
     assert found.front.kind in ("surface of revolution", "rational spline")
-    assert (refit.how, refit.proven) == (("conic", "plane"), (False, True))
+    assert (refit.how, refit.proven) == (("conic", "plane"), (True, True))
     assert refit.lens.front.conic.radius == pytest.approx(30, abs=1e-6)
     assert refit.lens.front.conic.constant == pytest.approx(-1, abs=1e-6)
     assert refit.deviation[0] < 1e-9
+
+
+def rounded(box):
+    return bd.fillet(box.edges().filter_by(bd.Axis.Z), 0.5)
+
+
+def cylinder_lens(outline):
+    """A plate of 3 mm with an arched top, R = 30 mm, straight along y."""
+    arch = bd.Pos(0, 0, 3 - 30) * bd.Rot(90, 0, 0) * bd.Cylinder(30, 100)
+    return bd.Pos(0, 0, 1.5) * outline & arch
+
+
+@pytest.mark.parametrize("turn", [0, 30])
+@pytest.mark.parametrize("outline", [bd.Box(20, 16, 3), bd.Cylinder(9, 3)])
+def test_a_cylinder_lens_is_found(tmp_path, outline, turn):
+    found = read_lens_solid(
+        written(tmp_path / "lens.step", (bd.Rot(turn, 0, turn) * cylinder_lens(outline)).wrapped)
+    )
+    assert (found.front.kind, found.rear.kind) == ("plane", "cylinder")
+    assert found.thickness == pytest.approx(3, abs=1e-9)
+    assert found.rear.radius == pytest.approx(30, abs=1e-9)
+    assert "cylinder of radius 30 mm in 1 face" in repr(found)
+    if found.rear.outline == "rectangle":
+        x = np.linspace(-7, 7, 15)
+        curved = x if found.rear.half_width[0] > 9 else 0 * x
+        heights = found.refit(1.5).lens.rear(x, x)
+        assert heights == pytest.approx(np.sqrt(900 - curved**2) - 30, abs=1e-6)
+
+
+def test_a_ruled_spline_is_an_optical_face(tmp_path):
+    """An arch of splines, extruded along y."""
+    top = bd.Edge.make_spline([bd.Vector(x, 0, 3 - 0.01 * x * x) for x in (-8, -4, 0, 4, 8)])
+    lines = [bd.Edge.make_line(a, b) for a, b in pairwise([top @ 1, (8, 0, 0), (-8, 0, 0), top @ 0])]
+    solid = bd.extrude(bd.Face(bd.Wire([top, *lines])), 10, (0, 1, 0))
+    found = read_lens_solid(written(tmp_path / "lens.step", solid.wrapped))
+    assert found.rear.half_width == pytest.approx([8, 5], abs=1e-6)
+    refit = found.refit(1.5, 1e-5)
+    assert refit.lens.rear(4, 1) == pytest.approx(-0.16, abs=1e-5)
 
 
 def test_a_lofted_lens_is_fitted(tmp_path):
@@ -283,7 +328,10 @@ def test_the_record_says_what_was_found(tmp_path):
 @pytest.mark.parametrize(
     ("shape", "words"),
     [
-        (lambda: bd.Box(3, 4, 5), "holds no doubly curved face"),
+        (lambda: bd.Box(3, 4, 5), "holds no curved face that ends in sharp edges and faces one way"),
+        (lambda: bd.Cone(10, 2, 5), "holds no curved face that ends in sharp edges and faces one way"),
+        (lambda: bd.Cylinder(9, 2), "holds no curved face that ends in sharp edges and faces one way"),
+        (lambda: rounded(bd.Box(3, 4, 5)), "holds no curved face that ends in sharp edges"),
         (lambda: bd.Sphere(2), "holds one curved face and none opposite"),
         (
             lambda: bd.Compound([bd.Box(1, 1, 1), bd.Pos(3) * bd.Sphere(1)]),

@@ -198,7 +198,8 @@ def test_polygons_are_refused_where_sides_meet(corners):
     [
         ([(0, 0), (1, 0)], "3 to 1000 corners"),
         ("abc", "3 to 1000 corners"),
-        ([(0, 0), (1, 0), (np.nan, 1)], "finite numbers in mm, got"),
+        ([(0, 0), (1, 0), (np.nan, 1)], r"finite numbers up to 1e\+06 mm, got"),
+        (np.ma.masked_array([(0, 0), (1, 0), (0, 1)], mask=[[0, 0], [1, 0], [0, 0]]), "finite numbers up to"),
         ([(0, 0), (1, 0), (1, 0), (0, 1)], "corners 2 and 3 of the polygon must lie apart"),
         ([(0, 0), (2, 2), (2, 0), (0, 2)], "must not touch or cross itself"),
         ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "must not touch or cross itself"),

@@ -1,0 +1,171 @@
+"""The outline to which a lens is cut, as drawings need it: in the plan, in sections, along lines of sight.
+
+Seen along an axis, an ellipse is one strip over the angle t, v = b sin t, with u from -a cos t to a cos t.  A
+polygon has a strip between each two corners that follow each other in v, with intervals of u between its
+sides there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from thbcad.checks import Floats
+from thbcad.lens import Ellipse, Flange, Lens, Polygon, require_aperture, require_clear, require_polygon
+
+Shape = Ellipse | Polygon
+THINNEST = 1e-9  # mm; corners that lie nearer in v are at one
+ROUND = 1e-12  # relative: semi-axes that differ by less are those of a circle
+
+
+@dataclass(frozen=True, eq=False)
+class CutLens:
+    """A lens that is cut by upright walls, with a flange or without.
+
+    shape : Ellipse or Polygon of the walls; the rectangle itself, where a flange is all that is added
+    flange : Flange or None.  around : the outline of the flange, else None
+    """
+
+    lens: Lens
+    shape: Shape
+    flange: Flange | None = None
+    around: Shape | None = None
+
+    @property
+    def planes(self) -> tuple[float, float]:
+        """The x and y of the sections, mm: 0, or about the middle of an outline that lies beside it."""
+        x, y = (_plane(a, b) for a, b in zip(*(corner.tolist() for corner in box_of(self.shape))))
+        return x, y
+
+    def text(self) -> str:
+        """Return the size of the outline in words."""
+        low, high = box_of(self.shape)
+        a, b = (f"{size:.7g}" for size in (high - low).tolist())
+        if isinstance(self.shape, Polygon):
+            return f"polygon of {len(self.shape.corners)} corners within {a} x {b} mm"
+        return f"diameter {a} mm" if is_circle(self.shape) else f"ellipse {a} x {b} mm"
+
+
+def cut_lens(
+    lens: Lens,
+    aperture: tuple[float, float] | None,
+    flange: Flange | None,
+    corners: object,
+) -> CutLens | None:
+    """Return the CutLens of an elliptic aperture, a flange or a polygon, None where there is none.
+
+    Raises
+    ------
+    ValueError : as `require_aperture`, `require_clear` and `require_polygon`; a polygon beside an aperture or
+        a flange; a flange round a rectangular lens whose front and rear differ in size.
+    """
+    if corners is not None:
+        if aperture is not None or flange is not None:
+            raise ValueError("a polygon is an outline by itself: leave out aperture and flange")
+        return CutLens(lens, require_polygon(lens, corners))
+    if flange is not None:
+        require_clear(lens, flange, aperture)
+    if aperture is not None:
+        ellipse = require_aperture(lens, aperture)
+        return CutLens(lens, ellipse, flange, None if flange is None else flange.ellipse(ellipse))
+    if flange is None:
+        return None
+    if lens.front.half_width != lens.rear.half_width:
+        raise ValueError(
+            "a flange is drawn where front and rear have one size; cut both by an aperture, or export step"
+        )
+    return CutLens(lens, _rectangle(*lens.front.half_width), flange, _rectangle(*flange.rectangle(lens)))
+
+
+def _plane(low: float, high: float) -> float:
+    """Return 0 where it lies between two numbers, else their middle, with four digits where these do."""
+    if low < 0 < high:
+        return 0.0
+    middle = float(f"{(low + high) / 2:.4g}")
+    return middle if low < middle < high else (low + high) / 2
+
+
+def _rectangle(a: float, b: float) -> Polygon:
+    return Polygon(((-a, -b), (a, -b), (a, b), (-a, b)))
+
+
+def is_circle(shape: Shape) -> bool:
+    """Return whether an outline is a circle."""
+    return isinstance(shape, Ellipse) and abs(shape.semi_axes[0] / shape.semi_axes[1] - 1) < ROUND
+
+
+def box_of(shape: Shape) -> tuple[Floats, Floats]:
+    """Return the least and the greatest (x, y), (2,) each, mm."""
+    points = np.array(shape.corners if isinstance(shape, Polygon) else [shape.semi_axes])
+    return points.min(axis=0) if isinstance(shape, Polygon) else -points[0], points.max(axis=0)
+
+
+def ring_of(shape: Shape, chord: float) -> tuple[Floats, float]:
+    """Return the outline as a closed line (n, 2), mm, and its error: a chord over the angle d of an ellipse
+    lies within max(a, b) d^2 / 8 of it."""
+    if isinstance(shape, Polygon):
+        return np.array([*shape.corners, shape.corners[0]]), 0.0
+    longer = max(shape.semi_axes)
+    count = 4 * int(np.ceil(np.pi / 2 / np.sqrt(8 * chord / longer)))
+    points = np.column_stack(shape(np.linspace(0, 2 * np.pi, count + 1)))
+    points[-1] = points[0]
+    return points, longer * (2 * np.pi / count) ** 2 / 8
+
+
+def intervals(shape: Shape, across: int, at: float) -> list[tuple[float, float]]:
+    """Return the parts of the line x = at (across 0) or y = at (across 1) within an outline, mm."""
+    if isinstance(shape, Ellipse):
+        half = shape.semi_axes[1 - across] * float(np.sqrt(1 - (at / shape.semi_axes[across]) ** 2))
+        return [(-half, half)]
+    start, stop = shape.sides[:, 0], shape.sides[:, 1]
+    cut = (start[:, across] <= at) != (stop[:, across] <= at)
+    a, b = start[cut], stop[cut]
+    share = (at - a[:, across]) / (b[:, across] - a[:, across])
+    ends = np.sort(a[:, 1 - across] + share * (b[:, 1 - across] - a[:, 1 - across])).tolist()
+    return list(zip(ends[::2], ends[1::2]))
+
+
+@dataclass(frozen=True, eq=False)
+class Strip:
+    """What of an outline lies at some v, seen along u.
+
+    ends : the first and the last parameter t; v grows with it
+    at : function of t (n,) that returns v (n,) and the ends of the intervals of u (n, m, 2), mm
+    speeds : bounds of |u'|, |u''|, |v'| and |v''| along the sides and between them
+    """
+
+    ends: tuple[float, float]
+    at: Callable[[Floats], tuple[Floats, Floats]]
+    speeds: tuple[float, float, float, float]
+
+
+def strips_of(shape: Shape, along: int) -> list[Strip]:
+    """Return the strips of an outline that is seen along x (0) or y (1), in the order of v."""
+    if isinstance(shape, Ellipse):
+        a, b = shape.semi_axes[along], shape.semi_axes[1 - along]
+
+        def of_ellipse(t: Floats) -> tuple[Floats, Floats]:
+            return b * np.sin(t), np.multiply.outer(a * np.cos(t), [-1.0, 1.0])[:, None]
+
+        return [Strip((-np.pi / 2, np.pi / 2), of_ellipse, (a, a, b, b))]
+    sides = shape.sides[..., [along, 1 - along]]
+    levels = np.unique(sides[..., 1])
+    levels = levels[np.insert(np.diff(levels) > THINNEST, 0, True)]
+    return [_between(sides, low, high) for low, high in zip(levels[:-1].tolist(), levels[1:].tolist())]
+
+
+def _between(sides: Floats, low: float, high: float) -> Strip:
+    """Return the strip of a polygon between two levels of v; sides : (n, 2, 2), ends (u, v)."""
+    v = np.sort(sides[..., 1], axis=1)
+    own = sides[(v[:, 0] <= low + THINNEST) & (v[:, 1] >= high - THINNEST)]
+    slopes = (own[:, 1, 0] - own[:, 0, 0]) / (own[:, 1, 1] - own[:, 0, 1])
+    ends = own[:, 0, 0] + slopes * (np.array([[low], [high]]) - own[:, 0, 1])
+    ends = ends[:, np.argsort(ends.sum(axis=0), kind="stable")].reshape(2, -1, 2)
+
+    def of_sides(t: Floats) -> tuple[Floats, Floats]:
+        share = ((t - low) / (high - low))[:, None, None]
+        return t, (1 - share) * ends[0] + share * ends[1]
+
+    return Strip((low, high), of_sides, (float(np.abs(slopes).max()), 0.0, 1.0, 0.0))
