@@ -81,8 +81,8 @@ def _large_step(results: Results) -> Claim:
         "At 1e-3 no network, the uniform sparse and the uniform dense one all converge to the same loss, "
         "after about 600 of 1000 iterations.",
         "5.5, figure 5.12",
-        f"{NEAR} times the least loss, {NEAR * least(results):.3f}, is reached after {_times(times)} "
-        f"iterations. It holds if all need at most 70 % of the {_iterations(results)}.",
+        f"{NEAR} times the least loss, {NEAR * least(results):.3f}, is reached {_times(times)}. "
+        f"It holds if all need at most 70 % of the {_iterations(results)}.",
         all(t is not None and t <= longest for t in times.values()),
     )
 
@@ -93,8 +93,8 @@ def _middle_step(results: Results, kind: str, says: str) -> Claim:
     return Claim(
         says,
         "5.5, figure 5.12",
-        f"At {SHOWN} it reaches {NEAR * least(results):.3f} after {_time(time)} iterations; at 1e-3 that is "
-        f"reached after {_times(others)}. It holds if {SHOWN} gets there within {_iterations(results)}.",
+        f"At {SHOWN} it reaches {NEAR * least(results):.3f} {_time(time)}; at 1e-3 that is "
+        f"reached {_times(others)}. It holds if {SHOWN} gets there within {_iterations(results)}.",
         time is not None,
     )
 
@@ -131,9 +131,9 @@ def _accelerate(results: Results) -> Claim:
     return Claim(
         "A network can accelerate the optimisation significantly.",
         "5.5, 5.6",
-        f"At the best of its steps ({plain}) no network reaches {NEAR * least(results):.3f} after "
-        f"{_time(plain_time)} iterations; a fixed smoothing at {smooth} after {_time(smooth_time)}; the "
-        f"networks after {', '.join(f'{_time(t)} ({WORDS[k]}, {s})' for k, (s, t) in nets.items())}. It "
+        f"At the best of its steps ({plain}) no network reaches {NEAR * least(results):.3f} "
+        f"{_time(plain_time)}; a fixed smoothing at {smooth} {_time(smooth_time)}; the "
+        f"networks {', '.join(f'{_time(t)} ({WORDS[k]}, {s})' for k, (s, t) in nets.items())}. It "
         f"holds if a network needs less than {100 * FASTER:.0f} % of the iterations of no network, each at "
         "its best step.",
         bool(times and min(times) < FASTER * (np.inf if plain_time is None else plain_time)),
@@ -183,7 +183,7 @@ def _pairs(values: Mapping[str, float]) -> str:
 
 
 def _time(value: int | None) -> str:
-    return "none" if value is None else str(value)
+    return "never" if value is None else f"after {value} iterations"
 
 
 def _times(values: Mapping[str, int | None]) -> str:
