@@ -22,6 +22,7 @@ from optics.api import System
 from optics.engines import ExactEngine
 from optics.runtime import load_backend
 from thbcad import Lens
+from thbcad.hierarchy import THBSpace
 from thbcad.io import json_text, lens_from_dict, lens_to_dict
 
 Floats = NDArray[np.float64]
@@ -75,9 +76,14 @@ def designed(problem: optics.Problem, extra: Extra = lambda *_: Found({})) -> Fo
     figures = measured_merit(design.measurement, design.lens)
     figures |= extra(design.lens, design.measurement).numbers
     figures |= {"dof": design.metrics["dof"], "evaluations": design.metrics["evaluations"]}
-    figures["z_freedom"] = problem.lens.rear.freeform.freedom
+    figures |= {"z_freedom": problem.lens.rear.freeform.freedom, "net": _net(design.lens.sags[-1].space)}
     light = {"light": design.irradiance, "wanted": design.measurement.target}
     return Found(figures, {**_small(light), "lens": packed(design.lens)})
+
+
+def _net(space: THBSpace) -> int:
+    """Return the degrees of freedom of the space with all cells of its finest level."""
+    return int(np.prod([kv.dim for kv in (space.embedding.kv_u, space.embedding.kv_v)]))
 
 
 def _small(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
