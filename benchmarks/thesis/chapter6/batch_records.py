@@ -119,12 +119,17 @@ def _numbers(system: System, batch: Batch, earlier: Floats | None) -> dict[str, 
 
 
 def _changes(batch: Batch) -> dict[str, float]:
-    """Return the rms change of the surface in the inner half of its width, and outside of it, mm."""
+    """Return the rms change of the surface in the inner half of its width, and outside of it, mm.
+
+    gradients_centre : the share of that half in the gradients of the vertices.
+    """
     kv_u, kv_v = batch.sag.space.kv_u, batch.sag.space.kv_v
     u, v = (np.linspace(kv.start, kv.stop, SHOWN) for kv in (kv_u, kv_v))
     square = (batch.sag.grid(u, v) - batch.before.grid(u, v)) ** 2
     centre = (np.abs(u) < kv_u.stop / 2)[:, None] & (np.abs(v) < kv_v.stop / 2)
+    inner = tuple(slice(n // 4, n - n // 4) for n in batch.vertices.shape)
     return {
+        "gradients_centre": float(batch.vertices[inner].sum() / (batch.vertices.sum() or 1.0)),
         "changed_centre": float(np.sqrt(square[centre].mean())),
         "changed_ring": float(np.sqrt(square[~centre].mean())),
     }
