@@ -62,7 +62,7 @@ def ends(runs: dict[str, Found], wanted: np.ndarray) -> bytes:
     for k, (title, found) in enumerate(runs.items(), 1):
         irradiance(axes[0, k], found.arrays["light"], title, top=top)
         irradiance(axes[1, k], found.arrays["light"], "", FAINT)
-        sag = unpacked(found.arrays["lens"]).sags[-1]
+        sag = unpacked(found.arrays["sag"])
         u, v = (np.linspace(kv.start, kv.stop, SHOWN) for kv in (sag.space.kv_u, sag.space.kv_v))
         relief(axes[2, k], sag.grid(u, v), "surface")
     return png(figure)
@@ -84,9 +84,14 @@ def lens_views(before: Lens, after: Lens) -> bytes:
     return png(figure)
 
 
+def last_lens(system: OpticalSystem, found: Found) -> Lens:
+    """Return the lens that a run of batches ended with."""
+    return system.lens.with_sags([unpacked(found.arrays["sag"])])
+
+
 def scene(system: OpticalSystem, found: Found) -> bytes:
     """Return source, lens and lit target as PNG."""
-    lens = unpacked(found.arrays["lens"])
+    lens = last_lens(system, found)
     paths = scene_paths(system, lens, load_backend("double", None))
     light = np.asarray(found.arrays["light"], dtype=float)
     return few_colours(scene_view(system, lens, light, paths), SCENE)
@@ -99,12 +104,16 @@ def loss_curves(ax: Axes, runs: dict[str, Found], marked: Sequence[str]) -> None
         ax.semilogy(np.arange(len(losses)), losses, f"C{k}", lw=1, label=title)
         if title in marked:
             last = iterations * (1 + np.arange(len(found.numbers["step_loss"])))
-            ax.semilogy(last, found.numbers["step_loss"], f"C{k}o", mfc="none", ms=6)
+            ax.semilogy(last, _drawn(found.numbers["step_loss"]), f"C{k}o", mfc="none", ms=6)
         for batch in range(1, len(found.numbers["step"])):
             ax.axvline(batch * iterations, color="0.8", lw=0.5, zorder=0)
     ax.set(xlabel="iteration", ylabel="loss")
     ax.legend(fontsize=7)
     plain_numbers(ax.yaxis)
+
+
+def _drawn(losses: Sequence[float | None]) -> np.ndarray:
+    return np.array(losses, dtype=float)  # None becomes NaN, which is not drawn
 
 
 def plain_numbers(axis: Axis) -> None:

@@ -7,8 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.checkout import EXAMPLES
-from benchmarks.thesis.chapter6.batch_pictures import batch_rows, ends, lens_views, loss_curves, scene
-from benchmarks.thesis.chapter6.batch_records import unpacked
+from benchmarks.thesis.chapter6.batch_pictures import (
+    batch_rows,
+    ends,
+    last_lens,
+    lens_views,
+    loss_curves,
+    scene,
+)
 from benchmarks.thesis.drawing import curves, plt, png
 from benchmarks.thesis.records import Results
 from optics.analysis import fans
@@ -38,8 +44,8 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "extended.toml").with_(**{"target.pixels": pixels})
     system = OpticalSystem(problem)
-    yield "study8_lens", lens_views(system.lens, unpacked(thb.arrays["lens"]))
-    yield "study8_fans", _fans(system, unpacked(thb.arrays["lens"]))
+    yield "study8_lens", lens_views(system.lens, last_lens(system, thb))
+    yield "study8_fans", _fans(system, last_lens(system, thb))
     yield "study8_scene", scene(system, thb)
 
 
@@ -58,5 +64,5 @@ def _losses(results: Results) -> bytes:
     numbers = results["thb"].numbers
     loss_curves(ax, {title: results[name] for title, name in CURVES.items()}, ("symmetric mesh",))
     ends_of_batches = numbers["iterations"] * (1 + np.arange(len(numbers["step"])))
-    ax.plot(ends_of_batches, numbers["loss_of_check"], "kx", ms=4)
+    ax.plot(ends_of_batches, np.array(numbers["loss_of_check"], dtype=float), "kx", ms=4)
     return png(figure)

@@ -9,12 +9,12 @@ from benchmarks.checkout import EXAMPLES
 from benchmarks.thesis.chapter6.batch_pictures import (
     batch_rows,
     ends,
+    last_lens,
     lens_views,
     loss_curves,
     plain_numbers,
     scene,
 )
-from benchmarks.thesis.chapter6.batch_records import unpacked
 from benchmarks.thesis.drawing import plt, png
 from benchmarks.thesis.records import Results
 from optics.problem import load_problem
@@ -54,7 +54,7 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "pearl.toml").with_(**{"target.pixels": pixels})
     system = OpticalSystem(problem)
-    yield "study7_lens", lens_views(system.lens, unpacked(thb.arrays["lens"]))
+    yield "study7_lens", lens_views(system.lens, last_lens(system, thb))
     yield "study7_scene", scene(system, thb)
 
 
