@@ -29,10 +29,17 @@ COLOURS = 128  # of a picture: a third of the bytes of true colour
 
 def png(figure: Figure) -> bytes:
     """Return a figure as PNG with few colours, and close it."""
-    buffer, small = io.BytesIO(), io.BytesIO()
+    buffer = io.BytesIO()
     figure.savefig(buffer, dpi=DPI, format="png")
     plt.close(figure)
-    Image.open(buffer).convert("RGB").quantize(COLOURS).save(small, "png", optimize=True)
+    return few_colours(buffer.getvalue())
+
+
+def few_colours(data: bytes, scale: float = 1.0) -> bytes:
+    """Return a PNG with few colours, and smaller by a factor."""
+    image, small = Image.open(io.BytesIO(data)).convert("RGB"), io.BytesIO()
+    width, height = (round(scale * n) for n in image.size)
+    image.resize((width, height)).quantize(COLOURS).save(small, "png", optimize=True)
     return small.getvalue()
 
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
         bound_figure as bound_figure,
     )
     from optics.report.figures import (
+        draw_fan as draw_fan,
         lens_figures as lens_figures,
         light_figures as light_figures,
     )
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 _FILES = {
     "etendue_figures": ("bound_figure",),
     "figures": (
+        "draw_fan",
         "lens_figures",
         "light_figures",
     ),

@@ -16,6 +16,8 @@ from optics.analysis import counted_ways
 from optics.report.canvas import block, new_figure, plane_figure, plt, png_bytes
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from optics.analysis import Measurement
     from optics.optimisation import Row, Stage
     from optics.system import OpticalSystem
@@ -150,6 +152,14 @@ def _mesh(space: THBSpace, half_width: tuple[float, float]) -> bytes:
 def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
     """Return a section of the lens with the strongest branch of every ray."""
     figure, axes = new_figure()
+    draw_fan(axes, lens, fan)
+    axes.set_xlabel("z / mm")
+    axes.set_ylabel("y / mm")
+    return png_bytes(figure)
+
+
+def draw_fan(axes: Axes, lens: Lens, fan: Sequence[RayPath]) -> None:
+    """Draw the section x = 0 of the lens and the paths of rays: those that meet the target are green."""
     outline = []
     for surface, vertex, direction in ((lens.front, 0.0, 1), (lens.rear, lens.thickness, -1)):
         y = np.linspace(-1, 1, 201)[::direction] * surface.half_width[1]
@@ -171,9 +181,6 @@ def _rays(lens: Lens, fan: Sequence[RayPath]) -> bytes:
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_aspect("equal")
-    axes.set_xlabel("z / mm")
-    axes.set_ylabel("y / mm")
-    return png_bytes(figure)
 
 
 def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:

@@ -16,9 +16,11 @@ ALIKE = 0.3  # rel_l2: a top hat that looks right at first glance
 INSIDE = 0.02  # of the source's flux: light astray that is hardly seen
 DETAIL = 1.5  # times the rel_l2 of net CONTROL_NET: detail is missing
 HARDLY = 0.8  # times the rel_l2 of net CONTROL_NET: more than a slight improvement lies below
-MUCH = 0.5  # times roughness and light astray of the large step
+MUCH = 0.5  # times roughness or light astray of the large step
 LONGER = 3.0  # times the iterations
 
+SMOOTHER = "Steps of 1e-4 make the lenses of 50^2 and 75^2 control points much smoother."
+DARKER = "Steps of 1e-4 leave significantly less light outside, with 50^2 and 75^2 control points."
 UNJUDGED = "cannot be judged"
 
 
@@ -33,7 +35,8 @@ def claims(results: Results) -> list[Claim]:
         _irregular(hat),
         _detail(pearl),
         _grows(pearl),
-        _calmer(large, small),
+        _calmer(large, small, "roughness", SMOOTHER, "roughness"),
+        _calmer(large, small, "astray", DARKER, "light astray"),
         _rough_patches(large, small),
         _longer(large, small),
         _step_alone(hat, rows(results, "top hat", "L-BFGS"), rows(results, "top hat", "transport")),
@@ -109,23 +112,19 @@ def _grows(pearl: Rows) -> Claim:
     )
 
 
-def _calmer(large: Mapping[str, Rows], small: Mapping[str, Rows]) -> Claim:
+def _calmer(large: Mapping[str, Rows], small: Mapping[str, Rows], key: str, says: str, what: str) -> Claim:
     pairs = [(t, n) for t in small for n in small[t] if n < 100]
-    at_end = [_shares(small[t][n], large[t][n]) for t, n in pairs]
-    at_mark = [_shares(small[t][n]["at_mark"], large[t][n]) for t, n in pairs if small[t][n]["at_mark"]]
+    at_end = [small[t][n][key] / large[t][n][key] for t, n in pairs]
+    marks = [(small[t][n]["at_mark"], large[t][n]) for t, n in pairs]
+    at_mark = [mark[key] / row[key] for mark, row in marks if mark]
     return Claim(
-        "Steps of 1e-4 make 50^2 and 75^2 control points much smoother, with far less light outside.",
+        says,
         "5.4, figure 5.7",
-        f"At {_cases(pairs)}, roughness is {_list(a for a, _ in at_end)} times, light astray "
-        f"{_list(b for _, b in at_end)} times that of 1e-3. Where the loss of 1e-3 is reached on the way, "
-        f"they are {_list(a for a, _ in at_mark)} and {_list(b for _, b in at_mark)} times. It holds if all "
-        f"at the end are below {MUCH}.",
-        max(map(max, at_end)) < MUCH,
+        f"At {_cases(pairs)}, {what} is {_list(at_end)} times that of 1e-3. On the way, where the loss of "
+        f"1e-3 is reached, it is {_list(at_mark) or 'not known'} times. It holds if all at the end are "
+        f"below {MUCH}.",
+        max(at_end) < MUCH,
     )
-
-
-def _shares(small: Mapping[str, float], large: Mapping[str, float]) -> tuple[float, float]:
-    return small["roughness"] / large["roughness"], small["astray"] / large["astray"]
 
 
 def _rough_patches(large: Mapping[str, Rows], small: Mapping[str, Rows]) -> Claim:

@@ -56,9 +56,9 @@ class Plan:
 class Batch:
     """What a batch ended with.
 
-    before, sag : of the batch's start and end.  loss : at the end.  irradiance : in the window, (rows,
-    columns), W/mm^2.  vertices : |dL/dz| of the vertices, (nx, ny), 1/mm.  indicator : Z of the leaf
-    cells.  alpha : of the refinement that follows.
+    lens : nothing proves that it can exist.  before, sag : of the batch's start and end.  loss : at the end.
+    irradiance : in the window, (rows, columns), W/mm^2.  vertices : |dL/dz| of the vertices, (nx, ny), 1/mm.
+    indicator : Z of the leaf cells.  alpha : of the refinement that follows.
     """
 
     lens: Lens
@@ -93,7 +93,7 @@ def _ended(
 ) -> Batch:
     """Return what a batch ended with; `level` is the greatest of the refinement that follows, if any."""
     space, coefficients = before.space, loss.coefficients(training.w)
-    irradiance = loss.model(coefficients)
+    sag, irradiance = THBSurface(space, coefficients), loss.model(coefficients)
     difference = irradiance - loss.wanted
     norm, scale = np.linalg.norm(difference), np.linalg.norm(loss.wanted)
     slope = difference / ((norm or 1.0) * scale)
@@ -102,9 +102,9 @@ def _ended(
     noise = np.random.default_rng(space.dim).standard_normal(len(indicator))
     indicator *= np.maximum(1 + plan.noise * noise, 0)
     return Batch(
-        lens=system.lens(space, coefficients),
+        lens=system.optical.lens.with_sags([sag]),
         before=before,
-        sag=THBSurface(space, coefficients),
+        sag=sag,
         training=training,
         loss=float(norm / scale),
         irradiance=irradiance,

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmarks.thesis.chapter6.batch_records import SHOWN, unpacked
-from benchmarks.thesis.drawing import irradiance, mesh, panels, plt, png, relief
+from benchmarks.thesis.drawing import few_colours, irradiance, mesh, panels, plt, png, relief
 from benchmarks.thesis.records import Found
 from optics.report import draw_solid, scene_paths, scene_view
 from optics.runtime import load_backend
@@ -18,9 +19,11 @@ from thbcad import Lens
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 SIZE = 1.55  # inches, of a panel
 FAINT = 0.2  # the power of an irradiance that shows stray light
+SCENE = 0.8  # of the size in which the scene is drawn
 ROOM = 0.53  # half the width of a view of a lens, of the lens's extent
 TURNS = {"left": (-35, 20), "centre": (0, 0), "right": (35, 20)}  # degrees to the right, and from above
 
@@ -59,7 +62,7 @@ def ends(runs: dict[str, Found], wanted: np.ndarray) -> bytes:
     for k, (title, found) in enumerate(runs.items(), 1):
         irradiance(axes[0, k], found.arrays["light"], title, top=top)
         irradiance(axes[1, k], found.arrays["light"], "", FAINT)
-        sag = unpacked(found.arrays["lens"]).sags[-1]
+        sag = unpacked(found.arrays["sag"])
         u, v = (np.linspace(kv.start, kv.stop, SHOWN) for kv in (sag.space.kv_u, sag.space.kv_v))
         relief(axes[2, k], sag.grid(u, v), "surface")
     return png(figure)
@@ -81,11 +84,17 @@ def lens_views(before: Lens, after: Lens) -> bytes:
     return png(figure)
 
 
+def last_lens(system: OpticalSystem, found: Found) -> Lens:
+    """Return the lens that a run of batches ended with."""
+    return system.lens.with_sags([unpacked(found.arrays["sag"])])
+
+
 def scene(system: OpticalSystem, found: Found) -> bytes:
     """Return source, lens and lit target as PNG."""
-    lens = unpacked(found.arrays["lens"])
+    lens = last_lens(system, found)
     paths = scene_paths(system, lens, load_backend("double", None))
-    return scene_view(system, lens, np.asarray(found.arrays["light"], dtype=float), paths)
+    light = np.asarray(found.arrays["light"], dtype=float)
+    return few_colours(scene_view(system, lens, light, paths), SCENE)
 
 
 def loss_curves(ax: Axes, runs: dict[str, Found], marked: Sequence[str]) -> None:
@@ -95,11 +104,23 @@ def loss_curves(ax: Axes, runs: dict[str, Found], marked: Sequence[str]) -> None
         ax.semilogy(np.arange(len(losses)), losses, f"C{k}", lw=1, label=title)
         if title in marked:
             last = iterations * (1 + np.arange(len(found.numbers["step_loss"])))
-            ax.semilogy(last, found.numbers["step_loss"], f"C{k}o", mfc="none", ms=6)
+            ax.semilogy(last, _drawn(found.numbers["step_loss"]), f"C{k}o", mfc="none", ms=6)
         for batch in range(1, len(found.numbers["step"])):
             ax.axvline(batch * iterations, color="0.8", lw=0.5, zorder=0)
     ax.set(xlabel="iteration", ylabel="loss")
     ax.legend(fontsize=7)
+    plain_numbers(ax.yaxis)
+
+
+def _drawn(losses: Sequence[float | None]) -> np.ndarray:
+    return np.array(losses, dtype=float)  # None becomes NaN, which is not drawn
+
+
+def plain_numbers(axis: Axis) -> None:
+    """Label a logarithmic axis of less than two decades by 0.1, 0.2, 0.3, 0.5, 0.7 and the like."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def gradients(ax: Axes, values: np.ndarray, title: str) -> None:

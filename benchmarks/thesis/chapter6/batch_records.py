@@ -21,8 +21,10 @@ from optics.analysis import Measurement
 from optics.api import System
 from optics.engines import ExactEngine
 from optics.runtime import load_backend
-from thbcad import Lens
-from thbcad.io import json_text, lens_from_dict, lens_to_dict
+from thbcad import Lens, THBSurface
+from thbcad.hierarchy import THBSpace
+from thbcad.io import json_text, sag_from_dict, sag_to_dict
+from thbcad.lens import require_sound
 
 Floats = NDArray[np.float64]
 # of a lens and what it delivers: further numbers, and arrays for pictures
@@ -43,7 +45,7 @@ def recorded(
     """Return what the batches of a plan came to.
 
     check : rays with which the STEP file of every batch is traced by the second tracer; None traces none.
-    pictures : surfaces, meshes and gradients of every batch are kept; the last light and lens always are.
+    pictures : surfaces, meshes and gradients of every batch are kept; the last light and sag always are.
     each : the light of every batch is measured, and not that of the last one alone.
     """
     columns: dict[str, list[Any]] = {"step": list(plan.steps)}
@@ -66,7 +68,7 @@ def recorded(
     columns["alpha"].pop()  # behind the last batch nothing is refined
     arrays |= {"losses": np.concatenate(losses), "light": found.irradiance, "wanted": found.target}
     numbers = {"iterations": plan.iterations, "pixels": len(found.target), "rays": plan.rays[0], **columns}
-    return Found(numbers, {**_small(arrays), "lens": packed(batch.lens)})
+    return Found(numbers, {**_small(arrays), "sag": packed(batch.sag)})
 
 
 def designed(problem: optics.Problem, extra: Extra = lambda *_: Found({})) -> Found:
@@ -75,9 +77,14 @@ def designed(problem: optics.Problem, extra: Extra = lambda *_: Found({})) -> Fo
     figures = measured_merit(design.measurement, design.lens)
     figures |= extra(design.lens, design.measurement).numbers
     figures |= {"dof": design.metrics["dof"], "evaluations": design.metrics["evaluations"]}
-    figures["z_freedom"] = problem.lens.rear.freeform.freedom
+    figures |= {"z_freedom": problem.lens.rear.freeform.freedom, "net": _net(design.lens.sags[-1].space)}
     light = {"light": design.irradiance, "wanted": design.measurement.target}
-    return Found(figures, {**_small(light), "lens": packed(design.lens)})
+    return Found(figures, {**_small(light), "sag": packed(design.lens.sags[-1])})
+
+
+def _net(space: THBSpace) -> int:
+    """Return the degrees of freedom of the space with all cells of its finest level."""
+    return int(np.prod([kv.dim for kv in (space.embedding.kv_u, space.embedding.kv_v)]))
 
 
 def _small(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -85,17 +92,17 @@ def _small(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     return {name: a.astype(np.float32) if a.dtype == np.float64 else a for name, a in arrays.items()}
 
 
-def packed(lens: Lens) -> NDArray[np.uint8]:
-    """Return the text of a lens as an array of its bytes."""
-    return np.frombuffer(json_text(lens_to_dict(lens)).encode(), np.uint8)
+def packed(sag: THBSurface) -> NDArray[np.uint8]:
+    """Return the text of a sag as an array of its bytes."""
+    return np.frombuffer(json_text(sag_to_dict(sag)).encode(), np.uint8)
 
 
-def unpacked(array: NDArray[np.uint8]) -> Lens:
-    """Return the lens of `packed`."""
-    return lens_from_dict(json.loads(array.tobytes()))
+def unpacked(array: NDArray[np.uint8]) -> THBSurface:
+    """Return the sag of `packed`."""
+    return sag_from_dict(json.loads(array.tobytes()))
 
 
-def _numbers(system: System, batch: Batch, earlier: Floats | None) -> dict[str, float]:
+def _numbers(system: System, batch: Batch, earlier: Floats | None) -> dict[str, Any]:
     """Return the figures of a batch; `earlier` are the gradients of the vertices of the batch before."""
     change = 0.0 if earlier is None else 1 - _cosine(batch.vertices, earlier)
     pixel = system.optical.target.screen().pixel_area
@@ -103,6 +110,7 @@ def _numbers(system: System, batch: Batch, earlier: Floats | None) -> dict[str, 
         "loss": batch.loss,
         "first_loss": float(batch.training.losses[0]),
         "alpha": float(batch.alpha),
+        "exists": _exists(batch.lens),
         "optimisation_seconds": float(batch.training.seconds[-1]),
         "onto_target": float(batch.irradiance.sum() * pixel),
         "gradients": float(batch.vertices.sum()),
@@ -113,12 +121,17 @@ def _numbers(system: System, batch: Batch, earlier: Floats | None) -> dict[str, 
 
 
 def _changes(batch: Batch) -> dict[str, float]:
-    """Return the rms change of the surface in the inner half of its width, and outside of it, mm."""
+    """Return the rms change of the surface in the inner half of its width, and outside of it, mm.
+
+    gradients_centre : the share of that half in the gradients of the vertices.
+    """
     kv_u, kv_v = batch.sag.space.kv_u, batch.sag.space.kv_v
     u, v = (np.linspace(kv.start, kv.stop, SHOWN) for kv in (kv_u, kv_v))
     square = (batch.sag.grid(u, v) - batch.before.grid(u, v)) ** 2
     centre = (np.abs(u) < kv_u.stop / 2)[:, None] & (np.abs(v) < kv_v.stop / 2)
+    inner = tuple(slice(n // 4, n - n // 4) for n in batch.vertices.shape)
     return {
+        "gradients_centre": float(batch.vertices[inner].sum() / (batch.vertices.sum() or 1.0)),
         "changed_centre": float(np.sqrt(square[centre].mean())),
         "changed_ring": float(np.sqrt(square[~centre].mean())),
     }
@@ -128,8 +141,10 @@ def _cosine(a: Floats, b: Floats) -> float:
     return float(np.vdot(a, b) / (np.linalg.norm(a) * np.linalg.norm(b) or 1.0))
 
 
-def _second(system: System, plan: Plan, batch: Batch, rays: tuple[int, int]) -> dict[str, float]:
-    """Return the losses by both tracers at equal rays."""
+def _second(system: System, plan: Plan, batch: Batch, rays: tuple[int, int]) -> dict[str, float | None]:
+    """Return the losses by both tracers at equal rays; None of a lens that cannot exist and has no file."""
+    if not _exists(batch.lens):
+        return {"loss_of_check": None, "step_loss": None}
     engine = ExactEngine(load_backend("double", system.problem.run.threads), soft_rim=0.0)
     model = system.model(batch.sag.space, rays=rays, window="gaussian", engine=engine)
     wanted = model.target if plan.filtered else unfiltered_target(system)
@@ -139,6 +154,15 @@ def _second(system: System, plan: Plan, batch: Batch, rays: tuple[int, int]) -> 
         "loss_of_check": float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted)),
         "step_loss": step_loss(system, batch.lens, wanted, rays, sigma),
     }
+
+
+def _exists(lens: Lens) -> bool:
+    """Return whether a lens can exist: its surfaces and edges do not cross."""
+    try:
+        require_sound(lens)
+    except ValueError:
+        return False
+    return True
 
 
 def _shown(batch: Batch) -> dict[str, NDArray[Any]]:

@@ -82,10 +82,23 @@ def evaluations(found: Found) -> int:
     return int(found.numbers["iterations"] * len(found.numbers["step"]))
 
 
+def apart(numbers: Numbers) -> list[float | None]:
+    """Return the relative differences of the losses by the two tracers; None of lenses that cannot exist."""
+    pairs = zip(numbers["step_loss"], numbers["loss_of_check"])
+    return [None if own is None else abs(second / own - 1) for second, own in pairs]
+
+
 def departure(numbers: Numbers) -> float:
     """Return the greatest relative difference of the losses by the two tracers, over the batches."""
-    pairs = zip(numbers["step_loss"], numbers["loss_of_check"])
-    return max(abs(second / own - 1) for second, own in pairs)
+    return max((value for value in apart(numbers) if value is not None), default=0.0)
+
+
+def power(value: float | None) -> str:
+    return "no lens" if value is None else f"{value:.0e}"
+
+
+def yes(value: bool) -> str:
+    return "yes" if value else "no"
 
 
 def percent(value: float) -> str:

@@ -7,12 +7,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.checkout import EXAMPLES
-from benchmarks.thesis.chapter6.batch_pictures import batch_rows, ends, lens_views, loss_curves, scene
-from benchmarks.thesis.chapter6.batch_records import unpacked
-from benchmarks.thesis.drawing import curves, png
+from benchmarks.thesis.chapter6.batch_pictures import (
+    batch_rows,
+    ends,
+    last_lens,
+    lens_views,
+    loss_curves,
+    scene,
+)
+from benchmarks.thesis.drawing import curves, plt, png
 from benchmarks.thesis.records import Results
+from optics.analysis import fans
 from optics.problem import load_problem
+from optics.report import draw_fan
+from optics.runtime import load_backend
 from optics.system import OpticalSystem
+from thbcad import Lens
 
 CURVES = {"symmetric mesh": "thb", "mesh not symmetric": "asymmetric", "target filtered too": "filtered"}
 COLUMNS = {
@@ -34,8 +44,19 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "extended.toml").with_(**{"target.pixels": pixels})
     system = OpticalSystem(problem)
-    yield "study8_lens", lens_views(system.lens, unpacked(thb.arrays["lens"]))
+    yield "study8_lens", lens_views(system.lens, last_lens(system, thb))
+    yield "study8_fans", _fans(system, last_lens(system, thb))
     yield "study8_scene", scene(system, thb)
+
+
+def _fans(system: OpticalSystem, lens: Lens) -> bytes:
+    """Return two fans of rays from the middle of the source through the closed lens, as PNG."""
+    figure, axes = plt.subplots(1, 2, figsize=(7.5, 3.6), layout="constrained")
+    for ax, (name, fan) in zip(axes, fans(system, lens, load_backend("double", None)).items()):
+        draw_fan(ax, lens, fan)
+        ax.set_title(name, fontsize=9)
+        ax.set(xlabel="z / mm", ylabel="y / mm")
+    return png(figure)
 
 
 def _losses(results: Results) -> bytes:
@@ -43,5 +64,5 @@ def _losses(results: Results) -> bytes:
     numbers = results["thb"].numbers
     loss_curves(ax, {title: results[name] for title, name in CURVES.items()}, ("symmetric mesh",))
     ends_of_batches = numbers["iterations"] * (1 + np.arange(len(numbers["step"])))
-    ax.plot(ends_of_batches, numbers["loss_of_check"], "kx", ms=4)
+    ax.plot(ends_of_batches, np.array(numbers["loss_of_check"], dtype=float), "kx", ms=4)
     return png(figure)

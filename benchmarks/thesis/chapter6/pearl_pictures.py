@@ -6,8 +6,15 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from benchmarks.checkout import EXAMPLES
-from benchmarks.thesis.chapter6.batch_pictures import batch_rows, ends, lens_views, loss_curves, scene
-from benchmarks.thesis.chapter6.batch_records import unpacked
+from benchmarks.thesis.chapter6.batch_pictures import (
+    batch_rows,
+    ends,
+    last_lens,
+    lens_views,
+    loss_curves,
+    plain_numbers,
+    scene,
+)
 from benchmarks.thesis.drawing import plt, png
 from benchmarks.thesis.records import Results
 from optics.problem import load_problem
@@ -47,7 +54,7 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "pearl.toml").with_(**{"target.pixels": pixels})
     system = OpticalSystem(problem)
-    yield "study7_lens", lens_views(system.lens, unpacked(thb.arrays["lens"]))
+    yield "study7_lens", lens_views(system.lens, last_lens(system, thb))
     yield "study7_scene", scene(system, thb)
 
 
@@ -61,6 +68,7 @@ def _losses(results: Results) -> bytes:
         points = [(results[n].numbers["dof"], results[n].numbers["rel_l2"]) for n in names]
         own.loglog(*zip(*points), mark, ms=4, lw=1, label=label)
     own.legend(fontsize=7)
+    plain_numbers(own.yaxis)
     return png(figure)
 
 
@@ -71,3 +79,4 @@ def _ends_of_batches(ax: Axes, results: Results, key: str, label: str) -> None:
     ax.grid(which="both", alpha=0.25)
     ax.set(xlabel="degrees of freedom", ylabel=label)
     ax.legend(fontsize=7)
+    plain_numbers(ax.yaxis)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -37,9 +38,11 @@ SCANNED = {  # first step and ratio
     "step 0.1, constant": (0.1, 1.0),
 }
 SMALL = 128  # pixels of the scan, and of the quick set
+SMALLER = {"rays": (RAYS[0] // 2 + 1,) * 2, "vertices": VERTICES // 2 + 1}
 # fractions of the picture from above and from the left: the dark wedge between chin and dress
 GAP_ROWS, GAP_COLUMNS = (0.64, 0.76), (0.36, 0.44)
-INNER, MAPPED = 0.9, 257  # of the beam: its inner part, and rays in each direction over all of it
+INNER = 0.6  # of the beam's width: its inner part, without what its rim sheds
+MAPPED = 257  # rays in each direction over all of the beam, of the map of what misses the target
 PATHS_STEPS = 50  # of Adam through Mitsuba's particle tracer, of which each takes seconds
 PATHS_PER_PIXEL = 2.0  # in each direction
 MESHES = {"alpha 0.3": 0.3, "alpha 1": 1.0, "alpha 2": 2.0}  # of the project's own designs
@@ -58,9 +61,6 @@ def _full() -> tuple[Plan, int]:
 
 def _quick() -> tuple[Plan, int]:
     return replace(_full()[0], steps=_steps(FIRST, FALL, 4), iterations=30, **SMALLER), SMALL
-
-
-SMALLER = {"rays": (RAYS[0] // 2 + 1,) * 2, "vertices": VERTICES // 2 + 1}
 
 
 def _steps(first: float, fall: float, count: int) -> tuple[float, ...]:
@@ -83,7 +83,9 @@ def _of_the_thesis(size: tuple[Plan, int]) -> Iterator[Run]:
     yield Run("thb, wider bound", lambda _: _batches("pearl", pixels, thb, pictures=False))
 
 
-def _batches(name: str, pixels: int, plan: Plan, check=None, pictures: bool = True) -> Found:
+def _batches(
+    name: str, pixels: int, plan: Plan, check: tuple[int, int] | None = None, pictures: bool = True
+) -> Found:
     return recorded(optics.System(_problem(name, pixels)), plan, check, _lost, pictures)
 
 
@@ -95,7 +97,7 @@ def _beside(thb: Found, found: Found) -> Found:
     return Found({**found.numbers, "apart_from_thb": apart}, found.arrays)
 
 
-def _problem(name: str, pixels: int, **changes) -> optics.Problem:
+def _problem(name: str, pixels: int, **changes: Any) -> optics.Problem:
     problem = optics.load_problem(EXAMPLES / f"{name}.toml")
     return problem.with_(**{"target.pixels": [pixels, pixels], **changes})
 
