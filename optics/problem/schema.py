@@ -9,6 +9,8 @@ from typing import Any
 from optics.problem.toml_records import AUTO, option
 
 PROFILES = ("uniform", "round", "gaussian", "image")
+DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
+SUN = 0.2665  # degrees: the mean half-angle of its disk
 
 MAX_PIXELS = 4096
 SHORTEST = 1e-6  # mm: a nanometre, less than CAD kernels tell apart
@@ -41,9 +43,27 @@ class Source:
         90.0, low=1e-3, high=90, note="degrees, of the cone that a lambertian or a point source lights"
     )
     exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
+    divergence: float = option(
+        0.0,
+        low=0,
+        high=60,
+        note="degrees, of collimated light: the half-angle, or sigma; 0 is parallel, but 0.2665 for the sun",
+    )
+    divergence_profile: str = option(
+        "uniform",
+        choices=DIVERGENCES,
+        note="over solid angle, of angles, of the sun's disk, or over the angle (theta_uniform)",
+    )
     wavelength: float = option(
         550.0, low=1, high=1e6, note="nm; the report and limits.feature compare the lens's features with it"
     )
+
+    @property
+    def half_divergence(self) -> float:
+        """The half-angle of a collimated source's light, degrees; 0 where it is parallel."""
+        if self.kind != "collimated":
+            return 0.0
+        return self.divergence or (SUN if self.divergence_profile == "sun" else 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

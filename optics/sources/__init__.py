@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from optics.sources.collimated import (
         collimated_beam as collimated_beam,
     )
+    from optics.sources.divergence import (
+        Divergence as Divergence,
+    )
     from optics.sources.profile import (
         Profile as Profile,
     )
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
         single_rays as single_rays,
     )
     from optics.sources.spreading import (
+        area_parts as area_parts,
         concentric as concentric,
         lambertian_parts as lambertian_parts,
         mirror_half as mirror_half,
@@ -38,6 +42,7 @@ _FILES = {
         "corner_flux",
     ),
     "collimated": ("collimated_beam",),
+    "divergence": ("Divergence",),
     "profile": ("Profile",),
     "rays": (
         "RayGrid",
@@ -46,6 +51,7 @@ _FILES = {
         "single_rays",
     ),
     "spreading": (
+        "area_parts",
         "concentric",
         "lambertian_parts",
         "mirror_half",

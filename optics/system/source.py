@@ -12,14 +12,15 @@ import numpy as np
 
 from optics.runtime import speaking_of
 from optics.sources import (
+    Divergence,
     Profile,
     RayGrid,
     Rays,
     SourceCells,
+    area_parts,
     beam_cells,
     collimated_beam,
     cone_cells,
-    lambertian_parts,
     point_rays,
 )
 from optics.target import read_picture
@@ -43,7 +44,7 @@ class LightSource:
     @property
     def collimated(self) -> bool:
         """Whether all rays are parallel to z."""
-        return self.settings.kind == "collimated"
+        return self.settings.kind == "collimated" and not self.settings.half_divergence
 
     @cached_property
     def profile(self) -> Profile:
@@ -61,15 +62,28 @@ class LightSource:
         return Profile(source.profile, source.sigma, light)
 
     def without_extent(self) -> LightSource:
-        """Return the source, or for a Lambertian one the point in its middle, with its intensity."""
+        """Return the source without its spread: of a beam parallel light, of a glowing area the point in its
+        middle, with its intensity."""
         if not self.extended:
             return self
-        return replace(self, settings=replace(self.settings, kind="point", exponent=1.0))
+        if self.settings.kind == "collimated":
+            settings = replace(self.settings, divergence=0.0, divergence_profile="uniform")
+        else:
+            settings = replace(self.settings, kind="point", exponent=1.0)
+        return replace(self, settings=settings)
 
     @property
     def extended(self) -> bool:
         """Whether light comes from every point of an area in many directions, so that cells have no image."""
-        return self.settings.kind == "lambertian"
+        return self.settings.kind == "lambertian" or self.settings.half_divergence > 0
+
+    @property
+    def spread(self) -> Divergence:
+        """How the light of every point of an extended source spreads around +z."""
+        source = self.settings
+        if source.kind == "lambertian":
+            return Divergence("lambertian", source.half_angle)
+        return Divergence(source.divergence_profile, source.half_divergence)
 
     @property
     def _cone(self) -> dict[str, float]:
@@ -97,7 +111,7 @@ class LightSource:
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
         """Return rays of the source, those of a collimated one only where they meet the aperture.
 
-        counts : (nx, ny).  A Lambertian source has their product of rays, rounded to a power of two.
+        counts : (nx, ny).  An extended source has their product of rays, rounded to a power of two.
         fresh : draws a shift of the grid or another scrambling; without it the set is always the same.
         """
         return next(self.parts(counts, fresh))
@@ -108,7 +122,7 @@ class LightSource:
         """Yield the rays of `rays` in parts of about `most`."""
         source, profile = self.settings, self.profile
         shift = [0.0, 0.0] if fresh is None else fresh.uniform(-0.5, 0.5, 2).tolist()
-        if source.kind == "collimated":
+        if self.collimated:
             beam = collimated_beam(source.half_width, source.flux, self.aperture, counts, shift, profile)
             yield from beam.slices(most)
         elif source.kind == "point":
@@ -116,11 +130,11 @@ class LightSource:
         else:
             count = 1 << max(2, round(log2(counts[0] * counts[1])))
             seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
-            yield from lambertian_parts(
+            yield from area_parts(
                 half_width=source.half_width,
                 distance=source.distance,
                 flux=source.flux,
-                half_angle=source.half_angle,
+                spread=self.spread,
                 profile=profile,
                 count=count,
                 seed=seed,
