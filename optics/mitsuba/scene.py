@@ -114,6 +114,10 @@ def _emitter(mi: ModuleType, system: OpticalSystem, lowest: float) -> dict[str, 
             "Mitsuba's glowing areas light the whole half-space: source.half_angle must be 90, got "
             f"{source.half_angle:g}"
         )
+    if system.source.extended and source.kind == "collimated":
+        raise UserError(
+            "Mitsuba's beams are parallel: source.divergence must be 0 there, with a profile other than sun"
+        )
     collimated = source.kind == "collimated"
     z = lowest - source.distance if collimated else -source.distance
     (hx, hy), disk = source.half_width, source.profile == "round"

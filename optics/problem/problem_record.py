@@ -158,6 +158,15 @@ def _require_source(source: Source) -> None:
         raise UserError(
             f"source.half_width must be at least {SHORTEST} for a {source.kind} source, got {got}"
         )
+    if source.kind != "collimated" and (source.divergence or source.divergence_profile != "uniform"):
+        raise UserError(
+            "source.divergence and source.divergence_profile are those of collimated light; a "
+            f"{source.kind} source has source.half_angle"
+        )
+    if source.divergence_profile not in ("uniform", "sun") and not source.divergence:
+        raise UserError(
+            f'source.divergence_profile = "{source.divergence_profile}" needs source.divergence in degrees'
+        )
     if source.kind == "point" and source.profile != "uniform":
         raise UserError(f"source.profile is that of an area, a point has none; got {source.profile!r}")
     if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:

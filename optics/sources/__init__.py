@@ -10,6 +10,7 @@ if TYPE_CHECKING:
         beam_cells as beam_cells,
         cone_cells as cone_cells,
         corner_flux as corner_flux,
+        tilted_cells as tilted_cells,
     )
     from optics.sources.collimated import (
         collimated_beam as collimated_beam,
@@ -40,6 +41,7 @@ _FILES = {
         "beam_cells",
         "cone_cells",
         "corner_flux",
+        "tilted_cells",
     ),
     "collimated": ("collimated_beam",),
     "divergence": ("Divergence",),

@@ -18,16 +18,21 @@ Source: limb darkening by A. N. Cox (ed.), Allen's astrophysical quantities, 4th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, exp, pi, radians, sin
+from math import cos, exp, pi, radians, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.sources.profile import Profile
+
 Floats = NDArray[np.float64]
 
 LIMB = 0.30, 0.93, -0.23  # of mu^0, mu, mu^2
+GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 FARTHEST = 6.0  # sigmas, to which a Gaussian is cut
 WIDEST = radians(89.0)  # to which it is cut too
+SEEN = 3.0  # sigmas of a Gaussian that its picture shows
+PIXELS = 64  # of the sun's picture, in each direction: blurs are some pixels wide
 STEPS = 12  # of Newton's method; six reach the last digit but near the limb
 
 
@@ -58,6 +63,15 @@ class Divergence:
         theta = a * np.sqrt(-2 * np.log1p(-cut * u))
         return np.sin(theta) / np.where(u == 0, 1.0, root)
 
+    def directions(self, count: int, turn: float) -> Floats:
+        """Return directions of equal flux, spread evenly as the seeds of a sunflower, (count, 3).
+
+        turn : of all around the axis, radians.
+        """
+        u = (np.arange(count) + 0.5) / count
+        angle, sine = turn + GOLDEN * np.arange(count), self.stretch(u) * np.sqrt(u)
+        return np.stack([sine * np.cos(angle), sine * np.sin(angle), np.sqrt(1 - sine**2)], axis=1)
+
     @property
     def brightest(self) -> float:
         """The radiance on the axis times the area over the flux, 1 / sr; inf where it has no bound."""
@@ -71,6 +85,17 @@ class Divergence:
         if self.kind == "sun":
             return 1 / (pi * sin(a) ** 2 * _limb_total())
         return 1 / (2 * pi * a**2 * (1 - exp(-(min(FARTHEST, WIDEST / a) ** 2) / 2)))
+
+    @property
+    def picture(self) -> Profile:
+        """What a point of the source looks like in angles, as far as `half_angle`, or SEEN sigmas."""
+        if self.kind == "gaussian":
+            return Profile("gaussian", (1 / SEEN, 1 / SEEN))
+        if self.kind != "sun":
+            return Profile("round")
+        at = (2 * np.arange(PIXELS) + 1) / PIXELS - 1
+        mu = np.sqrt(np.maximum(1 - at**2 - at[:, None] ** 2, 0.0))
+        return Profile("image", light=np.where(mu > 0, np.polyval(LIMB[::-1], mu), 0.0))
 
 
 def _limb_total() -> float:

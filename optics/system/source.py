@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import log2
+from math import log2, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,7 @@ from optics.sources import (
     collimated_beam,
     cone_cells,
     point_rays,
+    tilted_cells,
 )
 from optics.target import read_picture
 
@@ -78,6 +79,34 @@ class LightSource:
         return self.settings.kind == "lambertian" or self.settings.half_divergence > 0
 
     @property
+    def estimator(self) -> str:
+        """How its light is measured: by "cells", by "beams" of cells in many directions, or by "rays"."""
+        if not self.extended:
+            return "cells"
+        return "beams" if self.settings.kind == "collimated" else "rays"
+
+    @property
+    def area(self) -> float:
+        """The area that shines, mm^2: of the ellipse for the profile "round", else of the rectangle."""
+        hx, hy = self.settings.half_width
+        return (pi if self.settings.profile == "round" else 4) * hx * hy
+
+    @property
+    def etendue(self) -> float:
+        """Flux over the radiance on the axis of a source whose points are equally bright, mm^2 sr.
+
+        Of a Lambertian one it is pi A sin^2(half_angle); it is 0 without extent or a bound of that radiance.
+        """
+        return self.area / self.spread.brightest if self.extended else 0.0
+
+    @property
+    def image(self) -> tuple[Profile, tuple[float, float]]:
+        """What a pinhole in the lens throws of an extended source: its profile and its proportions."""
+        if self.settings.kind == "lambertian":
+            return self.profile, self.settings.half_width
+        return self.spread.picture, (1.0, 1.0)
+
+    @property
     def spread(self) -> Divergence:
         """How the light of every point of an extended source spreads around +z."""
         source = self.settings
@@ -107,6 +136,16 @@ class LightSource:
             ends = aperture or self.aperture
             return beam_cells(source.half_width, source.flux, ends, counts, self.profile)
         return cone_cells(**self._cone, counts=counts)
+
+    def beams(self, counts: Sequence[int], directions: int, turn: float) -> Iterator[SourceCells]:
+        """Yield the cells of a diverging beam in directions of equal flux, see `Divergence.directions`.
+
+        counts : (nx, ny) cells.
+        """
+        source, profile = self.settings, self.profile
+        for direction in self.spread.directions(directions, turn):
+            flux = source.flux / directions
+            yield tilted_cells(source.half_width, source.distance, flux, direction, counts, profile)
 
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
         """Return rays of the source, those of a collimated one only where they meet the aperture.
