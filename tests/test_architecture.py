@@ -42,7 +42,7 @@ FLOORS = [
     ],
     ["optics.tracing", "optics.system", "optics.shape"],
     ["optics.analysis", "optics.engines"],
-    ["optics.optimisation", "optics.etendue", "optics.verification"],
+    ["optics.optimisation", "optics.etendue", "optics.relighting", "optics.verification"],
     ["optics.progress", "optics.results", "optics.view"],
     ["optics.deconvolution", "optics.export", "optics.mitsuba", "optics.prediction", "optics.report"],
     ["optics.api", "optics.external", "optics.parts"],

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
         overview_figure as overview_figure,
         overview_html as overview_html,
     )
+    from optics.report.relit_figure import (
+        relit_figure as relit_figure,
+    )
     from optics.report.scene_figure import (
         scene_view as scene_view,
     )
@@ -65,6 +68,7 @@ _FILES = {
         "overview_figure",
         "overview_html",
     ),
+    "relit_figure": ("relit_figure",),
     "scene_figure": ("scene_view",),
     "scene_rays": ("scene_paths",),
     "solid_figure": ("solid_views",),
