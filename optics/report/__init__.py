@@ -5,9 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.report.etendue_figures import (
-        bound_figure as bound_figure,
-    )
     from optics.report.figures import (
         lens_figures as lens_figures,
         light_figures as light_figures,
@@ -31,9 +28,6 @@ if TYPE_CHECKING:
         overview_figure as overview_figure,
         overview_html as overview_html,
     )
-    from optics.report.relit_figure import (
-        relit_figure as relit_figure,
-    )
     from optics.report.scene_figure import (
         scene_view as scene_view,
     )
@@ -43,6 +37,10 @@ if TYPE_CHECKING:
     from optics.report.solid_figure import (
         solid_views as solid_views,
     )
+    from optics.report.source_figures import (
+        bound_figure as bound_figure,
+        relit_figure as relit_figure,
+    )
     from optics.report.trace_figures import (
         irradiance_figure as irradiance_figure,
         phase_space_figure as phase_space_figure,
@@ -50,7 +48,6 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "etendue_figures": ("bound_figure",),
     "figures": (
         "lens_figures",
         "light_figures",
@@ -68,10 +65,13 @@ _FILES = {
         "overview_figure",
         "overview_html",
     ),
-    "relit_figure": ("relit_figure",),
     "scene_figure": ("scene_view",),
     "scene_rays": ("scene_paths",),
     "solid_figure": ("solid_views",),
+    "source_figures": (
+        "bound_figure",
+        "relit_figure",
+    ),
     "trace_figures": (
         "irradiance_figure",
         "phase_space_figure",
