@@ -36,6 +36,10 @@ def random_rays(source: LightSource, start: float, count: int, seed: int, most: 
 
 def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Generator) -> Rays:
     settings, n = source.settings, len(flux)
+    if settings.kind == "rays":
+        given = source.of_file
+        chosen = fresh.choice(len(given.flux), n, p=given.flux / given.flux.sum())
+        return Rays(given.origin[:, chosen], given.direction[:, chosen], flux)
     origin, direction = np.zeros((3, n)), np.zeros((3, n))
     origin[2] = start if source.collimated else -settings.distance
     if settings.kind != "point":

@@ -178,7 +178,7 @@ def _half_lit(light: RearLight) -> Sequence[float]:
 
 
 def _blur(system: OpticalSystem) -> float | None:
-    """Return the least width of the images of the source, None where it has no extent."""
-    if not system.source.extended:
+    """Return the least width of the images of the source, None where it has no extent or it is not known."""
+    if not system.source.etendue:
         return None
     return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))

@@ -153,7 +153,11 @@ def _require_source(source: Source) -> None:
             f"source.distance must be at least {SHORTEST} for a point, which would lie in the lens, "
             f"got {source.distance!r}"
         )
-    if source.kind != "point" and min(source.half_width) < SHORTEST:
+    if source.kind == "rays" and not source.file:
+        raise UserError("the key source.file is missing; add it")
+    if source.file and source.kind != "rays":
+        raise UserError(f'source.file is read by the kind "rays" only, got the kind {source.kind!r}')
+    if source.kind not in ("point", "rays") and min(source.half_width) < SHORTEST:
         got = list(source.half_width)
         raise UserError(
             f"source.half_width must be at least {SHORTEST} for a {source.kind} source, got {got}"
@@ -167,8 +171,10 @@ def _require_source(source: Source) -> None:
         raise UserError(
             f'source.divergence_profile = "{source.divergence_profile}" needs source.divergence in degrees'
         )
-    if source.kind == "point" and source.profile != "uniform":
-        raise UserError(f"source.profile is that of an area, a point has none; got {source.profile!r}")
+    if source.kind in ("point", "rays") and source.profile != "uniform":
+        raise UserError(
+            f"source.profile is that of an area, the kind {source.kind!r} has none; got {source.profile!r}"
+        )
     if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:
         raise UserError(
             f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "

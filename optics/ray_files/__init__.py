@@ -10,6 +10,10 @@ if TYPE_CHECKING:
         read_rays as read_rays,
         write_rays as write_rays,
     )
+    from optics.ray_files.ray_placement import (
+        PlacedRays as PlacedRays,
+        placed_rays as placed_rays,
+    )
     from optics.ray_files.ray_set import (
         RaySet as RaySet,
     )
@@ -19,6 +23,10 @@ _FILES = {
         "WRITERS",
         "read_rays",
         "write_rays",
+    ),
+    "ray_placement": (
+        "PlacedRays",
+        "placed_rays",
     ),
     "ray_set": ("RaySet",),
 }

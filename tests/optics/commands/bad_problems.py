@@ -151,7 +151,7 @@ PARTNERS = [
         "a point with a profile",
         {"source.kind": "point", "source.profile": "round"},
         "source.profile",
-        "a point has none",
+        "has none",
     ),
     (
         "a Gaussian between the rays",
