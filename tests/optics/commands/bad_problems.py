@@ -153,6 +153,37 @@ PARTNERS = [
         "source.profile",
         "has none",
     ),
+    ("rays without a file", {"source.kind": "rays"}, "source.file", "add it"),
+    (
+        "a ray file of a beam",
+        {"source.file": "led.tm25ray"},
+        "source.file",
+        'read by the kind "rays" only',
+    ),
+    (
+        "rays of a file that is not there",
+        {"source.kind": "rays", "source.file": "none.tm25ray"},
+        "source.file",
+        "check the path",
+    ),
+    (
+        "rays with a profile",
+        {"source.kind": "rays", "source.file": "led.ray", "source.profile": "round"},
+        "source.profile",
+        "has none",
+    ),
+    (
+        "a lamp that diverges",
+        LAMP | {"source.divergence": 1.0},
+        "source.divergence",
+        "has source.half_angle",
+    ),
+    (
+        "a Gaussian without its width",
+        {"source.divergence_profile": "gaussian"},
+        "source.divergence_profile",
+        "needs source.divergence",
+    ),
     (
         "a Gaussian between the rays",
         {"source.profile": "gaussian", "source.sigma": [1e-3, 1.0]},
