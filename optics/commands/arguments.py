@@ -218,6 +218,14 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         "--separate", action="store_true", help="front and rear as loose faces, FILE_front and FILE_rear"
     )
     command.add_argument(
+        "--light",
+        choices=("rear", "target"),
+        help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
+    )
+    command.add_argument(
+        "--rays", type=int, default=1_000_000, metavar="N", help="of --light, about (default: 1000000)"
+    )
+    command.add_argument(
         "--chord",
         type=float,
         default=1e-3,

@@ -99,6 +99,11 @@ class ResultFolder:
         result = Result(load_problem(self.problem), self.read_lens(), record)
         if record["run_id"] != run_id(result.problem, result.lens):
             changed = [name for name in ("problem.toml", "lens.json") if not self._is_recorded(name)]
+            if not changed:
+                raise UserError(
+                    f"{self.path} is the result of a version of thbcad whose problem files had other keys; "
+                    "run the design again, or use lens.json and lens.step by themselves"
+                )
             raise UserError(
                 f"{self.path} holds no single result: {' and '.join(changed)} changed since the run that "
                 f"{RECORD} speaks of; run the design again, or put the file back"
