@@ -28,5 +28,5 @@ def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes
     np.testing.assert_allclose(rear.position[:, 2], height, atol=1e-5)
     metrics = system.measure(lens).metrics
     through = metrics["fates_w"]["on_target"] + metrics["fates_w"]["off_target"]
-    assert rear.total == pytest.approx(through, rel=0.02)
+    assert rear.total == pytest.approx(through, rel=0.05)  # 600 of 4096 rays of the lamp
     assert (rear.wavelength == 550).all()
