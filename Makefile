@@ -58,6 +58,8 @@ QUICK = \
 	tests/optics/problem/test_schema.py \
 	tests/optics/problem/test_toml_text.py \
 	tests/optics/progress \
+	tests/optics/ray_files \
+	tests/optics/relighting \
 	tests/optics/report/test_html.py \
 	tests/optics/results \
 	tests/optics/runtime \

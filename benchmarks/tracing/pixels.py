@@ -106,7 +106,9 @@ def _by_cells(case: Case, backend: Backend) -> Iterator[Light]:
     for count in OWN_CELLS:
         for _ in range(2):  # the first compiles
             start = perf_counter()
-            image, _ = cell_irradiance(case.system, case.lens, screen, (count, count), backend)
+            image, _ = cell_irradiance(
+                case.system, case.lens, screen, case.system.source.cells((count, count)), backend
+            )
             seconds = perf_counter() - start
         yield Light(CELLS, f"{count}^2 cells", image, seconds)
 
@@ -171,7 +173,7 @@ def _rims(backend: Backend) -> list[Row]:
         system = OpticalSystem(problem)
         for count in RIM_CELLS:
             screen, counts = system.target.screen(), (count, count)
-            _, fates = cell_irradiance(system, system.lens, screen, counts, backend)
+            _, fates = cell_irradiance(system, system.lens, screen, system.source.cells(counts), backend)
             exact = missing * (problem.source.flux - fates.front_reflected)
             error = abs(fates.missed_rear - exact) / problem.source.flux
             title = f"{name}, {count}^2 cells: error of the flux past the rear"

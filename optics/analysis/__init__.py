@@ -34,6 +34,10 @@ if TYPE_CHECKING:
         measure as measure,
         rel_l2 as rel_l2,
     )
+    from optics.analysis.outgoing_light import (
+        PLACES as PLACES,
+        outgoing_rays as outgoing_rays,
+    )
     from optics.analysis.ray_fans import (
         fans as fans,
     )
@@ -63,6 +67,10 @@ _FILES = {
         "dark_fraction",
         "measure",
         "rel_l2",
+    ),
+    "outgoing_light": (
+        "PLACES",
+        "outgoing_rays",
     ),
     "ray_fans": ("fans",),
 }

@@ -23,8 +23,6 @@ from optics.target import BoxWindow, MappedCells, Splat
 from optics.tracing import Tracer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from optics.runtime import Backend, DrArray
     from optics.sources import RayGrid, Rays, SourceCells
     from optics.system import OpticalSystem
@@ -96,20 +94,20 @@ class _CellTracer:
 
 
 def cell_irradiance(
-    system: OpticalSystem, lens: Lens, screen: Screen, counts: Sequence[int], backend: Backend
+    system: OpticalSystem, lens: Lens, screen: Screen, cells: SourceCells, backend: Backend
 ) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of (nx, ny) cells.
+    """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells.
 
     backend : of double precision.
     """
-    cells, tracer = system.source.cells(counts), _CellTracer(system, lens, screen, backend)
+    tracer = _CellTracer(system, lens, screen, backend)
     parts, pieces = [], []
     for strip in cells.slices(CORNERS_AT_ONCE):
         part = tracer.light(strip.rays(), strip.emitted)
         parts.append(part)
         pieces.append(_pieces(strip, part.cut))
     rest = np.concatenate(pieces, axis=1)
-    splits = ceil(log2(BORDER_CELLS / min(counts)))
+    splits = ceil(log2(BORDER_CELLS / min(cells.emitted.shape)))
     while rest.size and splits > 0:
         splits -= 1
         part, rest = _split(tracer, cells, rest)

@@ -5,7 +5,7 @@ Every replicate traces another scrambling of the source's quasi-random points, w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import reduce
 from math import isqrt
 from operator import add
@@ -20,6 +20,7 @@ from optics.tracing import Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
+    from optics.sources import RayGrid, Rays
     from optics.system import OpticalSystem
     from optics.target import Screen
     from optics.tracing import SequentialFates
@@ -44,8 +45,8 @@ def ray_irradiance(
     fates: list[SequentialFates] = []
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
-        for _ in range(REPLICATES):
-            image, by_fate = _trace(system, lens, screen, (side, side), rng, backend)
+        for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
+            image, by_fate = _trace(system, lens, screen, parts, backend)
             fates.append(by_fate)
             yield image, by_fate.on_target, by_fate.off_target
 
@@ -57,15 +58,14 @@ def _trace(
     system: OpticalSystem,
     lens: Lens,
     screen: Screen,
-    counts: Sequence[int],
-    fresh: np.random.Generator,
+    parts: Iterator[RayGrid | Rays],
     backend: Backend,
 ) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance, flux by fate) of fresh rays, traced in parts."""
+    """Return (irradiance, flux by fate) of rays, traced in parts."""
     splat = Splat(backend, screen, BoxWindow())
     image: DrArray = 0.0
     fates = []
-    for part in system.source.parts(counts, fresh, RAYS_AT_ONCE):
+    for part in parts:
         tracer = Tracer(backend, lens, part, system.target.z)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])

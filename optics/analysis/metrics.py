@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from optics.analysis.closed_lens_light import light_by_other_ways
 from optics.analysis.light_estimate import LightEstimate
+from optics.analysis.light_of_beams import beam_irradiance
 from optics.analysis.light_of_cells import cell_irradiance
 from optics.analysis.light_of_rays import ray_irradiance
 
@@ -58,8 +59,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     error does to rel_l2.
     """
     screen = system.target.screen()
-    estimate = ray_irradiance if system.source.extended else _by_cells
-    direct, fates = estimate(system, lens, screen, backend)
+    direct, fates = ESTIMATES[system.source.estimator](system, lens, screen, backend)
     other = light_by_other_ways(system, lens, screen, backend) if system.path.by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
@@ -70,7 +70,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics |= replace(light, irradiance=irradiance, error=light.error / shown).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = rel_l2(direct.irradiance / shown, target)
     metrics["paths"] = "all" if all_ways else "sequential"
-    metrics["estimator"] = "rays" if system.source.extended else "cells"
+    metrics["estimator"] = system.source.estimator
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     metrics["stray"] = light.off_target / flux
@@ -111,8 +111,8 @@ def _by_cells(
     most = [max(LEAST_PER_PIXEL * n, MOST_CELLS) for n in screen.pixels]
     counts = [_prime_from(max(LEAST_CELLS, min(w, m))) for w, m in zip(wanted, most)]
     fewer = [_prime_from(round(n / COARSER)) for n in counts]
-    fine, fates = cell_irradiance(system, lens, screen, counts, backend)
-    coarse, _ = cell_irradiance(system, lens, screen, fewer, backend)
+    fine, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)
+    coarse, _ = cell_irradiance(system, lens, screen, system.source.cells(fewer), backend)
     error = (fine - coarse) / _excess((counts[0] * counts[1] / (fewer[0] * fewer[1])) ** ORDER)
     return LightEstimate(fine, error, fates.on_target, fates.off_target), fates
 
@@ -168,3 +168,6 @@ def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> floa
 def dark_fraction(target: NDArray[np.float64]) -> float:
     """Return the fraction of pixels with at most DARK of the greatest irradiance."""
     return float((target <= DARK * target.max()).mean())
+
+
+ESTIMATES = {"cells": _by_cells, "beams": beam_irradiance, "rays": ray_irradiance}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from optics.analysis import Measurement
     from optics.api.level_records import LevelRecord
     from optics.optimisation import Row, State
-    from optics.problem import Problem
+    from optics.problem import Problem, Source
     from optics.report import OverviewFigure
 
 Floats = NDArray[np.float64]
@@ -114,6 +114,27 @@ class Design(DesignRecord):
     def verify(self) -> dict[str, Any]:
         """Return the checks of the lens's STEP file and of its light, as in verify.json."""
         return verified(self)
+
+    def relight(self, source: str | Source) -> Measurement:
+        """Return what the lens delivers in other light, measured on fresh light.
+
+        source : "sun", "led:1mm", "led:1mm@30mm", a problem file whose source is taken, or a Source.
+
+        Raises
+        ------
+        UserError : other words, or light that does not go with the lens.
+        """
+        from optics.relighting import other_source, relit
+        from optics.runtime import load_backend
+
+        light = other_source(source, self.problem) if isinstance(source, str) else source
+        with DEVICE:
+            backend = load_backend("double", self.problem.run.threads)
+            measurement = relit(self.problem, self.lens, light, backend)
+        unit = unit_of(self.system)
+        return replace(
+            measurement, irradiance=unit * measurement.irradiance, target=unit * measurement.target
+        )
 
     def plot(self) -> OverviewFigure:
         """Return a figure of target, irradiance and their difference."""

@@ -218,6 +218,14 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         "--separate", action="store_true", help="front and rear as loose faces, FILE_front and FILE_rear"
     )
     command.add_argument(
+        "--light",
+        choices=("rear", "target"),
+        help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
+    )
+    command.add_argument(
+        "--rays", type=int, default=1_000_000, metavar="N", help="of --light, about (default: 1000000)"
+    )
+    command.add_argument(
         "--chord",
         type=float,
         default=1e-3,
@@ -259,6 +267,18 @@ def _etendue_options(command: argparse.ArgumentParser) -> None:
     _force_option(command)
 
 
+def _relight_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument(
+        "--source",
+        metavar="LIGHT",
+        required=True,
+        help="sun, led:SIZEmm, led:SIZEmm@DISTANCEmm, or a problem file whose source is taken",
+    )
+    command.add_argument("--out", metavar="FILE.png", help="picture: asked for, as designed, in other light")
+    _force_option(command)
+
+
 def _bench_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
     command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
@@ -293,6 +313,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
         "what light the source can make at all: what etendue forbids, what one blur would cost",
         _etendue_options,
     ),
+    "relight": ("show a finished design in other light", _relight_options),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),
 }

@@ -36,6 +36,10 @@ EXAMPLES = {
         "thbcad etendue my.toml --efficiency 0.7 --out bound.png",
         "thbcad etendue my.toml --measure lens",
     ),
+    "relight": (
+        "thbcad relight exports/pearl --source sun --out sun.png",
+        "thbcad relight exports/pearl --source led:1mm@500mm",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import isinf
+from math import isinf, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from optics.etendue.throughput_bound import Array, brightest, rear_area, source_area, source_etendue, spread
+from optics.etendue.throughput_bound import Array, brightest, rear_area, spread
 
 if TYPE_CHECKING:
     from optics.system import OpticalSystem
@@ -27,8 +27,11 @@ def image_half_width(
 
     In mm, in the far field in degrees.
     """
-    scale = np.sqrt(image_area(system, lens, efficiency, rel_l2) / source_area(system.problem))
-    hx, hy = system.problem.source.half_width
+    profile, (hx, hy) = system.source.image
+    of_unit = (pi if profile.kind == "round" else 4) * hx * hy
+    if system.source.settings.kind == "collimated":  # the etendue of a beam counts its brightest direction
+        of_unit /= brightest(profile)
+    scale = np.sqrt(image_area(system, lens, efficiency, rel_l2) / of_unit)
     return float(scale * hx), float(scale * hy)
 
 
@@ -42,8 +45,8 @@ def image_area(system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: flo
     efficiency : fraction of the source's flux that the lens brings to the target, at least
     rel_l2 : of the lens, at most
     """
-    problem, target = system.problem, system.target
-    used = efficiency * source_etendue(problem) / brightest(system.source.profile)
+    target = system.target
+    used = efficiency * system.source.etendue / brightest(system.source.profile)
     values = spread(system)
     if not target.far_field:
         picture = target.irradiance(target.screen(), 1.0)

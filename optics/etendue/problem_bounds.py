@@ -111,13 +111,13 @@ def images_bound(
     if any_form:
         bound = any_proportions(target, wide * high, merge, care.finest, care.most)
     else:
-        bound = image_bound(target, (wide, high), system.source.profile, merge, care.finest)
+        bound = image_bound(target, (wide, high), system.source.image[0], merge, care.finest)
     return OneBlur(half_width, (wide, high), bound)
 
 
 def stretchable(system: OpticalSystem) -> bool:
     """Whether images of any proportions can be bounded: those of a uniform rectangle."""
-    return system.problem.source.profile == "uniform"
+    return system.source.image[0].kind == "uniform"
 
 
 def etendue_notes(system: OpticalSystem) -> list[str]:
@@ -125,7 +125,7 @@ def etendue_notes(system: OpticalSystem) -> list[str]:
 
     z_freedom must be known.
     """
-    if not system.source.extended:
+    if not system.source.etendue:
         return []
     universal = universal_bound(system)
     efficiency = usual_efficiency(system, universal)
@@ -143,7 +143,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     metrics : rel_l2 and efficiency of the design
     """
     efficiency, rel_l2 = metrics["efficiency"], metrics["rel_l2"]
-    if not system.source.extended or not efficiency:
+    if not system.source.etendue or not efficiency:
         return []
     universal = universal_bound(system)
     least = universal.least_rel_l2(efficiency)

@@ -23,7 +23,7 @@ throws the same image through every point.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isinf, pi, radians, sin
+from math import inf, isinf, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,7 +65,7 @@ class Throughput:
 def throughput(system: OpticalSystem) -> Throughput:
     """Return the Throughput of a problem.  Of the lens only the front and the width of the rear matter."""
     problem = system.problem
-    etendue, fraction = source_etendue(problem), front_fraction(system)
+    etendue, fraction = system.source.etendue, front_fraction(system)
     return Throughput(
         source=etendue,
         front=fraction * etendue,
@@ -77,20 +77,12 @@ def throughput(system: OpticalSystem) -> Throughput:
 
 def radiance(system: OpticalSystem) -> float:
     """Return the greatest radiance of the source, W / (mm^2 sr); inf without extent."""
-    etendue = source_etendue(system.problem)
+    etendue = system.source.etendue
     return system.problem.source.flux * brightest(system.source.profile) / etendue if etendue else inf
 
 
-def source_etendue(problem: Problem) -> float:
-    """Return pi A sin^2(half_angle) of a Lambertian source, mm^2 sr; 0 for points and parallel beams."""
-    source = problem.source
-    if source.kind != "lambertian":
-        return 0.0
-    return pi * source_area(problem) * sin(radians(source.half_angle)) ** 2
-
-
 def brightest(profile: Profile) -> float:
-    """Return the greatest radiance of a Lambertian source over its mean.
+    """Return the greatest density of an area over its mean.
 
     Of a picture it is that of the brightest pixel.
     """
@@ -174,12 +166,6 @@ def spread(system: OpticalSystem) -> Array:
     lateral = up[:, None] ** 2 + across[None, :] ** 2
     distance = np.clip(np.sqrt(lateral / 2), nearest, farthest)
     return (distance**2 + lateral) ** 1.5 / distance
-
-
-def source_area(problem: Problem) -> float:
-    """Return the area that glows, mm^2: of the ellipse for the profile "round", else of the rectangle."""
-    hx, hy = problem.source.half_width
-    return (pi if problem.source.profile == "round" else 4) * hx * hy
 
 
 def _aperture_nodes(problem: Problem) -> tuple[Array, Array, Array]:

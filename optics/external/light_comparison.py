@@ -251,7 +251,7 @@ def _without_them(
     """
     if not system.source.extended:
         cells = [max(LEAST_CELLS, CELLS_PER_PIXEL * n) for n in screen.pixels]
-        image, _ = cell_irradiance(system, lens, screen, cells, backend)
+        image, _ = cell_irradiance(system, lens, screen, system.source.cells(cells), backend)
         return image, None
     side = isqrt(max(count, LEAST_SOBOL))
     fresh = np.random.default_rng(system.problem.run.seed)

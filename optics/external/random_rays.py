@@ -36,6 +36,10 @@ def random_rays(source: LightSource, start: float, count: int, seed: int, most: 
 
 def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Generator) -> Rays:
     settings, n = source.settings, len(flux)
+    if settings.kind == "rays":
+        given = source.of_file
+        chosen = fresh.choice(len(given.flux), n, p=given.flux / given.flux.sum())
+        return Rays(given.origin[:, chosen], given.direction[:, chosen], flux)
     origin, direction = np.zeros((3, n)), np.zeros((3, n))
     origin[2] = start if source.collimated else -settings.distance
     if settings.kind != "point":
@@ -44,7 +48,8 @@ def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Gen
     if source.collimated:
         direction[2] = 1.0
     else:
-        cosine = _cosines(source, fresh.random(n))
+        beam = settings.kind == "collimated"
+        cosine = _diverging(source, n, fresh) if beam else _cosines(source, fresh.random(n))
         sine, turn = np.sqrt(1 - cosine**2), fresh.uniform(0, 2 * np.pi, n)
         direction[:] = sine * np.cos(turn), sine * np.sin(turn), cosine
     return Rays(origin, direction, flux)
@@ -57,11 +62,31 @@ def _cosines(source: LightSource, u: Floats) -> Floats:
     cos^(m + 1), from that of the half-angle up to 1.
     """
     widest = radians(source.settings.half_angle)
-    if source.extended:
+    if source.settings.kind == "lambertian":
         return np.sqrt(1 - u * sin(widest) ** 2)
     power = source.settings.exponent + 1
     least = cos(widest) ** power
     return (least + u * (1 - least)) ** (1 / power)
+
+
+def _diverging(source: LightSource, n: int, fresh: np.random.Generator) -> Floats:
+    """Return the cosines of independent angles of a diverging beam to its axis, (n,).
+
+    The sun's disk is drawn evenly; a point of it is kept with the probability of its radiance over the
+    greatest.
+    """
+    kind, widest = source.settings.divergence_profile, radians(source.settings.half_divergence)
+    if kind == "uniform":
+        return fresh.uniform(cos(widest), 1, n)
+    if kind == "theta_uniform":
+        return np.cos(fresh.uniform(0, widest, n))
+    if kind == "gaussian":
+        found = np.hypot(*fresh.normal(0, widest, (2, 2 * n)))
+        return np.cos(found[found < min(6 * widest, radians(89))][:n])
+    square = fresh.random(4 * n)
+    mu = np.sqrt(1 - square)
+    kept = square[fresh.random(4 * n) < 0.30 + 0.93 * mu - 0.23 * mu**2][:n]
+    return np.sqrt(1 - kept * sin(widest) ** 2)
 
 
 def _positions(profile: Profile, n: int, fresh: np.random.Generator) -> tuple[Floats, Floats]:

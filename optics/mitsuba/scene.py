@@ -109,10 +109,16 @@ def _emitter(mi: ModuleType, system: OpticalSystem, lowest: float) -> dict[str, 
     source = system.problem.source
     if source.kind == "point":
         return _point(source)
+    if source.kind == "rays":
+        raise UserError("Mitsuba has no light of ray files; take another source.kind there")
     if source.kind == "lambertian" and source.half_angle < 90:
         raise UserError(
             "Mitsuba's glowing areas light the whole half-space: source.half_angle must be 90, got "
             f"{source.half_angle:g}"
+        )
+    if system.source.extended and source.kind == "collimated":
+        raise UserError(
+            "Mitsuba's beams are parallel: source.divergence must be 0 there, with a profile other than sun"
         )
     collimated = source.kind == "collimated"
     z = lowest - source.distance if collimated else -source.distance

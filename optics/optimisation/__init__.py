@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from optics.optimisation.symmetry import (
         Mirrors as Mirrors,
         mirror_axes as mirror_axes,
+        symmetry_axes as symmetry_axes,
     )
     from optics.optimisation.transport_start import (
         TransportStart as TransportStart,
@@ -95,6 +96,7 @@ _FILES = {
     "symmetry": (
         "Mirrors",
         "mirror_axes",
+        "symmetry_axes",
     ),
     "transport_start": ("TransportStart",),
 }

@@ -26,7 +26,7 @@ from optics.optimisation.limit_keeper import LimitKeeper
 from optics.optimisation.recorder import Interrupted, Recorder
 from optics.optimisation.stage_plan import stages
 from optics.optimisation.state import Row, State, first_sags
-from optics.optimisation.symmetry import mirror_axes
+from optics.optimisation.symmetry import symmetry_axes
 from optics.optimisation.transport_start import TransportFit, TransportStart
 from optics.problem import Limits, limit_sentences
 from optics.runtime import NumericalError, UserError
@@ -100,7 +100,7 @@ def design(
     clock = perf_counter() - (state.seconds if state else 0.0)
     flux = transmitted_flux(system, backend)
     note = _no_note if note is None else note
-    axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
+    axes = symmetry_axes(system)
     start = _transport_start(system, backend, state, note, start)
     state, fit = (state, None) if state else _first_state(system, start, flux, engine)
     guide = start if state.moved else None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from optics.sources import Profile
+    from optics.system import OpticalSystem
     from thbcad.hierarchy import THBSpace
 
 TOLERANCE = 1e-12  # of the greatest value
@@ -30,6 +31,13 @@ def mirror_axes(target: NDArray[np.float64], profile: Profile) -> tuple[int, ...
         for axis in (0, 1)
         if all(np.abs(image - np.flip(image, 1 - axis)).max() <= TOLERANCE * image.max() for image in images)
     )
+
+
+def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
+    """Return the directions in which the target and the source of a system are their own mirror images."""
+    if not system.source.symmetric:
+        return ()
+    return mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
 
 
 class Mirrors:

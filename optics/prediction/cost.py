@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from optics.optimisation import PROBES, last_level, mirror_axes
+from optics.optimisation import PROBES, last_level, symmetry_axes
 
 if TYPE_CHECKING:
     from optics.optimisation import Stage
@@ -52,6 +52,5 @@ def memory_mb(system: OpticalSystem, plan: Sequence[Stage]) -> float:
 
 def _rays(system: OpticalSystem, stage: Stage) -> float:
     """Return the rays that one evaluation traces: a mirror image needs none."""
-    target = system.target.irradiance(system.target.screen(), 1.0)
-    halves = 2 ** len(mirror_axes(target, system.source.profile))
+    halves = 2 ** len(symmetry_axes(system))
     return stage.rays[0] * stage.rays[1] / (halves if stage.exact or system.source.extended else 1)

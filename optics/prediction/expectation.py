@@ -143,7 +143,7 @@ def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[Sequen
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         return tracer.fates(landing, screen.half_width), None
     counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
-    irradiance, fates = cell_irradiance(system, lens, screen, counts, backend)
+    irradiance, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)
     shown = screen.projection()  # in the far field intensities are compared
     return fates, rel_l2(irradiance / shown, system.target.irradiance(screen, 1.0) / shown)
 
@@ -178,7 +178,7 @@ def _half_lit(light: RearLight) -> Sequence[float]:
 
 
 def _blur(system: OpticalSystem) -> float | None:
-    """Return the least width of the images of the source, None where it has no extent."""
-    if not system.source.extended:
+    """Return the least width of the images of the source, None where it has no extent or it is not known."""
+    if not system.source.etendue:
         return None
     return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))

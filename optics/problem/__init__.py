@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     )
     from optics.problem.schema import (
         FINEST_AUTO as FINEST_AUTO,
+        SUN as SUN,
         Freeform as Freeform,
         Front as Front,
         LensSpec as LensSpec,
@@ -94,6 +95,7 @@ _FILES = {
     ),
     "schema": (
         "FINEST_AUTO",
+        "SUN",
         "Freeform",
         "Front",
         "LensSpec",

@@ -153,13 +153,28 @@ def _require_source(source: Source) -> None:
             f"source.distance must be at least {SHORTEST} for a point, which would lie in the lens, "
             f"got {source.distance!r}"
         )
-    if source.kind != "point" and min(source.half_width) < SHORTEST:
+    if source.kind == "rays" and not source.file:
+        raise UserError("the key source.file is missing; add it")
+    if source.file and source.kind != "rays":
+        raise UserError(f'source.file is read by the kind "rays" only, got the kind {source.kind!r}')
+    if source.kind not in ("point", "rays") and min(source.half_width) < SHORTEST:
         got = list(source.half_width)
         raise UserError(
             f"source.half_width must be at least {SHORTEST} for a {source.kind} source, got {got}"
         )
-    if source.kind == "point" and source.profile != "uniform":
-        raise UserError(f"source.profile is that of an area, a point has none; got {source.profile!r}")
+    if source.kind != "collimated" and (source.divergence or source.divergence_profile != "uniform"):
+        raise UserError(
+            "source.divergence and source.divergence_profile are those of collimated light; a "
+            f"{source.kind} source has source.half_angle"
+        )
+    if source.divergence_profile not in ("uniform", "sun") and not source.divergence:
+        raise UserError(
+            f'source.divergence_profile = "{source.divergence_profile}" needs source.divergence in degrees'
+        )
+    if source.kind in ("point", "rays") and source.profile != "uniform":
+        raise UserError(
+            f"source.profile is that of an area, the kind {source.kind!r} has none; got {source.profile!r}"
+        )
     if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:
         raise UserError(
             f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "

@@ -9,6 +9,8 @@ from typing import Any
 from optics.problem.toml_records import AUTO, option
 
 PROFILES = ("uniform", "round", "gaussian", "image")
+DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
+SUN = 0.2665  # degrees: the mean half-angle of its disk
 
 MAX_PIXELS = 4096
 SHORTEST = 1e-6  # mm: a nanometre, less than CAD kernels tell apart
@@ -22,8 +24,8 @@ FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
 @dataclass(frozen=True, kw_only=True)
 class Source:
     kind: str = option(
-        choices=("collimated", "lambertian", "point"),
-        note="parallel rays along +z, a glowing area, or a point",
+        choices=("collimated", "lambertian", "point", "rays"),
+        note="parallel rays along +z, a glowing area, a point, or the rays of a file",
     )
     half_width: tuple[float, float] = option((0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none")
     distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
@@ -37,13 +39,49 @@ class Source:
     image: str = option(
         "", note="picture file of the profile image, linear light, relative to the problem file", picture=True
     )
+    file: str = option(
+        "",
+        note="ray file of kind rays (TM-25, Zemax .dat, LightTools .ray), relative to the problem file",
+        picture=True,
+    )
+    shift: tuple[float, float] = option(
+        (0.0, 0.0), size=(0, LONGEST), note="mm in x and y, of a ray file's origin; distance is that along -z"
+    )
+    turn: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0),
+        size=(0, 360),
+        note="degrees about x, then y, then z, of a ray file around its origin",
+    )
     half_angle: float = option(
         90.0, low=1e-3, high=90, note="degrees, of the cone that a lambertian or a point source lights"
     )
     exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
+    divergence: float = option(
+        0.0,
+        low=0,
+        high=60,
+        note="degrees, of collimated light: the half-angle, or sigma; 0 is parallel, but 0.2665 for the sun",
+    )
+    divergence_profile: str = option(
+        "uniform",
+        choices=DIVERGENCES,
+        note="over solid angle, of angles, of the sun's disk, or over the angle (theta_uniform)",
+    )
     wavelength: float = option(
         550.0, low=1, high=1e6, note="nm; the report and limits.feature compare the lens's features with it"
     )
+
+    @property
+    def data(self) -> str:
+        """The key of the file that the source is read from, where it names one."""
+        return "file" if self.kind == "rays" else "image"
+
+    @property
+    def half_divergence(self) -> float:
+        """The half-angle of a collimated source's light, degrees; 0 where it is parallel."""
+        if self.kind != "collimated":
+            return 0.0
+        return self.divergence or (SUN if self.divergence_profile == "sun" else 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,6 +190,11 @@ class Target:
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
     fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
+
+    @property
+    def data(self) -> str:
+        """The key of the file that the target is read from, where it names one."""
+        return "image"
 
     @property
     def placing(self) -> str:

@@ -5,9 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.report.etendue_figures import (
-        bound_figure as bound_figure,
-    )
     from optics.report.figures import (
         draw_fan as draw_fan,
         lens_figures as lens_figures,
@@ -42,6 +39,10 @@ if TYPE_CHECKING:
         draw_solid as draw_solid,
         solid_views as solid_views,
     )
+    from optics.report.source_figures import (
+        bound_figure as bound_figure,
+        relit_figure as relit_figure,
+    )
     from optics.report.trace_figures import (
         irradiance_figure as irradiance_figure,
         phase_space_figure as phase_space_figure,
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "etendue_figures": ("bound_figure",),
     "figures": (
         "draw_fan",
         "lens_figures",
@@ -73,6 +73,10 @@ _FILES = {
     "solid_figure": (
         "draw_solid",
         "solid_views",
+    ),
+    "source_figures": (
+        "bound_figure",
+        "relit_figure",
     ),
     "trace_figures": (
         "irradiance_figure",

@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 KEPT = "result"  # default of run.keep
-PICTURES = ("target", "source")  # tables with a picture
+DATA = ("target", "source")  # tables that may name a file: a picture, or rays
 
 
 def fingerprint(problem: Problem) -> str:
-    """Return a hash that differs between problems: of their values and of the content of their pictures.
+    """Return a hash that differs between problems: of their values and of the content of their files.
 
-    It does not depend on the paths of the pictures, nor on the number of threads and on what is kept of
+    It does not depend on the paths of the files, nor on the number of threads and on what is kept of
     levels.
     """
     parts = {
-        table: replace(part, image=hashlib.sha256(Path(part.image).read_bytes()).hexdigest())
-        for table, part in _pictured(problem)
+        table: replace(part, **{part.data: hashlib.sha256(Path(path).read_bytes()).hexdigest()})
+        for table, part, path in data_of(problem)
     }
     return _sha256(problem_to_toml(replace(problem, run=replace(problem.run, threads=0, keep=KEPT), **parts)))
 
@@ -35,29 +35,30 @@ def fingerprint(problem: Problem) -> str:
 def run_id(problem: Problem, lens: Lens) -> str:
     """Return the hash of a resolved problem and the lens made for it.
 
-    Pictures do not count: the run's record holds the hashes of the files.  Nor does the table export: the
-    names in CAD files may be changed after a design.
+    Pictures and rays do not count: the run's record holds the hashes of the files.  Nor does the table
+    export: the names in CAD files may be changed after a design.
     """
-    parts = {table: replace(part, image=table) for table, part in _pictured(problem)}
+    parts = {table: replace(part, **{part.data: table}) for table, part, _ in data_of(problem)}
     return _sha256(
         problem_to_toml(replace(problem, export=Export(), **parts)) + json.dumps(lens_to_dict(lens))
     )
 
 
 def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
-    """Yield the keys in which two problems differ, but for paths of pictures, threads and what is kept."""
+    """Yield the keys in which two problems differ, but for paths of files, threads and what is kept."""
     for field in fields(mine):
         key, a, b = f"{prefix}{field.name}", getattr(mine, field.name), getattr(other, field.name)
         if is_dataclass(a) and is_dataclass(b):
             yield from differing_keys(a, b, f"{key}.")
-        elif a != b and field.name != "image" and key not in ("run.threads", "run.keep"):
+        elif a != b and field.name not in ("image", "file") and key not in ("run.threads", "run.keep"):
             yield key
 
 
-def _pictured(problem: Problem) -> list[tuple[str, Any]]:
-    """Return (name, table) of the problem's tables that name a picture."""
-    tables = [(name, getattr(problem, name)) for name in PICTURES]
-    return [(name, table) for name, table in tables if table.image]
+def data_of(problem: Problem) -> list[tuple[str, Any, str]]:
+    """Return (name, table, path) of the problem's tables that name a file."""
+    tables = [(name, getattr(problem, name)) for name in DATA]
+    named = [(name, table, getattr(table, table.data)) for name, table in tables]
+    return [(name, table, path) for name, table, path in named if path]
 
 
 def _sha256(text: str) -> str:

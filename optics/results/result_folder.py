@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from optics.optimisation import Row
 from optics.problem import Problem, load_problem
 from optics.results.checkpoint import checkpoint_owner
-from optics.results.identity import PICTURES, differing_keys, fingerprint, run_id
+from optics.results.identity import DATA, data_of, differing_keys, fingerprint, run_id
 from optics.results.owned_files import HASHES, require_own, sha256_of, writable_folder
 from optics.results.run_lock import require_no_run, run_lock
 from optics.runtime import UserError
@@ -99,6 +99,11 @@ class ResultFolder:
         result = Result(load_problem(self.problem), self.read_lens(), record)
         if record["run_id"] != run_id(result.problem, result.lens):
             changed = [name for name in ("problem.toml", "lens.json") if not self._is_recorded(name)]
+            if not changed:
+                raise UserError(
+                    f"{self.path} is the result of a version of thbcad whose problem files had other keys; "
+                    "run the design again, or use lens.json and lens.step by themselves"
+                )
             raise UserError(
                 f"{self.path} holds no single result: {' and '.join(changed)} changed since the run that "
                 f"{RECORD} speaks of; run the design again, or put the file back"
@@ -182,7 +187,7 @@ class ResultFolder:
 
     def _clear_temporaries(self) -> None:
         """Remove what a killed run left of half-written files."""
-        for name in (*FILES, CHECKPOINT, *(f"{stem}.*" for stem in PICTURES)):
+        for name in (*FILES, CHECKPOINT, *(f"{stem}.*" for stem in DATA)):
             folder, _, last = name.rpartition("/")
             for pattern in (f".{last}.????????", f"..{last}.????????.????????"):
                 for path in (self.path / folder).glob(pattern):
@@ -230,7 +235,7 @@ class ResultFolder:
 
 def is_result_file(name: str) -> bool:
     """Return whether a run writes a file of this name."""
-    return name in FILES or is_level_file(name) or ("/" not in name and Path(name).stem in PICTURES)
+    return name in FILES or is_level_file(name) or ("/" not in name and Path(name).stem in DATA)
 
 
 def is_level_file(name: str) -> bool:
@@ -244,9 +249,8 @@ def level_files(count: int) -> list[tuple[str, str, str]]:
 
 
 def pictures_of(problem: Problem) -> Iterable[str]:
-    """Return the names under which a result keeps the problem's pictures."""
-    tables = [(name, getattr(problem, name).image) for name in PICTURES]
-    return [name + Path(image).suffix.lower() for name, image in tables if image]
+    """Return the names under which a result keeps the files of the problem: pictures and rays."""
+    return [name + Path(path).suffix.lower() for name, _, path in data_of(problem)]
 
 
 def _row(fresh_fit: str, loss: str, fit: str, **whole: str) -> Row:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.problem import Problem, problem_to_toml
-from optics.results.identity import PICTURES, fingerprint, run_id
+from optics.results.identity import data_of, fingerprint, run_id
 from optics.results.owned_files import HASHES, hashes, recorded, sha256_of
 from optics.results.result_folder import CLAIMS, RECORD, ResultFolder, is_level_file, is_result_file
 from thbcad.io import json_text, write_bytes, write_lens, write_text
@@ -88,14 +88,12 @@ class ResultWriter:
         write_text(self._folder / RECORD, json_text(record | {HASHES: files}))
 
     def _store_problem(self, problem: Problem) -> str:
-        """Store the resolved problem and its pictures, so that it can be run again; return its text."""
+        """Store the resolved problem and its files, so that it can be run again; return its text."""
         names: dict[str, Any] = {}
-        for table in PICTURES:
-            part = getattr(problem, table)
-            if part.image:
-                picture = Path(part.image)
-                names[table] = replace(part, image=table + picture.suffix.lower())
-                self.write(names[table].image, picture.read_bytes())
+        for table, part, path in data_of(problem):
+            name = table + Path(path).suffix.lower()
+            names[table] = replace(part, **{part.data: name})
+            self.write(name, Path(path).read_bytes())
         text = problem_to_toml(replace(problem, **names))
         self.write("problem.toml", text.encode())
         return text

@@ -10,9 +10,13 @@ if TYPE_CHECKING:
         beam_cells as beam_cells,
         cone_cells as cone_cells,
         corner_flux as corner_flux,
+        tilted_cells as tilted_cells,
     )
     from optics.sources.collimated import (
         collimated_beam as collimated_beam,
+    )
+    from optics.sources.divergence import (
+        Divergence as Divergence,
     )
     from optics.sources.profile import (
         Profile as Profile,
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
         single_rays as single_rays,
     )
     from optics.sources.spreading import (
+        area_parts as area_parts,
         concentric as concentric,
         lambertian_parts as lambertian_parts,
         mirror_half as mirror_half,
@@ -36,8 +41,10 @@ _FILES = {
         "beam_cells",
         "cone_cells",
         "corner_flux",
+        "tilted_cells",
     ),
     "collimated": ("collimated_beam",),
+    "divergence": ("Divergence",),
     "profile": ("Profile",),
     "rays": (
         "RayGrid",
@@ -46,6 +53,7 @@ _FILES = {
         "single_rays",
     ),
     "spreading": (
+        "area_parts",
         "concentric",
         "lambertian_parts",
         "mirror_half",

@@ -94,6 +94,33 @@ def beam_cells(
     return SourceCells(x, y, emitted, at, density, parallel=True, missed=missed)
 
 
+def tilted_cells(
+    half_width: Sequence[float],
+    distance: float,
+    flux: float,
+    direction: Floats,
+    counts: Sequence[int],
+    profile: Profile = UNIFORM,
+) -> SourceCells:
+    """Return the cells of an area in the plane z = -distance that shines in one direction.
+
+    s and t are x and y in mm.
+
+    half_width : mm.  direction : (3,) unit vector.  counts : (nx, ny) cells.
+    """
+    x, y = (h * (2 * np.arange(n + 1) / n - 1) for h, n in zip(half_width, counts))
+    emitted = flux * profile.shares(x / half_width[0], y / half_width[1])
+
+    def at(x: Floats, y: Floats, flux: Floats) -> Rays:
+        along = np.repeat(direction[:, None], len(x), axis=1)
+        return Rays(np.stack([x, y, np.full_like(x, -distance)]), along, flux)
+
+    def density(x: Floats, y: Floats) -> Floats:
+        return profile(x / half_width[0], y / half_width[1])
+
+    return SourceCells(x, y, emitted, at, density)
+
+
 def cone_cells(
     distance: float, flux: float, half_angle: float, exponent: float, counts: Sequence[int]
 ) -> SourceCells:

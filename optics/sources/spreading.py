@@ -1,19 +1,21 @@
-"""Rays of points and of Lambertian areas.
+"""Rays of points, and of areas whose points all spread their light alike, as Lambertian ones do.
 
 A Lambertian source spreads its flux uniformly over its area and over the direction cosines,
 d Phi ~ dA cos(theta) dOmega = dA dp dq with p = sin(theta) cos(phi), q = sin(theta) sin(phi).
-Four-dimensional Sobol points sample (x, y, p, q).  Each is taken with its mirror images in x and in y, so
-that a symmetric problem stays symmetric.  A point source needs directions only, a grid of them.
+Four-dimensional Sobol points sample (x, y, p, q), or what `Divergence` makes of p and q.  Each is taken with
+its mirror images in x and in y, so that a symmetric problem stays symmetric.  A point source needs directions
+only, a grid of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import cos, radians, sin
+from math import cos, radians
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.sources.divergence import Divergence
 from optics.sources.profile import Profile
 from optics.sources.rays import Rays
 
@@ -32,12 +34,26 @@ def lambertian_parts(
     seed: int,
     most: int,
 ) -> Iterator[Rays]:
-    """Yield the rays of a Lambertian source in parts of at most `most`.
+    """Yield the rays of a Lambertian source within a cone of `half_angle` degrees, see `area_parts`."""
+    spread = Divergence("lambertian", half_angle)
+    return area_parts(half_width, distance, flux, spread, profile, count, seed, most)
+
+
+def area_parts(
+    half_width: Sequence[float],
+    distance: float,
+    flux: float,
+    spread: Divergence,
+    profile: Profile,
+    count: int,
+    seed: int,
+    most: int,
+) -> Iterator[Rays]:
+    """Yield the rays of an area whose points all spread their light alike, in parts of at most `most`.
 
     half_width : mm, of the rectangle in the plane z = -distance (or of the ellipse in it, for the profile
         "round").
-    half_angle : degrees, of the cone that is lit.  count : of rays, a multiple of four.
-    seed : of the scrambling.
+    count : of rays, a multiple of four.  seed : of the scrambling.
     """
     from scipy.special import erf, erfinv
     from scipy.stats import qmc
@@ -50,7 +66,9 @@ def lambertian_parts(
         s, t, a, b = 2 * engine.random(size).T - 1
         if profile.kind == "round":
             s, t = concentric(s, t)
-        p, q = (r * sin(radians(half_angle)) for r in concentric(a, b))
+        p, q = concentric(a, b)
+        stretch = spread.stretch(p * p + q * q)
+        p, q = p * stretch, q * stretch
         if profile.kind == "gaussian":
             wide = [np.sqrt(2) * sigma for sigma in profile.sigma]
             s, t = (w * erfinv(r * erf(1 / w)) for r, w in zip((s, t), wide))

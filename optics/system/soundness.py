@@ -109,7 +109,7 @@ def require_room(system: OpticalSystem) -> None:
     source, distance = problem.source, problem.target.distance
     x, y = (min(s, h) for s, h in zip(source.half_width, lens.front.half_width))
     front = min(0.0, float(lens.front.conic(x, y)))
-    if source.kind == "lambertian" and front <= -source.distance:
+    if system.source.extended and front <= -source.distance:
         raise UserError(
             f"the source touches the lens or lies in it: its plane is z = {0.0 - source.distance:g} mm "
             f"and the front reaches to z = {front:.4g} mm there; "

@@ -5,22 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import log2
+from math import acos, degrees, log2, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.ray_files import PlacedRays, placed_rays, read_rays
 from optics.runtime import speaking_of
 from optics.sources import (
+    Divergence,
     Profile,
     RayGrid,
     Rays,
     SourceCells,
+    area_parts,
     beam_cells,
     collimated_beam,
     cone_cells,
-    lambertian_parts,
     point_rays,
+    tilted_cells,
 )
 from optics.target import read_picture
 
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
     from optics.problem import Source
 
 UNLIMITED = 1 << 62  # rays at once
+WITHIN = 0.99  # of a file's forward flux: the cone of the point that stands for it
+NEAREST, FAR_AWAY, LEAST_ANGLE = 1e-3, 1e6, 0.01  # mm, mm, degrees: limits of that point
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +48,7 @@ class LightSource:
     @property
     def collimated(self) -> bool:
         """Whether all rays are parallel to z."""
-        return self.settings.kind == "collimated"
+        return self.settings.kind == "collimated" and not self.settings.half_divergence
 
     @cached_property
     def profile(self) -> Profile:
@@ -60,16 +65,81 @@ class LightSource:
                 light = read_picture(source.image, "linear")
         return Profile(source.profile, source.sigma, light)
 
+    @cached_property
+    def of_file(self) -> PlacedRays:
+        """The rays of the source's file in the scene.
+
+        Raises
+        ------
+        UserError : see `read_rays`.
+        """
+        from scipy.spatial.transform import Rotation
+
+        source = self.settings
+        with speaking_of("source.file"):
+            rays = read_rays(source.file)
+        turn = Rotation.from_euler("xyz", source.turn, degrees=True).as_matrix()
+        return placed_rays(rays, (*source.shift, -source.distance), turn, source.flux)
+
     def without_extent(self) -> LightSource:
-        """Return the source, or for a Lambertian one the point in its middle, with its intensity."""
+        """Return the source without its spread: of a beam parallel light, of a glowing area the point in its
+        middle, with its intensity; of a file's rays one where they are nearest to."""
         if not self.extended:
             return self
-        return replace(self, settings=replace(self.settings, kind="point", exponent=1.0))
+        if self.settings.kind == "rays":
+            return replace(self, settings=self._point_of_rays())
+        if self.settings.kind == "collimated":
+            settings = replace(self.settings, divergence=0.0, divergence_profile="uniform")
+        else:
+            settings = replace(self.settings, kind="point", exponent=1.0)
+        return replace(self, settings=settings)
 
     @property
     def extended(self) -> bool:
         """Whether light comes from every point of an area in many directions, so that cells have no image."""
-        return self.settings.kind == "lambertian"
+        return self.settings.kind in ("lambertian", "rays") or self.settings.half_divergence > 0
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the source is its own mirror image in x and y, but for the picture of its profile."""
+        return self.settings.kind != "rays"
+
+    @property
+    def estimator(self) -> str:
+        """How its light is measured: by "cells", by "beams" of cells in many directions, or by "rays"."""
+        if not self.extended:
+            return "cells"
+        return "beams" if self.settings.kind == "collimated" else "rays"
+
+    @property
+    def area(self) -> float:
+        """The area that shines, mm^2: of the ellipse for the profile "round", else of the rectangle."""
+        hx, hy = self.settings.half_width
+        return (pi if self.settings.profile == "round" else 4) * hx * hy
+
+    @property
+    def etendue(self) -> float:
+        """Flux over the radiance on the axis of a source whose points are equally bright, mm^2 sr.
+
+        Of a Lambertian one it is pi A sin^2(half_angle); it is 0 without extent or a known radiance.
+        """
+        known = self.extended and self.settings.kind != "rays"
+        return self.area / self.spread.brightest if known else 0.0
+
+    @property
+    def image(self) -> tuple[Profile, tuple[float, float]]:
+        """What a pinhole in the lens throws of an extended source: its profile and its proportions."""
+        if self.settings.kind == "lambertian":
+            return self.profile, self.settings.half_width
+        return self.spread.picture, (1.0, 1.0)
+
+    @property
+    def spread(self) -> Divergence:
+        """How the light of every point of an extended source spreads around +z."""
+        source = self.settings
+        if source.kind == "lambertian":
+            return Divergence("lambertian", source.half_angle)
+        return Divergence(source.divergence_profile, source.half_divergence)
 
     @property
     def _cone(self) -> dict[str, float]:
@@ -94,10 +164,20 @@ class LightSource:
             return beam_cells(source.half_width, source.flux, ends, counts, self.profile)
         return cone_cells(**self._cone, counts=counts)
 
+    def beams(self, counts: Sequence[int], directions: int, turn: float) -> Iterator[SourceCells]:
+        """Yield the cells of a diverging beam in directions of equal flux, see `Divergence.directions`.
+
+        counts : (nx, ny) cells.
+        """
+        source, profile = self.settings, self.profile
+        for direction in self.spread.directions(directions, turn):
+            flux = source.flux / directions
+            yield tilted_cells(source.half_width, source.distance, flux, direction, counts, profile)
+
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
         """Return rays of the source, those of a collimated one only where they meet the aperture.
 
-        counts : (nx, ny).  A Lambertian source has their product of rays, rounded to a power of two.
+        counts : (nx, ny).  An extended source has their product of rays, rounded to a power of two.
         fresh : draws a shift of the grid or another scrambling; without it the set is always the same.
         """
         return next(self.parts(counts, fresh))
@@ -108,7 +188,11 @@ class LightSource:
         """Yield the rays of `rays` in parts of about `most`."""
         source, profile = self.settings, self.profile
         shift = [0.0, 0.0] if fresh is None else fresh.uniform(-0.5, 0.5, 2).tolist()
-        if source.kind == "collimated":
+        if source.kind == "rays":
+            chosen = self.of_file.thinned(counts[0] * counts[1], 0.5 + shift[0])
+            yield from Rays(chosen.origin, chosen.direction, chosen.flux).slices(most)
+            return
+        if self.collimated:
             beam = collimated_beam(source.half_width, source.flux, self.aperture, counts, shift, profile)
             yield from beam.slices(most)
         elif source.kind == "point":
@@ -116,13 +200,52 @@ class LightSource:
         else:
             count = 1 << max(2, round(log2(counts[0] * counts[1])))
             seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
-            yield from lambertian_parts(
+            yield from area_parts(
                 half_width=source.half_width,
                 distance=source.distance,
                 flux=source.flux,
-                half_angle=source.half_angle,
+                spread=self.spread,
                 profile=profile,
                 count=count,
                 seed=seed,
                 most=most,
             )
+
+    def replicates(
+        self, number: int, counts: Sequence[int], fresh: np.random.Generator, most: int
+    ) -> Iterator[Iterator[RayGrid | Rays]]:
+        """Yield independent sets of rays, each as `parts` yields them.
+
+        Of a file they are parts of its rays: more than it holds there are not.
+        """
+        if self.settings.kind != "rays":
+            for _ in range(number):
+                yield self.parts(counts, fresh, most)
+            return
+        kept = self.of_file.thinned(number * counts[0] * counts[1], float(fresh.uniform()))
+        for hand in kept.dealt(number):
+            yield Rays(hand.origin, hand.direction, hand.flux).slices(most)
+
+    def _point_of_rays(self) -> Source:
+        """Return a point on the axis from which light comes about as from the rays of the file.
+
+        Its z is the flux-weighted least-squares meeting point of the rays with the axis.  The point lights
+        the cone that WITHIN of the forward flux fills, with the intensity of a Lambertian area.
+        """
+        rays = self.of_file
+        forward = rays.direction[2] > 0
+        direction, flux = rays.direction[:, forward], rays.flux[forward]
+        origin, slope = rays.origin[:, forward], direction[:2] / direction[2]
+        steep = float((flux * (slope**2).sum(axis=0)).sum())
+        offset = origin[:2] - origin[2] * slope
+        z = -float((flux * (offset * slope).sum(axis=0)).sum()) / steep if steep else -FAR_AWAY
+        order = np.argsort(direction[2])[::-1]
+        within = np.searchsorted(np.cumsum(flux[order]), WITHIN * flux.sum())
+        cosine = direction[2][order][min(within, len(order) - 1)]
+        return replace(
+            self.settings,
+            kind="point",
+            distance=float(np.clip(-z, NEAREST, FAR_AWAY)),
+            half_angle=float(np.clip(degrees(acos(min(cosine, 1.0))), LEAST_ANGLE, 90.0)),
+            exponent=1.0,
+        )

@@ -70,7 +70,8 @@ class Made:
         self.screen = self.system.target.screen()
 
     def light(self, *counts):
-        return cell_irradiance(self.system, self.lens, self.screen, counts, self.backend)
+        cells = self.system.source.cells(counts)
+        return cell_irradiance(self.system, self.lens, self.screen, cells, self.backend)
 
     def flux(self, image):
         return image.sum() * self.screen.pixel_area

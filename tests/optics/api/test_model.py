@@ -13,6 +13,7 @@ from tests.optics.cases import rough, write_problem
 BOTH_FREE = {"lens.front.freeform": {"spans": [3, 2], "z_freedom": 1.0}}
 FAR = {"target.distance": np.inf, "target.half_width": [12.0, 12.0]}
 GLOWING = {"source.kind": "lambertian", "source.half_width": [0.5, 0.4], "source.distance": 20.0}
+SUN = {"source.divergence_profile": "sun", "source.divergence": 2.0}
 RAYS = (97, 93)
 
 
@@ -41,6 +42,7 @@ CASES = {
     "two free surfaces": (BOTH_FREE, "cells"),
     "far field": (FAR, "cells"),
     "glowing area": (GLOWING, "bspline"),
+    "sun": (SUN, "bspline"),
 }
 
 

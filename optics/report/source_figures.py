@@ -1,4 +1,4 @@
-"""The picture of `thbcad etendue`: both rungs (matplotlib)."""
+"""The pictures of `thbcad etendue`, both rungs, and of `thbcad relight` (matplotlib)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from optics.report.canvas import plt, png_bytes
 
 if TYPE_CHECKING:
+    from optics.analysis import Measurement
     from optics.etendue import ImageBound, UniversalBound
     from optics.target import Screen
 
@@ -49,4 +50,33 @@ def bound_figure(universal: UniversalBound, bound: ImageBound, screen: Screen) -
     axes[3].set(
         xlim=(0, 1.02), xlabel="efficiency", ylabel="rel_l2", title="least of any lens in the envelope"
     )
+    return png_bytes(figure)
+
+
+def relit_figure(designed: Measurement, other: Measurement, screen: Screen, words: str) -> bytes:
+    """Draw three pictures over their means, on one scale.
+
+    words : for the other light.
+    """
+    unit, (hx, hy) = "degrees" if screen.angular else "mm", screen.half_width
+    pictures = [
+        ("asked for", designed.target),
+        (f"as designed: rel_l2 {designed.metrics['rel_l2']:.3f}", designed.irradiance),
+        (f"{words}: rel_l2 {other.metrics['rel_l2']:.3f}", other.irradiance),
+    ]
+    top = float((designed.target / designed.target.mean()).max())
+    figure, axes = plt.subplots(1, 3, figsize=(13, 4.4), layout="constrained")
+    for panel, (title, image) in zip(axes, pictures):
+        shown = panel.imshow(
+            image / image.mean(),
+            cmap="gray",
+            vmin=0,
+            vmax=top,
+            extent=(-hx, hx, -hy, hy),
+            interpolation="nearest",
+        )
+        panel.set_title(title, fontsize=10)
+        panel.set_xlabel(f"x / {unit}")
+    axes[0].set_ylabel(f"y / {unit}")
+    figure.colorbar(shown, ax=list(axes), label="light / mean")
     return png_bytes(figure)

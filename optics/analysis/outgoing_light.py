@@ -1,0 +1,44 @@
+"""The light behind a lens as rays: for ray files, which other programs go on with."""
+
+from __future__ import annotations
+
+from math import isqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.ray_files import RaySet
+from optics.tracing import Tracer
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from thbcad.lens import Lens
+
+PLACES = ("rear", "target")
+
+
+def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
+    """Return about `count` rays of the source that went through front and rear, W.
+
+    place : where the rays start: on the "rear", or on the plane of the "target".  z is that of the lens.
+    backend : of double precision.
+
+    Light that edges and inner reflections send on is not among them.
+    """
+    side = isqrt(count - 1) + 1
+    tracer = Tracer(backend, lens, system.source.rays((side, side)), system.target.z)
+    coefficients = [sag.coefficients for sag in lens.sags]
+    with backend.dr.suspend_grad():
+        hits, _, _ = tracer.at_rear(coefficients)
+        _, landing = tracer.trace(coefficients)
+        values = [hits.x, hits.y, hits.z, landing.x, landing.y, landing.p, landing.q, landing.flux]
+        backend.dr.eval(values)
+    x, y, z, u, v, p, q, flux = (a.numpy() for a in values)
+    out = flux > 0
+    direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))], axis=1)
+    position = np.stack([x, y, z + lens.thickness], axis=1)
+    if place == "target":
+        position = np.stack([u, v, np.full_like(u, system.target.z)], axis=1)
+    wavelength = np.full(int(out.sum()), system.problem.source.wavelength)
+    return RaySet(position[out], direction[out], flux[out], "W", wavelength)

@@ -1,0 +1,33 @@
+"""Ray files: TM-25, Zemax and LightTools, read and written."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.ray_files.formats import (
+        WRITERS as WRITERS,
+        read_rays as read_rays,
+        write_rays as write_rays,
+    )
+    from optics.ray_files.ray_placement import (
+        PlacedRays as PlacedRays,
+        placed_rays as placed_rays,
+    )
+    from optics.ray_files.ray_set import (
+        RaySet as RaySet,
+    )
+
+_FILES = {
+    "formats": (
+        "WRITERS",
+        "read_rays",
+        "write_rays",
+    ),
+    "ray_placement": (
+        "PlacedRays",
+        "placed_rays",
+    ),
+    "ray_set": ("RaySet",),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,58 @@
+"""Other light for a finished lens, in words: the sun, an LED, or the source of another problem file."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from optics.problem import SUN, Problem, Source, load_problem
+from optics.runtime import UserError
+
+LED = re.compile(r"led:(?P<size>[0-9.eE+-]+)mm(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
+FORMS = '"sun", "led:SIZEmm", "led:SIZEmm@DISTANCEmm" or a problem file'
+
+
+def other_source(words: str, problem: Problem) -> Source:
+    """Return the source that words describe, with the flux of a problem's own.
+
+    "sun": a beam as wide as the problem's own, or else as the front, with the sun's divergence.
+    "led:1mm": a Lambertian square with sides of 1 mm where the problem's source is; "led:1mm@30mm": 30 mm
+    before the front vertex.  A path: the source of that problem file, as it is.
+
+    Raises
+    ------
+    UserError : other words, or an LED in the place of parallel light without a distance.
+    """
+    own = problem.source
+    if words.lower() == "sun":
+        wide = own.half_width if own.kind == "collimated" else problem.lens.front.half_width
+        beam = own if own.kind == "collimated" else Source(kind="collimated", half_width=wide, flux=own.flux)
+        return replace(beam, divergence=SUN, divergence_profile="sun")
+    if found := LED.fullmatch(words):
+        return _led(found, problem)
+    if not words.lower().endswith(".toml"):
+        raise UserError(f"--source must be {FORMS}, got {words!r}")
+    return load_problem(Path(words)).source
+
+
+def _led(found: re.Match[str], problem: Problem) -> Source:
+    own = problem.source
+    try:
+        size = float(found["size"])
+        distance = float(found["distance"]) if found["distance"] else own.distance
+    except ValueError:
+        raise UserError(f"--source must be {FORMS}, got {found[0]!r}") from None
+    if own.kind == "collimated" and not found["distance"]:
+        raise UserError(
+            f"the lens is made for parallel light, which has no place: say where the LED is, {found[0]}@30mm"
+        )
+    half_angle = 90.0 if own.kind == "collimated" else own.half_angle
+    return Source(
+        kind="lambertian",
+        half_width=(size / 2, size / 2),
+        distance=distance,
+        flux=own.flux,
+        half_angle=half_angle,
+        wavelength=own.wavelength,
+    )
