@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from optics.analysis.border_triangles import border_triangles, shared_flux
 from optics.sources import corner_flux
 from optics.target import BoxWindow, MappedCells, Splat
-from optics.tracing import Tracer
+from optics.tracing import SMOOTH, SlopeErrors, Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -55,6 +55,7 @@ class _CellTracer:
     lens: Lens
     screen: Screen
     backend: Backend
+    errors: SlopeErrors
 
     def light(self, rays: RayGrid | Rays, emitted: Floats) -> _Light:
         """Return the light of cells that are not cut, from the rays at their corners."""
@@ -86,7 +87,8 @@ class _CellTracer:
 
     def _trace(self, rays: RayGrid | Rays) -> tuple[Tracer, Landing, DrArray]:
         """Return the tracer of rays, their Landing, and which of them arrive."""
-        dr, tracer = self.backend.dr, Tracer(self.backend, self.lens, rays, self.system.target.z)
+        dr = self.backend.dr
+        tracer = Tracer(self.backend, self.lens, rays, self.system.target.z, errors=self.errors)
         with dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in self.lens.sags])
         every = dr.ones(dr.mask_t(self.backend.Float), rays.flux.size)
@@ -94,13 +96,18 @@ class _CellTracer:
 
 
 def cell_irradiance(
-    system: OpticalSystem, lens: Lens, screen: Screen, cells: SourceCells, backend: Backend
+    system: OpticalSystem,
+    lens: Lens,
+    screen: Screen,
+    cells: SourceCells,
+    backend: Backend,
+    errors: SlopeErrors = SMOOTH,
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells.
 
-    backend : of double precision.
+    backend : of double precision.  errors : of the slopes, the same for all rays.
     """
-    tracer = _CellTracer(system, lens, screen, backend)
+    tracer = _CellTracer(system, lens, screen, backend, errors)
     parts, pieces = [], []
     for strip in cells.slices(CORNERS_AT_ONCE):
         part = tracer.light(strip.rays(), strip.emitted)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from optics.analysis.light_estimate import LightEstimate
 from optics.target import BoxWindow, Splat
-from optics.tracing import Tracer
+from optics.tracing import SlopeErrors, Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
@@ -46,7 +46,7 @@ def ray_irradiance(
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
-            image, by_fate = _trace(system, lens, screen, parts, backend)
+            image, by_fate = _trace(system, lens, screen, parts, rng, backend)
             fates.append(by_fate)
             yield image, by_fate.on_target, by_fate.off_target
 
@@ -59,6 +59,7 @@ def _trace(
     lens: Lens,
     screen: Screen,
     parts: Iterator[RayGrid | Rays],
+    fresh: np.random.Generator,
     backend: Backend,
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance, flux by fate) of rays, traced in parts."""
@@ -66,7 +67,8 @@ def _trace(
     image: DrArray = 0.0
     fates = []
     for part in parts:
-        tracer = Tracer(backend, lens, part, system.target.z)
+        front, rear = (fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in system.slope_rms)
+        tracer = Tracer(backend, lens, part, system.target.z, errors=SlopeErrors(front, rear))
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux)

@@ -44,11 +44,13 @@ class Measurement:
 
     irradiance, target : (rows, columns), W/mm^2; in the far field intensities
     metrics : numbers by name
+    sharp : the irradiance without divergence and roughness, where there are any
     """
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]
     metrics: dict[str, Any]
+    sharp: NDArray[np.float64] | None = None
 
 
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
@@ -59,7 +61,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     error does to rel_l2.
     """
     screen = system.target.screen()
-    direct, fates = ESTIMATES[system.source.estimator](system, lens, screen, backend)
+    estimator = _estimator(system)
+    direct, fates = ESTIMATES[estimator](system, lens, screen, backend)
     other = light_by_other_ways(system, lens, screen, backend) if system.path.by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
@@ -70,14 +73,25 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics |= replace(light, irradiance=irradiance, error=light.error / shown).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = rel_l2(direct.irradiance / shown, target)
     metrics["paths"] = "all" if all_ways else "sequential"
-    metrics["estimator"] = system.source.estimator
+    metrics["estimator"] = estimator
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     metrics["stray"] = light.off_target / flux
     metrics["fates_w"] = asdict(fates)
     if other:
         metrics["nonsequential"] = _all_ways(direct, other, target, screen)
-    return Measurement(irradiance, target, metrics)
+    if estimator != "beams":
+        return Measurement(irradiance, target, metrics)
+    clear, _ = _by_cells(system.sharp(), lens, screen, backend)
+    sharp = clear.irradiance / shown
+    return Measurement(irradiance, target, metrics | {"rel_l2_sharp": rel_l2(sharp, target)}, sharp)
+
+
+def _estimator(system: OpticalSystem) -> str:
+    """Return how light is measured: by "cells", by "beams" of cells for all that blurs it, or by "rays"."""
+    if system.source.extended and not system.source.diverging:
+        return "rays"
+    return "beams" if system.source.diverging or any(system.slope_rms) else "cells"
 
 
 def _all_ways(

@@ -41,7 +41,8 @@ class DesignFigures:
         from optics.analysis import fans as ray_fans
         from optics.report import scene_paths
 
-        fans = ray_fans(system, lens, backend) if system.path.by_edges else {}
+        from_a_point = system.source.settings.kind in ("point", "lambertian") and system.path.by_edges
+        fans = ray_fans(system, lens, backend) if from_a_point else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
         self._light = self.process.ask("optics.report", "light_figures", plain, lens, measurement, fans)
         self._scene = self.process.ask(

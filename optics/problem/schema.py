@@ -125,11 +125,19 @@ def _conic() -> Any:
     return option(0.0, size=(0, GREATEST_CONIC), note=note, auto=True)
 
 
+def _slope_rms() -> Any:
+    note = (
+        "radians, of errors of the slope in x and in y that blur the light: roughness, the steps of a print"
+    )
+    return option(0.0, low=0, high=0.3, note=note)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Front:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
     radius: float | str = _radius("auto is a plane too")
     conic: float | str = _conic()
+    slope_rms: float = _slope_rms()
     freeform: Freeform | None = option(
         None, note="with the keys of lens.rear.freeform: a front that is free too"
     )
@@ -141,6 +149,7 @@ class Rear:
     freeform: Freeform = option(Freeform())
     radius: float | str = _radius("auto takes it from the light")
     conic: float | str = _conic()
+    slope_rms: float = _slope_rms()
 
 
 def base_of(surface: Front | Rear) -> tuple[float, float]:

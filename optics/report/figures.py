@@ -55,7 +55,7 @@ def light_figures(
     def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
         return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
 
-    return {
+    figures = {
         "target": (
             f"The light asked for; its mean is {mean:.4g} {density}.{_merged(target)}",
             picture(target, label, "gray", 0, top),
@@ -73,10 +73,18 @@ def light_figures(
             f"{quantity.capitalize()} to the power 0.2: stray light and faint detail.",
             picture(np.maximum(irradiance, 0) ** 0.2, f"({label})^0.2", "magma", 0, top**0.2),
         ),
-        **{
-            f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
-            for k, (name, fan) in enumerate(paths.items(), 1)
-        },
+    }
+    if measurement.sharp is not None:
+        sharp = measurement.sharp / measurement.sharp.mean()
+        caption = "What the lens would make without divergence of the light and roughness of its surfaces."
+        figures["sharp"] = (caption, picture(sharp, label, "gray", 0, top))
+    return figures | _ray_figures(lens, paths)
+
+
+def _ray_figures(lens: Lens, paths: Mapping[str, Sequence[RayPath]]) -> Figures:
+    return {
+        f"rays_{k}": (f"Rays in the plane x = 0, {name}; green ones reach the target.", _rays(lens, fan))
+        for k, (name, fan) in enumerate(paths.items(), 1)
     }
 
 

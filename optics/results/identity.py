@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.problem import Export, Problem, problem_to_toml
+from optics.problem import Export, Problem
 from thbcad.io import lens_to_dict
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def fingerprint(problem: Problem) -> str:
         table: replace(part, **{part.data: hashlib.sha256(Path(path).read_bytes()).hexdigest()})
         for table, part, path in data_of(problem)
     }
-    return _sha256(problem_to_toml(replace(problem, run=replace(problem.run, threads=0, keep=KEPT), **parts)))
+    return _sha256(_set_keys(replace(problem, run=replace(problem.run, threads=0, keep=KEPT), **parts)))
 
 
 def run_id(problem: Problem, lens: Lens) -> str:
@@ -39,9 +39,7 @@ def run_id(problem: Problem, lens: Lens) -> str:
     export: the names in CAD files may be changed after a design.
     """
     parts = {table: replace(part, **{part.data: table}) for table, part, _ in data_of(problem)}
-    return _sha256(
-        problem_to_toml(replace(problem, export=Export(), **parts)) + json.dumps(lens_to_dict(lens))
-    )
+    return _sha256(_set_keys(replace(problem, export=Export(), **parts)) + json.dumps(lens_to_dict(lens)))
 
 
 def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
@@ -52,6 +50,23 @@ def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
             yield from differing_keys(a, b, f"{key}.")
         elif a != b and field.name not in ("image", "file") and key not in ("run.threads", "run.keep"):
             yield key
+
+
+def _set_keys(problem: Problem) -> str:
+    """Return the keys that differ from their defaults, a line each.
+
+    So keys that a later version knows too do not change what is known of a problem.
+    """
+    return "\n".join(f"{key} = {value!r}" for key, value in _set(problem))
+
+
+def _set(table: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
+    for field in fields(table):
+        key, value = f"{prefix}{field.name}", getattr(table, field.name)
+        if is_dataclass(value):
+            yield from _set(value, f"{key}.")
+        elif value != field.default:
+            yield key, value
 
 
 def data_of(problem: Problem) -> list[tuple[str, Any, str]]:

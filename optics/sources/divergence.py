@@ -28,7 +28,6 @@ from optics.sources.profile import Profile
 Floats = NDArray[np.float64]
 
 LIMB = 0.30, 0.93, -0.23  # of mu^0, mu, mu^2
-GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 FARTHEST = 6.0  # sigmas, to which a Gaussian is cut
 WIDEST = radians(89.0)  # to which it is cut too
 SEEN = 3.0  # sigmas of a Gaussian that its picture shows
@@ -63,14 +62,10 @@ class Divergence:
         theta = a * np.sqrt(-2 * np.log1p(-cut * u))
         return np.sin(theta) / np.where(u == 0, 1.0, root)
 
-    def directions(self, count: int, turn: float) -> Floats:
-        """Return directions of equal flux, spread evenly as the seeds of a sunflower, (count, 3).
-
-        turn : of all around the axis, radians.
-        """
-        u = (np.arange(count) + 0.5) / count
-        angle, sine = turn + GOLDEN * np.arange(count), self.stretch(u) * np.sqrt(u)
-        return np.stack([sine * np.cos(angle), sine * np.sin(angle), np.sqrt(1 - sine**2)], axis=1)
+    def direction(self, u: float, turn: float) -> Floats:
+        """Return the unit vector at the quantile u of the flux.  turn : around the axis, radians.  (3,)"""
+        sine = float(self.stretch(np.array(u)) * sqrt(u))
+        return np.array([sine * cos(turn), sine * sin(turn), sqrt(1 - sine**2)])
 
     @property
     def brightest(self) -> float:

@@ -76,6 +76,18 @@ class OpticalSystem:
         """The settings of the free surfaces, front first, as `Lens.sags`."""
         return freeforms(self.problem)
 
+    @property
+    def slope_rms(self) -> tuple[float, float]:
+        """Of front and rear, radians."""
+        return self.problem.lens.front.slope_rms, self.problem.lens.rear.slope_rms
+
+    def sharp(self) -> OpticalSystem:
+        """Return the system without the divergence of its beam and without roughness."""
+        changes: dict[str, object] = {"lens.front.slope_rms": 0.0, "lens.rear.slope_rms": 0.0}
+        if self.source.diverging:
+            changes |= {"source.divergence": 0.0, "source.divergence_profile": "uniform"}
+        return OpticalSystem(self.problem.with_(**changes))
+
     @cached_property
     def sources(self) -> tuple[LightSource, ...]:
         return (LightSource(self.problem.source, self.problem.lens.front.half_width),)

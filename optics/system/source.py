@@ -28,6 +28,8 @@ from optics.sources import (
 from optics.target import read_picture
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from optics.problem import Source
 
 UNLIMITED = 1 << 62  # rays at once
@@ -100,16 +102,14 @@ class LightSource:
         return self.settings.kind in ("lambertian", "rays") or self.settings.half_divergence > 0
 
     @property
+    def diverging(self) -> bool:
+        """Whether it is a beam whose points spread their light: cells measure each direction of it."""
+        return self.settings.half_divergence > 0
+
+    @property
     def symmetric(self) -> bool:
         """Whether the source is its own mirror image in x and y, but for the picture of its profile."""
         return self.settings.kind != "rays"
-
-    @property
-    def estimator(self) -> str:
-        """How its light is measured: by "cells", by "beams" of cells in many directions, or by "rays"."""
-        if not self.extended:
-            return "cells"
-        return "beams" if self.settings.kind == "collimated" else "rays"
 
     @property
     def area(self) -> float:
@@ -164,15 +164,10 @@ class LightSource:
             return beam_cells(source.half_width, source.flux, ends, counts, self.profile)
         return cone_cells(**self._cone, counts=counts)
 
-    def beams(self, counts: Sequence[int], directions: int, turn: float) -> Iterator[SourceCells]:
-        """Yield the cells of a diverging beam in directions of equal flux, see `Divergence.directions`.
-
-        counts : (nx, ny) cells.
-        """
+    def beam(self, counts: Sequence[int], direction: NDArray[np.float64]) -> SourceCells:
+        """Return (nx, ny) cells of a diverging beam's light in one direction, with all of its flux."""
         source, profile = self.settings, self.profile
-        for direction in self.spread.directions(directions, turn):
-            flux = source.flux / directions
-            yield tilted_cells(source.half_width, source.distance, flux, direction, counts, profile)
+        return tilted_cells(source.half_width, source.distance, source.flux, direction, counts, profile)
 
     def rays(self, counts: Sequence[int], fresh: np.random.Generator | None = None) -> RayGrid | Rays:
         """Return rays of the source, those of a collimated one only where they meet the aperture.

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
         source_points as source_points,
     )
     from optics.tracing.refraction import (
+        SMOOTH as SMOOTH,
+        SlopeErrors as SlopeErrors,
         critical_angle as critical_angle,
         normal_incidence_transmittance as normal_incidence_transmittance,
         refract as refract,
@@ -77,6 +79,8 @@ _FILES = {
         "source_points",
     ),
     "refraction": (
+        "SMOOTH",
+        "SlopeErrors",
         "critical_angle",
         "normal_incidence_transmittance",
         "refract",

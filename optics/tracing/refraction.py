@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,21 @@ if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
     from optics.tracing.intersections import Vector
 
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SlopeErrors:
+    """What is added to the slopes (dz/dx, dz/dy) of front and rear, by which rays are refracted.
+
+    front, rear : (2, 1) for all rays alike, or (2, n); None is a smooth surface.
+    """
+
+    front: Array | None = None
+    rear: Array | None = None
+
+
+SMOOTH = SlopeErrors()
 
 
 def refract(

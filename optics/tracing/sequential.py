@@ -18,7 +18,7 @@ from optics.sources import RayGrid, Rays, single_rays
 from optics.tracing.fates import SequentialFates
 from optics.tracing.intersections import DeviceRays, Hits, KnownHits
 from optics.tracing.landings import Landing
-from optics.tracing.refraction import refract
+from optics.tracing.refraction import SMOOTH, SlopeErrors, refract
 from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ class Tracer:
     sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
         `SearchedHits`.  This costs up to three times the time.
     fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
+    errors : of the slopes, by which rays are refracted; the surfaces stay where they are.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Tracer:
         soft_rim: float = 0.0,
         sure: bool = True,
         fresnel: bool = True,
+        errors: SlopeErrors = SMOOTH,
     ) -> None:
         self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
         dr, Float = backend.dr, backend.Float
@@ -62,7 +64,9 @@ class Tracer:
         self._rear: KnownHits | SearchedHits
         self._behind: tuple[Hits | None, DeviceRays] | None = None  # of a front that never changes
         knots = _knots(lens.rear)
-        if isinstance(rays, RayGrid) and lens.front.is_plane and knots is not None:
+        self._errors = [e if e is None else [*map(backend.array, e)] for e in (errors.front, errors.rear)]
+        plane = lens.front.is_plane and errors.front is None
+        if isinstance(rays, RayGrid) and plane and knots is not None:
             self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, knots)
             self._behind = None, self._parallel(self._rear)
             return
@@ -198,7 +202,7 @@ class Tracer:
         rays = self._source
         hits = self._front.meet(rays.origin, rays.direction, net)
         dr = self._backend.dr
-        direction, transmittance, _ = self._refracted(rays.direction, (hits.zx, hits.zy), self._inverse)
+        direction, transmittance, _ = self._refracted(rays.direction, self._slopes(hits, 0), self._inverse)
         passing = rays.flux * transmittance * self._rim(hits, self._lens.front)
         flux = dr.select(hits.hit, passing, 0)
         return hits, DeviceRays((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux)
@@ -206,7 +210,7 @@ class Tracer:
     def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
         dr = self._backend.dr
         (dx, dy, dz), transmittance, refracted = self._refracted(
-            behind.direction, (hits.zx, hits.zy), self._index
+            behind.direction, self._slopes(hits, 1), self._index
         )
         forward = refracted & (dz > 0)
         arrives = hits.hit & forward
@@ -231,6 +235,11 @@ class Tracer:
             hit=hits.hit,
             refracted=forward,
         )
+
+    def _slopes(self, hits: Hits, surface: int) -> tuple[DrArray, DrArray]:
+        """Return the slopes by which rays are refracted.  surface : 0 is the front, 1 the rear."""
+        errors = self._errors[surface]
+        return (hits.zx, hits.zy) if errors is None else (hits.zx + errors[0], hits.zy + errors[1])
 
     def _refracted(
         self, direction: Vector, slope: tuple[DrArray, DrArray], eta: DrArray

@@ -105,5 +105,5 @@ def test_a_diverging_beam_moves_the_light_by_the_variance_of_its_angles(tmp_path
     assert variance == pytest.approx(wanted, rel=2e-3)
     assert measured.metrics["estimator"] == "beams"
     fates = measured.metrics["fates_w"]
-    assert measured.metrics["rel_l2_floor"] < 0.02
+    assert measured.metrics["rel_l2_floor"] < 0.03
     assert sum(fates.values()) == pytest.approx(problem.source.flux, rel=1e-12)
