@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 DPI = 90
-COLOURS = 128  # of a picture: a third of the bytes of true colour
+COLOURS = 256  # of a picture: half of the bytes of true colour
 
 
 def png(figure: Figure) -> bytes:
