@@ -1,0 +1,92 @@
+"""`thbcad relight` and `thbcad export --light`: other light on a finished lens, and its light as rays."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from optics.commands.cli import main
+from optics.problem import load_problem
+from optics.ray_files import read_rays
+from optics.system import OpticalSystem
+from tests.optics.cases import store_result, write_problem
+
+
+@pytest.fixture
+def result(tmp_path):
+    problem = load_problem(write_problem(tmp_path))
+    return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+
+
+def run(capsys, *arguments):
+    code = main([*map(str, arguments)])
+    captured = capsys.readouterr()
+    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+
+
+def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, result, tmp_path):
+    done = run(capsys, "relight", result, "--source", "sun", "--out", tmp_path / "sun.png", "--json")
+    assert done.code == 0
+    data = json.loads(done.out)
+    assert data["relit"]["efficiency"] == pytest.approx(data["designed"]["efficiency"], rel=1e-4)
+    assert data["relit"]["rel_l2"] != data["designed"]["rel_l2"]
+    with Image.open(tmp_path / "sun.png") as picture:
+        assert picture.width > 3 * 300
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--source", "moon"], "--source must be"),
+        (["--source", "led:1mm"], "no place"),
+        (["--source", "sun", "--out", "sun.jpg"], "--out must end in .png"),
+        (["--source", "none.toml"], "none.toml"),
+        ([], "--source"),
+    ],
+)
+def test_bad_light_is_one_sentence(capsys, result, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    done = run(capsys, "relight", result, *arguments)
+    assert done.code == 2
+    assert words in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not (tmp_path / "sun.jpg").exists()
+
+
+@pytest.mark.parametrize("suffix", [".tm25ray", ".dat", ".ray"])
+def test_light_of_a_lens_is_written_as_rays(capsys, result, tmp_path, suffix):
+    out = tmp_path / f"light{suffix}"
+    done = run(capsys, "export", result, "--light", "target", "--rays", 900, "--out", out)
+    assert done.code == 0, done.err
+    rays = read_rays(out)
+    assert len(rays) == 900
+    assert f"900 rays with {rays.total:.6g} W" in done.out
+    np.testing.assert_allclose(rays.position[:, 2], load_problem(tmp_path / "problem.toml").target_z)
+    assert json.loads((tmp_path / f"light{suffix}.json").read_text())["ok"]
+    again = run(capsys, "export", result, "--light", "rear", "--rays", 900, "--out", out)
+    assert again.code == 0  # its own file
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--out", "light.txt"], "choose one of .tm25ray, .dat, .ray"),
+        (["--out", "light.ray", "--rays", "0"], "--rays must be from 1"),
+        (["--out", "none/light.ray"], "there is no folder"),
+    ],
+)
+def test_bad_ray_files_are_one_sentence(capsys, result, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    done = run(capsys, "export", result, "--light", "rear", *arguments)
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert words in done.err
+
+
+def test_a_lens_alone_has_no_light(capsys, result, tmp_path):
+    done = run(capsys, "export", result / "lens.json", "--light", "rear", "--out", tmp_path / "light.ray")
+    assert done.code == 2
+    assert "light needs the problem of a result folder" in done.err
