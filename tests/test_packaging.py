@@ -24,7 +24,6 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 FIRST_BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 SENTENCE = 'thbcad: {} not installed; pip install "thbcad[optics]"\n'
 ARGUMENTS = {
-    "relight": ["exports/none", "--source", "sun"],
     "bench": ["overview"],
     "check": ["problem.toml"],
     "completion": ["bash"],
@@ -32,6 +31,7 @@ ARGUMENTS = {
     "etendue": ["problem.toml"],
     "export": ["result", "--out", "lens.stl"],
     "new": [],
+    "relight": ["result", "--source", "sun"],
     "trace": ["result"],
     "verify": ["result"],
 }

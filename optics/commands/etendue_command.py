@@ -12,13 +12,13 @@ from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
 from optics.etendue import (
     FIXED,
-    ONE_BLUR,
     SEARCH,
     base_rear,
     blur_sentence,
     curve_sentence,
     images_bound,
     one_blur,
+    one_blur_sentence,
     stretchable,
     throughput,
     universal_bound,
@@ -62,7 +62,7 @@ def etendue(options: Namespace) -> Outcome:
         universal_sentence(system, universal, efficiency),
         *universal_lines(system, universal),
         curve_sentence(universal),
-        f"{ONE_BLUR}, {base_rear(system)}",
+        f"{one_blur_sentence(system)}, {base_rear(system)}",
         *_blur_lines(system, alike, blurs["source_proportions"], False),
     ]
     if stretchable(system):

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from optics.etendue.problem_bounds import (
         FIXED as FIXED,
         FIXED_QUICK as FIXED_QUICK,
-        ONE_BLUR as ONE_BLUR,
         SEARCH as SEARCH,
         SEARCH_QUICK as SEARCH_QUICK,
         OneBlur as OneBlur,
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
         etendue_notes as etendue_notes,
         images_bound as images_bound,
         one_blur as one_blur,
+        one_blur_sentence as one_blur_sentence,
         reached_sentences as reached_sentences,
         rounded_down as rounded_down,
         stretchable as stretchable,
@@ -98,7 +98,6 @@ _FILES = {
     "problem_bounds": (
         "FIXED",
         "FIXED_QUICK",
-        "ONE_BLUR",
         "OneBlur",
         "SEARCH",
         "SEARCH_QUICK",
@@ -108,6 +107,7 @@ _FILES = {
         "etendue_notes",
         "images_bound",
         "one_blur",
+        "one_blur_sentence",
         "reached_sentences",
         "rounded_down",
         "stretchable",

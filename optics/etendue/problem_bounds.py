@@ -18,10 +18,12 @@ if TYPE_CHECKING:
 
 LEAST_PIXELS = 4  # in each direction, that merging leaves
 DIGITS = 4  # of what is printed, rounded so that a bound stays one
-ONE_BLUR = (
-    "one blur everywhere is a model that smooth, slowly varying lenses resemble, and no bound for lenses: "
-    "the same uniform rectangle along x and y is the source's image through every point of the rear"
-)
+FORMS = {  # of the source's image, by the kind of its profile
+    "uniform": "uniform rectangle along x and y",
+    "round": "uniform ellipse along x and y",
+    "gaussian": "Gaussian",
+    "image": "picture",
+}
 NEAR = (
     0.25,
     1.0,
@@ -115,6 +117,15 @@ def images_bound(
     return OneBlur(half_width, (wide, high), bound)
 
 
+def one_blur_sentence(system: OpticalSystem) -> str:
+    """Return what one blur everywhere means for a source."""
+    form = FORMS[system.source.image[0].kind]
+    return (
+        "one blur everywhere is a model that smooth, slowly varying lenses resemble, and no bound for lenses: "
+        f"the same {form} is the source's image through every point of the rear"
+    )
+
+
 def stretchable(system: OpticalSystem) -> bool:
     """Whether images of any proportions can be bounded: those of a uniform rectangle."""
     return system.source.image[0].kind == "uniform"
@@ -133,7 +144,7 @@ def etendue_notes(system: OpticalSystem) -> list[str]:
     return [
         universal_sentence(system, universal, efficiency),
         *universal_lines(system, universal),
-        f"{ONE_BLUR}, {base_rear(system)}; at this efficiency {blur_sentence(images, stretchable(system))}",
+        f"{one_blur_sentence(system)}, {base_rear(system)}; at this efficiency {blur_sentence(images, stretchable(system))}",
     ]
 
 
@@ -154,7 +165,9 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     forms = [(False, FIXED_QUICK)]
     if stretchable(system):
         forms.insert(0, (True, SEARCH_QUICK))
-    model = f"{ONE_BLUR}, {rear_area(lens):.4g} mm^2 as this lens has it; at this efficiency "
+    model = (
+        f"{one_blur_sentence(system)}, {rear_area(lens):.4g} mm^2 as this lens has it; at this efficiency "
+    )
     for any_form, care in forms:
         images = one_blur(system, lens, efficiency, care, any_form)
         said.append(model + blur_sentence(images, any_form))

@@ -41,10 +41,18 @@ def _conic(radius: float, constant: float) -> str:
 def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
     sizes = {"a pixel": expected.pixel, "a knot span of the finest mesh": expected.net}
     if expected.blur is not None:
-        sizes["the image of the source"] = expected.blur
+        sizes[_blurring(system)] = expected.blur
     what = max(sizes, key=lambda name: sizes[name])
     others = ", ".join(f"{name} {_length(system, size)}" for name, size in sizes.items() if name != what)
     return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others})"
+
+
+def _blurring(system: OpticalSystem) -> str:
+    """Return what blurs the light: the extent of the source, or its divergence."""
+    if not system.source.diverging:
+        return "the image of the source"
+    sun = system.problem.source.divergence_profile == "sun"
+    return "the image of the sun" if sun else "the image of the beam's angles"
 
 
 def _error_line(system: OpticalSystem, expected: Expectation) -> str:
