@@ -121,8 +121,8 @@ def one_blur_sentence(system: OpticalSystem) -> str:
     """Return what one blur everywhere means for a source."""
     form = FORMS[system.source.image[0].kind]
     return (
-        "one blur everywhere is a model that smooth, slowly varying lenses resemble, and no bound for lenses: "
-        f"the same {form} is the source's image through every point of the rear"
+        "one blur everywhere is a model that smooth, slowly varying lenses resemble, and no bound for "
+        f"lenses: the same {form} is the source's image through every point of the rear"
     )
 
 
@@ -144,7 +144,8 @@ def etendue_notes(system: OpticalSystem) -> list[str]:
     return [
         universal_sentence(system, universal, efficiency),
         *universal_lines(system, universal),
-        f"{one_blur_sentence(system)}, {base_rear(system)}; at this efficiency {blur_sentence(images, stretchable(system))}",
+        f"{one_blur_sentence(system)}, {base_rear(system)}; at this efficiency "
+        f"{blur_sentence(images, stretchable(system))}",
     ]
 
 
