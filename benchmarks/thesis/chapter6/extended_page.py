@@ -150,9 +150,9 @@ def _second_tracer(thb: Numbers) -> Claim:
     return Claim(
         "The second tracer's loss has a constant offset, which grows in the last batches.",
         "6.3.2, Fig. 6.7 (b1)",
-        f"{sum(thb['exists'])} of {len(thb['exists'])} batches end with a lens that can exist, and has a STEP "
-        f"file. At equal rays these have the same loss in the second tracer, to {departure(thb):.0e} relative "
-        f"(asked: {SAME:.0e}). It holds if they differ by {percent(OFFSET)}.",
+        f"{sum(thb['exists'])} of {len(thb['exists'])} batches end with a lens that can exist and has a "
+        "STEP file. At equal rays these have the same loss in the second tracer, to "
+        f"{departure(thb):.0e} relative (asked: {SAME:.0e}). It holds if they differ by {percent(OFFSET)}.",
         departure(thb) > OFFSET,
     )
 
