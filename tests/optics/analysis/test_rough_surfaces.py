@@ -7,7 +7,7 @@ import optics
 from optics.problem import load_problem
 from tests.optics.cases import write_problem
 
-PIXELS = 192
+PIXELS = 96
 PLATE = {
     "lens.rear.radius": np.inf,
     "lens.rear.conic": 0.0,
@@ -45,6 +45,7 @@ def test_a_rough_plate_spreads_light_by_its_slopes(tmp_path, surface, rms, sourc
     assert sum(measured.metrics["fates_w"].values()) == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_roughness_and_divergence_add_up(tmp_path):
     sun = {"source.divergence_profile": "sun", "source.divergence": 0.6, "source.distance": 3.0}
     rough = {"lens.rear.slope_rms": 0.01, "lens.front.slope_rms": 0.008}

@@ -25,6 +25,7 @@ def passing_all(made):
     return replace(made, passing=np.ones(made.x.shape))
 
 
+@pytest.mark.slow
 @settings(max_examples=8, phases=[Phase.generate])  # to shrink an example would take minutes
 @given(made=shuffled(screens=SCREENS[:2], steps=(512,)), seed=st.integers(0, 99))
 def test_slopes_are_exact_on_shuffled_cells(backend, made, seed):

@@ -185,6 +185,7 @@ def test_the_estimate_of_the_area_is_honest_on_a_rough_surface():
 # Samples and minimisation
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(lenses(), st.integers(0, 2**32 - 1))
 def test_no_sample_lies_outside_the_bounds(lens, seed):

@@ -62,6 +62,7 @@ def block(lens, size):
     return bd.Pos(0, hy, sum(rims) / 2) * bd.Box(size, size, size)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow])
 @given(lens=lenses())
 def test_faces_keep_every_bit(lens):
