@@ -37,8 +37,9 @@ coverage: setup
 QUICK = \
 	tests/test_architecture.py \
 	tests/test_bench_error.py \
-	tests/optics/analysis/test_metrics.py \
-	tests/optics/api \
+	tests/optics/analysis/test_outgoing_light.py \
+	tests/optics/api/test_minimisation.py \
+	tests/optics/api/test_model.py \
 	tests/optics/commands/test_limits.py \
 	tests/optics/commands/test_new.py \
 	tests/optics/deconvolution/test_analytic.py \
@@ -75,14 +76,14 @@ QUICK = \
 	tests/optics/transport \
 	tests/optics/verification/test_step_checks.py \
 	tests/optics/view \
-	tests/thesis \
+	tests/thesis/test_gradients.py \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/parts/test_search.py \
 	tests/thbcad/cad/foreign \
 	tests/thbcad/cad/shapes/test_aperture_solid.py \
-	tests/thbcad/certified/test_slope_and_curvature.py \
-	tests/thbcad/drawings \
+	tests/thbcad/certified/test_extreme_values.py \
+	tests/thbcad/drawings/test_views.py \
 	tests/thbcad/fitting/test_adaptive_fit.py \
 	tests/thbcad/hierarchy/test_levels.py \
 	tests/thbcad/hierarchy/test_reference_values.py \
