@@ -35,7 +35,6 @@ if TYPE_CHECKING:
         rel_l2 as rel_l2,
     )
     from optics.analysis.outgoing_light import (
-        PLACES as PLACES,
         outgoing_rays as outgoing_rays,
     )
     from optics.analysis.ray_fans import (
@@ -68,10 +67,7 @@ _FILES = {
         "measure",
         "rel_l2",
     ),
-    "outgoing_light": (
-        "PLACES",
-        "outgoing_rays",
-    ),
+    "outgoing_light": ("outgoing_rays",),
     "ray_fans": ("fans",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
-PLACES = ("rear", "target")
-
 
 def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
     """Return about `count` rays of the source that went through front and rear, W.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from argparse import Namespace
 from math import prod, sqrt
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
+from optics.commands.picture_file import picture_path
 from optics.commands.problem_options import system_of
 from optics.etendue import (
     FIXED,
@@ -26,7 +26,7 @@ from optics.etendue import (
     universal_sentence,
     usual_efficiency,
 )
-from optics.results import ResultFolder, require_own, require_writable
+from optics.results import ResultFolder
 from optics.runtime import UserError
 from optics.tracing import normal_incidence_transmittance
 
@@ -42,12 +42,7 @@ def etendue(options: Namespace) -> Outcome:
     """Say what etendue forbids every lens of a problem, and what one blur everywhere would cost."""
     if options.efficiency is not None and not 0 < options.efficiency <= 1:
         raise UserError(f"--efficiency must be greater than 0 and at most 1, got {options.efficiency:g}")
-    if options.out:
-        out = Path(options.out)
-        if out.suffix.lower() != ".png":
-            raise UserError(f"--out must end in .png, since the picture is a PNG, got {out}")
-        require_writable(out)
-        require_own(out.parent, (out.name,), "", options.force)
+    out = picture_path(options)
     system = _resolved_base(system_of(options))
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
@@ -80,12 +75,12 @@ def etendue(options: Namespace) -> Outcome:
             f"{1 - NARROW:.0%} of its light comes in images at least so large; were they alike:",
             *_blur_lines(system, measured, data["measured"], True),
         ]
-    if options.out:
+    if out:
         from optics.report import bound_figure
         from thbcad.io import write_bytes
 
-        write_bytes(Path(options.out), bound_figure(universal, alike.bound, system.target.screen()))
-        lines.append(f"wrote {options.out}")
+        write_bytes(out, bound_figure(universal, alike.bound, system.target.screen()))
+        lines.append(f"wrote {out}")
     return Outcome(data, lines)
 
 

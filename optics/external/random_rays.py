@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
+SPARE = 64  # draws beside four for each ray, of which more than a third are kept: few rays have enough too
+
 
 def random_rays(source: LightSource, start: float, count: int, seed: int, most: int) -> Iterator[Rays]:
     """Yield `count` independent rays of a source in parts of at most `most`.
@@ -80,12 +82,13 @@ def _diverging(source: LightSource, n: int, fresh: np.random.Generator) -> Float
         return fresh.uniform(cos(widest), 1, n)
     if kind == "theta_uniform":
         return np.cos(fresh.uniform(0, widest, n))
+    drawn = 4 * n + SPARE
     if kind == "gaussian":
-        found = np.hypot(*fresh.normal(0, widest, (2, 2 * n)))
+        found = np.hypot(*fresh.normal(0, widest, (2, drawn)))
         return np.cos(found[found < min(6 * widest, radians(89))][:n])
-    square = fresh.random(4 * n)
+    square = fresh.random(drawn)
     mu = np.sqrt(1 - square)
-    kept = square[fresh.random(4 * n) < 0.30 + 0.93 * mu - 0.23 * mu**2][:n]
+    kept = square[fresh.random(drawn) < 0.30 + 0.93 * mu - 0.23 * mu**2][:n]
     return np.sqrt(1 - kept * sin(widest) ** 2)
 
 

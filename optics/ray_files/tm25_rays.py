@@ -63,13 +63,11 @@ def read_tm25(path: Path, data: memoryview) -> RaySet:
     columns = sum(width for width, there in zip(WIDTHS, has) if there) + head["own_columns"]
     table = _table(path, data, head, columns)
     first = np.cumsum([0, *(width * there for width, there in zip(WIDTHS, has))])
-    unit, flux = ("W", WATTS) if has[WATTS] else ("lm", LUMENS)
+    flux = WATTS if has[WATTS] else LUMENS
     wavelength = table[:, first[WAVELENGTH]] if has[WAVELENGTH] else None
     if wavelength is None and head["spectrum"] == 1 and head["wavelength"] > 0:
         wavelength = np.full(len(table), head["wavelength"], np.float32)
-    return RaySet(
-        table[:, :3], table[:, 3:6], table[:, first[flux]], "W" if unit == "W" else "lm", wavelength
-    )
+    return RaySet(table[:, :3], table[:, 3:6], table[:, first[flux]], "W" if has[WATTS] else "lm", wavelength)
 
 
 def _flags(head: dict[str, Any], path: Path) -> list[int]:
@@ -100,8 +98,8 @@ def _flags(head: dict[str, Any], path: Path) -> list[int]:
 def _table(path: Path, data: memoryview, head: dict[str, Any], columns: int) -> NDArray[np.float32]:
     """Return the rows of a file."""
     count, starts = head["rays"], [*_starts(path, data, head, columns)]
+    require_rows(path, len(data), min(starts), count, columns)
     for start in starts:
-        require_rows(path, len(data), min(starts), count, columns)
         if start + 4 * columns * min(count, LOOKED_AT) <= len(data):
             seen = rows(data, start, min(count, LOOKED_AT), columns)[:, 3:6]
             with np.errstate(all="ignore"):  # what is no direction may be any number

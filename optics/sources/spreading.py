@@ -110,8 +110,10 @@ def point_rays(
 def mirror_half(rays: Rays, axes: Sequence[int]) -> Rays:
     """Return those of the rays of a Lambertian source whose mirror images are the others.
 
-    axes : the mirrored directions, 0 for x and 1 for y.
+    axes : the mirrored directions, 0 for x and 1 for y; without any all rays stay, mirrored or not.
     """
+    if not axes:
+        return rays
     each = len(rays.flux) // len(MIRRORS)
     kept = [k for k, signs in enumerate(MIRRORS) if all(signs[axis] > 0 for axis in axes)]
     chosen = np.concatenate([np.arange(k * each, (k + 1) * each) for k in kept])

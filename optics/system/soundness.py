@@ -115,12 +115,31 @@ def require_room(system: OpticalSystem) -> None:
             f"and the front reaches to z = {front:.4g} mm there; "
             "make source.distance larger or source.half_width smaller"
         )
+    if source.kind == "rays":
+        _require_rays_before(system)
     freeform = problem.lens.rear.freeform
     top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.freedom
     if distance <= top:
         raise UserError(
             f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
             f"got {distance:g}"
+        )
+
+
+def _require_rays_before(system: OpticalSystem) -> None:
+    """Refuse rays of a file that start behind the front.
+
+    Raises
+    ------
+    UserError : names how far they reach into the lens.
+    """
+    front, (x, y, z) = system.lens.front, system.source.of_file.origin
+    a, b = front.half_width
+    within = (np.abs(x) <= a) & (np.abs(y) <= b)
+    depth = (z[within] - front.conic(x[within], y[within])).max(initial=-np.inf)
+    if depth >= 0:
+        raise UserError(
+            f"rays of source.file start up to {depth:.4g} mm behind the front; make source.distance larger"
         )
 
 

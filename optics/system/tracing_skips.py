@@ -54,7 +54,7 @@ def skip_lines(parts: Sequence[Skip]) -> list[str]:
 
 def _of_rays(problem: Problem, parallel: bool) -> list[Skip]:
     source, front = problem.source, problem.lens.front
-    collimated = source.kind == "collimated"
+    collimated = source.kind == "collimated" and not source.half_divergence
     wider = collimated and any(s > f for s, f in zip(source.half_width, front.half_width))
     if not collimated:
         aperture = "the source lights all around"

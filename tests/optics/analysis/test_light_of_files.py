@@ -6,7 +6,7 @@ import pytest
 import optics
 from optics.problem import load_problem
 from optics.ray_files import RaySet, write_rays
-from optics.sources import Profile, lambertian_parts
+from optics.sources import Profile, lambertian_parts, mirror_half
 from tests.optics.cases import rough, write_problem
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.4], "source.distance": 20.0}
@@ -84,3 +84,15 @@ def test_a_point_stands_for_the_lamp_before_there_is_a_lens(lamp):
     assert point.kind == "point"
     assert point.distance == pytest.approx(20.0, abs=0.05)
     assert point.half_angle > 80
+
+
+def test_rays_that_start_in_the_lens_are_refused(lamp):
+    problem = of_file(lamp).problem.with_(**{"source.distance": 0.01, "source.turn": [30.0, 0.0, 0.0]})
+    with pytest.raises(optics.UserError, match=r"up to 0.1\d+ mm behind the front"):
+        optics.System(problem)
+
+
+def test_no_ray_of_a_file_is_left_out_where_nothing_is_mirrored():
+    rays = next(lambertian_parts((0.5, 0.4), 1.0, 1.0, 90.0, Profile(), 64, 0, 64))
+    odd = next(rays.slices(63))
+    assert mirror_half(odd, ()) is odd

@@ -28,11 +28,11 @@ def run(capsys, *arguments):
     return SimpleNamespace(code=code, out=captured.out, err=captured.err)
 
 
-def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, result, tmp_path):
-    done = run(capsys, "relight", result, "--source", "sun", "--out", tmp_path / "sun.png", "--json")
+def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, golden, tmp_path):
+    done = run(capsys, "relight", golden.path, "--source", "sun", "--out", tmp_path / "sun.png", "--json")
     assert done.code == 0
     data = json.loads(done.out)
-    assert data["relit"]["efficiency"] == pytest.approx(data["designed"]["efficiency"], rel=1e-4)
+    assert data["relit"]["efficiency"] == pytest.approx(data["designed"]["efficiency"], rel=0.01)
     assert data["relit"]["rel_l2"] != data["designed"]["rel_l2"]
     with Image.open(tmp_path / "sun.png") as picture:
         assert picture.width > 3 * 300
@@ -48,9 +48,9 @@ def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, result, tmp_path)
         ([], "--source"),
     ],
 )
-def test_bad_light_is_one_sentence(capsys, result, tmp_path, monkeypatch, arguments, words):
+def test_bad_light_is_one_sentence(capsys, golden, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
-    done = run(capsys, "relight", result, *arguments)
+    done = run(capsys, "relight", golden.path, *arguments)
     assert done.code == 2
     assert words in done.err
     assert len(done.err.splitlines()) == 1
