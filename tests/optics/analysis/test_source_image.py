@@ -67,7 +67,8 @@ def test_rays_measure_what_the_source_s_image_says(tmp_path):
 
     def replicates():
         for _ in range(REPLICATES):
-            image, fates = _trace(system, lens, screen, (SIDE, SIDE), rng, backend)
+            parts = system.source.parts((SIDE, SIDE), rng)
+            image, fates = _trace(system, lens, screen, parts, rng, backend)
             yield image, fates.on_target, fates.off_target
 
     light = LightEstimate.of_replicates(replicates())
