@@ -39,7 +39,7 @@ LIBRARY = {
     "OCP": ("from thbcad import write_step", "cad"),
     "PIL": ("from optics.target import read_picture", "optics"),
     "drjit": ("from optics.runtime import load_backend; load_backend()", "optics"),
-    "matplotlib": ("from optics.report import report_html, solid_views", "optics"),
+    "matplotlib": ("from optics.figures import solid_views", "optics"),
 }
 HOOK = """
 import sys

@@ -23,12 +23,12 @@ class DesignFigures:
 
     def __init__(self, process: SecondProcess, system: OpticalSystem) -> None:
         self.process = process
-        self._before = process.ask("optics.report", "solid_views", system.lens)
+        self._before = process.ask("optics.figures", "solid_views", system.lens)
 
     def draw_lens(self, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]) -> None:
         """Draw what needs no measurement."""
-        self._lens = self.process.ask("optics.report", "lens_figures", lens, history, plan)
-        self._solid = self.process.ask("optics.report", "solid_views", lens)
+        self._lens = self.process.ask("optics.figures", "lens_figures", lens, history, plan)
+        self._solid = self.process.ask("optics.figures", "solid_views", lens)
 
     def draw_light(
         self,
@@ -39,14 +39,14 @@ class DesignFigures:
     ) -> None:
         """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
         from optics.analysis import fans as ray_fans
-        from optics.report import scene_paths
+        from optics.figures import scene_paths
 
         from_a_point = system.source.settings.kind in ("point", "lambertian") and system.path.by_edges
         fans = ray_fans(system, lens, backend) if from_a_point else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
-        self._light = self.process.ask("optics.report", "light_figures", plain, lens, measurement, fans)
+        self._light = self.process.ask("optics.figures", "light_figures", plain, lens, measurement, fans)
         self._scene = self.process.ask(
-            "optics.report", "scene_view", plain, lens, measurement.irradiance, paths
+            "optics.figures", "scene_view", plain, lens, measurement.irradiance, paths
         )
         self._view = self.process.ask("optics.view", "scene_page", plain, lens, measurement.irradiance, paths)
 
@@ -55,7 +55,7 @@ class DesignFigures:
         plain = OpticalSystem(system.problem)
         self._levels = [
             self.process.ask(
-                "optics.report", "level_figure", plain, k.name, k.lens, k.measurement, k.gradients
+                "optics.figures", "level_figure", plain, k.name, k.lens, k.measurement, k.gradients
             )
             for k in levels
         ]

@@ -25,9 +25,9 @@ from optics.system import OpticalSystem
 if TYPE_CHECKING:
     from optics.analysis import Measurement
     from optics.api.level_records import LevelRecord
+    from optics.figures import OverviewFigure
     from optics.optimisation import Row, State
     from optics.problem import Problem, Source
-    from optics.report import OverviewFigure
 
 Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
@@ -138,13 +138,13 @@ class Design(DesignRecord):
 
     def plot(self) -> OverviewFigure:
         """Return a figure of target, irradiance and their difference."""
-        from optics.report import overview_figure
+        from optics.figures import overview_figure
 
         return overview_figure(self.system, self.measurement)
 
     def view(self) -> SceneView:
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
-        from optics.report import scene_paths
+        from optics.figures import scene_paths
         from optics.runtime import load_backend
         from optics.view import scene_page
 
@@ -158,7 +158,7 @@ class Design(DesignRecord):
 
     def _repr_html_(self) -> str:
         """Return pictures and the main numbers, for notebooks."""
-        from optics.report import overview_html
+        from optics.figures import overview_html
 
         return overview_html(self.system, self.measurement, self.metrics, self.notes)
 

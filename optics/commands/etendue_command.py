@@ -76,7 +76,7 @@ def etendue(options: Namespace) -> Outcome:
             *_blur_lines(system, measured, data["measured"], True),
         ]
     if out:
-        from optics.report import bound_figure
+        from optics.figures import bound_figure
         from thbcad.io import write_bytes
 
         write_bytes(out, bound_figure(universal, alike.bound, system.target.screen()))

@@ -64,7 +64,8 @@ class LightRequest:
             light_comparison_checks,
             light_comparison_lines,
         )
-        from optics.report import check_page, two_lights_figure
+        from optics.figures import two_lights_figure
+        from optics.report import check_page
         from optics.runtime import verification
         from thbcad.io import json_text, write_bytes, write_text
 

@@ -21,7 +21,7 @@ def relight(options: Namespace) -> Outcome:
     lines = [f"{'':12} {'as designed':>12} {options.source:>12}"]
     lines += [f"{key:12} {data['designed'][key]:12.4f} {data['relit'][key]:12.4f}" for key in SHOWN]
     if out:
-        from optics.report import relit_figure
+        from optics.figures import relit_figure
         from thbcad.io import write_bytes
 
         write_bytes(out, relit_figure(own, other, design.system.target.screen(), options.source))

@@ -28,7 +28,8 @@ def trace(options: Namespace) -> Outcome:
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
     require_own(folder, (*FILES, RECORD), RECORD, options.force)
-    from optics.report import fresnel_figure, irradiance_figure, light_files, phase_space_figure
+    from optics.figures import fresnel_figure, irradiance_figure, phase_space_figure
+    from optics.report import light_files
     from optics.runtime import load_backend
     from thbcad.io import json_text, write_bytes, write_text
 

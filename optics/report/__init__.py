@@ -1,18 +1,10 @@
-"""The report and its pictures."""
+"""The report as a page, and the files of its light."""
 
 from typing import TYPE_CHECKING
 
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.report.figures import (
-        draw_fan as draw_fan,
-        lens_figures as lens_figures,
-        light_figures as light_figures,
-    )
-    from optics.report.fresnel_curves import (
-        fresnel_figure as fresnel_figure,
-    )
     from optics.report.html import (
         Report as Report,
         check_page as check_page,
@@ -21,67 +13,13 @@ if TYPE_CHECKING:
     from optics.report.irradiance_files import (
         light_files as light_files,
     )
-    from optics.report.level_figures import (
-        level_figure as level_figure,
-    )
-    from optics.report.overview import (
-        OverviewFigure as OverviewFigure,
-        overview_figure as overview_figure,
-        overview_html as overview_html,
-    )
-    from optics.report.scene_figure import (
-        scene_view as scene_view,
-    )
-    from optics.report.scene_rays import (
-        scene_paths as scene_paths,
-    )
-    from optics.report.solid_figure import (
-        draw_solid as draw_solid,
-        solid_views as solid_views,
-    )
-    from optics.report.source_figures import (
-        bound_figure as bound_figure,
-        relit_figure as relit_figure,
-    )
-    from optics.report.trace_figures import (
-        irradiance_figure as irradiance_figure,
-        phase_space_figure as phase_space_figure,
-        two_lights_figure as two_lights_figure,
-    )
 
 _FILES = {
-    "figures": (
-        "draw_fan",
-        "lens_figures",
-        "light_figures",
-    ),
-    "fresnel_curves": ("fresnel_figure",),
     "html": (
         "Report",
         "check_page",
         "report_html",
     ),
     "irradiance_files": ("light_files",),
-    "level_figures": ("level_figure",),
-    "overview": (
-        "OverviewFigure",
-        "overview_figure",
-        "overview_html",
-    ),
-    "scene_figure": ("scene_view",),
-    "scene_rays": ("scene_paths",),
-    "solid_figure": (
-        "draw_solid",
-        "solid_views",
-    ),
-    "source_figures": (
-        "bound_figure",
-        "relit_figure",
-    ),
-    "trace_figures": (
-        "irradiance_figure",
-        "phase_space_figure",
-        "two_lights_figure",
-    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

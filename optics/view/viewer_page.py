@@ -35,11 +35,11 @@ INT16 = 32767
 def scene_page(system: OpticalSystem, lens: Lens, irradiance: Array, paths: Sequence[RayPath]) -> str:
     """Return an HTML page of source, lens, rays and the light on the target, of at most 1 MB.
 
-    It shows what the picture by `optics.report.scene_view` shows.  Where that draws the distance behind the
+    It shows what the picture by `optics.figures.scene_view` shows.  Where that draws the distance behind the
     lens shorter or longer than it is, the page can show it true.  Of more than 96 paths, and of more than
     256 pixels across, it shows paths at equal steps and means of blocks.
 
-    irradiance : (rows, columns), row 0 at +y.  paths : as `optics.report.scene_paths`.
+    irradiance : (rows, columns), row 0 at +y.  paths : as `optics.figures.scene_paths`.
     """
     faces, _ = solid_faces(lens, SAMPLES)
     scene = placed(system.problem, faces)

@@ -18,8 +18,8 @@ from benchmarks.thesis.chapter6.batch_pictures import (
 from benchmarks.thesis.drawing import curves, plt, png
 from benchmarks.thesis.records import Results
 from optics.analysis import fans
+from optics.figures import draw_fan
 from optics.problem import load_problem
-from optics.report import draw_fan
 from optics.runtime import load_backend
 from optics.system import OpticalSystem
 from thbcad import Lens

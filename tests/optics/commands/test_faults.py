@@ -106,7 +106,7 @@ def replayed(kept, monkeypatch):
     for module, function in STEPS.items():
         monkeypatch.setattr(f"{module}.{function}", lambda *_, value=kept.values[function]: value)
     monkeypatch.setattr("optics.api.design_run.shape", shaped)
-    monkeypatch.setattr("optics.report.scene_paths", lambda *_: [])
+    monkeypatch.setattr("optics.figures.scene_paths", lambda *_: [])
     monkeypatch.setattr("optics.prediction.resolved", lambda system, backend: (system, None))
     return lambda out, *options: main(["design", str(kept.problem), "--out", str(out), "--json", *options])
 

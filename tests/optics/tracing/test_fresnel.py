@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from matplotlib import pyplot as plt
 
-from optics.report import fresnel_figure
+from optics.figures import fresnel_figure
 from optics.tracing.refraction import (
     critical_angle,
     normal_incidence_transmittance,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.report.canvas import plt, png_bytes
+from optics.figures.canvas import plt, png_bytes
 from optics.tracing import critical_angle, traced_transmittance, transmittances
 
 if TYPE_CHECKING:

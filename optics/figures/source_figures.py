@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.report.canvas import plt, png_bytes
+from optics.figures.canvas import plt, png_bytes
 
 if TYPE_CHECKING:
     from optics.analysis import Measurement

@@ -10,7 +10,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 from numpy.typing import NDArray
 
-from optics.report.canvas import plt, png_bytes
+from optics.figures.canvas import plt, png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

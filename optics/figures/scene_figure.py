@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from optics.report.canvas import plt, png_bytes
-from optics.report.scene_rays import FAR
-from optics.report.solid_figure import draw_solid
+from optics.figures.canvas import plt, png_bytes
+from optics.figures.scene_rays import FAR
+from optics.figures.solid_figure import draw_solid
 from optics.view import Face, Scene, View, caption, corners, placed, solid_faces
 
 if TYPE_CHECKING:

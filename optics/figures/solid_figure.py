@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.report.canvas import plt, png_bytes
+from optics.figures.canvas import plt, png_bytes
 from optics.view import Face, View, oblique, rendered, solid_faces
 
 if TYPE_CHECKING:

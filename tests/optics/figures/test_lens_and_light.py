@@ -9,9 +9,9 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection
 from PIL import Image
 
-from optics.report import figures
-from optics.report.canvas import DPI, block, new_figure, plane_figure, png_bytes
-from optics.report.figures import lens_figures
+from optics.figures import lens_and_light as figures
+from optics.figures.canvas import DPI, block, new_figure, plane_figure, png_bytes
+from optics.figures.lens_and_light import lens_figures
 from tests.optics.verification.cases import shaped
 
 PLAN = [

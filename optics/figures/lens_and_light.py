@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from optics.analysis import counted_ways
-from optics.report.canvas import block, new_figure, plane_figure, plt, png_bytes
+from optics.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

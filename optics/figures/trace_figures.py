@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.report.canvas import plane_figure, plt, png_bytes
+from optics.figures.canvas import plane_figure, plt, png_bytes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,9 +7,9 @@ import pytest
 from matplotlib import pyplot as plt
 from PIL import Image
 
+from optics.figures.scene_figure import scene_view
+from optics.figures.scene_rays import scene_paths
 from optics.problem import load_problem
-from optics.report.scene_figure import scene_view
-from optics.report.scene_rays import scene_paths
 from optics.system import OpticalSystem
 
 LAMBERTIAN = {
