@@ -41,6 +41,7 @@ FLOORS = [
         "optics.transport",
     ],
     ["optics.tracing", "optics.system", "optics.shape"],
+    ["optics.blur"],
     ["optics.analysis", "optics.engines"],
     ["optics.optimisation", "optics.etendue", "optics.relighting", "optics.verification"],
     ["optics.progress", "optics.results", "optics.view"],

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_cells import cell_irradiance
@@ -33,12 +34,11 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-REPLICATES = 4  # sets of samples: their differences tell the error
-ONE, SEVERAL = 4, 2  # samples of a set for one quantity that spreads, and for several, before they are turned
-# turns of a sample by 90 degrees, a row each: means over them vanish, variances in x and y are equal, and
-# quantities have no covariance
-QUARTERS = [(a,) for a in range(4)]
-PAIRED_QUARTERS = [(a, b, a + b) for a in range(4) for b in range(4)]
+REPLICATES = 4  # independent sets of samples: their differences tell the error
+# samples of a set: of one quantity that spreads a sunflower, which is turned by quarters so that symmetric
+# light stays symmetric; of several Sobol points in all their dimensions
+SUNFLOWER, SEVERAL = 8, 32
+QUARTERS = pi / 2 * np.arange(4)
 CELLS_PER_PIXEL = 2  # in each direction: what single beams leave is averaged over all of them
 LEAST_CELLS = 128
 GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
@@ -81,38 +81,33 @@ def _cells(system: OpticalSystem, counts: Sequence[int], sample: _Sample) -> Sou
 
 
 def _sets(system: OpticalSystem) -> Iterator[list[_Sample]]:
-    """Yield the samples of every replicate.
-
-    Every quantity that spreads has one quantile of its own in each of as many equal parts as there are
-    samples before they are turned.
-    """
+    """Yield the samples of every replicate."""
     rng = np.random.default_rng(system.problem.run.seed)
     spread = [system.source.diverging, *map(bool, system.slope_rms)]
-    bases, turns = (ONE, QUARTERS) if sum(spread) == 1 else (SEVERAL, PAIRED_QUARTERS)
-    count = REPLICATES * bases
-    quantiles = [(rng.permutation(count) + 0.5) / count for _ in spread]
-    angles = [rng.uniform(0, 2 * pi) + GOLDEN * rng.permutation(count) for _ in spread]
-    for k in range(REPLICATES):
+    for _ in range(REPLICATES):
         yield [
-            _sample(system, spread, [q[i] for q in quantiles], [a[i] for a in angles], turn)
-            for i in range(k * bases, (k + 1) * bases)
-            for turn in turns
+            _sample(system, dict(zip(np.flatnonzero(spread), row))) for row in _disk_points(sum(spread), rng)
         ]
 
 
-def _sample(
-    system: OpticalSystem,
-    spread: Sequence[bool],
-    quantiles: Sequence[float],
-    angles: Sequence[float],
-    turn: Sequence[int],
-) -> _Sample:
-    """Return a sample from the quantiles and angles of beam, front and rear, turned by quarters."""
-    quarters = iter(turn)
-    angles = [a + pi / 2 * next(quarters) if s else a for s, a in zip(spread, angles)]
-    direction = system.source.spread.direction(quantiles[0], angles[0]) if spread[0] else None
+def _disk_points(disks: int, rng: np.random.Generator) -> Floats:
+    """Return points on as many disks at once, (n, disks, 2): the share of the area within, and the angle."""
+    if disks > 1:
+        points = qmc.Sobol(2 * disks, rng=rng).random(SEVERAL).reshape(SEVERAL, disks, 2)
+        return np.asarray(points * (1, 2 * pi))
+    k = np.arange(SUNFLOWER)
+    angle = rng.uniform(0, 2 * pi) + GOLDEN * k + QUARTERS[:, None]
+    within = np.broadcast_to((k + 0.5) / SUNFLOWER, angle.shape)
+    return np.stack([within.ravel(), angle.ravel()], axis=1)[:, None, :]
+
+
+def _sample(system: OpticalSystem, points: dict[int, Floats]) -> _Sample:
+    """Return the sample of points on the disks of beam (0) and of the slopes of front (1) and rear (2)."""
     errors = [
-        rms * sqrt(-2 * log1p(-u)) * np.array([[cos(a)], [sin(a)]]) if rms else None
-        for rms, u, a in zip(system.slope_rms, quantiles[1:], angles[1:])
+        rms * sqrt(-2 * log1p(-points[k][0])) * np.array([[cos(points[k][1])], [sin(points[k][1])]])
+        if k in points
+        else None
+        for k, rms in enumerate(system.slope_rms, 1)
     ]
+    direction = system.source.spread.direction(*points[0]) if 0 in points else None
     return _Sample(direction, SlopeErrors(*errors))

@@ -82,16 +82,16 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["nonsequential"] = _all_ways(direct, other, target, screen)
     if estimator != "beams":
         return Measurement(irradiance, target, metrics)
-    clear, _ = _by_cells(system.sharp(), lens, screen, backend)
+    clear, _ = _by_cells(system.sharp, lens, screen, backend)
     sharp = clear.irradiance / shown
     return Measurement(irradiance, target, metrics | {"rel_l2_sharp": rel_l2(sharp, target)}, sharp)
 
 
 def _estimator(system: OpticalSystem) -> str:
     """Return how light is measured: by "cells", by "beams" of cells for all that blurs it, or by "rays"."""
-    if system.source.extended and not system.source.diverging:
-        return "rays"
-    return "beams" if system.source.diverging or any(system.slope_rms) else "cells"
+    if system.blurred:
+        return "beams"
+    return "rays" if system.source.extended else "cells"
 
 
 def _all_ways(

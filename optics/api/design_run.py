@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from optics.api.design_result import Design
-from optics.api.engine_choice import engine_of
+from optics.api.engine_choice import shaping_by
 from optics.api.irradiance_model import DEVICE
 from optics.api.level_records import LevelKeeper
 from optics.api.prepared_problem import prepared
@@ -75,12 +75,12 @@ def shaped(
     system, backend = ready.system, ready.backend
     for sentence in advice(system):
         notes(sentence)
-    chosen = engine_of(engine, system, backend)
+    traced, chosen = shaping_by(engine, system, backend)
     moved = state.moved if state else system.problem.optimizer.start == "transport"
-    clock.progress.planned(Size.of(system), stages(system, moved))
+    clock.progress.planned(Size.of(system), stages(traced, moved))
     clock.lap("setup")
-    keeper = LevelKeeper(system, chosen) if system.problem.run.keep == "levels" else None
-    _, state = shape(system, backend, chosen, state, clock.progress, keep, notes, ready.start, keeper)
+    keeper = LevelKeeper(system, traced, chosen) if system.problem.run.keep == "levels" else None
+    _, state = shape(traced, backend, chosen, state, clock.progress, keep, notes, ready.start, keeper)
     backend.release()
     clock.lap("optimise")
     levels = keeper.records if keeper else ()

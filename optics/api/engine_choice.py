@@ -1,10 +1,11 @@
-"""Engines by their names."""
+"""Engines by their names, and what they trace where the light is blurred."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from optics.engines import ExactEngine
+from optics.blur import blur_of
+from optics.engines import BlurredEngine, ExactEngine
 from optics.problem import ENGINES
 from optics.runtime import UserError
 
@@ -34,3 +35,21 @@ def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backe
     from optics.mitsuba import mitsuba_engine
 
     return mitsuba_engine(engine, system.problem.run.threads)
+
+
+def shaping_by(
+    engine: str | Engine | None, system: OpticalSystem, backend: Backend
+) -> tuple[OpticalSystem, Engine]:
+    """Return the system whose light a design traces, and the engine that does so.
+
+    Where divergence or roughness blurs the light, that is the sharp system, and the engine blurs its light.
+
+    Raises
+    ------
+    UserError : see `engine_of`.
+    """
+    sharp = system.shaping
+    chosen = engine_of(engine, sharp, backend)
+    if sharp is system:
+        return system, chosen
+    return sharp, BlurredEngine(chosen, blur_of(system, system.lens, backend))

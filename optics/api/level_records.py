@@ -54,16 +54,19 @@ class LevelRecord:
 
 
 class LevelKeeper:
-    """Keeps a record of every level of a run; call it as `seen` of the design loop."""
+    """Keeps a record of every level of a run; call it as `seen` of the design loop.
 
-    def __init__(self, system: OpticalSystem, engine: Engine) -> None:
-        self._system, self._engine = system, engine
+    system : that measures.  traced, engine : what the design traces, see `shaping_by`.
+    """
+
+    def __init__(self, system: OpticalSystem, traced: OpticalSystem, engine: Engine) -> None:
+        self._system, self._traced, self._engine = system, traced, engine
         self.records: list[LevelRecord] = []
 
     def __call__(self, stage: Stage, lens: Lens, target: Floats) -> None:
         from optics.analysis import measure
 
-        indicators = Indicators(self._system, self._engine, target, None)
+        indicators = Indicators(self._traced, self._engine, target, None)
         measurement = measure(self._system, lens, load_backend("double", self._system.problem.run.threads))
         name = "finish" if stage.finish else f"level {stage.level}"
         gradients = tuple(indicators.vertex(lens, stage))

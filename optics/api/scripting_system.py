@@ -17,7 +17,7 @@ from optics.api.coefficient_vectors import (
     space_rows,
     vectors,
 )
-from optics.api.engine_choice import engine_of
+from optics.api.engine_choice import shaping_by
 from optics.api.irradiance_model import DEVICE, Model, unit_of
 from optics.api.prepared_problem import prepared
 from optics.engines import Film
@@ -89,7 +89,7 @@ class System:
         ------
         UserError : what does not suit, or an engine that is not installed; one sentence says so.
         """
-        spaces, optical = space_rows(space, self._level_0), self.optical
+        spaces, optical = space_rows(space, self._level_0), self.optical.shaping
         if window is None:
             own = self.problem.optimizer.window
             window = "pixel" if own == "cells" and optical.source.extended else own
@@ -100,7 +100,8 @@ class System:
         )
         lens = optical.lens.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
         with DEVICE:
-            light = engine_of(engine, optical, self._backend).model(optical, lens, film)
+            optical, chosen = shaping_by(engine, self.optical, self._backend)
+            light = chosen.model(optical, lens, film)
             target = optical.target.irradiance(optical.target.screen(), self._flux)
             return Model(spaces, light, charged_objective(optical, lens, light, target))
 
@@ -151,7 +152,7 @@ class System:
 
     @cached_property
     def _flux(self) -> float:
-        return transmitted_flux(self.optical, self._backend)
+        return transmitted_flux(self.optical.shaping, self._backend)
 
     @cached_property
     def _transport(self) -> TransportStart:

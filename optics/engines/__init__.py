@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.engines.blurred_engine import (
+        BlurredEngine as BlurredEngine,
+    )
     from optics.engines.exact_engine import (
         SOFT_RIM as SOFT_RIM,
         ExactEngine as ExactEngine,
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "blurred_engine": ("BlurredEngine",),
     "exact_engine": (
         "SOFT_RIM",
         "ExactEngine",

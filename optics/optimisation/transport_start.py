@@ -75,6 +75,7 @@ class TransportStart:
     """
 
     def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
+        system = system.shaping
         self._system, self._lens, self._backend = system, system.lens, backend
         screen = system.target.screen()
         self.lit, self._centre, self.half_lit = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)

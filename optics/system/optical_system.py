@@ -81,8 +81,19 @@ class OpticalSystem:
         """Of front and rear, radians."""
         return self.problem.lens.front.slope_rms, self.problem.lens.rear.slope_rms
 
+    @property
+    def blurred(self) -> bool:
+        """Whether the light is that of a source without extent, blurred: by divergence, or rough surfaces."""
+        return self.source.diverging or (any(self.slope_rms) and not self.source.extended)
+
+    @property
+    def shaping(self) -> OpticalSystem:
+        """The system whose light a design traces: what blurs it is a convolution."""
+        return self.sharp if self.blurred else self
+
+    @cached_property
     def sharp(self) -> OpticalSystem:
-        """Return the system without the divergence of its beam and without roughness."""
+        """The system without the divergence of its beam and without roughness."""
         changes: dict[str, object] = {"lens.front.slope_rms": 0.0, "lens.rear.slope_rms": 0.0}
         if self.source.diverging:
             changes |= {"source.divergence": 0.0, "source.divergence_profile": "uniform"}

@@ -1,0 +1,27 @@
+"""The blur of a beam that diverges and of rough surfaces, as a convolution of the sharp light."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.blur.convolution import (
+        Blur as Blur,
+        blur_of as blur_of,
+    )
+    from optics.blur.spot_matrices import (
+        LandingShifts as LandingShifts,
+        landing_shifts as landing_shifts,
+    )
+
+_FILES = {
+    "convolution": (
+        "Blur",
+        "blur_of",
+    ),
+    "spot_matrices": (
+        "LandingShifts",
+        "landing_shifts",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

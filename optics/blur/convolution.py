@@ -1,0 +1,133 @@
+"""A blur that is the same everywhere: the sharp light, convolved with the spot of one point of the rear.
+
+    E(X) = integral E_sharp(X - Y) k(Y) dY,      k^(f) = E[exp(-2 pi i f . dX)]
+
+with dX of `LandingShifts`.  Of a beam whose sines are sqrt(u) stretch(u) at quantiles u of the flux, in all
+directions alike, and of Gaussian errors of the slopes with rms sigma that is
+
+    k^(f) = g(f) integral_0^1 J_0(2 pi |B' f| sin(theta(u))) du,
+    g(f) = exp(-2 pi^2 (sigma_front^2 |F' f|^2 + sigma_rear^2 |R' f|^2)).
+
+It is exact where the lens and its distance to the target are the same for all light.  Behind a lens of 100 mm
+that throws 200 mm wide pictures 300 mm far the spots differ by 2 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, pi, radians, sin, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.special import j0
+
+from optics.blur.spot_matrices import LandingShifts, landing_shifts
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend
+    from optics.sources import Divergence
+    from optics.system import OpticalSystem
+    from optics.target import Screen
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+
+SIGMAS = 3.0  # of Gaussian errors, that a spot reaches: a hundredth of its light lies beyond
+QUANTILES = 256  # of the flux over the angles: 1e-5 of the transfer function of a spot some pixels wide
+FREQUENCIES = 2048  # at which the transfer function of the beam is tabulated
+FWHM = 2.355  # full width at half of a Gaussian, in sigmas
+
+
+@dataclass(frozen=True, eq=False)
+class Blur:
+    """The spot that all light of one point of the rear makes.
+
+    spread : of the beam; None of light without divergence.  slope_rms : of front and rear.
+    """
+
+    spread: Divergence | None
+    slope_rms: tuple[float, float]
+    shifts: LandingShifts
+
+    @property
+    def width(self) -> float:
+        """The full width of the spot, mm or degrees: of a disk its diameter, of Gaussians that at half."""
+        sizes = [FWHM * rms * _size(m) for rms, m in self._gaussians]
+        if self.spread is not None:
+            gaussian = self.spread.kind == "gaussian"
+            full = FWHM * radians(self.spread.half_angle) if gaussian else 2 * self._sine
+            sizes.append(full * _size(self.shifts.beam))
+        return float(np.hypot.reduce(sizes))
+
+    def reach(self, screen: Screen) -> int:
+        """Return how many pixels of a screen the spot reaches."""
+        far = np.zeros(2)
+        for rms, matrix in self._gaussians:
+            far = np.hypot(far, SIGMAS * rms * np.linalg.norm(matrix, axis=1))
+        if self.spread is not None:
+            sine = self._sine * (SIGMAS if self.spread.kind == "gaussian" else 1)
+            far = far + sine * np.linalg.norm(self.shifts.beam, axis=1)
+        return ceil(max(far / screen.pitch))
+
+    def applied(self, image: Floats, screen: Screen) -> Floats:
+        """Return an image on pixels as large as the screen's, blurred; beyond its borders it is dark."""
+        reach = self.reach(screen)
+        shape = [fft.next_fast_len(n + reach, real=True) for n in image.shape]
+        spectrum = fft.rfft2(image, shape) * self.transfer(screen, (shape[0], shape[1]))
+        return np.asarray(fft.irfft2(spectrum, shape)[: image.shape[0], : image.shape[1]])
+
+    def kernel(self, screen: Screen) -> Floats:
+        """Return the spot on pixels, (odd, odd), of a point that is one pixel large; its sum is 1."""
+        side = 2 * self.reach(screen) + 3
+        shape = (4 * side, 4 * side)
+        pixel = np.sinc(fft.fftfreq(shape[0]))[:, None] * np.sinc(fft.rfftfreq(shape[1]))
+        spot = np.roll(fft.irfft2(self.transfer(screen, shape) * pixel, shape), side // 2, (0, 1))[
+            :side, :side
+        ]
+        spot = np.maximum(spot, 0.0)  # a band-limited spot has a fringe below zero
+        return np.asarray(spot / spot.sum())
+
+    def transfer(self, screen: Screen, shape: tuple[int, int]) -> Floats:
+        """Return k^ at the frequencies of a real FFT over pixels, (rows, columns // 2 + 1)."""
+        fx = fft.rfftfreq(shape[1])[None, :] / screen.pitch[0]
+        fy = -fft.fftfreq(shape[0])[:, None] / screen.pitch[1]  # rows fall with y
+
+        def along(matrix: Floats) -> Floats:
+            """Return |M' f|."""
+            (a, b), (c, d) = matrix
+            return np.hypot(a * fx + c * fy, b * fx + d * fy)
+
+        out = np.ones((shape[0], shape[1] // 2 + 1))
+        for rms, matrix in self._gaussians:
+            out *= np.exp(-2 * pi**2 * rms**2 * along(matrix) ** 2)
+        if self.spread is not None:
+            at = along(self.shifts.beam)
+            table = np.linspace(0, at.max(), FREQUENCIES)
+            u = (np.arange(QUANTILES) + 0.5) / QUANTILES
+            sine = self.spread.stretch(u) * np.sqrt(u)
+            out *= np.interp(at, table, j0(2 * pi * table[:, None] * sine).mean(axis=1))
+        return out
+
+    @property
+    def _sine(self) -> float:
+        """sin of the half-angle, or of one sigma."""
+        return 0.0 if self.spread is None else sin(radians(self.spread.half_angle))
+
+    @property
+    def _gaussians(self) -> list[tuple[float, Floats]]:
+        """Slope errors with what they do."""
+        pairs = zip(self.slope_rms, (self.shifts.front, self.shifts.rear))
+        return [(rms, matrix) for rms, matrix in pairs if rms]
+
+
+def _size(matrix: Floats) -> float:
+    """Return the scale of lengths under a matrix."""
+    return sqrt(abs(np.linalg.det(matrix)))
+
+
+def blur_of(system: OpticalSystem, lens: Lens, backend: Backend) -> Blur:
+    """Return the Blur of a lens in a system that blurs, see `OpticalSystem.blurred`."""
+    spread = system.source.spread if system.source.diverging else None
+    return Blur(spread, system.slope_rms, landing_shifts(system.sharp, lens, backend))

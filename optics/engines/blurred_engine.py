@@ -1,0 +1,118 @@
+"""Light models of blurred light: another engine makes the sharp light, which is convolved.
+
+A beam that diverges, and rough surfaces, ask for the mean over many directions.  Where the blur is nearly the
+same everywhere, one sharp image and a convolution do: exact cells stay free of noise, and an evaluation costs
+little more.  The convolution is symmetric, so that its adjoint is the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from optics.blur import Blur
+    from optics.engines.light_model import Engine, Film, Light, LightModel
+    from optics.system import OpticalSystem
+    from optics.target import Screen
+    from thbcad.lens import Lens
+    from thbcad.splines import KnotVector
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class BlurredEngine:
+    """An `Engine` whose models blur the light of another's."""
+
+    sharp: Engine
+    blur: Blur
+
+    def model(
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        film: Film,
+        axes: Sequence[int] = (),
+        fresh: np.random.Generator | None = None,
+    ) -> BlurredModel:
+        """Return the light model of a sharp system, see `Engine`; it sees as far as the blur reaches."""
+        wide = replace(film.screen, margin=film.screen.margin + self.blur.reach(film.screen))
+        model = self.sharp.model(system, lens, replace(film, screen=wide), axes, fresh)
+        return BlurredModel(model, self.blur, film.screen)
+
+
+@dataclass(frozen=True, eq=False)
+class BlurredModel:
+    """A `LightModel` of blurred light.  sharp : the model of the light before, with a wider margin."""
+
+    sharp: LightModel
+    blur: Blur
+    screen: Screen
+
+    def light(self, coefficients: Sequence[Floats]) -> BlurredLight:
+        light = self.sharp.light(coefficients)
+        return BlurredLight(self, light, self.blurred(light.image))
+
+    def image(self, coefficients: Sequence[Floats]) -> Floats:
+        """Return `Light.image` alone."""
+        return self.blurred(self.sharp.image(coefficients))
+
+    def push_forward(
+        self, coefficients: Sequence[Floats], directions: Sequence[Floats]
+    ) -> tuple[Floats, Floats]:
+        """Return the image, and its derivative along a direction in the coefficients."""
+        image, slope = self.sharp.push_forward(coefficients, directions)
+        return self.blurred(image), self.blurred(slope)
+
+    def filtered(self, image: Floats) -> Floats:
+        """Return an irradiance that is constant on every pixel as the sharp engine would measure it."""
+        return self._narrow(self.sharp.filtered(self._wide(image)))
+
+    def blurred(self, image: Floats) -> Floats:
+        """Return the blur of an image on the wide screen, on the narrow one."""
+        return self._narrow(self.blur.applied(image, self.screen))
+
+    def blurred_back(self, image_bar: Floats) -> Floats:
+        """Return the adjoint of `blurred`."""
+        return self.blur.applied(self._wide(image_bar), self.screen)
+
+    @property
+    def _extra(self) -> int:
+        return self.sharp.screen.margin - self.screen.margin
+
+    def _wide(self, image: Floats) -> Floats:
+        return np.pad(image, self._extra)
+
+    def _narrow(self, image: Floats) -> Floats:
+        rows, columns = image.shape
+        return image[self._extra : rows - self._extra, self._extra : columns - self._extra]
+
+
+@dataclass(frozen=True, eq=False)
+class BlurredLight:
+    """The blurred `Light` of one lens."""
+
+    model: BlurredModel
+    sharp: Light
+    image: Floats
+
+    @property
+    def lost(self) -> float:
+        """As of the sharp light: the blur moves as much light out as in."""
+        return self.sharp.lost
+
+    def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
+        """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
+        return self.sharp.pull_back(self.model.blurred_back(image_bar), lost_bar)
+
+    def vertex_gradients(
+        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
+    ) -> list[Floats]:
+        """Return the derivative by the heights of a bilinear grid over every free surface (thesis 6.2)."""
+        return self.sharp.vertex_gradients(self.model.blurred_back(image_bar), lost_bar, knots)
