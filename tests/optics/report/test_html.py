@@ -5,6 +5,7 @@ from html import unescape
 
 import pytest
 
+from optics.photometry import units_of
 from optics.problem import load_problem
 from optics.report.html import STYLE, Report, report_html
 from optics.report.metric_words import metric_rows, number_text
@@ -118,7 +119,10 @@ def test_numbers_have_the_digits_that_mean_something(value, unit, text):
 
 def test_every_metric_has_its_unit_and_its_meaning(problem_file):
     fates = {"on_target": 0.8, "off_target": 0.1}
-    rows = {name: rest for name, *rest in metric_rows(METRICS | {"fates_w": fates, "psnr_db": None})}
+    rows = {
+        name: rest
+        for name, *rest in metric_rows(METRICS | {"fates_w": fates, "psnr_db": None}, units_of("W"))
+    }
     assert rows["rel_l2"][:2] == ["10", "%"]
     assert rows["psnr_db"][:2] == ["not defined", ""]
     assert rows["wall_s total"] == ["1", "s", "wall time of the phase"]
