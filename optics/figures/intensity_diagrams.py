@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SIZE = (5.2, 4.8)  # inches
-COLOURS = {"C0-C180": "tab:blue", "C90-C270": "tab:orange"}
+LOOKS = {"C0-C180": ("tab:blue", 2.4), "C90-C270": ("tab:orange", 1.1)}  # the first is seen behind the second
 STEPS = (1, 2, 5, 10, 15, 30)  # degrees between the rays of a polar diagram
 MOST_STEPS = 6  # of them on either side
 SHARES = (
@@ -67,18 +67,19 @@ def _polar(light: Floats, wanted: Floats, screen: Screen, unit: str) -> bytes:
     axes = cast("PolarAxes", figure.add_subplot(projection="polar"))
     for image, style, words in ((light, "-", "made"), (wanted, "--", "asked for")):
         for plane, curve in plane_curves(image, *screen.centres).items():
+            colour, width = LOOKS[plane]
             axes.plot(
                 np.radians(curve.gamma),
                 curve.intensity,
                 style,
-                lw=1.2,
-                color=COLOURS[plane],
+                lw=width,
+                color=colour,
                 label=f"{plane}, {words}",
             )
     axes.set_theta_zero_location("S")
     _angles(axes, max(screen.half_width))
     axes.set_rlim(0, 1.05 * max(light.max(), wanted.max()))
-    figure.legend(title=f"intensity / {unit}", fontsize=8, loc="outside lower center", ncols=2)
+    figure.legend(title=f"intensity in {unit}", fontsize=8, loc="outside lower center", ncols=2)
     return png_bytes(figure)
 
 
@@ -98,7 +99,7 @@ def _isocandela(light: Floats, wanted: Floats, screen: Screen, unit: str) -> byt
     levels = np.array(SHARES) * light.max()
     _lines(axes, wanted, screen, levels, "dashed")
     _lines(axes, light, screen, levels, "solid")
-    words = [f"{level:.3g} {unit} ({share:.0%} of the peak)" for level, share in zip(levels, SHARES)]
+    words = [f"{level:.4g} {unit} ({share:.0%} of the peak)" for level, share in zip(levels, SHARES)]
     named = [Line2D([], [], color=colour, label=text) for colour, text in zip(LINES, words)]
     figure.legend(handles=named, fontsize=8, loc="outside lower center", ncols=2)
     axes.set_aspect("equal")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def irradiance_figure(image: NDArray[np.float64], screen: Screen, density: Density) -> bytes:
     """Return the irradiance on the target's pixels as a picture.  image : in the stored unit of `density`."""
     unit, shown = "degrees" if screen.angular else "mm", density.factor * image
-    label = f"{density.quantity}, {density.shown}"
+    label = f"{density.quantity} in {density.shown}"
     return plane_figure(shown, screen.half_width, unit, label, "gray", (0.0, float(shown.max())))
 
 

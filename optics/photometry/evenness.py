@@ -23,10 +23,12 @@ class Uniformity:
 def uniformity(light: NDArray[np.float64], lit: NDArray[np.bool_]) -> Uniformity | None:
     """Return how even light is on some pixels; None where there are none, or all are dark.
 
+    Negative light, which noise and rounding leave, counts as none in the least.
+
     light : (rows, columns).  lit : the mask of the pixels, (rows, columns).
     """
     values = light[lit]
     if not values.size or values.max() <= 0 or values.mean() <= 0:
         return None
-    least, mean = float(values.min()), float(values.mean())
+    least, mean = max(0.0, float(values.min())), float(values.mean())
     return Uniformity(mean, least / mean, least / float(values.max()))

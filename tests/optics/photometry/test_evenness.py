@@ -16,3 +16,8 @@ def test_a_known_image_has_its_ratios_on_the_lit_pixels_only():
 @pytest.mark.parametrize(("value", "lit"), [(1.0, False), (0.0, True), (-1e-20, True)])
 def test_without_lit_pixels_or_light_there_is_none(value, lit):
     assert uniformity(np.full((2, 3), value), np.full((2, 3), lit)) is None
+
+
+def test_rounding_below_zero_is_dark():
+    found = uniformity(np.array([[-1e-18, 2.0]]), np.ones((1, 2), dtype=bool))
+    assert (found.min_over_mean, found.min_over_max) == (0, 0)
