@@ -42,6 +42,7 @@ class Model:
     """Irradiance on the target's pixels as a differentiable function of the sag coefficients.
 
     Made by `System.model`.  Irradiance is (rows, columns), W/mm^2; in the far field it is intensity, W/sr.
+    For W read lm where that is `source.unit`.
     """
 
     def __init__(self, spaces: tuple[THBSpace, ...], light: LightModel, objective: Objective) -> None:
