@@ -29,12 +29,15 @@ class PlaneCurve:
     def width(self, share: float) -> float | None:
         """Return the angle between the outermost directions of a share of the greatest intensity, degrees.
 
-        Intensity is linear between its samples.  None where it is still greater at the first or the last one.
+        Intensity is linear between its samples.  None where it is still greater at the first or the last one,
+        and where there is no light.
         """
         level = share * float(self.intensity.max())
+        if level <= 0:
+            return None
         bright = np.flatnonzero(self.intensity >= level)
         first, last = int(bright[0]), int(bright[-1])
-        if level <= 0 or first == 0 or last == len(self.gamma) - 1:
+        if first == 0 or last == len(self.gamma) - 1:
             return None
         return self._crossing(last + 1, last, level) - self._crossing(first - 1, first, level)
 

@@ -73,4 +73,10 @@ def test_light_that_goes_on_beyond_the_angles_has_no_width():
     curve = PlaneCurve(gamma, 20.0 - np.abs(gamma))
     assert curve.width(0.6) == pytest.approx(16, abs=1e-12)
     assert curve.width(0.5) is None
-    assert PlaneCurve(gamma, np.zeros(21)).width(BEAM) is None
+    for side in (1, -1):
+        assert PlaneCurve(gamma, np.maximum(side * gamma, 0.0)).width(BEAM) is None
+
+
+@pytest.mark.parametrize("value", [0.0, -1e-20])
+def test_darkness_has_no_width(value):
+    assert PlaneCurve(np.linspace(-10, 10, 21), np.full(21, value)).width(BEAM) is None
