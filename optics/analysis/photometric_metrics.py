@@ -89,7 +89,7 @@ def _uniformity_line(even: dict[str, Any], density: Density) -> str:
         f"{symbol}_min/{symbol}_max {even['min_over_max']:.3f}, "
         f"mean {even[f'lit_mean_{density.suffix}']:.4g} {density.shown} "
         f"on {even['lit_pixels']} lit pixels of {across:.3g} x {down:.3g} {unit}; "
-        f"noise of {100 * even['noise']:.1g} % of a pixel lowers the least"
+        f"the noise of a pixel is {100 * even['noise']:.1g} % and lowers {symbol}_min"
     )
 
 

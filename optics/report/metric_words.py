@@ -55,7 +55,7 @@ JUDGED = {
     "pixel_degrees": ("degrees", "their width and height"),
     "peak_cd_per_klm": ("cd/klm", "intensity of the brightest pixel for 1000 lm of the source"),
     **{
-        f"{angle}_{plane.lower()}": ("degrees", f"plane {plane}: from {share:.0%} to {share:.0%} of its peak")
+        f"{angle}_{plane.lower()}": ("degrees", f"full width at {share:.0%} of the peak, plane {plane}")
         for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD))
         for plane in ("C0", "C90")
     },
