@@ -56,6 +56,7 @@ QUICK = \
 	tests/optics/optimisation/test_refinement.py \
 	tests/optics/optimisers \
 	tests/optics/parts/test_proof.py \
+	tests/optics/photometry \
 	tests/optics/prediction/test_automatic.py \
 	tests/optics/problem/test_schema.py \
 	tests/optics/problem/test_toml_text.py \

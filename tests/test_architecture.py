@@ -34,6 +34,7 @@ FLOORS = [
     ["optics.runtime"],
     [
         "optics.optimisers",
+        "optics.photometry",
         "optics.problem",
         "optics.ray_files",
         "optics.sources",

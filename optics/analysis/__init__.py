@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from optics.analysis.outgoing_light import (
         outgoing_rays as outgoing_rays,
     )
+    from optics.analysis.photometric_metrics import (
+        photometric_lines as photometric_lines,
+    )
     from optics.analysis.ray_fans import (
         fans as fans,
     )
@@ -68,6 +71,7 @@ _FILES = {
         "rel_l2",
     ),
     "outgoing_light": ("outgoing_rays",),
+    "photometric_metrics": ("photometric_lines",),
     "ray_fans": ("fans",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -9,6 +9,7 @@ from optics.runtime import Check
 from optics.tracing import SENTENCES
 
 if TYPE_CHECKING:
+    from optics.photometry import Units
     from optics.problem import Verify
 
 # flux by fate that a lens should not lose, and the fraction of the source flux from which a sentence says so
@@ -29,10 +30,10 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
     ]
 
 
-def loss_notes(metrics: dict[str, Any]) -> list[str]:
+def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
     """Return a sentence for every way on which much of the source flux is lost."""
-    fates = metrics["fates_w"]
-    flux = sum(abs(watts) for watts in fates.values())
+    fates = metrics[units.key("fates")]
+    flux = sum(map(abs, fates.values()))
     return [
         f"{fates[name] / flux:.0%} of the light {SENTENCES[name]}"
         for name in LOSSES

@@ -65,14 +65,14 @@ def sequential_metrics(
     return {
         "rays": sum(counts.values()),
         "counts": counts,
-        "fates_w": asdict(fates),
+        system.units.key("fates"): asdict(fates),
         "efficiency": fates.on_target / system.problem.source.flux,
         "normal_incidence_transmittance": normal_incidence_transmittance(lens.index),
     }
 
 
 def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, Any]:
-    """Return the fates of the light in the closed lens, W.
+    """Return the fates of the light in the closed lens.
 
     `by_other_ways` is the fraction of the light on the target, through the lens, that did not pass front and
     rear once each.
@@ -85,7 +85,7 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
     other = 1 - direct / total if total else 0.0
     return {
-        "fates_w": asdict(result.fates),
+        system.units.key("fates"): asdict(result.fates),
         "by_other_ways": other,
         "sequential_suffices": other <= NEGLIGIBLE,
     }

@@ -7,6 +7,7 @@ followed on all other ways through the closed lens (`light_by_other_ways`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from math import isqrt, sqrt
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_beams import beam_irradiance
 from optics.analysis.light_of_cells import cell_irradiance
 from optics.analysis.light_of_rays import ray_irradiance
+from optics.analysis.photometric_metrics import photometric_metrics
 
 if TYPE_CHECKING:
     from optics.analysis.closed_lens_light import OtherWays
@@ -42,7 +44,8 @@ Floats = NDArray[np.float64]
 class Measurement:
     """What a lens delivers.
 
-    irradiance, target : (rows, columns), W/mm^2; in the far field intensities
+    irradiance, target : (rows, columns), W/mm^2; in the far field intensities, W/degree^2; lm for W where
+        that is the source's unit
     metrics : numbers by name
     sharp : the irradiance without divergence and roughness, where there are any
     """
@@ -77,9 +80,11 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     metrics["stray"] = light.off_target / flux
-    metrics["fates_w"] = asdict(fates)
+    metrics |= photometric_metrics(system, screen, irradiance, light.error / shown)
+    key = system.units.key
+    metrics[key("fates")] = asdict(fates)
     if other:
-        metrics["nonsequential"] = _all_ways(direct, other, target, screen)
+        metrics["nonsequential"] = _all_ways(direct, other, target, screen, key)
     if estimator != "beams":
         return Measurement(irradiance, target, metrics)
     clear, _ = _by_cells(system.sharp, lens, screen, backend)
@@ -95,16 +100,19 @@ def _estimator(system: OpticalSystem) -> str:
 
 
 def _all_ways(
-    direct: LightEstimate, other: OtherWays, target: Floats, screen: Screen
+    direct: LightEstimate, other: OtherWays, target: Floats, screen: Screen, key: Callable[[str], str]
 ) -> dict[str, float | dict[str, float]]:
-    """Return the flux on the lit pixels, W, by every way and by front and rear, and that by fate."""
+    """Return the flux on the lit pixels by every way and by front and rear, and that by fate.
+
+    key : see `Units.key`.
+    """
     lit = _lit(direct.irradiance, target, screen)
     return {
         "by_other_ways": other.share,
-        "lit_w": lit + _lit(other.light.irradiance, target, screen),
-        "lit_direct_w": lit,
-        "target_w": other.fates.onto,
-        "fates_w": asdict(other.fates),
+        key("lit"): lit + _lit(other.light.irradiance, target, screen),
+        key("lit_direct"): lit,
+        key("target"): other.fates.onto,
+        key("fates"): asdict(other.fates),
     }
 
 

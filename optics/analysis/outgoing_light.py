@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import isqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
-    """Return about `count` rays of the source that went through front and rear, W.
+    """Return about `count` rays of the source that went through front and rear, in the unit of its flux.
 
     place : where the rays start: on the "rear", or on the plane of the "target".  z is that of the lens.
     backend : of double precision.
@@ -39,4 +39,5 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     if place == "target":
         position = np.stack([u, v, np.full_like(u, system.target.z)], axis=1)
     wavelength = np.full(int(out.sum()), system.problem.source.wavelength)
-    return RaySet(position[out], direction[out], flux[out], "W", wavelength)
+    unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
+    return RaySet(position[out], direction[out], flux[out], unit, wavelength)

@@ -80,7 +80,7 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     metrics = measurement.metrics | {
         "normal_incidence_transmittance": normal_incidence_transmittance(lens.index)
     }
-    for sentence in loss_notes(metrics):
+    for sentence in loss_notes(metrics, system.units):
         notes(sentence)
     if not metrics["efficiency"]:
         notes(

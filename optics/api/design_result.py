@@ -92,7 +92,10 @@ class Design(DesignRecord):
 
     @property
     def irradiance(self) -> Floats:
-        """What the lens makes on the target's pixels, (rows, columns), W/mm^2; in the far field W/sr."""
+        """What the lens makes on the target's pixels, (rows, columns), W/mm^2; in the far field W/sr.
+
+        For W read lm where that is `source.unit`.
+        """
         return unit_of(self.system) * self.measurement.irradiance
 
     @property

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optics.api.coefficient_vectors import Coefficients, image_of, packed, vectors
 from optics.optimisation import vertex_knots
+from optics.photometry import PER_STERADIAN
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ Floats = NDArray[np.float64]
 Pull = Callable[[ArrayLike], Coefficients]
 
 DEVICE = RLock()  # Dr.Jit is one for the whole process
-PER_STERADIAN = (180 / np.pi) ** 2  # square degrees
 
 
 def unit_of(system: OpticalSystem) -> float:
@@ -42,6 +42,7 @@ class Model:
     """Irradiance on the target's pixels as a differentiable function of the sag coefficients.
 
     Made by `System.model`.  Irradiance is (rows, columns), W/mm^2; in the far field it is intensity, W/sr.
+    For W read lm where that is `source.unit`.
     """
 
     def __init__(self, spaces: tuple[THBSpace, ...], light: LightModel, objective: Objective) -> None:

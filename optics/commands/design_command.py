@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.analysis import counted_ways
+from optics.analysis import counted_ways, photometric_lines
 from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
 from optics.optimisation import Interrupted, earlier_state
@@ -19,6 +20,7 @@ from optics.system import OpticalSystem
 if TYPE_CHECKING:
     from optics.api import Written
     from optics.optimisation import State
+    from optics.photometry import Units
     from optics.problem import Problem
 
 
@@ -73,7 +75,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             keep(stop.state)
             raise KeyboardInterrupt from None
         written = write_result(design, run.folder, run.clock, figures)
-    return _outcome(written)
+    return _outcome(written, system.units)
 
 
 def _resumed(run: _Run, system: OpticalSystem) -> State:
@@ -97,10 +99,11 @@ def _what_is_kept(run: _Run) -> str:
     return "nothing was kept, since no level had begun; the same command starts again"
 
 
-def _outcome(written: Written) -> Outcome:
+def _outcome(written: Written, units: Units) -> Outcome:
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
-    return Outcome(data, _design_lines(written.folder, metrics, checked), checked["ok"])
+    lines = _design_lines(written.folder, metrics, checked, photometric_lines(metrics, units))
+    return Outcome(data, lines, checked["ok"])
 
 
 def _shown(value: float | None, form: str) -> str:
@@ -108,7 +111,10 @@ def _shown(value: float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
 
 
-def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any]) -> list[str]:
+def _design_lines(
+    folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any], judged: Sequence[str]
+) -> list[str]:
+    """Return what is printed of a design.  judged : lines on its beam and uniformity."""
     fit = []
     if "fresh_fit" in metrics:
         fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
@@ -120,6 +126,7 @@ def _design_lines(folder: ResultFolder, metrics: dict[str, Any], checked: dict[s
         f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
         f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
         f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        *judged,
         metrics["verdict"],
         f"solid {folder.step}   report {folder.path / 'report.html'}",
     ]

@@ -65,7 +65,11 @@ def etendue(options: Namespace) -> Outcome:
         free = one_blur(system, system.lens, efficiency, SEARCH)
         blurs["any_proportions"] = _blur_data(free, start)
         lines += _blur_lines(system, free, blurs["any_proportions"], True)
-    data |= {"efficiency": efficiency, "universal": _universal_data(universal, efficiency), "one_blur": blurs}
+    data |= {
+        "efficiency": efficiency,
+        "universal": _universal_data(system, universal, efficiency),
+        "one_blur": blurs,
+    }
     if options.measure:
         start = perf_counter()
         measured = images_bound(system, _measured_half_width(system, options.measure), SEARCH)
@@ -123,29 +127,29 @@ def _resolved_base(system: OpticalSystem) -> OpticalSystem:
 def _throughput_data(system: OpticalSystem, passing: Throughput) -> dict[str, Any]:
     return {
         "etendue_mm2_sr": {"source": passing.source, "front": passing.front, "target": passing.target},
-        "flux_w": {"source": system.problem.source.flux, "meets_front": passing.meets_front},
+        system.units.key("flux"): {"source": system.problem.source.flux, "meets_front": passing.meets_front},
     }
 
 
-def _universal_data(universal: UniversalBound, efficiency: float) -> dict[str, Any]:
+def _universal_data(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> dict[str, Any]:
     """Return the universal rung for --json; rel_l2 is null where no light has the efficiency."""
     return {
         "rel_l2": universal.least_rel_l2(efficiency),
         "exact_efficiency": universal.exact_efficiency,
-        "on_target_w": universal.most_on_target,
-        "on_lit_w": universal.most_on_lit,
+        system.units.key("on_target"): universal.most_on_target,
+        system.units.key("on_lit"): universal.most_on_lit,
         "peak": universal.peak,
         "curve": [list(point) for point in universal.curve()],
     }
 
 
 def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
-    transmittance = normal_incidence_transmittance(system.lens.index)
+    transmittance, unit = normal_incidence_transmittance(system.lens.index), system.units.flux
     return [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",
         f"{passing.front:10.4g} mm^2 sr  of its light that meets the front of the base lens",
         f"{passing.target:10.4g} mm^2 sr  between rear aperture and target",
-        f"{passing.meets_front:10.4g} W  meet that front; one pass through two uncoated faces at normal "
+        f"{passing.meets_front:10.4g} {unit}  meet that front; one pass through two uncoated faces at normal "
         f"incidence leaves {transmittance:.4f} of it",
     ]
 

@@ -127,6 +127,7 @@ def _light(options: Namespace) -> Outcome:
 
     from optics.analysis import outgoing_rays
     from optics.export import report_of, require_free_files
+    from optics.photometry import units_of
     from optics.ray_files import read_rays, write_rays
     from optics.results import ResultFolder
     from optics.runtime import Check, load_backend, verification
@@ -154,12 +155,12 @@ def _light(options: Namespace) -> Outcome:
         "format": out.suffix[1:].lower(),
         "files": [str(out)],
         "rays": len(rays),
-        "flux_w": rays.total,
+        units_of(rays.unit).key("flux"): rays.total,
         **verification(checks),
         HASHES: hashes(report.parent, [out.name]),
     }
     write_text(report, json_text(data))
-    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} W through front and rear"
+    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} through front and rear"
     return Outcome(data, [*check_lines(data), written], all(check.ok for check in checks))
 
 

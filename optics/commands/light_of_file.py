@@ -73,7 +73,7 @@ class LightRequest:
         found = compare_light(system, lens, file_tracer(self.tracer, file, system), self.rays, backend)
         checks = light_comparison_checks(found, system.problem.verify)
         checked, lines = verification(checks), light_comparison_lines(found)
-        picture = two_lights_figure(found.theirs, found.ours, found.screen, self.tracer)
+        picture = two_lights_figure(found.theirs, found.ours, found.screen, system.density, self.tracer)
         write_bytes(self.folder / self.picture, picture)
         title = f"{system.problem.title}: the light of lens.step by {self.tracer}"
         caption = f"The light that {self.tracer} makes of the file, the lens's own, and their difference."

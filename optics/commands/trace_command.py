@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optics.analysis import conservation, nonsequential, sections, sequential, sequential_metrics
 from optics.commands.outcome import Outcome
@@ -14,9 +14,16 @@ from optics.runtime import UserError
 from optics.system import OpticalSystem
 from optics.tracing import SENTENCES
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from optics.photometry import Units
+
 MOST_RAYS = 1 << 15  # per direction
 RECORD = "trace.json"
 FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png", "phase_space.png", "fresnel.png")
+DIAGRAMS = ("polar.png", "isocandela.png")  # of the far field
 
 
 def trace(options: Namespace) -> Outcome:
@@ -27,9 +34,9 @@ def trace(options: Namespace) -> Outcome:
     system = OpticalSystem(problem)
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
-    require_own(folder, (*FILES, RECORD), RECORD, options.force)
-    from optics.figures import fresnel_figure, irradiance_figure, phase_space_figure
-    from optics.report import light_files
+    files = (*FILES, *DIAGRAMS) if system.target.far_field else FILES
+    require_own(folder, (*files, RECORD), RECORD, options.force)
+    from optics.figures import fresnel_figure, phase_space_figure
     from optics.runtime import load_backend
     from thbcad.io import json_text, write_bytes, write_text
 
@@ -38,7 +45,6 @@ def trace(options: Namespace) -> Outcome:
     start = perf_counter()
     image, fates, counts = sequential(system, lens, backend, options.rays)
     seconds = perf_counter() - start
-    screen = system.target.screen()
     data: dict[str, Any] = {
         "seconds": seconds,
         **sequential_metrics(system, lens, fates, counts),
@@ -46,24 +52,40 @@ def trace(options: Namespace) -> Outcome:
     }
     if not system.target.far_field:
         data["nonsequential"] = nonsequential(system, lens, exact)
-    shown = screen.projection()  # in the far field pictures are intensities
-    irradiance = image / shown
-    target = system.target.irradiance(screen, fates.transmitted) / shown
-    for name, content in light_files(irradiance, target, screen).items():
+    for name, content in _light_contents(system, image, fates.transmitted).items():
         write_bytes(folder / name, content)
-    write_bytes(folder / "irradiance.png", irradiance_figure(irradiance, screen))
     write_bytes(folder / "phase_space.png", phase_space_figure(sections(system, lens, exact)))
     write_bytes(folder / "fresnel.png", fresnel_figure(exact, lens.index))
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, FILES)}))
-    return Outcome(data, [*_lines(data), f"wrote {folder}"])
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    return Outcome(data, [*_lines(data, system.units), f"wrote {folder}"])
 
 
-def _lines(data: dict[str, Any]) -> list[str]:
+def _light_contents(system: OpticalSystem, image: NDArray[np.float64], flux: float) -> dict[str, bytes]:
+    """Return the files of the light by name: arrays and pictures, in the far field diagrams too.
+
+    image : the irradiance on the target's pixels.  flux : of the light asked for.
+    """
+    from optics.figures import intensity_figures, irradiance_figure
+    from optics.report import light_files
+
+    screen, density = system.target.screen(), system.density
+    shown = screen.projection()  # in the far field pictures are intensities
+    irradiance, target = image / shown, system.target.irradiance(screen, flux) / shown
+    contents = light_files(irradiance, target, screen, density)
+    contents["irradiance.png"] = irradiance_figure(irradiance, screen, density)
+    if not screen.angular:
+        return contents
+    diagrams = intensity_figures(irradiance, target, screen, density)
+    return contents | {f"{name}.png": png for name, (_, png) in diagrams.items()}
+
+
+def _lines(data: dict[str, Any], units: Units) -> list[str]:
+    key, unit = units.key("fates"), units.flux
     rays = data["rays"]
     lines = [f"{rays} rays in sequence, {data['seconds']:.3g} s"]
-    for name, flux in data["fates_w"].items():
+    for name, flux in data[key].items():
         count = f"{data['counts'][name]:>10} rays" if name in data["counts"] else " " * 15
-        lines.append(f"{abs(flux):10.6f} W {count}  {SENTENCES[name]}")
+        lines.append(f"{abs(flux):10.6f} {unit} {count}  {SENTENCES[name]}")
     lines.append(
         f"efficiency {data['efficiency']:.4f}, "
         f"beside {data['normal_incidence_transmittance']:.4f} of one pass through two uncoated faces"
@@ -73,8 +95,8 @@ def _lines(data: dict[str, Any]) -> list[str]:
     if "nonsequential" in data:
         closed = data["nonsequential"]
         lines += [
-            f"{flux:10.6f} W  {SENTENCES[name]}, with all reflections"
-            for name, flux in closed["fates_w"].items()
+            f"{flux:10.6f} {unit}  {SENTENCES[name]}, with all reflections"
+            for name, flux in closed[key].items()
             if flux
         ]
         verdict = "suffices" if closed["sequential_suffices"] else "does not suffice"

@@ -195,12 +195,12 @@ def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficie
 
 def universal_lines(system: OpticalSystem, universal: UniversalBound) -> list[str]:
     """Return sentences on the most light of these lenses, and on the picture itself."""
-    unit = "W per square degree" if system.target.far_field else "W/mm^2"
+    flux, density = system.units.flux, system.density
     exact = universal.exact_efficiency
     return [
-        f"of any such solid at most {rounded_up(universal.most_on_target)} W reach the target, "
-        f"at most {rounded_up(universal.most_on_lit)} W the pixels where light is asked for, "
-        f"and no pixel gets more than {rounded_up(universal.peak)} {unit}",
+        f"of any such solid at most {rounded_up(universal.most_on_target)} {flux} reach the target, "
+        f"at most {rounded_up(universal.most_on_lit)} {flux} the pixels where light is asked for, "
+        f"and no pixel gets more than {rounded_up(density.factor * universal.peak)} {density.shown}",
         "etendue alone forbids the picture itself "
         + (f"from an efficiency of {rounded_up(exact)} on" if exact < 1 else "at no efficiency"),
     ]

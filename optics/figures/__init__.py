@@ -8,6 +8,9 @@ if TYPE_CHECKING:
     from optics.figures.fresnel_curves import (
         fresnel_figure as fresnel_figure,
     )
+    from optics.figures.intensity_diagrams import (
+        intensity_figures as intensity_figures,
+    )
     from optics.figures.lens_and_light import (
         draw_fan as draw_fan,
         lens_figures as lens_figures,
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 
 _FILES = {
     "fresnel_curves": ("fresnel_figure",),
+    "intensity_diagrams": ("intensity_figures",),
     "lens_and_light": (
         "draw_fan",
         "lens_figures",

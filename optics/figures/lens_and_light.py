@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from optics.analysis import counted_ways
 from optics.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
+from optics.figures.intensity_diagrams import intensity_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,9 +48,8 @@ def light_figures(
     top = float(target.max())
     error = irradiance - target
     span = float(np.quantile(np.abs(error), 0.999)) or 1.0
-    quantity, unit, density = (
-        ("intensity", "degrees", "W/degree^2") if system.path.far_field else ("irradiance", "mm", "W/mm^2")
-    )
+    density, unit = system.density, "degrees" if system.path.far_field else "mm"
+    quantity = density.quantity
     label = f"{quantity} / mean"
 
     def picture(data: NDArray[np.float64], text: str, colours: str, low: float, high: float) -> bytes:
@@ -57,7 +57,7 @@ def light_figures(
 
     figures = {
         "target": (
-            f"The light asked for; its mean is {mean:.4g} {density}.{_merged(target)}",
+            f"The light asked for; its mean is {density.text(mean)}.{_merged(target)}",
             picture(target, label, "gray", 0, top),
         ),
         "irradiance": (
@@ -78,6 +78,9 @@ def light_figures(
         sharp = measurement.sharp / measurement.sharp.mean()
         caption = "What the lens would make without divergence of the light and roughness of its surfaces."
         figures["sharp"] = (caption, picture(sharp, label, "gray", 0, top))
+    if system.path.far_field:
+        screen = system.target.screen()
+        figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
     return figures | _ray_figures(lens, paths)
 
 

@@ -12,15 +12,16 @@ from optics.figures.canvas import plane_figure, plt, png_bytes
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from optics.photometry import Density
     from optics.target import Screen
     from optics.tracing import PhaseSpace
 
 
-def irradiance_figure(image: NDArray[np.float64], screen: Screen) -> bytes:
-    """Return the irradiance on the target's pixels as a picture."""
-    unit = "degrees" if screen.angular else "mm"
-    label = "W / degree^2" if screen.angular else "W / mm^2"
-    return plane_figure(image, screen.half_width, unit, label, "gray", (0.0, float(image.max())))
+def irradiance_figure(image: NDArray[np.float64], screen: Screen, density: Density) -> bytes:
+    """Return the irradiance on the target's pixels as a picture.  image : in the stored unit of `density`."""
+    unit, shown = "degrees" if screen.angular else "mm", density.factor * image
+    label = f"{density.quantity} in {density.shown}"
+    return plane_figure(shown, screen.half_width, unit, label, "gray", (0.0, float(shown.max())))
 
 
 def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> bytes:
@@ -51,14 +52,14 @@ def phase_space_figure(sections: Mapping[str, tuple[PhaseSpace, float]]) -> byte
 
 
 def two_lights_figure(
-    theirs: NDArray[np.float64], ours: NDArray[np.float64], screen: Screen, name: str
+    theirs: NDArray[np.float64], ours: NDArray[np.float64], screen: Screen, density: Density, name: str
 ) -> bytes:
     """Return a picture of two irradiances on a screen's pixels side by side, and of their difference.
 
-    name : of the program that made the first.
+    theirs, ours : in the stored unit of `density`.  name : of the program that made the first.
     """
-    hx, hy = screen.half_width
-    unit, per = ("degrees", "degree^2") if screen.angular else ("mm", "mm^2")
+    (hx, hy), unit = screen.half_width, "degrees" if screen.angular else "mm"
+    theirs, ours = density.factor * theirs, density.factor * ours
     off, peak = theirs - ours, float(max(theirs.max(), ours.max()))
     most = float(np.abs(off).max()) or 1.0
     panels = (
@@ -73,6 +74,6 @@ def two_lights_figure(
         )
         panel.set_title(title, fontsize=10)
         panel.set_xlabel(f"x / {unit}")
-        figure.colorbar(shown, ax=panel, label=f"W / {per}", shrink=0.8)
+        figure.colorbar(shown, ax=panel, label=density.shown, shrink=0.8)
     axes[0].set_ylabel(f"y / {unit}")
     return png_bytes(figure)

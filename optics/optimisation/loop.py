@@ -57,15 +57,15 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     UserError : (almost) nothing passes the lens.
     """
     which = "unoptimised lens" if lens is None else "lens"
-    lens, target, flux = lens or system.lens, system.target, system.problem.source.flux
+    lens, target, source = lens or system.lens, system.target, system.problem.source
     fresnel = system.problem.optimizer.fresnel
     tracer = Tracer(backend, lens, system.source.rays((129, 129)), target.z, fresnel=fresnel)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     fates = tracer.fates(landing, target.settings.half_width)
-    if fates.transmitted < 1e-3 * flux:
+    if fates.transmitted < 1e-3 * source.flux:
         raise UserError(
-            f"only {fates.transmitted:.3g} W of {flux:.3g} W pass the {which} (totally reflected "
-            f"{fates.total_internal:.3g} W, past the rear surface {fates.missed_rear:.3g} W); "
+            f"only {fates.transmitted:.3g} {source.unit} of {source.flux:.3g} {source.unit} pass the {which} "
+            f"(totally reflected {fates.total_internal:.3g}, past the rear surface {fates.missed_rear:.3g}); "
             "change the lens prescription"
         )
     return fates.transmitted

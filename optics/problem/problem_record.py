@@ -82,7 +82,7 @@ def _main_numbers(problem: Problem) -> dict[str, str]:
     source, lens, target = problem.source, problem.lens, problem.target
     far, unit = math.isinf(target.distance), "degrees" if math.isinf(target.distance) else "mm"
     rows = {
-        "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} W",
+        "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
         "lens": f"index {lens.index:g}, thickness {lens.thickness:g} mm",
     }
     for name, surface in (("front", lens.front), ("rear", lens.rear)):

@@ -10,6 +10,7 @@ from optics.problem.toml_records import AUTO, option
 
 PROFILES = ("uniform", "round", "gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
+FLUX_UNITS = ("W", "lm")
 SUN = 0.2665  # degrees: the mean half-angle of its disk
 
 MAX_PIXELS = 4096
@@ -29,7 +30,8 @@ class Source:
     )
     half_width: tuple[float, float] = option((0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none")
     distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
-    flux: float = option(1.0, low=1e-12, high=1e12, note="W")
+    flux: float = option(1.0, low=1e-12, high=1e12, note="of the whole source, in its unit")
+    unit: str = option("W", choices=FLUX_UNITS, note="of flux: lumens make lx and cd of all that is reported")
     profile: str = option(
         "uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse"
     )

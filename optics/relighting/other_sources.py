@@ -14,7 +14,7 @@ FORMS = '"sun", "led:SIZEmm", "led:SIZEmm@DISTANCEmm" or a problem file'
 
 
 def other_source(words: str, problem: Problem) -> Source:
-    """Return the source that words describe, with the flux of a problem's own.
+    """Return the source that words describe, with the flux of a problem's own, in its unit.
 
     "sun": a beam as wide as the problem's own, or else as the front, with the sun's divergence.
     "led:1mm": a Lambertian square with sides of 1 mm where the problem's source is; "led:1mm@30mm": 30 mm
@@ -27,7 +27,9 @@ def other_source(words: str, problem: Problem) -> Source:
     own = problem.source
     if words.lower() == "sun":
         wide = own.half_width if own.kind == "collimated" else problem.lens.front.half_width
-        beam = own if own.kind == "collimated" else Source(kind="collimated", half_width=wide, flux=own.flux)
+        beam = own
+        if own.kind != "collimated":
+            beam = Source(kind="collimated", half_width=wide, flux=own.flux, unit=own.unit)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
         return _led(found, problem)
@@ -53,6 +55,7 @@ def _led(found: re.Match[str], problem: Problem) -> Source:
         half_width=(size / 2, size / 2),
         distance=distance,
         flux=own.flux,
+        unit=own.unit,
         half_angle=half_angle,
         wavelength=own.wavelength,
     )

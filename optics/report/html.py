@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from optics.analysis import NEGLIGIBLE, counted_ways
+from optics.analysis import NEGLIGIBLE, counted_ways, photometric_lines
+from optics.photometry import units_of
 from optics.report.metric_words import PERCENT, metric_rows, number_text
 
 if TYPE_CHECKING:
+    from optics.photometry import Units
     from optics.problem import Problem
 
 STYLE = """
@@ -74,7 +76,7 @@ class Report:
 def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
     title, metrics, verification = escape(report.problem.title), report.metrics, report.verification
-    figures = _figures(report.pictures.values())
+    figures, units = _figures(report.pictures.values()), units_of(report.problem.source.unit)
     levels = f'<h2>Levels</h2><div class="levels">{_figures(report.levels)}</div>' if report.levels else ""
     verdict = (
         '<span class="good">every check passed</span>'
@@ -83,10 +85,11 @@ def report_html(report: Report, problem_text: str) -> str:
     )
     return (
         f"{_head(title)}{_banner(report)}"
-        f"<p>{_summary(metrics)}</p>"
+        f"<p>{_summary(metrics, units)}</p>"
+        f"{_list(photometric_lines(metrics, units), 'notes')}"
         f'{_frame(report.view)}<div class="figures">{figures}</div>{levels}'
         f"<h2>Files</h2>{_file_list()}{_list(map(': '.join, report.run.items()), 'run')}"
-        f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics))}"
+        f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics, units))}"
         f"<h2>Manufacture</h2><p>{OF_THE_SPLINES}</p>{_manufacture_table(report.manufacture)}"
         f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
         f"<h2>Problem</h2><pre>{escape(problem_text)}</pre></html>\n"
@@ -154,7 +157,7 @@ def _file_list() -> str:
     return f"<ul>{''.join(items)}</ul>"
 
 
-def _summary(metrics: dict[str, Any]) -> str:
+def _summary(metrics: dict[str, Any], units: Units) -> str:
     return (
         f"Relative error {_error(metrics)} ({counted_ways(metrics)}), "
         f"{metrics['efficiency']:.1%} of the source flux inside the target "
@@ -162,7 +165,7 @@ def _summary(metrics: dict[str, Any]) -> str:
         f"{metrics['stray']:.2%} stray; "
         f"{metrics['dof']} degrees of freedom, {metrics['evaluations']} evaluations, "
         f"{metrics['wall_s']['total']:.1f} s."
-        f"{_other_ways(metrics)}"
+        f"{_other_ways(metrics, units)}"
     )
 
 
@@ -173,10 +176,10 @@ def _error(metrics: dict[str, Any]) -> str:
     return f"{raw}, without noise {debiased} +- {100 * metrics['rel_l2_error']:.1g} %"
 
 
-def _other_ways(metrics: dict[str, Any]) -> str:
+def _other_ways(metrics: dict[str, Any], units: Units) -> str:
     """Return a sentence on light that other ways than front and rear bring, or "" where none was followed."""
     fluxes = metrics.get("nonsequential")
-    if not fluxes or not fluxes["target_w"]:
+    if not fluxes or not fluxes[units.key("target")]:
         return ""
     alone = number_text(metrics["rel_l2_sequential"], PERCENT)
     verdict = (

@@ -13,6 +13,7 @@ from PIL.PngImagePlugin import PngInfo
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from optics.photometry import Density
     from optics.target import Screen
 
     Floats = NDArray[np.float64]
@@ -22,17 +23,21 @@ WHITE = 65535  # of 16 bits
 LINEAR = struct.pack(">I", 100_000)  # the PNG's gamma, in 1/100000
 
 
-def light_files(irradiance: Floats, target: Floats, screen: Screen) -> dict[str, bytes]:
+def light_files(irradiance: Floats, target: Floats, screen: Screen, density: Density) -> dict[str, bytes]:
     """Return the files of the light that arrives and of the light asked for, by name.
 
     The same light gives the same bytes.
 
-    irradiance, target : (rows, columns), W/mm^2; in the far field intensities, W/degree^2
+    irradiance, target : (rows, columns), in the stored unit of `density`; in the far field intensities
     """
-    return {ARRAYS: _arrays(irradiance, target, screen), PICTURE: _picture(irradiance, screen)}
+    unit = density.stored
+    return {
+        ARRAYS: _arrays(irradiance, target, screen, unit),
+        PICTURE: _picture(irradiance, screen, unit),
+    }
 
 
-def _arrays(irradiance: Floats, target: Floats, screen: Screen) -> bytes:
+def _arrays(irradiance: Floats, target: Floats, screen: Screen, unit: str) -> bytes:
     """Return both as .npz, with the centres x of the columns and y of the rows, and the units as text."""
     buffer = io.BytesIO()
     x, y = screen.centres
@@ -42,20 +47,20 @@ def _arrays(irradiance: Floats, target: Floats, screen: Screen) -> bytes:
         target=target,
         x=x,
         y=y,
-        unit=np.array(_unit(screen)),
+        unit=np.array(unit),
         axes_unit=np.array(_axes_unit(screen)),
     )
     return buffer.getvalue()
 
 
-def _picture(irradiance: Floats, screen: Screen) -> bytes:
+def _picture(irradiance: Floats, screen: Screen, unit: str) -> bytes:
     """Return a PNG with one grey value of 16 bits per pixel, grey = WHITE * irradiance / max irradiance.
 
     Row 0 lies at +y, column 0 at -x.  Its text `Scale` says what one grey level is.
     """
     brightest = float(irradiance.max(initial=0.0))
     grey = np.round(np.maximum(irradiance, 0.0) * (WHITE / brightest if brightest > 0 else 0.0))
-    (hx, hy), unit, axes_unit = screen.half_width, _unit(screen), _axes_unit(screen)
+    (hx, hy), axes_unit = screen.half_width, _axes_unit(screen)
     text = PngInfo()
     text.add(b"gAMA", LINEAR)
     text.add_text("Scale", f"{brightest / WHITE!r} {unit} per grey level, linear")
@@ -65,10 +70,6 @@ def _picture(irradiance: Floats, screen: Screen) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(grey.astype(np.uint16)).save(buffer, "png", pnginfo=text)
     return buffer.getvalue()
-
-
-def _unit(screen: Screen) -> str:
-    return "W/degree^2" if screen.angular else "W/mm^2"
 
 
 def _axes_unit(screen: Screen) -> str:

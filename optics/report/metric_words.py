@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import isinf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from optics.photometry import BEAM, FIELD
 from optics.tracing import SENTENCES
+
+if TYPE_CHECKING:
+    from optics.photometry import Units
 
 PERCENT = "%"
 LONGEST = 1e9  # numbers from here on have a power of ten
-NONE = 1e-9  # W of 1 W: less is rounding
-# unit and meaning of the metrics by name; those of a group by its name
+FLUXES = ("W", "lm")
+NONE = 1e-9  # of a flux of 1: less is rounding
+# unit and meaning of the metrics by name, where the unit is always the same; those of a group by its name
 WORDS = {
     "rel_l2": (PERCENT, "difference from the light asked for, ||E - T|| / ||T||, both scaled to mean 1"),
     "psnr_db": ("dB", "peak signal-to-noise ratio; the peak is the brightest pixel asked for"),
@@ -30,8 +35,6 @@ WORDS = {
         PERCENT,
         "passes two uncoated faces once at normal incidence; no bound",
     ),
-    "fates_w": ("W", "traced through front and rear"),
-    "nonsequential": ("W", "traced with all reflections at all six faces"),
     "by_other_ways": (PERCENT, "of the light on the target comes by other ways than front and rear"),
     "dof": ("", "degrees of freedom of the free surfaces"),
     "levels": ("", "levels of the finest mesh"),
@@ -39,29 +42,66 @@ WORDS = {
     "wall_s": ("s", "wall time of the phase"),
     "peak_mb": ("MB", "most memory of both processes together"),
 }
+# of the light on pixels that are lit wholly, and of the beam in the far field
+JUDGED = {
+    "min_over_mean": ("", "least over mean light of the pixels that are to be lit wholly"),
+    "min_over_max": ("", "least over greatest light of these pixels"),
+    "noise": (
+        PERCENT,
+        "standard deviation of a pixel's light there; it lowers the least, raises the greatest",
+    ),
+    "lit_pixels": ("", "number of these pixels"),
+    "pixel_mm": ("mm", "their width and height"),
+    "pixel_degrees": ("degrees", "their width and height"),
+    "peak_cd_per_klm": ("cd/klm", "intensity of the brightest pixel for 1000 lm of the source"),
+    **{
+        f"{angle}_{plane.lower()}": ("degrees", f"full width at {share:.0%} of the peak, plane {plane}")
+        for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD))
+        for plane in ("C0", "C90")
+    },
+}
+
+
+def words_of(units: Units) -> dict[str, tuple[str, str]]:
+    """Return (unit, meaning) of all metrics by name; those of a group by its name."""
+    flux, plane, far = units.flux, units.in_plane, units.in_far_field
+    lit = "mean of the pixels that are to be lit wholly"
+    return {
+        **WORDS,
+        **JUDGED,
+        units.key("fates"): (flux, "traced through front and rear"),
+        "nonsequential": (flux, "traced with all reflections at all six faces"),
+        f"target_mean_{plane.suffix}": (plane.shown, f"mean {plane.quantity} of the whole target"),
+        f"lit_mean_{plane.suffix}": (plane.shown, lit),
+        f"lit_mean_{far.suffix}": (far.shown, lit),
+        f"peak_{far.suffix}": (far.shown, "intensity of the brightest pixel"),
+    }
 
 
 def number_text(value: Any, unit: str = "") -> str:
-    """Return a value with four digits, fractions of one in percent with three."""
+    """Return a value with four digits, fractions of one in percent with three; of a list by x."""
     if value is None:
         return "not defined"
+    if isinstance(value, list):
+        return " x ".join(number_text(part, unit) for part in value)
     if not isinstance(value, float):
         return str(value)
     if isinf(value):
         return "infinite"
     if unit == PERCENT:
         return f"{100 * value:.3g}"
-    if unit == "W" and abs(value) < NONE:
+    if unit in FLUXES and abs(value) < NONE:
         return "0"
     text = f"{value:.4g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < LONGEST else text
 
 
-def metric_rows(metrics: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+def metric_rows(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str, str, str, str]]:
     """Yield (name, value, unit, meaning) of metrics; those of a group have its name before theirs."""
+    known = words_of(units)
     for name, value in metrics.items():
         for part, number in _parts(value):
-            unit, meaning = WORDS.get(part) or WORDS.get(name, ("", ""))
+            unit, meaning = known.get(part) or known.get(name, ("", ""))
             words = f"light that {SENTENCES[part]}; {meaning}" if part in SENTENCES else meaning
             row_name = f"{name} {part}".rstrip()
             yield row_name, number_text(number, unit), unit if number is not None else "", words

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from optics.photometry import units_of
 from optics.system.lens import base_lens, freeforms, lens_product
 from optics.system.source import LightSource
 from optics.system.target import LightTarget
 from optics.system.tracing_skips import Skip, skips
 
 if TYPE_CHECKING:
+    from optics.photometry import Density, Units
     from optics.problem import Freeform, Problem
     from thbcad.lens import Lens, Product
 
@@ -75,6 +77,16 @@ class OpticalSystem:
     def freeforms(self) -> tuple[Freeform, ...]:
         """The settings of the free surfaces, front first, as `Lens.sags`."""
         return freeforms(self.problem)
+
+    @property
+    def units(self) -> Units:
+        """The units of flux, and of the light on a target."""
+        return units_of(self.problem.source.unit)
+
+    @property
+    def density(self) -> Density:
+        """The units of the light on the target."""
+        return self.units.density(self.target.far_field)
 
     @property
     def slope_rms(self) -> tuple[float, float]:

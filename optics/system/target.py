@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import UserError, speaking_of
-from optics.target import Screen, fit_picture, formula_light, read_picture, uniform_region
+from optics.target import Screen, fit_picture, formula_light, formula_pixels, read_picture, uniform_region
 
 if TYPE_CHECKING:
     from optics.problem import Target
+
+WHOLE = 1e-9  # of a pixel, what may be dark of one that is lit wholly: rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,16 @@ class LightTarget:
             return formula_light(target.formula, target.pixels)
         with speaking_of("target.image"):
             return read_picture(target.image, target.encoding)
+
+    @cached_property
+    def lit_pixels(self) -> NDArray[np.bool_] | None:
+        """The pixels that a region or a formula lights wholly, (rows, columns); None of a picture."""
+        target = self.settings
+        if target.kind == "image":
+            return None
+        if target.kind == "function":
+            return formula_pixels(target.formula, target.pixels)
+        return self.light > 1 - WHOLE
 
     @property
     def far_field(self) -> bool:

@@ -7,6 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.target.formula import (
         formula_light as formula_light,
+        formula_pixels as formula_pixels,
     )
     from optics.target.mapped_cells import (
         MappedCells as MappedCells,
@@ -35,7 +36,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "formula": ("formula_light",),
+    "formula": (
+        "formula_light",
+        "formula_pixels",
+    ),
     "mapped_cells": ("MappedCells",),
     "picture": (
         "fit_picture",

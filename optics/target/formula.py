@@ -75,15 +75,28 @@ def formula_light(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
     ------
     UserError : text that is no formula, or light that is negative, not finite, or 0 everywhere.
     """
-    tree = _formula(text)
+    light = _means(_formula(text), pixels, subpoints)
+    if not light.any():
+        raise UserError("target.formula is 0 everywhere on the target; it asks for no light")
+    return light / light.max()
+
+
+def formula_pixels(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS) -> NDArray[np.bool_]:
+    """Return the pixels at all of whose sample points a formula is greater than 0, (rows, columns).
+
+    Arguments and errors are those of `formula_light`.
+    """
+    tree = ast.Compare(_formula(text), [ast.Gt()], [ast.Constant(0.0)])
+    return _means(tree, pixels, subpoints) > 1 - 0.5 / subpoints**2  # one dark point makes 1 / subpoints^2
+
+
+def _means(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> NDArray[np.float64]:
+    """Return the mean of a formula over every pixel, (rows, columns)."""
     columns, rows = pixels
     x, y = _midpoints(columns * subpoints), -_midpoints(rows * subpoints)
     step = max(1, BAND_POINTS // (subpoints**2 * columns))
     parts = (y[k * subpoints : (k + step) * subpoints] for k in range(0, rows, step))
-    light = np.concatenate([_band(tree, x, part, subpoints) for part in parts])
-    if not light.any():
-        raise UserError("target.formula is 0 everywhere on the target; it asks for no light")
-    return light / light.max()
+    return np.concatenate([_band(tree, x, part, subpoints) for part in parts])
 
 
 def _midpoints(count: int) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from optics.analysis import delivery_checks, loss_notes, verdict
+from optics.photometry import units_of
 from optics.problem import Verify
 from optics.runtime import Check
 
@@ -53,13 +54,12 @@ def test_a_lens_that_passes_nothing_misses():
     ],
 )
 def test_much_lost_light_is_named(fate, sentence):
-    assert loss_notes({"fates_w": FATES | {fate: 1.86, "on_target": 0.14}}) == [sentence]
+    assert loss_notes({"fates_w": FATES | {fate: 1.86, "on_target": 0.14}}, units_of("W")) == [sentence]
 
 
 def test_fresnel_losses_and_small_ones_are_not():
-    assert (
-        loss_notes({"fates_w": FATES | {"rear_reflected": 0.5, "on_target": 0.45, "off_target": 0.05}}) == []
-    )
+    fates = FATES | {"rear_reflected": 0.5, "on_target": 0.45, "off_target": 0.05}
+    assert loss_notes({"fates_lm": fates}, units_of("lm")) == []
 
 
 def test_the_verdict_names_the_first_check_that_failed():

@@ -59,6 +59,7 @@ WORDS = [
     "source.kind",
     "target.kind",
     "target.image",
+    "source.unit",
     "source.profile",
     "target.encoding",
     "target.fit",

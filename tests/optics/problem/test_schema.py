@@ -44,7 +44,7 @@ def test_every_key_reaches_the_problem(tmp_path, base):
 
 def test_defaults_are_those_of_the_design_contract(tmp_path):
     p = load_values(tmp_path, MINIMAL)
-    assert (p.source.distance, p.source.flux) == (2.0, 1.0)
+    assert (p.source.distance, p.source.flux, p.source.unit) == (2.0, 1.0, "W")
     assert (p.source.profile, p.source.image, p.source.half_angle, p.source.exponent) == (
         "uniform",
         "",

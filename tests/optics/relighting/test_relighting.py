@@ -46,6 +46,12 @@ def test_an_led_stands_where_the_point_was_or_where_it_is_said(tmp_path):
         )
 
 
+@pytest.mark.parametrize("words", ["sun", "led:1mm"])
+def test_other_light_has_the_unit_of_the_own(tmp_path, words):
+    other = other_source(words, problem_of(tmp_path, POINT | {"source.unit": "lm"}))
+    assert (other.flux, other.unit) == (3.0, "lm")
+
+
 def test_the_source_of_another_file_is_taken(tmp_path):
     (tmp_path / "other").mkdir()
     path = write_problem(tmp_path / "other", {"source.half_width": [3.0, 2.0]})

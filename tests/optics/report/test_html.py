@@ -5,6 +5,7 @@ from html import unescape
 
 import pytest
 
+from optics.photometry import units_of
 from optics.problem import load_problem
 from optics.report.html import STYLE, Report, report_html
 from optics.report.metric_words import metric_rows, number_text
@@ -118,13 +119,39 @@ def test_numbers_have_the_digits_that_mean_something(value, unit, text):
 
 def test_every_metric_has_its_unit_and_its_meaning(problem_file):
     fates = {"on_target": 0.8, "off_target": 0.1}
-    rows = {name: rest for name, *rest in metric_rows(METRICS | {"fates_w": fates, "psnr_db": None})}
+    rows = {
+        name: rest
+        for name, *rest in metric_rows(METRICS | {"fates_w": fates, "psnr_db": None}, units_of("W"))
+    }
     assert rows["rel_l2"][:2] == ["10", "%"]
     assert rows["psnr_db"][:2] == ["not defined", ""]
     assert rows["wall_s total"] == ["1", "s", "wall time of the phase"]
     value, unit, meaning = rows["fates_w on_target"]
     assert (value, unit) == ("0.8", "W")
     assert re.match("light that .*; traced through front and rear", meaning)
+    assert all(meaning for *_, meaning in rows.values())
+
+
+def test_light_in_lumens_has_its_units_and_its_meaning():
+    """Every metric of a lamp in lumens before a plane, and of a far field."""
+    beam = {f"{angle}_{plane}": 9.0 for angle in ("beam_angle", "field_angle") for plane in ("c0", "c90")}
+    found = {
+        "target_mean_lx": 7.0,
+        "uniformity": {"min_over_mean": 0.9, "noise": 0.02, "lit_mean_lx": 8.0, "pixel_mm": [0.5, 0.25]},
+        "beam": {"peak_cd": 50.0, "peak_cd_per_klm": 100.0, **beam},
+        "fates_lm": {"on_target": 0.8},
+        "nonsequential": {"target_lm": 0.8, "fates_lm": {"on_target": 0.8}},
+    }
+    rows = {name: rest for name, *rest in metric_rows(found, units_of("lm"))}
+    units = {name: unit for name, (_, unit, _) in rows.items()}
+    assert units["target_mean_lx"] == units["uniformity lit_mean_lx"] == "lx"
+    assert (units["beam peak_cd"], units["beam peak_cd_per_klm"]) == ("cd", "cd/klm")
+    assert (units["beam beam_angle_c0"], units["uniformity min_over_mean"]) == ("degrees", "")
+    fluxes = ("fates_lm on_target", "nonsequential target_lm", "nonsequential on_target")
+    assert [units[name] for name in fluxes] == ["lm"] * 3
+    assert rows["uniformity pixel_mm"][:2] == ["0.5 x 0.25", "mm"]
+    assert rows["uniformity noise"][:2] == ["2", "%"]
+    assert rows["beam field_angle_c90"][2] == "full width at 10% of the peak, plane C90"
     assert all(meaning for *_, meaning in rows.values())
 
 

@@ -14,6 +14,7 @@ from PIL import Image
 
 from optics.problem import load_problem
 from optics.results import FILES, ResultFolder, ResultWriter, write_checkpoint
+from optics.results.identity import run_id
 from optics.results.owned_files import sha256_of
 from optics.results.run_lock import run_lock
 from optics.runtime import UserError
@@ -102,6 +103,14 @@ def test_the_run_id_tells_problems_and_lenses_apart_but_not_folders(tmp_path, fo
     assert mine != run_of(tmp_path / "c", other(problem_file, {"run.seed": 1}), lens)
     thicker = type(lens)(lens.front, lens.rear, np.nextafter(lens.thickness, 10.0), lens.index)
     assert mine != run_of(tmp_path / "d", problem, thicker)
+
+
+def test_keys_that_came_later_leave_the_run_id_as_it_was(problem):
+    """The hash is that of the version before `source.unit`."""
+    lens = OpticalSystem(problem).lens
+    assert run_id(problem, lens) == "1ca1a9730572330eb49721c6fad71e922a5425bceb900ba9ab7b2d9a9c657a64"
+    assert run_id(problem.with_(**{"source.unit": "W"}), lens) == run_id(problem, lens)
+    assert run_id(problem.with_(**{"source.unit": "lm"}), lens) != run_id(problem, lens)
 
 
 def test_comments_and_line_ends_of_the_problem_change_nothing(folder):

@@ -1,0 +1,43 @@
+"""Units of light in watts or lumens, and the numbers by which lighting engineers judge it."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.photometry.evenness import (
+        Uniformity as Uniformity,
+        uniformity as uniformity,
+    )
+    from optics.photometry.intensity_planes import (
+        BEAM as BEAM,
+        FIELD as FIELD,
+        PlaneCurve as PlaneCurve,
+        plane_curves as plane_curves,
+    )
+    from optics.photometry.light_units import (
+        PER_STERADIAN as PER_STERADIAN,
+        Density as Density,
+        Units as Units,
+        units_of as units_of,
+    )
+
+_FILES = {
+    "evenness": (
+        "Uniformity",
+        "uniformity",
+    ),
+    "intensity_planes": (
+        "BEAM",
+        "FIELD",
+        "PlaneCurve",
+        "plane_curves",
+    ),
+    "light_units": (
+        "PER_STERADIAN",
+        "Density",
+        "Units",
+        "units_of",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
