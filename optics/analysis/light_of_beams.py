@@ -2,13 +2,19 @@
 
 Cells measure light without noise that is parallel, or comes from a point.  Here that is done for many
 directions of the beam, and for many errors of the slopes of front and rear, each the same everywhere: in the
-mean over them every point of the lens meets every direction and every error, as in the mean over rays.  The
-mean converges as fast as the light is smooth over the spread of one source point, so that few samples do.
+mean over them every point of the lens meets every direction and every error, as in the mean over rays.
+
+Beams show the sharp picture at shifted places.  So much as a shift explains is known for all directions: with
+the sharp light S, the blur k and its samples k_N the estimate is
+
+    E = E_N + (k - k_N) * S,
+
+whose noise is what no shift explains (a control variate).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, cos, log1p, pi, sin, sqrt
 from operator import add
@@ -20,11 +26,13 @@ from scipy.stats import qmc
 
 from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_cells import cell_irradiance
+from optics.blur import blur_of
 from optics.tracing import SlopeErrors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from optics.blur import Blur, LandingShifts
     from optics.runtime import Backend
     from optics.sources import SourceCells
     from optics.system import OpticalSystem
@@ -37,9 +45,10 @@ Floats = NDArray[np.float64]
 REPLICATES = 4  # independent sets of samples: their differences tell the error
 # samples of a set: of one quantity that spreads a sunflower, which is turned by quarters so that symmetric
 # light stays symmetric; of several Sobol points in all their dimensions
-SUNFLOWER, SEVERAL = 8, 32
+SUNFLOWER, SEVERAL = 4, 16
 QUARTERS = pi / 2 * np.arange(4)
-CELLS_PER_PIXEL = 2  # in each direction: what single beams leave is averaged over all of them
+# in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
+CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 4
 LEAST_CELLS = 128
 GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
@@ -49,6 +58,7 @@ def beam_irradiance(
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance through front and rear, W/mm^2, flux by fate).  backend : of double precision."""
     counts = [max(LEAST_CELLS, ceil(CELLS_PER_PIXEL * n)) for n in screen.pixels]
+    rest = _Rest.of(system, lens, screen, backend)
     fates: list[SequentialFates] = []
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
@@ -59,11 +69,16 @@ def beam_irradiance(
             ]
             by_fate = reduce(add, (part for _, part in parts)) / len(parts)
             fates.append(by_fate)
-            image = reduce(add, (image for image, _ in parts)) / len(parts)
-            yield image, by_fate.on_target, by_fate.off_target
+            image = reduce(add, (image for image, _ in parts)) / len(parts) + rest.beside(samples)
+            on_target = float(image.sum()) * screen.pixel_area
+            yield image, on_target, by_fate.transmitted - on_target
 
     light = LightEstimate.of_replicates(replicates())
-    return light, reduce(add, fates) / REPLICATES
+    light = replace(light, irradiance=np.maximum(light.irradiance, 0.0))  # noise of dark pixels
+    arriving = replace(
+        reduce(add, fates) / REPLICATES, on_target=light.on_target, off_target=light.off_target
+    )
+    return light, arriving
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +87,39 @@ class _Sample:
 
     direction: Floats | None
     errors: SlopeErrors
+
+    def shift(self, shifts: LandingShifts) -> Floats:
+        """Return by how much the light of this sample lands beside the sharp light, (2,)."""
+        moved = np.zeros(2) if self.direction is None else shifts.beam @ self.direction[:2]
+        for errors, matrix in ((self.errors.front, shifts.front), (self.errors.rear, shifts.rear)):
+            if errors is not None:
+                moved = moved + matrix @ errors[:, 0]
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """What samples leave out of a blur.  sharp : light on a screen that is wider by the blur's reach."""
+
+    sharp: Floats
+    blur: Blur
+    screen: Screen
+
+    @classmethod
+    def of(cls, system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> _Rest:
+        blur = blur_of(system, lens, backend)
+        wide = screen.widened(blur.reach(screen))
+        counts = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in wide.pixels]
+        cells = system.sharp.source.cells(counts)
+        sharp, _ = cell_irradiance(system.sharp, lens, wide, cells, backend)
+        return cls(sharp, blur, screen)
+
+    def beside(self, samples: Sequence[_Sample]) -> Floats:
+        """Return (k - k_N) * S on the screen."""
+        shifts = np.array([sample.shift(self.blur.shifts) for sample in samples])
+        rest = self.blur.beside_samples(self.sharp, self.screen, shifts)
+        margin = (rest.shape[0] - self.screen.shape[0]) // 2
+        return rest[margin : margin + self.screen.shape[0], margin : margin + self.screen.shape[1]]
 
 
 def _cells(system: OpticalSystem, counts: Sequence[int], sample: _Sample) -> SourceCells:

@@ -86,6 +86,7 @@ def write_result(
     figures.draw_light(system, lens, measurement, load_backend("double", problem.run.threads))
     for sentence in reached_sentences(system, lens, measurement.metrics):
         design.notes(sentence)
+    metrics = design.metrics | _of_the_blur(design)
     clock.lap("measure")
     product = manufacturability(lens, problem.lens.density or None)
     step = exported.result()
@@ -103,8 +104,20 @@ def write_result(
             writer.write(name, data)
     clock.lap("figures")
     peak = peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result()
-    metrics = design.metrics | {"wall_s": dict(clock.total()), "peak_mb": peak}
+    metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
     return _claimed(design, folder, writer, metrics, checks, product, figures)
+
+
+def _of_the_blur(design: DesignRecord) -> Claims:
+    """Return what one blur everywhere allows, where divergence or roughness blurs the light; and note it."""
+    if not design.system.blurred:
+        return {}
+    from optics.prediction import blur_limits, blur_sentence
+
+    backend = load_backend("double", design.problem.run.threads)
+    limits = blur_limits(design.system, design.lens, backend)
+    design.notes(blur_sentence(design.system, limits, design.measurement.metrics["rel_l2"]))
+    return {"rel_l2_one_blur": limits.least}
 
 
 def _claimed(

@@ -73,10 +73,19 @@ class Blur:
 
     def applied(self, image: Floats, screen: Screen) -> Floats:
         """Return an image on pixels as large as the screen's, blurred; beyond its borders it is dark."""
-        reach = self.reach(screen)
-        shape = [fft.next_fast_len(n + reach, real=True) for n in image.shape]
-        spectrum = fft.rfft2(image, shape) * self.transfer(screen, (shape[0], shape[1]))
-        return np.asarray(fft.irfft2(spectrum, shape)[: image.shape[0], : image.shape[1]])
+        shape = self._padded(image, screen)
+        return _filtered(image, self.transfer(screen, shape), shape)
+
+    def beside_samples(self, image: Floats, screen: Screen, shifts: Floats) -> Floats:
+        """Return the blurred image minus the mean of the image at shifted places: `applied` with k - k_N.
+
+        shifts : (n, 2), mm or degrees.
+        """
+        shape = self._padded(image, screen)
+        fx, fy = _frequencies(screen, shape)
+        waves = [np.exp(-2j * pi * np.outer(d, f)) for d, f in zip(shifts.T, (fx, fy))]
+        sampled = waves[1].T @ waves[0] / len(shifts)
+        return _filtered(image, self.transfer(screen, shape) - sampled, shape)
 
     def kernel(self, screen: Screen) -> Floats:
         """Return the spot on pixels, (odd, odd), of a point that is one pixel large; its sum is 1."""
@@ -91,8 +100,8 @@ class Blur:
 
     def transfer(self, screen: Screen, shape: tuple[int, int]) -> Floats:
         """Return k^ at the frequencies of a real FFT over pixels, (rows, columns // 2 + 1)."""
-        fx = fft.rfftfreq(shape[1])[None, :] / screen.pitch[0]
-        fy = -fft.fftfreq(shape[0])[:, None] / screen.pitch[1]  # rows fall with y
+        fx, fy = _frequencies(screen, shape)
+        fy = fy[:, None]
 
         def along(matrix: Floats) -> Floats:
             """Return |M' f|."""
@@ -110,6 +119,11 @@ class Blur:
             out *= np.interp(at, table, j0(2 * pi * table[:, None] * sine).mean(axis=1))
         return out
 
+    def _padded(self, image: Floats, screen: Screen) -> tuple[int, int]:
+        """Return the shape with which the blur of one border does not come in at the other."""
+        rows, columns = (fft.next_fast_len(n + self.reach(screen), real=True) for n in image.shape)
+        return rows, columns
+
     @property
     def _sine(self) -> float:
         """sin of the half-angle, or of one sigma."""
@@ -120,6 +134,20 @@ class Blur:
         """Slope errors with what they do."""
         pairs = zip(self.slope_rms, (self.shifts.front, self.shifts.rear))
         return [(rms, matrix) for rms, matrix in pairs if rms]
+
+
+def _frequencies(screen: Screen, shape: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Return the frequencies along x and along y of a real FFT over pixels."""
+    fx, fy = fft.rfftfreq(shape[1]), -fft.fftfreq(shape[0])  # rows fall with y
+    return fx / screen.pitch[0], fy / screen.pitch[1]
+
+
+def _filtered(
+    image: Floats, transfer: NDArray[np.complexfloating] | Floats, shape: tuple[int, int]
+) -> Floats:
+    """Return an image times a transfer function, cut to the image's own shape."""
+    out = fft.irfft2(fft.rfft2(image, shape) * transfer, shape)
+    return np.asarray(out[: image.shape[0], : image.shape[1]])
 
 
 def _size(matrix: Floats) -> float:

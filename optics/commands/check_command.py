@@ -12,7 +12,7 @@ from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
 from optics.etendue import etendue_notes
 from optics.optimisation import surfaces_can_cross
-from optics.prediction import expectation_lines, expected, resolved
+from optics.prediction import blur_limits, blur_sentence, expectation_lines, expected, resolved
 from optics.runtime import load_backend, speaking_of
 from optics.system import advice, skip_lines
 
@@ -49,6 +49,10 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     ]
     if explain:
         lines += skip_lines(system.skips)
+    if system.blurred:
+        limits = blur_limits(system, system.lens, backend)
+        data["blur"] = asdict(limits)
+        lines.append(f"blur: {blur_sentence(system, limits)}")
     lines += [f"note: {sentence}" for sentence in _notes(system, expectation)]
     return Outcome(data, lines)
 

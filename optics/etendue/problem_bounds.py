@@ -134,16 +134,18 @@ def stretchable(system: OpticalSystem) -> bool:
 def etendue_notes(system: OpticalSystem) -> list[str]:
     """Return sentences on what etendue says about a problem; none for sources without extent.
 
-    z_freedom must be known.
+    The blur of a beam is known, and needs no bound.  z_freedom must be known.
     """
     if not system.source.etendue:
         return []
     universal = universal_bound(system)
     efficiency = usual_efficiency(system, universal)
+    said = [universal_sentence(system, universal, efficiency), *universal_lines(system, universal)]
+    if system.source.diverging:
+        return said
     images = one_blur(system, system.lens, efficiency, SEARCH_QUICK, stretchable(system))
     return [
-        universal_sentence(system, universal, efficiency),
-        *universal_lines(system, universal),
+        *said,
         f"{one_blur_sentence(system)}, {base_rear(system)}; at this efficiency "
         f"{blur_sentence(images, stretchable(system))}",
     ]
@@ -163,6 +165,8 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     if least is None or rel_l2 < least:
         first += "; this lens does, so it is not within the envelope or was not measured well enough"
     said = [first, curve_sentence(universal)]
+    if system.source.diverging:
+        return said
     forms = [(False, FIXED_QUICK)]
     if stretchable(system):
         forms.insert(0, (True, SEARCH_QUICK))

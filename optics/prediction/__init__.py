@@ -8,6 +8,11 @@ if TYPE_CHECKING:
     from optics.prediction.automatic import (
         resolved as resolved,
     )
+    from optics.prediction.blurred_picture import (
+        BlurLimits as BlurLimits,
+        blur_limits as blur_limits,
+        blur_sentence as blur_sentence,
+    )
     from optics.prediction.expectation import (
         Expectation as Expectation,
         expected as expected,
@@ -18,6 +23,11 @@ if TYPE_CHECKING:
 
 _FILES = {
     "automatic": ("resolved",),
+    "blurred_picture": (
+        "BlurLimits",
+        "blur_limits",
+        "blur_sentence",
+    ),
     "expectation": (
         "Expectation",
         "expected",

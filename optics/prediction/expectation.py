@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis import cell_irradiance, rel_l2
+from optics.blur import blur_of
 from optics.etendue import image_half_width, usual_efficiency
 from optics.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
 from optics.prediction.cost import memory_mb, seconds
@@ -80,14 +81,15 @@ def expected(
     ------
     UserError : the design would take too much memory, (almost) nothing passes the lens.
     """
-    stages(system, moved=True)  # refuses sizes before any memory is taken
+    stages(system.shaping, moved=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
     start = start or TransportStart(system, backend)
     fit = start.fit(_start_space(system))
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
     moved = _moves(system, start)
-    plan = stages(system, moved)
-    fates, error = _traced(system, lens, backend)
+    traced = system.shaping
+    plan = stages(traced, moved)
+    fates, error = _traced(traced, lens, backend)
     flux = system.problem.source.flux
     light, slopes = start.rear_slopes()
     density = system.problem.lens.density
@@ -103,9 +105,11 @@ def expected(
         stray=fates.off_target / flux,
         pixel=max(system.target.screen().pitch),
         net=_net(system, start.half_lit, light),
-        blur=_blur(system),
+        blur=blur_of(system, lens, backend).width if system.blurred else _blur(system),
         moved=moved,
-        rel_l2=predicted_rel_l2(start.lit, error) if error and moved and system.path.parallel else None,
+        rel_l2=predicted_rel_l2(start.lit, error)
+        if error and moved and system.path.parallel and not system.blurred
+        else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),
         memory_mb=memory_mb(system, plan),

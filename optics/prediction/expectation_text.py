@@ -49,15 +49,19 @@ def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
 
 def _blurring(system: OpticalSystem) -> str:
     """Return what blurs the light: the extent of the source, or its divergence."""
-    if not system.source.diverging:
+    if not system.blurred:
         return "the image of the source"
+    if not system.source.diverging:
+        return "the blur of the rough surfaces"
     sun = system.problem.source.divergence_profile == "sun"
     return "the image of the sun" if sun else "the image of the beam's angles"
 
 
 def _error_line(system: OpticalSystem, expected: Expectation) -> str:
-    if system.source.extended:
+    if system.source.extended and not system.blurred:
         return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
+    if system.blurred:
+        return f"rel_l2: not predicted for blurred light; the sharp start has {expected.start_rel_l2:.2g}"
     start = f"the start has {expected.start_rel_l2:.2g}"
     if not expected.moved:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"

@@ -25,6 +25,7 @@ WORDS = {
     "rel_l2_debiased": (PERCENT, "rel_l2 without what that error adds to it"),
     "rel_l2_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "rel_l2_sharp": (PERCENT, "rel_l2 without divergence of the light and roughness of the surfaces"),
+    "rel_l2_one_blur": (PERCENT, "what one blur everywhere, that of this lens, allows at best: a model"),
     "rel_l2_sequential": (PERCENT, "rel_l2 of the light through front and rear only"),
     "paths": ("", "light that counts: all ways through the lens, or front and rear only"),
     "estimator": ("", "what was traced: cells between rays, or single rays"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,12 @@ class Screen:
         pixel = (row[on] * columns + column[on]).astype(np.int64)
         sums = np.bincount(pixel, weights[on], rows * columns)
         return np.asarray(sums, dtype=np.float64).reshape(self.shape)
+
+    def widened(self, pixels: int) -> Screen:
+        """Return a screen with so many more of the same pixels on every side."""
+        (px, py), (hx, hy), (columns, rows) = self.pitch, self.half_width, self.pixels
+        half_width = hx + pixels * px, hy + pixels * py
+        return replace(self, half_width=half_width, pixels=(columns + 2 * pixels, rows + 2 * pixels))
 
     def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image with the dark margin."""

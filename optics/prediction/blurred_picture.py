@@ -1,0 +1,115 @@
+"""What the blur of a beam, or of rough surfaces, leaves of a picture: as it is, and at best.
+
+One blur everywhere is a model: the spot k of `Blur` is the mean over the lens.  With the picture T the sharp
+light T itself makes k * T, and no light F >= 0 comes nearer than
+
+    min || k * F - T || / || T ||      over F >= 0, beside the picture too,
+
+for which `optics.etendue.approximate` has a certificate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from optics.analysis import rel_l2
+from optics.blur import blur_of
+from optics.etendue import Kernel, approximate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from thbcad.lens import Lens
+
+MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
+KKT = 1e-4  # of the best light
+RIDGE = 4.0  # width of a long stroke, over the mean distance of its points to its border
+
+
+@dataclass(frozen=True)
+class BlurLimits:
+    """What a blur leaves of a picture.
+
+    width : full width of the spot.  pixel : mm or degrees, as all lengths.
+    strokes : mean width of the bright parts of a picture, None of other targets.
+    plain : rel_l2 of the picture, blurred.
+    least : of rel_l2 of all light with this blur everywhere; None where the spot is wider than the target.
+    """
+
+    width: float
+    pixel: float
+    strokes: float | None
+    plain: float
+    least: float | None
+
+
+def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimits:
+    """Return what the blur of a lens leaves of the target of a blurred system."""
+    blur, screen = blur_of(system, lens, backend), system.target.screen()
+    target = system.target.irradiance(screen, 1.0)
+    reach = blur.reach(screen)
+    wide = blur.applied(np.pad(target, reach), screen)
+    return BlurLimits(
+        width=blur.width,
+        pixel=max(screen.pitch),
+        strokes=stroke_width(target, screen.pitch) if system.target.settings.kind == "image" else None,
+        plain=rel_l2(wide[reach:-reach, reach:-reach] if reach else wide, target),
+        least=_least(system, target, blur.kernel(system.target.screen(_merged(screen.pixels)))),
+    )
+
+
+def blur_sentence(system: OpticalSystem, found: BlurLimits, reached: float | None = None) -> str:
+    """Return what a blur leaves of a picture, in words.  reached : rel_l2 of a lens."""
+    unit = "degrees" if system.target.far_field else "mm"
+    said = f"{_who(system)} blurs {found.width:.2g} {unit} ({found.width / found.pixel:.2g} pixels)"
+    if found.strokes is not None:
+        said += f", the strokes of the picture are about {found.strokes:.2g} {unit} wide"
+    said += f"; the picture itself, blurred so, has a rel_l2 of {found.plain:.2g}"
+    if found.least is None:
+        return f"{said}; the spot is wider than the target"
+    said += f"; one blur everywhere, a model, allows {found.least:.2g} at least"
+    return said if reached is None else f"{said}; this lens has {reached:.2g}"
+
+
+def stroke_width(picture: NDArray[np.float64], pitch: Sequence[float]) -> float:
+    """Return the mean width of the bright parts of a picture, in the unit of pitch (x, y).
+
+    Bright is what lies above Otsu's threshold.  The points of a stroke of width w are w / 4 from its border
+    in the mean.
+    """
+    from skimage.filters import threshold_otsu
+
+    bright = picture > threshold_otsu(picture) if np.ptp(picture) else picture > 0
+    inside = distance_transform_edt(np.pad(bright, 1), sampling=pitch[::-1])
+    return RIDGE * float(inside[1:-1, 1:-1][bright].mean()) if bright.any() else 0.0
+
+
+def _who(system: OpticalSystem) -> str:
+    if not system.source.diverging:
+        return "the roughness of the surfaces"
+    what = "the sun" if system.problem.source.divergence_profile == "sun" else "the divergence of the light"
+    return f"{what} with the roughness of the surfaces" if any(system.slope_rms) else what
+
+
+def _merged(pixels: tuple[int, int]) -> int:
+    """Return how many pixels are merged in each direction."""
+    return max(1, max(pixels) // MOST_PIXELS)
+
+
+def _least(system: OpticalSystem, target: NDArray[np.float64], spot: NDArray[np.float64]) -> float | None:
+    """Return a lower bound of rel_l2 of the light of one blur, on merged pixels."""
+    merge = _merged(system.target.settings.pixels)
+    rows, columns = (n // merge for n in target.shape)
+    cut = target[: rows * merge, : columns * merge]
+    goal = cut.reshape(rows, merge, columns, merge).mean(axis=(1, 3))
+    if spot.shape[0] > min(goal.shape):
+        return None
+    scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
+    return scale * approximate(Kernel(spot), goal, KKT).lower_bound
