@@ -110,7 +110,7 @@ def ldt_bytes(luminaire: Luminaire, title: str) -> bytes:
     sizes = [_text(y), _text(0.0 if luminaire.opening.round and x == y else x)]
     header = [
         *("thbcad", "1", "0", str(len(c)), _step(luminaire.planes), str(len(gamma)), _step(gamma)),
-        *("traced, not measured", title, "", "", ""),
+        *("traced, not measured", " ".join(title.split()), "", "", ""),
         *(_text(y), _text(x), "0", *sizes, "0", "0", "0", "0"),
         *(_text(100 * below), "100", "1", "0", "1"),
         *("-1", "light of the luminaire", repr(flux), "", "", "0"),

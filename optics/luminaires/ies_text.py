@@ -73,7 +73,7 @@ def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
         phis=luminaire.planes,
         values=luminaire.candela / scale,
         manufacturer="not named",
-        lumcat=title,
+        lumcat=" ".join(title.split()),
         test="traced, not measured",
         testlab="thbcad",
         issuedate="not dated",
