@@ -280,7 +280,7 @@ def _relight_options(command: argparse.ArgumentParser) -> None:
         "--source",
         metavar="LIGHT",
         required=True,
-        help="sun, led:SIZEmm, led:SIZEmm@DISTANCEmm, or a problem file whose source is taken",
+        help="sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
     )
     command.add_argument("--out", metavar="FILE.png", help="picture: asked for, as designed, in other light")
     _force_option(command)

@@ -1,4 +1,4 @@
-"""The intensity behind a lens: against a plate's closed form and a wedge's, and its flux against the fates."""
+"""The intensity behind a lens: that of a plate and a wedge in closed form, and its flux by fates."""
 
 import numpy as np
 import pytest
