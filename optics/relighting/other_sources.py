@@ -1,4 +1,4 @@
-"""Other light for a finished lens, in words: the sun, an LED, a luminaire, or the source of another problem."""
+"""Other light for a finished lens, in words: the sun, an LED, a luminaire, the source of another problem."""
 
 from __future__ import annotations
 
