@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from optics.luminaires.file_numbers import MOST_ANGLES, FileNumbers
 from optics.luminaires.intensity_record import FULL_TURN, Luminaire, Opening
-from optics.luminaires.plane_symmetry import full_turn
+from optics.luminaires.plane_symmetry import closed, full_turn
 from optics.runtime import UserError
 
 Floats = NDArray[np.float64]
@@ -26,8 +26,6 @@ SYMMETRY, PLANES, GAMMAS, OPENING, CONVERSION, LAMP_SETS, LAMPS = 2, 3, 5, 15, 2
 LINES_OF_LAMPS = 6  # number, name, lumens, colour, colour rendering, watts
 RATIOS = 10  # direct ratios for indoor rooms, behind the lamps
 DECIMALS = 5  # of cd/klm: a lamp of 1 cd/klm everywhere has 12.6 lm per klm
-
-
 COUNTS = {
     SYMMETRY: ("symmetry", 0, 4),
     PLANES: ("number of planes C", 1, MOST_ANGLES),
@@ -66,8 +64,8 @@ def luminaire_of_ldt(text: str) -> Luminaire:
     data.require_end()
     if symmetry == 3:  # from 270 through 0 to 90; as a mirror image from 90 through 180 to 270
         held, candela = (540 - np.where(held < 270, held + FULL_TURN, held))[::-1], candela[::-1]
-    if symmetry == 0 and held[-1] < FULL_TURN:
-        held, candela = np.append(held, FULL_TURN), np.vstack([candela, candela[:1]])
+    if symmetry == 0:
+        held, candela = closed(held, candela)
     turn, candela = full_turn(held, candela)
     round_ = width == 0 and length > 0
     opening = Opening((length if round_ else abs(width), abs(length)), round_)
@@ -93,8 +91,9 @@ def _held_planes(symmetry: int, c: Floats) -> Floats:
         return np.zeros(1)
     n = len(c)
     parts = 4 if symmetry == 4 else 2
-    if n % 4:
-        raise UserError(f"its symmetry {symmetry} needs planes C in multiples of 4, got {n}")
+    even = 2 if symmetry == 2 else 4
+    if n % even:
+        raise UserError(f"its symmetry {symmetry} needs planes C in multiples of {even}, got {n}")
     first = 3 * n // 4 if symmetry == 3 else 0
     return np.take(c, np.arange(first, first + n // parts + 1), mode="wrap")
 
@@ -109,7 +108,7 @@ def ldt_bytes(luminaire: Luminaire, title: str) -> bytes:
     x, y = luminaire.opening.size
     sizes = [_text(y), _text(0.0 if luminaire.opening.round and x == y else x)]
     header = [
-        *("thbcad", "1", "0", str(len(c)), _step(luminaire.planes), str(len(gamma)), _step(gamma)),
+        *("thbcad", "3", "0", str(len(c)), _step(luminaire.planes), str(len(gamma)), _step(gamma)),
         *("traced, not measured", " ".join(title.split()), "", "", ""),
         *(_text(y), _text(x), "0", *sizes, "0", "0", "0", "0"),
         *(_text(100 * below), "100", "1", "0", "1"),

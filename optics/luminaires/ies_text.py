@@ -1,7 +1,7 @@
 """IES LM-63 files: intensities in cd, from 1986 on, by words and numbers.
 
-The text is read here, since photompy 0.3.1 refuses files of 1986 and 1991 and those whose planes run from 90
-to 270 degrees, and leaves out the ballast factors.  It writes.
+The text is read here: photompy 0.3.1 refuses files of 1986 and 1991 and those whose planes run from 90 to 270
+degrees, leaves out the ballast factors, and misplaces the mirror images of uneven planes.  It writes.
 
 Source: ANSI/IESNA LM-63-02, Standard file format for the electronic transfer of photometric data, 2002.
 """

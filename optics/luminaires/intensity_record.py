@@ -33,10 +33,18 @@ class Opening:
     """Where the light of a luminaire leaves.
 
     size : mm along x and y; zeros are a point.  round : an ellipse with these axes, else a rectangle.
+
+    Raises
+    ------
+    UserError : sizes that are not finite, or negative.
     """
 
     size: tuple[float, float] = (0.0, 0.0)
     round: bool = False
+
+    def __post_init__(self) -> None:
+        if not all(0 <= side < np.inf for side in self.size):
+            raise UserError(f"the sizes of an opening must be finite and not negative, got {self.size} mm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +78,8 @@ class Luminaire:
         if self.planes[0] != 0 or self.planes[-1] != FULL_TURN:
             ends = f"{self.planes[0]:g} to {self.planes[-1]:g}"
             raise UserError(f"planes C must run from 0 to 360 degrees, got {ends}")
+        if (self.candela[0] != self.candela[-1]).any():
+            raise UserError("the intensities at C = 0 and C = 360 must be the same")
         if self.gammas[0] < 0 or self.gammas[-1] > FARTHEST_GAMMA:
             ends = f"{self.gammas[0]:g} to {self.gammas[-1]:g}"
             raise UserError(f"angles gamma must lie between 0 and 180 degrees, got {ends}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from optics.luminaires.eulumdat_text import ldt_bytes, luminaire_of_ldt
 from optics.luminaires.ies_text import TILT, ies_bytes, luminaire_of_ies
 from optics.luminaires.intensity_record import Luminaire
@@ -33,7 +35,8 @@ def read_luminaire(path: str | Path) -> Luminaire:
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # what both formats were made for
     try:
-        return luminaire_of_ies(text) if TILT.search(text) else luminaire_of_ldt(text)
+        with np.errstate(over="ignore"):  # what is infinite then is refused
+            return luminaire_of_ies(text) if TILT.search(text) else luminaire_of_ldt(text)
     except UserError as error:
         kind = "IES LM-63" if TILT.search(text) else "EULUMDAT (it has no line TILT= of IES)"
         raise UserError(f"{path}, read as {kind}: {error}") from None

@@ -10,6 +10,8 @@ from optics.runtime import UserError
 
 Floats = NDArray[np.float64]
 
+SAME = 0.01  # of the peak: what two measurements of one plane may differ by
+
 
 def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """Return planes from 0 to 360 degrees with their candelas, (k,) and (k, m).
@@ -19,7 +21,7 @@ def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
 
     Raises
     ------
-    UserError : planes that do not ascend, or have other ends.
+    UserError : planes that do not ascend, have other ends, or contradict each other.
     """
     if len(planes) == 1 and planes[0] == 0:
         return np.array([0.0, FULL_TURN]), np.repeat(candela, 2, axis=0)
@@ -32,14 +34,26 @@ def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
         return _mirrored(planes, candela)
     if (first, last) == (90, 270):
         return _from_zero(*_mirrored(planes, candela))
-    if first == 0 and 270 < last < FULL_TURN:
-        return np.append(planes, FULL_TURN), np.vstack([candela, candela[:1]])
-    if (first, last) == (0, FULL_TURN):
-        return planes, candela
+    if first == 0 and 270 < last <= FULL_TURN:
+        return closed(planes, candela)
     raise UserError(
         f"its planes C run from {first:g} to {last:g} degrees; they must run from 0 to 0, 90, 180 or 360, "
         "or from 90 to 270"
     )
+
+
+def closed(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
+    """Return planes whose last one is 360 degrees, with the candelas of the first.
+
+    Raises
+    ------
+    UserError : there are other ones at 360.
+    """
+    if planes[-1] < FULL_TURN:
+        return np.append(planes, FULL_TURN), np.vstack([candela, candela[:1]])
+    if np.abs(candela[-1] - candela[0]).max() > SAME * candela.max():
+        raise UserError("its planes C = 0 and C = 360 differ, and are one; mend the file")
+    return planes, np.vstack([candela[:-1], candela[:1]])
 
 
 def _mirrored(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:

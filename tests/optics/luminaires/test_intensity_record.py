@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from optics.luminaires import Luminaire, angles_of, directions_at
+from optics.luminaires import Luminaire, Opening, angles_of, directions_at
 from optics.runtime import UserError
 from tests.optics.luminaires.cases import GAMMA, C, asymmetric, lambertian
 
@@ -57,6 +57,12 @@ def test_the_flux_within_an_angle_is_that_of_the_cone(gamma, part):
     assert lamp.flux_within(gamma) == pytest.approx(part * lamp.flux, rel=1e-4, abs=1e-12)
 
 
+@pytest.mark.parametrize("size", [(-1.0, 2.0), (np.nan, 2.0), (1.0, np.inf)])
+def test_openings_without_a_size_are_refused(size):
+    with pytest.raises(UserError, match="must be finite and not negative"):
+        Opening(size)
+
+
 BAD = [
     (([0, 360], [0, 90], [[1, 2, 3]] * 2), "must have the shape"),
     (([0, 360], [0, 90], [1, 2]), "must have 2 dimensions"),
@@ -67,6 +73,7 @@ BAD = [
     (([0, 360], [90, 0], [[1, 2]] * 2), "gamma must ascend, got 0 after 90"),
     (([0, 360], [0, 181], [[1, 2]] * 2), "between 0 and 180"),
     (([0, 350], [0, 90], [[1, 2]] * 2), "from 0 to 360 degrees, got 0 to 350"),
+    (([0, 360], [0, 90], [[1, 2], [1, 3]]), "C = 0 and C = 360 must be the same"),
     (([0], [0, 90], [[1, 2]]), "at least two planes C"),
 ]
 
