@@ -26,6 +26,7 @@ from optics.runtime import UserError
 Floats = NDArray[np.float64]
 
 FULL_TURN, FARTHEST_GAMMA = 360.0, 180.0  # degrees
+SAME = 1e-9  # of the peak: rounding errors of a formula at C = 0 and C = 360
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,9 @@ class Luminaire:
         if self.planes[0] != 0 or self.planes[-1] != FULL_TURN:
             ends = f"{self.planes[0]:g} to {self.planes[-1]:g}"
             raise UserError(f"planes C must run from 0 to 360 degrees, got {ends}")
-        if (self.candela[0] != self.candela[-1]).any():
+        if np.abs(self.candela[0] - self.candela[-1]).max() > SAME * np.abs(self.candela).max():
             raise UserError("the intensities at C = 0 and C = 360 must be the same")
+        object.__setattr__(self, "candela", np.vstack([self.candela[:-1], self.candela[:1]]))
         if self.gammas[0] < 0 or self.gammas[-1] > FARTHEST_GAMMA:
             ends = f"{self.gammas[0]:g} to {self.gammas[-1]:g}"
             raise UserError(f"angles gamma must lie between 0 and 180 degrees, got {ends}")

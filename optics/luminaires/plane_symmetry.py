@@ -10,7 +10,7 @@ from optics.runtime import UserError
 
 Floats = NDArray[np.float64]
 
-SAME = 0.01  # of the peak: what two measurements of one plane may differ by
+MEASURED = 0.01  # of the peak: what two measurements of one plane may differ by
 
 
 def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
@@ -51,7 +51,7 @@ def closed(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """
     if planes[-1] < FULL_TURN:
         return np.append(planes, FULL_TURN), np.vstack([candela, candela[:1]])
-    if np.abs(candela[-1] - candela[0]).max() > SAME * candela.max():
+    if np.abs(candela[-1] - candela[0]).max() > MEASURED * candela.max():
         raise UserError("its planes C = 0 and C = 360 differ, and are one; mend the file")
     return planes, np.vstack([candela[:-1], candela[:1]])
 
