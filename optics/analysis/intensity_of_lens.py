@@ -49,9 +49,9 @@ def outgoing_intensity(
     """Return the intensity of the light behind a lens, by inner reflections and edges too.
 
     backend : of double precision.  count : of rays, about.
-    step : of gamma, degrees; that of C is twice as large.
+    step : of gamma, degrees, which divides 180; that of C is twice as large.
     """
-    grid = IntensityGrid(2 * step, step)
+    grid = IntensityGrid(round(180 / step), round(180 / step))
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     side = isqrt(max(1, count // REPLICATES) - 1) + 1
     plane = TargetPlane(plane_behind(system, lens), lens.rear.half_width)

@@ -230,7 +230,7 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         type=float,
         default=2.5,
         metavar="DEGREES",
-        help="of gamma in ies and ldt files; that of C is twice as large (default: 2.5)",
+        help="of gamma in ies and ldt files, a part of 180; that of C is twice as large (default: 2.5)",
     )
     command.add_argument(
         "--chord",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
 STEPS = 0.5, 30.0  # degrees: from 5 MB of text to what still tells front from side
+DECIMALS = 4  # of the angles in files
 LUMINAIRE_SUFFIXES = (".ies", ".ldt")
 DIGITS = 1e-6  # of the peak, and of the flux: files have seven digits and more
 
@@ -62,9 +64,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
     from optics.analysis import outgoing_intensity
     from optics.luminaires import LUMINAIRE_WRITERS, read_luminaire
 
-    low, high = STEPS
-    if not low <= options.step <= high:
-        raise UserError(f"--step must be from {low:g} to {high:g} degrees, got {options.step:g}")
+    _require_step(options.step)
     system, lens, backend = _traceable(options)
     out = Path(options.out)
     light = outgoing_intensity(system, lens, backend, options.rays, options.step)
@@ -90,6 +90,17 @@ def intensity_of_light(options: Namespace) -> Outcome:
         "+z is gamma = 0, +x is C0; watts stand for lumens",
     ]
     return _reported(out, checks, data, lines)
+
+
+def _require_step(step: float) -> None:
+    """Raise UserError unless a step of gamma divides 180 degrees, in decimals that a file holds."""
+    low, high = STEPS
+    within = low <= step <= high and round(step, DECIMALS) == step
+    if not within or not isclose(round(180 / step) * step, 180):
+        raise UserError(
+            f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
+            f"got {step:g}"
+        )
 
 
 def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:

@@ -17,7 +17,7 @@ from optics.luminaires.plane_symmetry import full_turn
 from optics.runtime import UserError
 
 TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
-LATER = re.compile(r"(LM-63-)?(2002|2019)")  # the last factor of the header is none any more
+LATER = re.compile(r"LM-63-(2002|2019)")  # they have something else in the place of the ballast-lamp factor
 FEET, METRES = 304.8, 1000.0  # mm
 DECIMALS = 4  # of what photompy writes: it writes smaller numbers with an exponent
 LEAST_PEAK = 3  # decimal exponent of the greatest number written: eight digits with DECIMALS
@@ -46,9 +46,10 @@ def luminaire_of_ies(text: str) -> Luminaire:
     unit = (FEET, METRES)[numbers.whole("units type", 1, 2) - 1]
     width, length, _ = (unit * numbers.number(f"luminous {side}") for side in ("width", "length", "height"))
     factor *= _positive(numbers, "ballast factor")
-    last = _positive(numbers, "ballast-lamp factor")
-    if not LATER.search(text[: tilt.start()].split("\n", 1)[0]):
-        factor *= last
+    if LATER.search(text[: tilt.start()].split("\n", 1)[0]):
+        numbers.number("file generation type")
+    else:
+        factor *= _positive(numbers, "ballast-lamp factor")
     numbers.number("input watts")
     gammas = numbers.row(verticals, "vertical angles")
     planes = numbers.row(horizontals, "horizontal angles")

@@ -25,12 +25,12 @@ Floats = NDArray[np.float64]
 class IntensityGrid:
     """A regular grid of angles over the full sphere.
 
-    step_c, step_gamma : degrees, about; they are rounded so that they divide 360 and 180.
+    turns, tilts : steps of C and of gamma.
     """
 
-    def __init__(self, step_c: float, step_gamma: float) -> None:
-        self.turns, self.tilts = max(1, round(FULL_TURN / step_c)), max(2, round(FARTHEST_GAMMA / step_gamma))
-        self._gammas = np.linspace(0, FARTHEST_GAMMA, self.tilts + 1)
+    def __init__(self, turns: int, tilts: int) -> None:
+        self.turns, self.tilts = turns, tilts
+        self._gammas = np.linspace(0, FARTHEST_GAMMA, tilts + 1)
 
     @property
     def steps(self) -> tuple[float, float]:

@@ -105,8 +105,9 @@ def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suf
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--step", "0"], "--step must be from 0.5"),
+        (["--step", "0"], "--step must divide 180"),
         (["--step", "nan"], "--step"),
+        (["--step", "7"], "got 7"),
         (["--rays", "0"], "--rays"),
     ],
 )
