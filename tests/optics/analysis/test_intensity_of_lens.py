@@ -35,6 +35,12 @@ def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_p
     assert lamp.flux == pytest.approx(found.flux, rel=1e-12)
     assert found.steps == (10.0, 5.0)
     assert 0.005 < found.noise < 0.1
+    other = optics.System(system.problem.with_(**{"run.seed": 7})).optical
+    again = outgoing_intensity(other, system.lens, load_backend("double"), 1 << 17, 5.0)
+    apart = lamp.node_solid_angles * (again.luminaire.candela - lamp.candela) ** 2
+    whole = lamp.node_solid_angles * lamp.candela**2
+    noise = np.hypot(found.noise, again.noise)  # each known to a quarter: few angles have most of it
+    assert np.sqrt(apart.sum() / whole.sum()) == pytest.approx(noise, rel=0.5)
     theta = np.radians(np.arange(5, 56, 5))
     t = passed(theta, 1.5)
     on = np.cos(theta) / np.pi * t**2 / (1 - (1 - t) ** 2)

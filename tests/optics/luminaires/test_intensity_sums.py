@@ -31,6 +31,13 @@ def test_rays_of_a_luminaire_give_its_intensity_again():
     assert np.linalg.norm(difference[:, 3:]) < 0.01 * np.linalg.norm(found.candela)
 
 
+def test_a_ray_near_the_axis_lights_the_axis_from_all_sides():
+    grid = IntensityGrid(36, 18)
+    nodes = grid.flux(directions_at(np.array([45.0]), np.array([2.5])), np.array([1.0]))
+    np.testing.assert_allclose(nodes[:, 0], 0.75 / 36)
+    np.testing.assert_allclose(nodes[[4, 5], 1], 0.125)
+
+
 def test_a_ray_between_nodes_lights_the_four_around_it():
     grid = IntensityGrid(36, 18)
     nodes = grid.flux(directions_at(np.array([357.5]), np.array([42.5])), np.array([1.0]))

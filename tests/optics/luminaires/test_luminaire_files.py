@@ -204,6 +204,7 @@ def test_cd_per_klm_are_scaled_by_the_lumens_of_the_lamps(tmp_path):
     assert lamp.candela.max() == 500.0
     assert lamp.lumens == 2500.0
     assert lamp.opening == Opening((180.0, 580.0))
+    assert read_luminaire(written(tmp_path, changed(23, "1.5"))).candela.max() == 600.0
     comma = [line.replace(".", ",") for line in ldt_lines(lumens=2500.0)]
     assert read_luminaire(written(tmp_path, "\n".join(comma))).flux == lamp.flux
 
