@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from optics.problem import Problem
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
+SAME_FLUX = 1e-9  # relative: problem files hold every digit
 TRIED = (32, 32)  # rays of a luminaire, of which none may start in the lens
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
@@ -159,18 +160,30 @@ def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:
         )
 
 
+def _of_luminaire(system: OpticalSystem) -> list[str]:
+    """Return sentences about what is assumed of a luminaire; none of other sources."""
+    source = system.problem.source
+    if source.kind != "luminaire":
+        return []
+    sentences = [
+        "the same intensity from every point of the luminaire's opening is assumed: its file tells no "
+        "near field, so that no bound of etendue is given"
+    ]
+    own = system.source.luminaire.directions.light.flux
+    if abs(source.flux / own - 1) > SAME_FLUX:
+        sentences.append(
+            f"the flux of source.file, {own:.6g}, is scaled to source.flux = {source.flux:g}; 0 keeps it"
+        )
+    return sentences
+
+
 def advice(system: OpticalSystem) -> list[str]:
     """Return sentences about settings that do not suit the problem, and about missed limits.
 
     The limits are those that the lens misses before optimisation.
     """
     problem, lens = system.problem, system.lens
-    options, sentences = problem.optimizer, []
-    if problem.source.kind == "luminaire":
-        sentences.append(
-            "the same intensity from every point of the luminaire's opening is assumed: its file tells no "
-            "near field, so that no bound of etendue is given"
-        )
+    options, sentences = problem.optimizer, _of_luminaire(system)
     if problem.source.kind in ("lambertian", "luminaire") and (
         options.window in ("cells", "pixel") or options.lost_flux_weight > 1
     ):

@@ -142,7 +142,12 @@ def test_no_bound_is_given_and_a_sentence_says_what_is_assumed(lamp):
     system = lit(lamp).optical
     assert system.source.etendue == 0
     assert etendue_notes(system) == []
-    assert any("same intensity from every point" in sentence for sentence in advice(system))
+    assumed = "same intensity from every point"
+    assert [assumed in sentence for sentence in advice(system)[:2]] == [True, False]
+    own = system.problem.source.flux
+    scaled = advice(lit(lamp, **{"source.flux": 2.0}).optical)
+    assert f"the flux of source.file, {own:.6g}, is scaled to source.flux = 2; 0 keeps it" in scaled
+    assert "scaled" not in "".join(advice(system))
 
 
 @pytest.mark.parametrize(
