@@ -11,6 +11,8 @@ from __future__ import annotations
 import re
 from math import floor, log10
 
+import numpy as np
+
 from optics.luminaires.file_numbers import MOST_ANGLES, FileNumbers
 from optics.luminaires.intensity_record import Luminaire, Opening
 from optics.luminaires.plane_symmetry import full_turn
@@ -26,20 +28,20 @@ LEAST_PEAK = 3  # decimal exponent of the greatest number written: eight digits 
 def luminaire_of_ies(text: str) -> Luminaire:
     """Return the luminaire of a LM-63 text, of 1986, 1991, 1995, 2002 or 2019.
 
-    Candelas count with the multiplier and the ballast factors.  C = 0 lies along the luminaire's length.
+    Candelas count with the multiplier and the ballast factors, for a luminaire that is not tilted.  C = 0 lies
+    along the luminaire's length.
 
     Raises
     ------
-    UserError : a text that contradicts itself, photometry of type A or B, lamps that depend on the tilt.
+    UserError : a text that contradicts itself, photometry of type A or B, factors of tilt in another file.
     """
     tilt = TILT.search(text)
     assert tilt is not None
-    if tilt[1].upper() != "NONE":
-        raise UserError(f"only TILT=NONE is read, got TILT={tilt[1][:20]}; set it where the lamp may hang so")
     numbers = FileNumbers(text[tilt.end() :].replace(",", " ").split())
+    upright = _factor_upright(tilt[1], numbers)
     lamps = numbers.number("number of lamps")
     each = numbers.number("lumens per lamp")
-    factor = _positive(numbers, "candela multiplier")
+    factor = upright * _positive(numbers, "candela multiplier")
     verticals = numbers.whole("number of vertical angles", 2, MOST_ANGLES)
     horizontals = numbers.whole("number of horizontal angles", 1, MOST_ANGLES)
     _require_type_c(numbers.whole("photometric type", 1, 3))
@@ -84,6 +86,18 @@ def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
     )
     file.header = file.header.update(multiplier=scale)
     return bytes(file.write(precision=DECIMALS))
+
+
+def _factor_upright(tilt: str, numbers: FileNumbers) -> float:
+    """Return the factor of a lamp's light in a luminaire that is not tilted.  tilt : what TILT= says."""
+    if tilt.upper() == "NONE":
+        return 1.0
+    if tilt.upper() != "INCLUDE":
+        raise UserError(f"its factors of tilt are in {tilt[:40]!r}; write TILT=NONE, or put them in the file")
+    numbers.number("lamp geometry")
+    count = numbers.whole("number of tilt angles", 1, MOST_ANGLES)
+    angles, factors = (numbers.row(count, f"tilt {what}") for what in ("angles", "factors"))
+    return float(np.interp(0.0, angles, factors))
 
 
 def _positive(numbers: FileNumbers, what: str) -> float:

@@ -169,6 +169,11 @@ def test_ballast_factors_count_as_in_the_year_of_the_file(tmp_path, first, facto
     assert lamp.at(np.zeros(1), np.zeros(1)) == pytest.approx(factor * 100)
 
 
+def test_factors_of_tilt_count_for_a_luminaire_that_is_not_tilted(tmp_path):
+    lamp = of_ies(tmp_path, header="TILT=INCLUDE\n1\n3\n0 45 90\n0.5 0.4\n0.3")
+    assert lamp.flux == pytest.approx(0.5 * of_ies(tmp_path).flux)
+
+
 @pytest.mark.parametrize(
     ("size", "units", "opening"),
     [
@@ -258,7 +263,8 @@ BAD = {
     "ies: beyond the pole": (ies_text(gammas=(0, 90, 190)), "between 0 and 180"),
     "ies: planes fall": (ies_text(planes=(0, 90, 45), candela=((1, 1, 1),) * 3), "C must ascend"),
     "ies: planes to 100": (ies_text(planes=(0, 100), candela=((1, 1, 1),) * 2), "from 0 to 100 degrees"),
-    "ies: tilt": (ies_text(header="TILT=INCLUDE\n1\n2\n0 90\n1 1"), "only TILT=NONE is read"),
+    "ies: tilt": (ies_text(header="TILT=tilt.txt"), "factors of tilt are in 'tilt.txt'"),
+    "ies: tilts": (ies_text(header="TILT=INCLUDE\n1\n9999\n0 90"), "promises 9999 tilt angles"),
     "ldt: ends early": ("\n".join(ldt_lines()[:-2]), "promises 12 intensities, and 10 numbers are left"),
     "ldt: only a head": ("\n".join(ldt_lines()[:20]), "ends before its"),
     "ldt: more numbers": ("\n".join([*ldt_lines(), "5"]), "1 more numbers follow"),
