@@ -28,8 +28,8 @@ LEAST_PEAK = 3  # decimal exponent of the greatest number written: eight digits 
 def luminaire_of_ies(text: str) -> Luminaire:
     """Return the luminaire of a LM-63 text, of 1986, 1991, 1995, 2002 or 2019.
 
-    Candelas count with the multiplier and the ballast factors, for a luminaire that is not tilted.  C = 0 lies
-    along the luminaire's length.
+    Candelas count with the multiplier and the ballast factors, for a luminaire that is not tilted.
+    C = 0 lies along the luminaire's length.
 
     Raises
     ------
