@@ -26,7 +26,7 @@ from optics.runtime import UserError
 Floats = NDArray[np.float64]
 
 FULL_TURN, FARTHEST_GAMMA = 360.0, 180.0  # degrees
-SAME = 1e-9  # of the peak: rounding errors of a formula at C = 0 and C = 360
+SAME = 1e-9  # of the peak: rounding errors of formulas at angles that are one, or mirror images
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,13 @@ class Luminaire:
     def flux(self) -> float:
         """The integral of the intensity over the sphere, exact for the interpolation: lm (or W)."""
         return float((self.candela * self.node_solid_angles).sum())
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """Whether the light is its own mirror image in x and in y."""
+        c, gamma = (a.ravel() for a in np.meshgrid(self.planes, self.gammas, indexing="ij"))
+        images = [self.at(turned, gamma).reshape(self.candela.shape) for turned in (-c, 180 - c)]
+        return bool(max(np.abs(image - self.candela).max() for image in images) <= SAME * self.candela.max())
 
     def flux_within(self, gamma: float) -> float:
         """Return the part of the flux in directions of less than an angle gamma, degrees."""

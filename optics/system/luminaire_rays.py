@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from optics.luminaires import DirectionSampler, read_luminaire
 from optics.runtime import speaking_of
-from optics.sources import Rays, concentric
+from optics.sources import MIRRORS, Rays, concentric, mirror_images
 
 if TYPE_CHECKING:
     from optics.problem import Problem, Source
@@ -37,14 +37,15 @@ class PlacedLuminaire:
     def parts(self, count: int, seed: int, most: int) -> Iterator[Rays]:
         """Yield `count` rays of equal flux from four-dimensional Sobol points, in parts of at most `most`.
 
-        count : a power of two.  seed : of the scrambling.
+        Those of symmetric light are taken with their mirror images, in the order of `mirror_images`.
+        count : a power of two, of four at least.  seed : of the scrambling.
         """
         from scipy.stats import qmc
 
-        engine = qmc.Sobol(4, scramble=True, seed=seed)
-        left = count
+        engine, images = qmc.Sobol(4, scramble=True, seed=seed), len(MIRRORS) if self.symmetric else 1
+        left = count // images
         while left:
-            size = min(left, most)
+            size = min(left, max(1, most // images))
             left -= size
             s, t, u, v = engine.random(size).T
             s, t = 2 * s - 1, 2 * t - 1
@@ -54,7 +55,15 @@ class PlacedLuminaire:
             origin = self.turn @ opening + np.asarray(self.shift)[:, None]
             direction = self.turn @ self.directions(u, v)
             direction /= np.linalg.norm(direction, axis=0)
-            yield Rays(origin, direction, np.full(size, self.flux / count))
+            if self.symmetric:
+                origin, direction = mirror_images(origin), mirror_images(direction)
+            yield Rays(origin, direction, np.full(images * size, self.flux / count))
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether its light in the scene is its own mirror image in x and in y."""
+        straight = not any(self.shift[:2]) and bool((self.turn == np.eye(3)).all())
+        return straight and self.directions.light.symmetric
 
 
 def placed_luminaire(source: Source, turn: Floats) -> PlacedLuminaire:

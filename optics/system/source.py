@@ -126,7 +126,9 @@ class LightSource:
     @property
     def symmetric(self) -> bool:
         """Whether the source is its own mirror image in x and y, but for the picture of its profile."""
-        return self.settings.kind not in OF_FILES
+        if self.settings.kind == "luminaire":
+            return self.luminaire.symmetric
+        return self.settings.kind != "rays"
 
     @property
     def area(self) -> float:

@@ -9,6 +9,7 @@ from optics.analysis.light_of_rays import ray_irradiance
 from optics.luminaires import Luminaire, Opening, write_ies
 from optics.problem import load_problem
 from optics.runtime import load_backend
+from optics.sources import mirror_half
 from tests.optics.cases import rough, write_problem
 from tests.optics.luminaires.cases import asymmetric, lambertian, narrow
 
@@ -127,6 +128,30 @@ def test_the_gradient_through_a_luminaire_is_that_of_differences(lamp):
     steps = [model.loss(c + k * h * d)[0] for k in (-2, -1, 1, 2)]
     difference = (8 * (steps[2] - steps[1]) - (steps[3] - steps[0])) / (12 * h)
     assert model.loss(c)[1] @ d == pytest.approx(difference, rel=1e-8)
+
+
+def test_rays_of_a_symmetric_luminaire_are_taken_with_their_mirror_images(tmp_path):
+    write_ies(lambertian(), tmp_path / "lamp.ies")
+    size = {"source.half_width": [2.0, 1.0]}
+    source = lit(tmp_path, **size).optical.source
+    assert source.symmetric
+    rays, half = source.rays((16, 16)), mirror_half(source.rays((16, 16)), (0,))
+    mirror = np.array([[-1.0], [1.0], [1.0]])
+    for name in ("origin", "direction"):
+        whole, part = getattr(rays, name), getattr(half, name)
+        both = np.concatenate([part, mirror * part], axis=1)
+        np.testing.assert_array_equal(np.sort(both, axis=1), np.sort(whole, axis=1))
+    for more in ({"source.turn": [0.0, 0.0, 10.0]}, {"source.shift": [0.0, 1.0]}):
+        assert not lit(tmp_path, **size | more).optical.source.symmetric
+
+
+@pytest.mark.parametrize(("c", "symmetric"), [(0.0, False), (90.0, False), (None, True)])
+def test_a_lamp_that_leans_to_one_side_is_not_symmetric(c, symmetric):
+    planes = np.arange(0, 361, 15.0)
+    lean = 0.0 if c is None else np.cos(np.radians(planes - c))
+    wings = np.cos(np.radians(2 * planes))
+    candela = (2 + lean + 0.5 * wings)[:, None] * np.array([1.0, 2.0, 0.0])
+    assert Luminaire(planes, [0.0, 45.0, 90.0], candela).symmetric == symmetric
 
 
 def test_a_point_stands_for_the_luminaire_before_there_is_a_lens(lamp):
