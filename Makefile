@@ -50,6 +50,7 @@ QUICK = \
 	tests/optics/export/test_formats.py \
 	tests/optics/external/test_file_tracers.py \
 	tests/optics/figures/test_lens_and_light.py \
+	tests/optics/luminaires \
 	tests/optics/mitsuba/test_mesh.py \
 	tests/optics/optimisation/test_bounded_variables.py \
 	tests/optics/optimisation/test_loop_failures.py \

@@ -15,7 +15,10 @@ from typing import Any
 # extra of pyproject.toml: packages that it brings; the first extra that has a package is the one to name
 EXTRAS = {
     "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
-    "optics": ("OCP", "drjit", "lib3mf", "matplotlib", "PIL", "shtab", "skimage", "tqdm", "trimesh"),
+    "optics": (
+        *("OCP", "drjit", "lib3mf", "matplotlib", "photompy"),
+        *("PIL", "shtab", "skimage", "tqdm", "trimesh"),
+    ),
     "mitsuba": ("mitsuba",),
     "verify": ("optiland",),
 }

@@ -9,6 +9,10 @@ if TYPE_CHECKING:
         NEGLIGIBLE as NEGLIGIBLE,
         light_by_other_ways as light_by_other_ways,
     )
+    from optics.analysis.intensity_of_lens import (
+        OutgoingIntensity as OutgoingIntensity,
+        outgoing_intensity as outgoing_intensity,
+    )
     from optics.analysis.judgement import (
         counted_ways as counted_ways,
         delivery_checks as delivery_checks,
@@ -45,6 +49,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "intensity_of_lens": (
+        "OutgoingIntensity",
+        "outgoing_intensity",
+    ),
     "judgement": (
         "counted_ways",
         "delivery_checks",

@@ -183,7 +183,7 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         "--format",
         metavar="NAME",
         help="step iges brep stl 3mf obj ply glb dat xyz npz svg dxf (default: the suffix of FILE; "
-        "xml: Mitsuba scene)",
+        "xml: Mitsuba scene; ies, ldt: intensity of the light behind the lens)",
     )
     command.add_argument(
         "--aperture",
@@ -223,7 +223,14 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
     )
     command.add_argument(
-        "--rays", type=int, default=1_000_000, metavar="N", help="of --light, about (default: 1000000)"
+        "--rays", type=int, default=1_000_000, metavar="N", help="of light, about (default: 1000000)"
+    )
+    command.add_argument(
+        "--step",
+        type=float,
+        default=2.5,
+        metavar="DEGREES",
+        help="of gamma in ies and ldt files, a part of 180; that of C is twice as large (default: 2.5)",
     )
     command.add_argument(
         "--chord",
@@ -273,7 +280,7 @@ def _relight_options(command: argparse.ArgumentParser) -> None:
         "--source",
         metavar="LIGHT",
         required=True,
-        help="sun, led:SIZEmm, led:SIZEmm@DISTANCEmm, or a problem file whose source is taken",
+        help="sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
     )
     command.add_argument("--out", metavar="FILE.png", help="picture: asked for, as designed, in other light")
     _force_option(command)

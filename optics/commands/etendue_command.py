@@ -26,6 +26,7 @@ from optics.etendue import (
     universal_sentence,
     usual_efficiency,
 )
+from optics.problem import OF_FILES
 from optics.results import ResultFolder
 from optics.runtime import UserError
 from optics.tracing import normal_incidence_transmittance
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 NARROW = 0.05  # of a designed lens's light comes in smaller images than the measured area
 NO_LIMIT = "the source has no extent: its etendue is 0 and sets no limit to the light"
+OF_SOURCE = 2  # lines on the source's own etendue, the first ones
+UNKNOWN = "a file describes the source: its etendue is not known, so that no limit is given"
 
 
 def etendue(options: Namespace) -> Outcome:
@@ -46,6 +49,8 @@ def etendue(options: Namespace) -> Outcome:
     system = _resolved_base(system_of(options))
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
+    if system.problem.source.kind in OF_FILES:
+        return Outcome(data, [*lines[OF_SOURCE:], UNKNOWN])
     if not passing.source:
         return Outcome(data, [*lines, NO_LIMIT])
     universal = universal_bound(system)

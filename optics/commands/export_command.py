@@ -6,13 +6,13 @@ from argparse import Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from optics.commands.light_export import intensity_of_light, is_luminaire, rays_of_light
 from optics.commands.outcome import Outcome
 from optics.results import HASHES, hashes
 from optics.runtime import UserError, check_lines
 
 SCENE = ".xml"  # suffix of a scene for Mitsuba
 SHAPES = ("aperture", "polygon", "flange", "mount", "patches", "separate")  # options that change the body
-MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,7 +31,9 @@ def export(options: Namespace) -> Outcome:
     if options.out.lower().endswith(SCENE) and options.format is None:
         return _scene(options)
     if options.light:
-        return _light(options)
+        return rays_of_light(options)
+    if is_luminaire(options):
+        return intensity_of_light(options)
     name = format_of(options.out, options.format)
     body = Body(
         options.aperture and tuple(options.aperture),
@@ -114,54 +116,6 @@ def _scene(options: Namespace) -> Outcome:
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
     return Outcome(data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], data["ok"])
-
-
-def _light(options: Namespace) -> Outcome:
-    """Write the light behind the lens of a result as a ray file, and read it back.
-
-    Raises
-    ------
-    UserError : no result folder, another suffix, or too many rays.
-    """
-    from pathlib import Path
-
-    from optics.analysis import outgoing_rays
-    from optics.export import report_of, require_free_files
-    from optics.photometry import units_of
-    from optics.ray_files import read_rays, write_rays
-    from optics.results import ResultFolder
-    from optics.runtime import Check, load_backend, verification
-    from optics.system import OpticalSystem
-    from thbcad.io import json_text, write_text
-
-    out = Path(options.out)
-    if not 1 <= options.rays <= MOST_RAYS:
-        raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
-    if not Path(options.result).is_dir():
-        raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
-    require_free_files([out], options.out, options.force)
-    problem, lens, _ = ResultFolder(options.result).read()
-    backend = load_backend("double", problem.run.threads)
-    rays = outgoing_rays(OpticalSystem(problem), lens, backend, options.rays, options.light)
-    write_rays(rays, out)
-    read = read_rays(out)
-    differ = sum(
-        float((getattr(read, name) != getattr(rays, name)).sum())
-        for name in ("position", "direction", "flux")
-    )
-    checks = [Check("numbers of the rays that differ", differ, 0, "")]
-    report = report_of(options.out)
-    data = {
-        "format": out.suffix[1:].lower(),
-        "files": [str(out)],
-        "rays": len(rays),
-        units_of(rays.unit).key("flux"): rays.total,
-        **verification(checks),
-        HASHES: hashes(report.parent, [out.name]),
-    }
-    write_text(report, json_text(data))
-    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} through front and rear"
-    return Outcome(data, [*check_lines(data), written], all(check.ok for check in checks))
 
 
 def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | None:

@@ -42,6 +42,8 @@ def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Gen
         given = source.of_file
         chosen = fresh.choice(len(given.flux), n, p=given.flux / given.flux.sum())
         return Rays(given.origin[:, chosen], given.direction[:, chosen], flux)
+    if settings.kind == "luminaire":
+        return _of_luminaire(source, flux, fresh)
     origin, direction = np.zeros((3, n)), np.zeros((3, n))
     origin[2] = start if source.collimated else -settings.distance
     if settings.kind != "point":
@@ -55,6 +57,21 @@ def _drawn(source: LightSource, start: float, flux: Floats, fresh: np.random.Gen
         sine, turn = np.sqrt(1 - cosine**2), fresh.uniform(0, 2 * np.pi, n)
         direction[:] = sine * np.cos(turn), sine * np.sin(turn), cosine
     return Rays(origin, direction, flux)
+
+
+def _of_luminaire(source: LightSource, flux: Floats, fresh: np.random.Generator) -> Rays:
+    """Return rays of a luminaire: directions of the full sphere, kept with the probability of their light."""
+    lamp, light = source.luminaire, source.luminaire.directions.light
+    s, t = _positions(source.profile, len(flux), fresh)
+    opening = np.stack([s * lamp.half_width[0], t * lamp.half_width[1], np.zeros(len(flux))])
+    kept = np.zeros((3, 0))
+    while kept.shape[1] < len(flux):
+        drawn = fresh.normal(size=(3, len(flux)))
+        drawn /= np.linalg.norm(drawn, axis=0)
+        lit = fresh.random(len(flux)) * light.candela.max() < light.intensity(drawn)
+        kept = np.concatenate([kept, drawn[:, lit]], axis=1)
+    origin = lamp.turn @ opening + np.asarray(lamp.shift)[:, None]
+    return Rays(origin, lamp.turn @ kept[:, : len(flux)], flux)
 
 
 def _cosines(source: LightSource, u: Floats) -> Floats:

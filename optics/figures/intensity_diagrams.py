@@ -104,7 +104,7 @@ def _isocandela(light: Floats, wanted: Floats, screen: Screen, unit: str) -> byt
     figure.legend(handles=named, fontsize=8, loc="outside lower center", ncols=2)
     axes.set_aspect("equal")
     axes.set_xlabel("angle towards +x (C0) / degrees")
-    axes.set_ylabel("angle towards +y (C90) / degrees")
+    axes.set_ylabel("angle towards +y (C270) / degrees")
     axes.grid(alpha=0.3)
     return png_bytes(figure)
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from optics.mitsuba.loading import current_mitsuba
 from optics.mitsuba.mesh import LensMesh
 from optics.mitsuba.scene_screen import screen_rectangle, square_pixels, watching_camera
+from optics.problem import OF_FILES
 from optics.runtime import UserError
 from thbcad.lens import Lens
 
@@ -109,8 +110,8 @@ def _emitter(mi: ModuleType, system: OpticalSystem, lowest: float) -> dict[str, 
     source = system.problem.source
     if source.kind == "point":
         return _point(source)
-    if source.kind == "rays":
-        raise UserError("Mitsuba has no light of ray files; take another source.kind there")
+    if source.kind in OF_FILES:
+        raise UserError("Mitsuba has no light of ray and luminaire files; take another source.kind there")
     if source.kind == "lambertian" and source.half_angle < 90:
         raise UserError(
             "Mitsuba's glowing areas light the whole half-space: source.half_angle must be 90, got "

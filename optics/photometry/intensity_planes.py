@@ -1,6 +1,6 @@
 """Intensity in the planes C0-C180 and C90-C270, and the width of a beam in them.
 
-Directions are those of type C photometry: gamma is the angle to +z, the half-plane C0 holds +x, C90 holds +y.
+Directions are those of type C photometry: gamma is the angle to +z, the half-plane C0 holds +x, C90 holds -y.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def plane_curves(intensity: Floats, u: Floats, v: Floats) -> dict[str, PlaneCurv
     """
     along_u = _middle(intensity)
     along_v = _middle(intensity.T)
-    return {"C0-C180": PlaneCurve(u, along_u), "C90-C270": PlaneCurve(v[::-1], along_v[::-1])}
+    return {"C0-C180": PlaneCurve(u, along_u), "C90-C270": PlaneCurve(-v, along_v)}
 
 
 def _middle(rows: Floats) -> Floats:

@@ -8,7 +8,7 @@ from html import escape
 
 from optics.problem.key_changes import with_changes
 from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.problem.schema import SHORTEST, LensSpec, Source, Target
+from optics.problem.schema import LEAST_FLUX, OF_FILES, SHORTEST, LensSpec, Source, Target
 from optics.problem.toml_records import checked_values, option, record
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
@@ -153,14 +153,22 @@ def _require_source(source: Source) -> None:
             f"source.distance must be at least {SHORTEST} for a point, which would lie in the lens, "
             f"got {source.distance!r}"
         )
-    if source.kind == "rays" and not source.file:
+    if source.kind in OF_FILES and not source.file:
         raise UserError("the key source.file is missing; add it")
-    if source.file and source.kind != "rays":
-        raise UserError(f'source.file is read by the kind "rays" only, got the kind {source.kind!r}')
-    if source.kind not in ("point", "rays") and min(source.half_width) < SHORTEST:
+    if source.file and source.kind not in OF_FILES:
+        kinds = " and ".join(f'"{kind}"' for kind in OF_FILES)
+        raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {source.kind!r}")
+    if not source.flux and source.kind != "luminaire":
+        raise UserError(f"source.flux must be at least {LEAST_FLUX:.7g}, got {source.flux!r}")
+    if source.kind not in ("point", *OF_FILES) and min(source.half_width) < SHORTEST:
         got = list(source.half_width)
         raise UserError(
             f"source.half_width must be at least {SHORTEST} for a {source.kind} source, got {got}"
+        )
+    if source.kind == "luminaire" and source.profile not in ("uniform", "round"):
+        raise UserError(
+            f'source.profile of a luminaire must be "uniform" or "round", got {source.profile!r}: '
+            "the same intensity from every point is all that its file tells"
         )
     if source.kind != "collimated" and (source.divergence or source.divergence_profile != "uniform"):
         raise UserError(

@@ -11,6 +11,8 @@ from optics.problem.toml_records import AUTO, option
 PROFILES = ("uniform", "round", "gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
+OF_FILES = ("rays", "luminaire")  # kinds of source that a file describes
+LEAST_FLUX = 1e-12  # of source.unit
 SUN = 0.2665  # degrees: the mean half-angle of its disk
 
 MAX_PIXELS = 4096
@@ -25,12 +27,16 @@ FINEST_AUTO = 6  # level that max_level = "auto" goes to at most
 @dataclass(frozen=True, kw_only=True)
 class Source:
     kind: str = option(
-        choices=("collimated", "lambertian", "point", "rays"),
-        note="parallel rays along +z, a glowing area, a point, or the rays of a file",
+        choices=("collimated", "lambertian", "point", "rays", "luminaire"),
+        note="parallel rays along +z, a glowing area, a point, rays or a luminaire's intensity of a file",
     )
-    half_width: tuple[float, float] = option((0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none")
+    half_width: tuple[float, float] = option(
+        (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"
+    )
     distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
-    flux: float = option(1.0, low=1e-12, high=1e12, note="of the whole source, in its unit")
+    flux: float = option(
+        1.0, low=LEAST_FLUX, high=1e12, zero=True, note="of the whole source; 0 is that of a luminaire's file"
+    )
     unit: str = option("W", choices=FLUX_UNITS, note="of flux: lumens make lx and cd of all that is reported")
     profile: str = option(
         "uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse"
@@ -43,16 +49,17 @@ class Source:
     )
     file: str = option(
         "",
-        note="ray file of kind rays (TM-25, Zemax .dat, LightTools .ray), relative to the problem file",
+        note="rays (TM-25, Zemax .dat, LightTools .ray) or luminaire (IES, EULUMDAT), relative to the "
+        "problem file",
         picture=True,
     )
     shift: tuple[float, float] = option(
-        (0.0, 0.0), size=(0, LONGEST), note="mm in x and y, of a ray file's origin; distance is that along -z"
+        (0.0, 0.0), size=(0, LONGEST), note="mm in x and y, of a file's origin; distance is that along -z"
     )
     turn: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
         size=(0, 360),
-        note="degrees about x, then y, then z, of a ray file around its origin",
+        note="degrees about x, then y, then z, of a file's light around its origin",
     )
     half_angle: float = option(
         90.0, low=1e-3, high=90, note="degrees, of the cone that a lambertian or a point source lights"
@@ -76,7 +83,7 @@ class Source:
     @property
     def data(self) -> str:
         """The key of the file that the source is read from, where it names one."""
-        return "file" if self.kind == "rays" else "image"
+        return "file" if self.kind in OF_FILES else "image"
 
     @property
     def half_divergence(self) -> float:

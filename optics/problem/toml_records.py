@@ -43,7 +43,7 @@ def option(
 
     size : limits of the absolute value.  infinite : inf is allowed too.
     picture : the value is the path of a picture.  auto : the number may be left to the program.
-    zero : a number that may be infinite may be 0 too.
+    zero : 0 is allowed too.
     """
     limits = {
         "choices": choices,
@@ -158,6 +158,8 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
 def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
     if limits["infinite"] and math.isinf(value) and (value > 0 or limits["size"] or limits["zero"]):
         return
+    if value == 0 and limits["zero"]:
+        return
     if not math.isfinite(value):
         raise UserError(f"{key} must be a finite number, got {value!r}")
     for name, word, broken in (
@@ -167,7 +169,7 @@ def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
     ):
         if limits[name] is not None and broken(value, limits[name]):
             raise UserError(f"{key} must be {word} {limits[name]:.7g}, got {value!r}")
-    if limits["infinite"] and not limits["zero"] and value == 0:  # of a surface: a target has its own limit
+    if limits["infinite"] and value == 0:  # of a surface: a target has its own limit
         raise UserError(f"{key} must not be 0; inf is a plane")
     if limits["size"] and not limits["size"][0] <= abs(value) <= limits["size"][1]:
         low, high = limits["size"]

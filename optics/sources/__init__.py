@@ -28,10 +28,12 @@ if TYPE_CHECKING:
         single_rays as single_rays,
     )
     from optics.sources.spreading import (
+        MIRRORS as MIRRORS,
         area_parts as area_parts,
         concentric as concentric,
         lambertian_parts as lambertian_parts,
         mirror_half as mirror_half,
+        mirror_images as mirror_images,
         point_rays as point_rays,
     )
 
@@ -53,10 +55,12 @@ _FILES = {
         "single_rays",
     ),
     "spreading": (
+        "MIRRORS",
         "area_parts",
         "concentric",
         "lambertian_parts",
         "mirror_half",
+        "mirror_images",
         "point_rays",
     ),
 }

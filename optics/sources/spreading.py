@@ -74,7 +74,7 @@ def area_parts(
             s, t = (w * erfinv(r * erf(1 / w)) for r, w in zip((s, t), wide))
         origin = np.stack([s * half_width[0], t * half_width[1], np.full(size, -distance)])
         direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
-        origin, direction = (_mirrored(v) for v in (origin, direction))
+        origin, direction = (mirror_images(v) for v in (origin, direction))
         each = np.broadcast_to(flux / count, 4 * size)
         if profile.kind == "image":
             each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
@@ -120,7 +120,7 @@ def mirror_half(rays: Rays, axes: Sequence[int]) -> Rays:
     return Rays(rays.origin[:, chosen], rays.direction[:, chosen], rays.flux[chosen])
 
 
-def _mirrored(vectors: Floats) -> Floats:
+def mirror_images(vectors: Floats) -> Floats:
     """Return vectors (3, n) and their mirror images in x and in y, (3, 4 n)."""
     return np.concatenate([vectors * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1)
 

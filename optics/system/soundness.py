@@ -11,12 +11,18 @@ import numpy as np
 
 from optics.problem import limit_advice, load_problem, require_limits
 from optics.runtime import UserError, speaking_of
+from optics.sources import Rays
+from optics.system.luminaire_rays import with_numbers_of_file
 from optics.system.optical_system import OpticalSystem
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from optics.problem import Problem
 
 MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
+SAME_FLUX = 1e-9  # relative: problem files hold every digit
+TRIED = (32, 32)  # rays of a luminaire, of which none may start in the lens
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
@@ -43,7 +49,7 @@ def solvable_system(problem: Problem) -> OpticalSystem:
         read, a source or a target that lies in the lens, a target that no lens can light.
     """
     require_limits(problem)
-    system = OpticalSystem(problem)
+    system = OpticalSystem(with_numbers_of_file(problem))
     _ = system.target.light, system.lens, system.source.profile  # built now, so that errors come now
     require_room(system)
     require_light(system)
@@ -116,7 +122,12 @@ def require_room(system: OpticalSystem) -> None:
             "make source.distance larger or source.half_width smaller"
         )
     if source.kind == "rays":
-        _require_rays_before(system)
+        _require_before(system, system.source.of_file.origin)
+    if source.kind == "luminaire":
+        rays = next(system.source.parts(TRIED))
+        assert isinstance(rays, Rays)
+        _require_forward(rays)
+        _require_before(system, rays.origin)
     freeform = problem.lens.rear.freeform
     top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.freedom
     if distance <= top:
@@ -126,14 +137,20 @@ def require_room(system: OpticalSystem) -> None:
         )
 
 
-def _require_rays_before(system: OpticalSystem) -> None:
-    """Refuse rays of a file that start behind the front.
+def _require_forward(rays: Rays) -> None:
+    """Refuse a luminaire that lights nothing in front of it."""
+    if rays.direction[2].max() <= 0:
+        raise UserError("no light of source.file goes to +z, where its gamma is 0; turn it with source.turn")
+
+
+def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:
+    """Refuse light of a file that starts behind the front.  origin : of its rays, (3, n) mm.
 
     Raises
     ------
     UserError : names how far they reach into the lens.
     """
-    front, (x, y, z) = system.lens.front, system.source.of_file.origin
+    front, (x, y, z) = system.lens.front, origin
     a, b = front.half_width
     within = (np.abs(x) <= a) & (np.abs(y) <= b)
     depth = (z[within] - front.conic(x[within], y[within])).max(initial=-np.inf)
@@ -143,14 +160,31 @@ def _require_rays_before(system: OpticalSystem) -> None:
         )
 
 
+def _of_luminaire(system: OpticalSystem) -> list[str]:
+    """Return sentences about what is assumed of a luminaire; none of other sources."""
+    source = system.problem.source
+    if source.kind != "luminaire":
+        return []
+    sentences = [
+        "the same intensity from every point of the luminaire's opening is assumed: its file tells no "
+        "near field, so that no bound of etendue is given"
+    ]
+    own = system.source.luminaire.directions.light.flux
+    if abs(source.flux / own - 1) > SAME_FLUX:
+        sentences.append(
+            f"the flux of source.file, {own:.6g}, is scaled to source.flux = {source.flux:g}; 0 keeps it"
+        )
+    return sentences
+
+
 def advice(system: OpticalSystem) -> list[str]:
     """Return sentences about settings that do not suit the problem, and about missed limits.
 
     The limits are those that the lens misses before optimisation.
     """
     problem, lens = system.problem, system.lens
-    options, sentences = problem.optimizer, []
-    if problem.source.kind == "lambertian" and (
+    options, sentences = problem.optimizer, _of_luminaire(system)
+    if problem.source.kind in ("lambertian", "luminaire") and (
         options.window in ("cells", "pixel") or options.lost_flux_weight > 1
     ):
         sentences.append(

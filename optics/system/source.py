@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.problem import OF_FILES
 from optics.ray_files import PlacedRays, placed_rays, read_rays
 from optics.runtime import speaking_of
 from optics.sources import (
@@ -25,6 +26,7 @@ from optics.sources import (
     point_rays,
     tilted_cells,
 )
+from optics.system.luminaire_rays import PlacedLuminaire, placed_luminaire
 from optics.target import read_picture
 
 if TYPE_CHECKING:
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
 
 UNLIMITED = 1 << 62  # rays at once
 WITHIN = 0.99  # of a file's forward flux: the cone of the point that stands for it
+RAYS_OF_POINT = (128, 128)  # of a luminaire, which tell that point
 NEAREST, FAR_AWAY, LEAST_ANGLE = 1e-3, 1e6, 0.01  # mm, mm, degrees: limits of that point
 
 
@@ -75,20 +78,34 @@ class LightSource:
         ------
         UserError : see `read_rays`.
         """
-        from scipy.spatial.transform import Rotation
-
         source = self.settings
         with speaking_of("source.file"):
             rays = read_rays(source.file)
-        turn = Rotation.from_euler("xyz", source.turn, degrees=True).as_matrix()
-        return placed_rays(rays, (*source.shift, -source.distance), turn, source.flux)
+        return placed_rays(rays, (*source.shift, -source.distance), self._turn, source.flux)
+
+    @cached_property
+    def luminaire(self) -> PlacedLuminaire:
+        """The luminaire of the source's file in the scene.
+
+        Raises
+        ------
+        UserError : see `read_luminaire`.
+        """
+        return placed_luminaire(self.settings, self._turn)
+
+    @property
+    def _turn(self) -> NDArray[np.float64]:
+        """The rotation of a file's light, (3, 3): about x, then y, then z."""
+        from scipy.spatial.transform import Rotation
+
+        return np.array(Rotation.from_euler("xyz", self.settings.turn, degrees=True).as_matrix())
 
     def without_extent(self) -> LightSource:
         """Return the source without its spread: of a beam parallel light, of a glowing area the point in its
-        middle, with its intensity; of a file's rays one where they are nearest to."""
+        middle, with its intensity; of a file's light one where its rays are nearest to."""
         if not self.extended:
             return self
-        if self.settings.kind == "rays":
+        if self.settings.kind in OF_FILES:
             return replace(self, settings=self._point_of_rays())
         if self.settings.kind == "collimated":
             settings = replace(self.settings, divergence=0.0, divergence_profile="uniform")
@@ -99,7 +116,7 @@ class LightSource:
     @property
     def extended(self) -> bool:
         """Whether light comes from every point of an area in many directions, so that cells have no image."""
-        return self.settings.kind in ("lambertian", "rays") or self.settings.half_divergence > 0
+        return self.settings.kind in ("lambertian", *OF_FILES) or self.settings.half_divergence > 0
 
     @property
     def diverging(self) -> bool:
@@ -109,6 +126,8 @@ class LightSource:
     @property
     def symmetric(self) -> bool:
         """Whether the source is its own mirror image in x and y, but for the picture of its profile."""
+        if self.settings.kind == "luminaire":
+            return self.luminaire.symmetric
         return self.settings.kind != "rays"
 
     @property
@@ -123,7 +142,7 @@ class LightSource:
 
         Of a Lambertian one it is pi A sin^2(half_angle); it is 0 without extent or a known radiance.
         """
-        known = self.extended and self.settings.kind != "rays"
+        known = self.extended and self.settings.kind not in OF_FILES
         return self.area / self.spread.brightest if known else 0.0
 
     @property
@@ -195,6 +214,9 @@ class LightSource:
         else:
             count = 1 << max(2, round(log2(counts[0] * counts[1])))
             seed = 0 if fresh is None else int(fresh.integers(1, 1 << 31))
+            if source.kind == "luminaire":
+                yield from self.luminaire.parts(count, seed, most)
+                return
             yield from area_parts(
                 half_width=source.half_width,
                 distance=source.distance,
@@ -222,12 +244,13 @@ class LightSource:
             yield Rays(hand.origin, hand.direction, hand.flux).slices(most)
 
     def _point_of_rays(self) -> Source:
-        """Return a point on the axis from which light comes about as from the rays of the file.
+        """Return a point on the axis from which light comes about as from the file's.
 
         Its z is the flux-weighted least-squares meeting point of the rays with the axis.  The point lights
         the cone that WITHIN of the forward flux fills, with the intensity of a Lambertian area.
         """
-        rays = self.of_file
+        rays = self.of_file if self.settings.kind == "rays" else self.rays(RAYS_OF_POINT)
+        assert not isinstance(rays, RayGrid)
         forward = rays.direction[2] > 0
         direction, flux = rays.direction[:, forward], rays.flux[forward]
         origin, slope = rays.origin[:, forward], direction[:2] / direction[2]

@@ -42,6 +42,17 @@ class TargetPlane:
 
 
 @dataclass(frozen=True, eq=False)
+class Departures:
+    """Branches that left the lens by any of its faces, in all directions.
+
+    direction : (3, k), unit vectors.  flux : (k,), W.
+    """
+
+    direction: NDArray[np.float64]
+    flux: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class NonsequentialResult:
     """Where the light went.
 
@@ -49,6 +60,7 @@ class NonsequentialResult:
     landings : of the m branches that cross the target plane, on the rectangle or beside it.
     ray : (m,), index of the source ray.  fate : (m,), index into FATES.
     direct : (m,), True for the path front, rear, target, with two refractions and nothing else.
+    departures : of the branches that left the lens, be it forward or back.
     """
 
     by_ray: NDArray[np.float64]
@@ -56,6 +68,7 @@ class NonsequentialResult:
     ray: NDArray[np.int64]
     fate: NDArray[np.int64]
     direct: NDArray[np.bool_]
+    departures: Departures
 
     @property
     def fates(self) -> Fates:
@@ -81,7 +94,7 @@ def trace_nonsequential(
     require_rays(rays)
     solid = ClosedLens(backend, lens)
     n = len(rays.flux)
-    by_ray, landings = np.zeros((len(FATES), n)), []
+    by_ray, landings, departures = np.zeros((len(FATES), n)), [], []
 
     def account(branches: Branches, fate: NDArray[np.int64] | int) -> None:
         np.add.at(by_ray, (np.broadcast_to(fate, branches.ray.shape), branches.ray), branches.flux)
@@ -93,6 +106,8 @@ def trace_nonsequential(
         gone, undecided = branches[leaving], meetings.face[leaving] == UNDECIDED
         fate, x, y, reaches = _fates(gone, undecided, target)
         account(gone, fate)
+        left = (gone.left >= FRONT) & (fate != FATES.index("failed"))
+        departures.append((gone.direction[:, left], gone.flux[left]))
         gone = gone[reaches]
         landings.append((x[reaches], y[reaches], gone.flux, gone.ray, fate[reaches], gone.stage == LEFT))
         if generation == bounces:
@@ -109,8 +124,9 @@ def trace_nonsequential(
             branches = branches.survivors(least, roulette)
         if not len(branches.ray):
             break
-    x, y, flux, *labels = (np.concatenate(column) for column in zip(*landings))
-    return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), *labels)
+    x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
+    out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
+    return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
 
 
 @dataclass(frozen=True, eq=False)

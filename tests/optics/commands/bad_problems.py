@@ -153,12 +153,25 @@ PARTNERS = [
         "source.profile",
         "has none",
     ),
+    ("a luminaire without a file", {"source.kind": "luminaire"}, "source.file", "add it"),
+    (
+        "a luminaire of a file that is not there",
+        {"source.kind": "luminaire", "source.file": "none.ies"},
+        "source.file",
+        "check the path",
+    ),
+    (
+        "a luminaire with a picture",
+        {"source.kind": "luminaire", "source.file": "lamp.ies", "source.profile": "gaussian"},
+        "source.profile",
+        "uniform",
+    ),
     ("rays without a file", {"source.kind": "rays"}, "source.file", "add it"),
     (
         "a ray file of a beam",
         {"source.file": "led.tm25ray"},
         "source.file",
-        'read by the kind "rays" only',
+        'read by the kinds "rays" and "luminaire" only',
     ),
     (
         "rays of a file that is not there",

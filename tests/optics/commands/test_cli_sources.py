@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from PIL import Image
 
 from optics.commands.cli import main
+from optics.luminaires import Opening, write_ldt
 from optics.problem import load_problem
 from tests.optics.cases import write_problem
 from tests.optics.commands.cases import FIGURES, refused, strict_json
+from tests.optics.luminaires.cases import asymmetric
 
 EXTENDED = {
     "title": "extended",
@@ -51,6 +54,23 @@ def extended(tmp_path_factory):
     folder = tmp_path_factory.mktemp("extended")
     code = main(["design", str(write_extended(folder)), "--out", str(folder / "result")])
     return SimpleNamespace(path=folder / "result", code=code, given=folder / "problem.toml")
+
+
+@pytest.mark.slow
+def test_a_luminaire_designs_a_lens_whose_report_says_what_is_assumed(tmp_path):
+    write_ldt(asymmetric(Opening((2.0, 1.0))), tmp_path / "lamp.ldt")
+    source = {"source.kind": "luminaire", "source.file": "lamp.ldt", "source.flux": 0}
+    drop = ("source.half_width", "source.half_angle", "source.profile", "source.image")
+    given = write_extended(tmp_path, source, drop)
+    assert main(["design", str(given), "--out", str(tmp_path / "result")]) == 0
+    resolved = load_problem(tmp_path / "result" / "problem.toml").source
+    assert resolved.half_width == (1.0, 0.5)
+    assert resolved.flux == pytest.approx(asymmetric().flux, rel=1e-6)
+    assert Path(resolved.file).read_bytes() == (tmp_path / "lamp.ldt").read_bytes()
+    fates = strict_json((tmp_path / "result" / "metrics.json").read_text())["fates_w"]
+    assert sum(fates.values()) == pytest.approx(resolved.flux, rel=1e-12)
+    report = (tmp_path / "result" / "report.html").read_text()
+    assert "the same intensity from every point of the luminaire&#x27;s opening is assumed" in report
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from optics.commands.cli import main
+from optics.luminaires import read_luminaire
 from optics.problem import load_problem
 from optics.ray_files import read_rays
 from optics.system import OpticalSystem
@@ -84,6 +85,37 @@ def test_bad_ray_files_are_one_sentence(capsys, result, tmp_path, monkeypatch, a
     done = run(capsys, "export", result, "--light", "rear", *arguments)
     assert (done.code, len(done.err.splitlines())) == (2, 1)
     assert words in done.err
+
+
+@pytest.mark.parametrize("suffix", [".ies", ".LDT"])
+def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suffix):
+    out = tmp_path / f"light{suffix}"
+    done = run(capsys, "export", result, "--rays", 4000, "--step", 10, "--out", out, "--json")
+    assert done.code == 0, done.err
+    data = json.loads(done.out)
+    assert data["ok"]
+    assert data["steps_deg"] == [20.0, 10.0]
+    assert read_luminaire(out).flux == pytest.approx(data["flux_w"], rel=1e-6)
+    once = out.read_bytes()
+    again = run(capsys, "export", result, "--rays", 4000, "--step", 10, "--out", out)
+    assert "noise" in again.out
+    assert out.read_bytes() == once
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--step", "0"], "--step must divide 180"),
+        (["--step", "nan"], "--step"),
+        (["--step", "7"], "got 7"),
+        (["--rays", "0"], "--rays"),
+    ],
+)
+def test_bad_luminaires_are_one_sentence(capsys, result, tmp_path, arguments, words):
+    done = run(capsys, "export", result, "--out", tmp_path / "light.ies", *arguments)
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert words in done.err
+    assert not (tmp_path / "light.ies").exists()
 
 
 def test_a_lens_alone_has_no_light(capsys, result, tmp_path):

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from optics.external.random_rays import random_rays
+from optics.luminaires import write_ies
 from optics.problem import load_problem
 from optics.sources import Rays, single_rays
 from optics.system import OpticalSystem
 from tests.optics.cases import write_problem
+from tests.optics.luminaires.cases import asymmetric
 
 POINT = {"source.kind": "point", "source.half_angle": 75.0, "source.distance": 4.0}
 GLOWING = {"source.kind": "lambertian", "source.half_width": [0.5, 0.3], "source.distance": 4.0}
@@ -23,6 +25,14 @@ SOURCES = {
     "area": GLOWING,
     "area in a cone": GLOWING | {"source.half_angle": 40.0, "source.profile": "gaussian"},
     "picture that glows": GLOWING | {"source.profile": "image", "source.image": "picture.png"},
+    "luminaire": {
+        "source.kind": "luminaire",
+        "source.file": "lamp.ies",
+        "source.half_width": [0.5, 0.3],
+        "source.distance": 4.0,
+        "source.turn": [20.0, 30.0, 40.0],
+        "source.profile": "round",
+    },
 }
 COUNT = 1 << 16
 
@@ -38,6 +48,7 @@ def moments(rays):
 @pytest.mark.parametrize("changes", SOURCES.values(), ids=SOURCES)
 def test_random_rays_have_the_moments_of_the_design_rays(tmp_path, changes):
     """Means of n independent rays are off by a standard deviation / sqrt(n); five of these are allowed."""
+    write_ies(asymmetric(), tmp_path / "lamp.ies")
     system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
     parts = list(random_rays(system.source, -5.0, COUNT, 1, 5000))
     drawn = Rays(

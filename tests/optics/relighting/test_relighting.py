@@ -5,10 +5,12 @@ import pytest
 
 import optics
 from optics import UserError
+from optics.luminaires import Opening, write_ies
 from optics.problem import load_problem
 from optics.relighting import other_source, relit
 from optics.runtime import load_backend
 from tests.optics.cases import write_problem
+from tests.optics.luminaires.cases import asymmetric
 
 POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 40.0, "source.flux": 3.0}
 
@@ -58,16 +60,30 @@ def test_the_source_of_another_file_is_taken(tmp_path):
     assert other_source(str(path), problem_of(tmp_path)).half_width == (3.0, 2.0)
 
 
+def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(tmp_path):
+    write_ies(asymmetric(Opening((3.0, 2.0), round=True)), tmp_path / "lamp.ies")
+    problem = problem_of(tmp_path, POINT | {"target.pixels": [12, 12]})
+    lamp, same = (other_source(f"{tmp_path}/lamp.ies{at}", problem) for at in ("", "@40mm"))
+    assert lamp == same
+    assert (lamp.kind, lamp.distance, lamp.flux) == ("luminaire", 40.0, 3.0)
+    lens = optics.System(problem).optical.lens
+    fates = relit(problem, lens, lamp, load_backend("double")).metrics["fates_w"]
+    assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         ("moon", "--source must be"),
-        ("led:1mm", "no place: say where the LED is, led:1mm@30mm"),
+        ("led:1mm", "no place: say where the light is, led:1mm@30mm"),
         ("led:1e400mm@1mm", "half_width"),
         ("led:--mm@1mm", "--source must be"),
         ("led:0mm@1mm", "source.half_width must be at least"),
         ("led:1mm@-3mm", "source.distance"),
         ("none.toml", "none.toml"),
+        ("lamp.ies", "no place: say where the light is, lamp.ies@30mm"),
+        ("none.ldt@30mm", "none.ldt"),
+        ("lamp.ies@--mm", "--source must be"),
     ],
 )
 def test_other_words_are_one_sentence(tmp_path, words, sentence):

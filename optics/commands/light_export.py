@@ -1,0 +1,145 @@
+"""The part of `thbcad export` that writes light: the rays behind the lens, or their intensity."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from math import isclose
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.commands.outcome import Outcome
+from optics.results import HASHES, hashes
+from optics.runtime import Check, UserError, check_lines, verification
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from thbcad.lens import Lens
+
+MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
+STEPS = 0.5, 30.0  # degrees: from 5 MB of text to what still tells front from side
+DECIMALS = 4  # of the angles in files
+LUMINAIRE_SUFFIXES = (".ies", ".ldt")
+DIGITS = 1e-6  # of the peak, and of the flux: files have seven digits and more
+
+
+def is_luminaire(options: Namespace) -> bool:
+    """Return whether an export is to write an intensity: its file has the suffix of a luminaire."""
+    return Path(options.out).suffix.lower() in LUMINAIRE_SUFFIXES and options.format is None
+
+
+def rays_of_light(options: Namespace) -> Outcome:
+    """Write the light behind the lens of a result as a ray file, and read it back.
+
+    Raises
+    ------
+    UserError : no result folder, another suffix, or too many rays.
+    """
+    from optics.analysis import outgoing_rays
+    from optics.photometry import units_of
+    from optics.ray_files import read_rays, write_rays
+
+    system, lens, backend = _traceable(options)
+    out = Path(options.out)
+    rays = outgoing_rays(system, lens, backend, options.rays, options.light)
+    write_rays(rays, out)
+    read = read_rays(out)
+    differ = sum(
+        float((getattr(read, name) != getattr(rays, name)).sum())
+        for name in ("position", "direction", "flux")
+    )
+    checks = [Check("numbers of the rays that differ", differ, 0, "")]
+    written = f"wrote {out}, {len(rays)} rays with {rays.total:.6g} {rays.unit} through front and rear"
+    data = {"rays": len(rays), units_of(rays.unit).key("flux"): rays.total}
+    return _reported(out, checks, data, [written])
+
+
+def intensity_of_light(options: Namespace) -> Outcome:
+    """Write the intensity of the light behind the lens of a result as a luminaire, and read it back.
+
+    Raises
+    ------
+    UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
+    """
+    from optics.analysis import outgoing_intensity
+    from optics.luminaires import LUMINAIRE_WRITERS, read_luminaire
+
+    _require_step(options.step)
+    system, lens, backend = _traceable(options)
+    out = Path(options.out)
+    light = outgoing_intensity(system, lens, backend, options.rays, options.step)
+    LUMINAIRE_WRITERS[out.suffix.lower()](light.luminaire, out, system.problem.title)
+    read, peak = read_luminaire(out), float(light.luminaire.candela.max())
+    units = system.units
+    off = float(abs(read.candela - light.luminaire.candela).max()) / peak
+    checks = [
+        Check("intensities of the file that differ from the traced ones, of the peak", off, DIGITS, ""),
+        Check(
+            "flux of the file against the traced flux, relative", abs(read.flux / light.flux - 1), DIGITS, ""
+        ),
+    ]
+    data = {
+        units.key("flux"): light.flux,
+        f"peak_{units.in_far_field.suffix}": peak,
+        "steps_deg": list(light.steps),
+        "noise": light.noise,
+    }
+    c, gamma = light.steps
+    lines = [
+        f"wrote {out}, {light.flux:.6g} {units.flux} that leave the lens by any face, "
+        f"at most {peak:.4g} {units.in_far_field.shown}",
+        f"steps of {c:.4g} degrees in C, {gamma:.4g} in gamma; noise {light.noise:.2%} of the intensity (L2)",
+        "+z is gamma = 0, +x is C0" + ("; watts stand for lumens" if units.flux == "W" else ""),
+    ]
+    return _reported(out, checks, data, lines)
+
+
+def _require_step(step: float) -> None:
+    """Raise UserError unless a step of gamma divides 180 degrees, in decimals that a file holds."""
+    low, high = STEPS
+    within = low <= step <= high and round(step, DECIMALS) == step
+    if not within or not isclose(round(180 / step) * step, 180):
+        raise UserError(
+            f"--step must divide 180 degrees and be from {low:g} to {high:g}, such as 1, 2.5 or 5; "
+            f"got {step:g}"
+        )
+
+
+def _traceable(options: Namespace) -> tuple[OpticalSystem, Lens, Backend]:
+    """Return what is to be traced, once it is known that the file can be written.
+
+    Raises
+    ------
+    UserError : see `rays_of_light`.
+    """
+    from optics.export import require_free_files
+    from optics.results import ResultFolder
+    from optics.runtime import load_backend
+    from optics.system import OpticalSystem
+
+    if not 1 <= options.rays <= MOST_RAYS:
+        raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
+    if not Path(options.result).is_dir():
+        raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
+    require_free_files([Path(options.out)], options.out, options.force)
+    problem, lens, _ = ResultFolder(options.result).read()
+    return OpticalSystem(problem), lens, load_backend("double", problem.run.threads)
+
+
+def _reported(out: Path, checks: Sequence[Check], numbers: dict[str, Any], lines: Sequence[str]) -> Outcome:
+    """Write the report beside a file of light, and return the outcome."""
+    from optics.export import report_of
+    from thbcad.io import json_text, write_text
+
+    report = report_of(str(out))
+    data = {
+        "format": out.suffix[1:].lower(),
+        "files": [str(out)],
+        **numbers,
+        **verification(checks),
+        HASHES: hashes(report.parent, [out.name]),
+    }
+    write_text(report, json_text(data))
+    return Outcome(data, [*check_lines(data), *lines], all(check.ok for check in checks))

@@ -1,0 +1,121 @@
+"""IES LM-63 files: intensities in cd, from 1986 on, by words and numbers.
+
+The text is read here: photompy 0.3.1 refuses files of 1986 and 1991 and those whose planes run from 90 to 270
+degrees, leaves out the ballast factors, and misplaces the mirror images of uneven planes.  It writes.
+
+Source: ANSI/IESNA LM-63-02, Standard file format for the electronic transfer of photometric data, 2002.
+"""
+
+from __future__ import annotations
+
+import re
+from math import floor, log10
+
+import numpy as np
+
+from optics.luminaires.file_numbers import MOST_ANGLES, FileNumbers
+from optics.luminaires.intensity_record import Luminaire, Opening
+from optics.luminaires.plane_symmetry import full_turn
+from optics.runtime import UserError
+
+TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
+LATER = re.compile(r"LM-63-(2002|2019)")  # they have something else in the place of the ballast-lamp factor
+FEET, METRES = 304.8, 1000.0  # mm
+DECIMALS = 4  # of what photompy writes: it writes smaller numbers with an exponent
+LEAST_PEAK = 3  # decimal exponent of the greatest number written: eight digits with DECIMALS
+
+
+def luminaire_of_ies(text: str) -> Luminaire:
+    """Return the luminaire of a LM-63 text, of 1986, 1991, 1995, 2002 or 2019.
+
+    Candelas count with the multiplier and the ballast factors, for a luminaire that is not tilted.
+    C = 0 lies along the luminaire's length.
+
+    Raises
+    ------
+    UserError : a text that contradicts itself, photometry of type A or B, factors of tilt in another file.
+    """
+    tilt = TILT.search(text)
+    assert tilt is not None
+    numbers = FileNumbers(text[tilt.end() :].replace(",", " ").split())
+    upright = _factor_upright(tilt[1], numbers)
+    lamps = numbers.number("number of lamps")
+    each = numbers.number("lumens per lamp")
+    factor = upright * _positive(numbers, "candela multiplier")
+    verticals = numbers.whole("number of vertical angles", 2, MOST_ANGLES)
+    horizontals = numbers.whole("number of horizontal angles", 1, MOST_ANGLES)
+    _require_type_c(numbers.whole("photometric type", 1, 3))
+    unit = (FEET, METRES)[numbers.whole("units type", 1, 2) - 1]
+    width, length, _ = (unit * numbers.number(f"luminous {side}") for side in ("width", "length", "height"))
+    factor *= _positive(numbers, "ballast factor")
+    if LATER.search(text[: tilt.start()].split("\n", 1)[0]):
+        numbers.number("file generation type")
+    else:
+        factor *= _positive(numbers, "ballast-lamp factor")
+    numbers.number("input watts")
+    gammas = numbers.row(verticals, "vertical angles")
+    planes = numbers.row(horizontals, "horizontal angles")
+    candela = numbers.row(verticals * horizontals, "candela values").reshape(horizontals, verticals)
+    numbers.require_end()
+    planes, candela = full_turn(planes, candela)
+    lumens = None if each < 0 else lamps * each
+    return Luminaire(planes, gammas, factor * candela, _opening(width, length), lumens)
+
+
+def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
+    """Return the bytes of a LM-63-2019 file: absolute photometry of type C over the grid of the luminaire.
+
+    Numbers have eight digits at the peak.
+    """
+    from photompy import create_ies
+
+    scale = 10.0 ** min(0, floor(log10(luminaire.candela.max())) - LEAST_PEAK)
+    length, width = (-size if luminaire.opening.round else size for size in luminaire.opening.size)
+    file = create_ies(
+        thetas=luminaire.gammas,
+        phis=luminaire.planes,
+        values=luminaire.candela / scale,
+        manufacturer="not named",
+        lumcat=" ".join(title.split()),
+        test="traced, not measured",
+        testlab="thbcad",
+        issuedate="not dated",
+        lumens_per_lamp=-1,
+        width=width / METRES,
+        length=length / METRES,
+    )
+    file.header = file.header.update(multiplier=scale)
+    return bytes(file.write(precision=DECIMALS))
+
+
+def _factor_upright(tilt: str, numbers: FileNumbers) -> float:
+    """Return the factor of a lamp's light in a luminaire that is not tilted.  tilt : what TILT= says."""
+    if tilt.upper() == "NONE":
+        return 1.0
+    if tilt.upper() != "INCLUDE":
+        raise UserError(f"its factors of tilt are in {tilt[:40]!r}; write TILT=NONE, or put them in the file")
+    numbers.number("lamp geometry")
+    count = numbers.whole("number of tilt angles", 1, MOST_ANGLES)
+    angles, factors = (numbers.row(count, f"tilt {what}") for what in ("angles", "factors"))
+    return float(np.interp(0.0, angles, factors))
+
+
+def _positive(numbers: FileNumbers, what: str) -> float:
+    value = numbers.number(what)
+    if value <= 0:
+        raise UserError(f"its {what} must be greater than 0, got {value:g}")
+    return value
+
+
+def _require_type_c(kind: int) -> None:
+    if kind != 1:
+        raise UserError(
+            f"its photometry is of type {'CBA'[kind - 1]}, and only type C is read; convert it to type C"
+        )
+
+
+def _opening(width: float, length: float) -> Opening:
+    """Return the opening of sizes in mm; negative ones are round (a width alone is a diameter)."""
+    if width < 0 and length == 0:
+        length = width
+    return Opening((abs(length), abs(width)), width < 0 and length < 0)
