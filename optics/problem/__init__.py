@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     )
     from optics.problem.schema import (
         FINEST_AUTO as FINEST_AUTO,
+        ILLUMINANTS as ILLUMINANTS,
         SUN as SUN,
         Freeform as Freeform,
         Front as Front,
@@ -95,6 +96,7 @@ _FILES = {
     ),
     "schema": (
         "FINEST_AUTO",
+        "ILLUMINANTS",
         "SUN",
         "Freeform",
         "Front",

@@ -1,0 +1,62 @@
+"""Spectra as few lines."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from optics.colour import (
+    ILLUMINANTS,
+    MOST_LINES,
+    colour_matching,
+    illuminant,
+    spectral_lines,
+    white_of,
+)
+
+CURVES = st.lists(st.floats(0, 1), min_size=MOST_LINES + 1, max_size=60).filter(lambda s: sum(s) > 0.01)
+
+
+def test_few_rows_are_lines_themselves():
+    lines = spectral_lines([(650.0, 3.0), (450.0, 1.0), (500.0, 0.0)])
+    assert [(line.nm, line.weight) for line in lines] == [(450.0, 0.25), (650.0, 0.75)]
+    assert lines[0].xyz == pytest.approx(colour_matching(450.0)[:, 0], rel=1e-15)
+
+
+@given(CURVES)
+def test_lines_keep_flux_colour_and_mean_dispersion(power):
+    """The sums over lines are those over a fine grid, whatever the curve."""
+    nm = np.linspace(400.0, 700.0, len(power))
+    lines = spectral_lines(list(zip(nm, power)))
+    fine = np.union1d(nm, np.arange(400.0, 700.0))
+    widths = np.diff(fine)
+    flux = np.interp(fine, nm, power) * (np.append(widths, 0) + np.append(0, widths)) / 2
+    flux = flux / flux.sum()
+    assert len(lines) <= MOST_LINES
+    assert sum(line.weight for line in lines) == pytest.approx(1, rel=1e-12)
+    assert white_of(lines) == pytest.approx((flux * colour_matching(fine)).sum(axis=1), rel=1e-9, abs=1e-15)
+    mean = sum(line.weight * line.nm**-2.0 for line in lines)
+    assert mean == pytest.approx((flux * fine**-2.0).sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ILLUMINANTS)
+def test_ten_lines_leave_little_of_the_dispersion(name):
+    """With u = 1 / nm^2 the spread of the index within strata is below 14 % of that of the whole source."""
+    rows = illuminant(name)
+    nm = np.arange(380.0, 781.0)
+    power = np.interp(nm, *rows)
+    flux = power / power.sum()
+    whole = (flux * nm**-4.0).sum() - (flux * nm**-2.0).sum() ** 2
+    lines = spectral_lines(name)
+    kept = sum(x.weight * x.nm**-4.0 for x in lines) - sum(x.weight * x.nm**-2.0 for x in lines) ** 2
+    assert len(lines) == MOST_LINES
+    assert 0 <= 1 - kept / whole < 0.14**2
+
+
+def test_a_stratum_stands_where_its_flux_is():
+    """Two narrow bands stay two groups of lines, with next to nothing between them."""
+    nm = np.arange(400.0, 701.0)
+    power = np.exp(-(((nm - 450) / 5) ** 2)) + np.exp(-(((nm - 650) / 5) ** 2))
+    far = [
+        x.weight for x in spectral_lines(list(zip(nm, power))) if min(abs(x.nm - 450), abs(x.nm - 650)) > 15
+    ]
+    assert sum(far) < 0.05
