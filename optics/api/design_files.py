@@ -93,7 +93,8 @@ def write_result(
     checks = _checks(design, folder.step, product, step)
     clock.lap("verify")
     pictures = figures.drawn()
-    for name, data in light_files(measurement.irradiance, measurement.target, system.target.screen()).items():
+    light = measurement.irradiance, measurement.target, system.target.screen(), measurement.colour
+    for name, data in light_files(*light).items():
         writer.write(name, data)
     for name, (_, png) in pictures.items():
         writer.write(f"figures/{name}.png", png)

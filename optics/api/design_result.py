@@ -177,6 +177,7 @@ def _read_measurement(folder: Path) -> Measurement:
     from optics.analysis import Measurement
 
     with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
-        irradiance, target = arrays["irradiance"], arrays["target"]
+        irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
     metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
-    return Measurement(irradiance, target, {k: v for k, v in metrics.items() if k not in OF_THE_RUN})
+    own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
+    return Measurement(irradiance, target, own, colour=colour)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from optics.analysis import counted_ways
 from optics.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
+from optics.figures.colour_figures import colour_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +79,7 @@ def light_figures(
         sharp = measurement.sharp / measurement.sharp.mean()
         caption = "What the lens would make without divergence of the light and roughness of its surfaces."
         figures["sharp"] = (caption, picture(sharp, label, "gray", 0, top))
-    return figures | _ray_figures(lens, paths)
+    return figures | colour_figures(system, measurement, unit) | _ray_figures(lens, paths)
 
 
 def _ray_figures(lens: Lens, paths: Mapping[str, Sequence[RayPath]]) -> Figures:

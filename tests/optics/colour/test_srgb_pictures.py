@@ -1,7 +1,5 @@
 """Colours in sRGB, against colour-science."""
 
-import warnings
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -15,10 +13,7 @@ from optics.colour import (
     srgb,
     white_of,
 )
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    import colour
+from tests.optics.colour.cases import colour
 
 D65 = np.array([0.3127 / 0.3290, 1.0, (1 - 0.3127 - 0.3290) / 0.3290])
 Y_OF_RGB = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ
