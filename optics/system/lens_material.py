@@ -66,6 +66,15 @@ def known_material(spec: LensSpec) -> Material | None:
         return None
 
 
+def indexing_material(problem: Problem) -> Material | None:
+    """Return the material whose index the lens has at the source's wavelength; None where it is another."""
+    material, nm = known_material(problem.lens), problem.source.wavelength
+    if material is None or not material.range[0] <= nm <= material.range[1]:
+        return None
+    same = abs(material.index(nm) - problem.lens.known_index) < 10**-INDEX_DIGITS
+    return material if same else None
+
+
 def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
     """Return the wavelengths at which light is measured: the lines of the spectrum, or the source's own.
 

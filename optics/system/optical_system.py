@@ -7,12 +7,20 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from optics.system.lens import base_lens, freeforms, lens_product
-from optics.system.lens_material import Wavelength, absorption_at, index_at, wavelengths_of, with_material
+from optics.system.lens_material import (
+    Wavelength,
+    absorption_at,
+    index_at,
+    indexing_material,
+    wavelengths_of,
+    with_material,
+)
 from optics.system.source import LightSource
 from optics.system.target import LightTarget
 from optics.system.tracing_skips import Skip, skips
 
 if TYPE_CHECKING:
+    from optics.materials import Material
     from optics.problem import Freeform, Problem
     from thbcad.lens import Lens, Product
 
@@ -101,6 +109,11 @@ class OpticalSystem:
         UserError : the index or the absorption of the lens is not known at one of them.
         """
         return wavelengths_of(self.problem)
+
+    @property
+    def material(self) -> Material | None:
+        """The known material whose index the lens has; None where its index is another."""
+        return indexing_material(self.problem)
 
     def index_at(self, nm: float) -> float:
         """Return the index of the lens at a wavelength, nm.
