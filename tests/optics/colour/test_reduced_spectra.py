@@ -7,6 +7,7 @@ from hypothesis import given, strategies as st
 from optics.colour import (
     ILLUMINANTS,
     MOST_LINES,
+    chromaticity,
     colour_matching,
     illuminant,
     spectral_lines,
@@ -60,3 +61,31 @@ def test_a_stratum_stands_where_its_flux_is():
         x.weight for x in spectral_lines(list(zip(nm, power))) if min(abs(x.nm - 450), abs(x.nm - 650)) > 15
     ]
     assert sum(far) < 0.05
+
+
+def strip(lines, apart):
+    """Return what pixels of width 1 hold of a strip from -20 to 20 in light of these lines, XYZ, (3, n).
+
+    The strip moves with 1 / nm^2, by `apart` between 450 and 650 nm, as behind a prism of Cauchy's law.
+    """
+    edges = np.arange(-30.0, 30.5)
+    moved = [apart * (x.nm**-2 - 550**-2) / (450**-2 - 650**-2) for x in lines]
+    held = [np.diff(np.clip(edges, m - 20, m + 20)) for m in moved]
+    return sum(np.multiply.outer(x.weight * np.array(x.xyz), h) for x, h in zip(lines, held))
+
+
+@pytest.mark.parametrize("name", ILLUMINANTS)
+@pytest.mark.parametrize(("apart", "most"), [(1.0, 0.0025), (4.0, 0.007)])
+def test_ten_lines_stand_for_a_whole_spectrum(name, apart, most):
+    """Edges that colours take one and four pixels apart, against eight times as many lines: luminance in the
+    L2 norm, and how far off the chromaticity of a pixel is, weighted by luminance."""
+    few, every = (strip(spectral_lines(name, count), apart) for count in (MOST_LINES, 8 * MOST_LINES))
+    assert np.linalg.norm(few[1] - every[1]) < most * np.linalg.norm(every[1])
+    lit = (every[1] > 1e-6) & (few[1] > 1e-6)
+    off = chromaticity_distance_of(few[:, lit], every[:, lit])
+    assert np.average(off, weights=every[1][lit]) < most
+
+
+def chromaticity_distance_of(some, others):
+    """Return how far colours are apart in (u', v'), one by one."""
+    return np.hypot(*(chromaticity(some) - chromaticity(others)))
