@@ -57,6 +57,17 @@ class Measurement:
     sharp: NDArray[np.float64] | None = None
     colour: NDArray[np.float64] | None = None
 
+    def in_unit(self, unit: float) -> Measurement:
+        """Return it with all light times a factor."""
+        sharp, colour = (None if light is None else unit * light for light in (self.sharp, self.colour))
+        return replace(
+            self,
+            irradiance=unit * self.irradiance,
+            target=unit * self.target,
+            sharp=sharp,
+            colour=colour,
+        )
+
 
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.

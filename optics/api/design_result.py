@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -131,10 +131,7 @@ class Design(DesignRecord):
         with DEVICE:
             backend = load_backend("double", self.problem.run.threads)
             measurement = relit(self.problem, self.lens, light, backend)
-        unit = unit_of(self.system)
-        return replace(
-            measurement, irradiance=unit * measurement.irradiance, target=unit * measurement.target
-        )
+        return measurement.in_unit(unit_of(self.system))
 
     def plot(self) -> OverviewFigure:
         """Return a figure of target, irradiance and their difference."""

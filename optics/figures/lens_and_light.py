@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from optics.analysis import counted_ways
 from optics.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
-from optics.figures.colour_figures import colour_figures
+from optics.figures.colours_of_light import colour_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -134,6 +134,12 @@ class OpticalSystem:
         """Whether light is measured at other wavelengths than that of the design."""
         return bool(self.problem.source.spectrum)
 
+    def without_absorption(self) -> OpticalSystem:
+        """Return the system with a lens that absorbs nothing."""
+        if not self.absorption and not self.problem.lens.absorptions:
+            return self
+        return OpticalSystem(self.problem.with_(**{"lens.absorption": 0.0, "lens.absorptions": ()}))
+
     def at(self, wavelength: Wavelength) -> OpticalSystem:
         """Return the system in light of one wavelength alone, with all of the source's flux."""
         light = {"source.spectrum": (), "source.wavelength": wavelength.nm}
