@@ -179,9 +179,9 @@ class LensSpec:
         note="refractive index, relative to the air around; auto takes it from indices or the material",
         auto=True,
     )
-    indices: Rows = option((), note="[[nm, index], ...] for other wavelengths; [] takes the material's")
     thickness: float = option(low=SHORTEST, high=LONGEST, note="mm between the vertices")
     material: str = option("", note='its name; one that is known has an index, such as "PMMA"')
+    indices: Rows = option((), note="[[nm, index], ...] for other wavelengths; [] takes the material's")
     absorption: float | str = option(
         0.0,
         low=0,

@@ -145,7 +145,9 @@ class OpticalSystem:
         light = {"source.spectrum": (), "source.wavelength": wavelength.nm}
         lens = {"lens.index": wavelength.index, "lens.absorption": wavelength.absorption}
         tables = {"lens.indices": (), "lens.absorptions": ()}
-        return OpticalSystem(self.problem.with_(**light, **lens, **tables))
+        alone = OpticalSystem(self.problem.with_(**light, **lens, **tables))
+        alone.__dict__["sources"] = self.sources  # a picture or a file of rays is read once
+        return alone
 
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:

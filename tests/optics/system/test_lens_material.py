@@ -95,6 +95,7 @@ def test_absorption_of_a_material_by_wavelength(tmp_path):
     assert alone.absorption == system.wavelengths[0].absorption
     assert alone.lens.index == system.wavelengths[0].index
     assert not alone.spectral
+    assert alone.source is system.source  # whose files are read once
 
 
 BAD = [
