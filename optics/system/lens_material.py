@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4
+VISIBLE = range(380, 781, 20)  # nm, at which absorption is tabulated for other light that may come later
 CAUCHY = -2  # power of the wavelength in which indices are interpolated
 
 
@@ -52,9 +54,7 @@ def with_material(problem: Problem) -> Problem:
         changes["density"] = spec.density or (known.density if known and known.density else 0.0)
     if spec.absorption == AUTO:
         changes["absorption"] = _absorption(spec, nm)
-        if problem.source.spectrum and not spec.absorptions:
-            traced = {nm, *(line.nm for line in spectral_lines(problem.source.spectrum))}
-            changes["absorptions"] = tuple((w, _absorption(spec, w)) for w in sorted(traced))
+        changes["absorptions"] = spec.absorptions or _absorption_rows(problem)
     return replace(problem, lens=replace(spec, **changes))
 
 
@@ -135,6 +135,17 @@ def absorption_at(problem: Problem, nm: float) -> float:
     """
     spec = problem.lens
     return _absorption(spec, nm) if spec.absorptions else float(spec.absorption)
+
+
+def _absorption_rows(problem: Problem) -> tuple[tuple[float, float], ...]:
+    """Return the absorption of the material at all wavelengths that are traced, and where it is visible."""
+    spec, source = problem.lens, problem.source
+    lines = spectral_lines(source.spectrum) if source.spectrum else ()
+    rows = {nm: _absorption(spec, nm) for nm in (source.wavelength, *(line.nm for line in lines))}
+    for nm in map(float, VISIBLE):
+        with suppress(UserError):
+            rows.setdefault(nm, _absorption(spec, nm))
+    return tuple(sorted(rows.items()))
 
 
 def _tabulated_index(spec: LensSpec, nm: float) -> float:

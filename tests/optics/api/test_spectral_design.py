@@ -34,7 +34,9 @@ def test_the_result_holds_numbers_for_what_the_material_told(done):
     assert (lens.index, lens.density) == (1.518522, 2.51)
     assert design.lens.index == lens.index
     assert lens.absorption == pytest.approx(1.653e-4)
-    assert len(lens.absorptions) == 11  # ten lines and the wavelength of the design
+    assert (
+        len(lens.absorptions) == 10 + 1 + 21
+    )  # lines, the wavelength of the design, and 380, 400 ... 780 nm
     assert design.asked.lens.index == "auto"
 
 
