@@ -40,6 +40,7 @@ QUICK = \
 	tests/optics/analysis/test_outgoing_light.py \
 	tests/optics/api/test_minimisation.py \
 	tests/optics/api/test_model.py \
+	tests/optics/colour \
 	tests/optics/commands/test_limits.py \
 	tests/optics/commands/test_new.py \
 	tests/optics/deconvolution/test_analytic.py \
@@ -51,6 +52,7 @@ QUICK = \
 	tests/optics/external/test_file_tracers.py \
 	tests/optics/figures/test_lens_and_light.py \
 	tests/optics/luminaires \
+	tests/optics/materials \
 	tests/optics/mitsuba/test_mesh.py \
 	tests/optics/optimisation/test_bounded_variables.py \
 	tests/optics/optimisation/test_loop_failures.py \

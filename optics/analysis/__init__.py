@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from optics.analysis.light_of_rays import (
         ray_irradiance as ray_irradiance,
     )
+    from optics.analysis.light_of_wavelengths import (
+        fringe as fringe,
+    )
     from optics.analysis.metrics import (
         Measurement as Measurement,
         dark_fraction as dark_fraction,
@@ -72,6 +75,7 @@ _FILES = {
     ),
     "light_of_cells": ("cell_irradiance",),
     "light_of_rays": ("ray_irradiance",),
+    "light_of_wavelengths": ("fringe",),
     "metrics": (
         "Measurement",
         "dark_fraction",

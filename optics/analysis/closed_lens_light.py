@@ -77,8 +77,10 @@ def _replicate(
     """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear)."""
     rays = single_rays(system.source.rays(RAYS, rng), lens)
     plane = TargetPlane(system.target.z, screen.half_width)
-    every = trace_nonsequential(backend, lens, rays, plane, threshold=ROULETTE, roulette=rng)
-    tracer = Tracer(backend, lens, rays, system.target.z)
+    every = trace_nonsequential(
+        backend, lens, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
+    )
+    tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         direct = tracer.fates(landing, screen.half_width)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from optics.problem import Verify
 
 # flux by fate that a lens should not lose, and the fraction of the source flux from which a sentence says so
-LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target")
+LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target", "absorbed")
 WORTH_A_NOTE = 0.1
 
 
@@ -37,7 +37,7 @@ def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
     return [
         f"{fates[name] / flux:.0%} of the light {SENTENCES[name]}"
         for name in LOSSES
-        if fates[name] > WORTH_A_NOTE * flux
+        if fates.get(name, 0.0) > WORTH_A_NOTE * flux
     ]
 
 

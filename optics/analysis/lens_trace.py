@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from optics.tracing import (
     TargetPlane,
     Tracer,
     at_target,
+    flux_by_fate,
     jacobian_determinants,
     normal_incidence_transmittance,
     source_points,
@@ -48,7 +48,7 @@ def sequential(
     splat = Splat(backend, screen, BoxWindow())
     image, fates, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
     for part in system.source.parts((rays, rays), None, RAYS_AT_ONCE):
-        tracer = Tracer(backend, lens, part, system.target.z)
+        tracer = Tracer(backend, lens, part, system.target.z, absorption=system.absorption)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux).numpy()
@@ -65,7 +65,7 @@ def sequential_metrics(
     return {
         "rays": sum(counts.values()),
         "counts": counts,
-        system.units.key("fates"): asdict(fates),
+        system.units.key("fates"): flux_by_fate(fates),
         "efficiency": fates.on_target / system.problem.source.flux,
         "normal_incidence_transmittance": normal_incidence_transmittance(lens.index),
     }
@@ -79,13 +79,14 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     """
     rays = single_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
     hx, hy = half_width = system.target.settings.half_width
-    result = trace_nonsequential(backend, lens, rays, TargetPlane(system.target.z, half_width))
+    plane = TargetPlane(system.target.z, half_width)
+    result = trace_nonsequential(backend, lens, rays, plane, absorption=system.absorption)
     landings = result.landings
     onto = (np.abs(landings.x) <= hx) & (np.abs(landings.y) <= hy)
     total, direct = result.fates.onto, float(landings.flux[onto & result.direct].sum())
     other = 1 - direct / total if total else 0.0
     return {
-        system.units.key("fates"): asdict(result.fates),
+        system.units.key("fates"): flux_by_fate(result.fates),
         "by_other_ways": other,
         "sequential_suffices": other <= NEGLIGIBLE,
     }

@@ -88,7 +88,8 @@ class _CellTracer:
     def _trace(self, rays: RayGrid | Rays) -> tuple[Tracer, Landing, DrArray]:
         """Return the tracer of rays, their Landing, and which of them arrive."""
         dr = self.backend.dr
-        tracer = Tracer(self.backend, self.lens, rays, self.system.target.z, errors=self.errors)
+        system, lost = self.system, self.system.absorption
+        tracer = Tracer(self.backend, self.lens, rays, system.target.z, errors=self.errors, absorption=lost)
         with dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in self.lens.sags])
         every = dr.ones(dr.mask_t(self.backend.Float), rays.flux.size)

@@ -8,7 +8,7 @@ followed on all other ways through the closed lens (`light_by_other_ways`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import isqrt, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,9 @@ from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_beams import beam_irradiance
 from optics.analysis.light_of_cells import cell_irradiance
 from optics.analysis.light_of_rays import ray_irradiance
+from optics.analysis.light_of_wavelengths import colour_metrics, spectral_light
 from optics.analysis.photometric_metrics import photometric_metrics
+from optics.tracing import flux_by_fate
 
 if TYPE_CHECKING:
     from optics.analysis.closed_lens_light import OtherWays
@@ -48,12 +50,26 @@ class Measurement:
         that is the source's unit
     metrics : numbers by name
     sharp : the irradiance without divergence and roughness, where there are any
+    colour : X, Y, Z of the CIE 1931 observer in units of 683 lm/W, (3, rows, columns), of a spectrum's light
+        through front and rear
     """
 
     irradiance: NDArray[np.float64]
     target: NDArray[np.float64]
     metrics: dict[str, Any]
     sharp: NDArray[np.float64] | None = None
+    colour: NDArray[np.float64] | None = None
+
+    def in_unit(self, unit: float) -> Measurement:
+        """Return it with all light times a factor."""
+        sharp, colour = (None if light is None else unit * light for light in (self.sharp, self.colour))
+        return replace(
+            self,
+            irradiance=unit * self.irradiance,
+            target=unit * self.target,
+            sharp=sharp,
+            colour=colour,
+        )
 
 
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
@@ -65,7 +81,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """
     screen = system.target.screen()
     estimator = _estimator(system)
-    direct, fates = ESTIMATES[estimator](system, lens, screen, backend)
+    spectral = spectral_light(system, lens, screen, backend, ESTIMATES[estimator])
+    direct, fates = spectral.estimate, spectral.fates
     other = light_by_other_ways(system, lens, screen, backend) if system.path.by_edges else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
@@ -82,14 +99,20 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray"] = light.off_target / flux
     metrics |= photometric_metrics(system, screen, irradiance, light.error / shown)
     key = system.units.key
-    metrics[key("fates")] = asdict(fates)
+    metrics[key("fates")] = flux_by_fate(fates)
     if other:
         metrics["nonsequential"] = _all_ways(direct, other, target, screen, key)
-    if estimator != "beams":
-        return Measurement(irradiance, target, metrics)
-    clear, _ = _by_cells(system.sharp, lens, screen, backend)
-    sharp = clear.irradiance / shown
-    return Measurement(irradiance, target, metrics | {"rel_l2_sharp": rel_l2(sharp, target)}, sharp)
+    sharp = colour = None
+    if estimator == "beams":
+        clear = spectral_light(system.sharp, lens, screen, backend, _by_cells)
+        sharp = clear.estimate.irradiance / shown
+        metrics["rel_l2_sharp"] = rel_l2(sharp, target)
+    if spectral.colour is not None:
+        colour = spectral.colour / shown
+        one, _ = ESTIMATES[estimator](system, lens, screen, backend)
+        metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
+        metrics["colour"] = colour_metrics(system, lens, colour, screen, backend)
+    return Measurement(irradiance, target, metrics, sharp, colour)
 
 
 def _estimator(system: OpticalSystem) -> str:
@@ -112,7 +135,7 @@ def _all_ways(
         key("lit"): lit + _lit(other.light.irradiance, target, screen),
         key("lit_direct"): lit,
         key("target"): other.fates.onto,
-        key("fates"): asdict(other.fates),
+        key("fates"): flux_by_fate(other.fates),
     }
 
 

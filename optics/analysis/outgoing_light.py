@@ -25,7 +25,8 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     Light that edges and inner reflections send on is not among them.
     """
     side = isqrt(count - 1) + 1
-    tracer = Tracer(backend, lens, system.source.rays((side, side)), system.target.z)
+    rays = system.source.rays((side, side))
+    tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at_rear(coefficients)

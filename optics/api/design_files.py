@@ -95,7 +95,7 @@ def write_result(
     clock.lap("verify")
     pictures = figures.drawn()
     light = measurement.irradiance, measurement.target
-    for name, data in light_files(*light, system.target.screen(), system.density).items():
+    for name, data in light_files(*light, system.target.screen(), system.density, measurement.colour).items():
         writer.write(name, data)
     for name, (_, png) in pictures.items():
         writer.write(f"figures/{name}.png", png)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -134,10 +134,7 @@ class Design(DesignRecord):
         with DEVICE:
             backend = load_backend("double", self.problem.run.threads)
             measurement = relit(self.problem, self.lens, light, backend)
-        unit = unit_of(self.system)
-        return replace(
-            measurement, irradiance=unit * measurement.irradiance, target=unit * measurement.target
-        )
+        return measurement.in_unit(unit_of(self.system))
 
     def plot(self) -> OverviewFigure:
         """Return a figure of target, irradiance and their difference."""
@@ -180,6 +177,7 @@ def _read_measurement(folder: Path) -> Measurement:
     from optics.analysis import Measurement
 
     with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
-        irradiance, target = arrays["irradiance"], arrays["target"]
+        irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
     metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
-    return Measurement(irradiance, target, {k: v for k, v in metrics.items() if k not in OF_THE_RUN})
+    own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
+    return Measurement(irradiance, target, own, colour=colour)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from math import isqrt
 from typing import TYPE_CHECKING
@@ -143,8 +142,7 @@ class System:
 
         with DEVICE:
             found = measure(self.optical, lens, load_backend("double", self.problem.run.threads))
-        unit = unit_of(self.optical)
-        return replace(found, irradiance=unit * found.irradiance, target=unit * found.target)
+        return found.in_unit(unit_of(self.optical))
 
     @cached_property
     def _level_0(self) -> list[THBSpace]:

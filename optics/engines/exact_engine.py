@@ -45,7 +45,16 @@ class ExactEngine:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
         rays, window, mirrors = measured_rays(self.backend, system, lens, film, axes, fresh)
         fresnel = system.problem.optimizer.fresnel
-        tracer = Tracer(self.backend, lens, rays, system.target.z, self.soft_rim, sure=False, fresnel=fresnel)
+        tracer = Tracer(
+            self.backend,
+            lens,
+            rays,
+            system.target.z,
+            self.soft_rim,
+            sure=False,
+            fresnel=fresnel,
+            absorption=system.absorption,
+        )
         return TracedModel(self.backend, tracer, film.screen, window, mirrors)
 
 

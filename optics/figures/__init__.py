@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.figures.colours_of_light import (
+        colour_figures as colour_figures,
+    )
     from optics.figures.fresnel_curves import (
         fresnel_figure as fresnel_figure,
     )
@@ -45,6 +48,7 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "colours_of_light": ("colour_figures",),
     "fresnel_curves": ("fresnel_figure",),
     "intensity_diagrams": ("intensity_figures",),
     "lens_and_light": (

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from optics.analysis import counted_ways
 from optics.figures.canvas import block, new_figure, plane_figure, plt, png_bytes
+from optics.figures.colours_of_light import colour_figures
 from optics.figures.intensity_diagrams import intensity_figures
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def light_figures(
     if system.path.far_field:
         screen = system.target.screen()
         figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
-    return figures | _ray_figures(lens, paths)
+    return figures | colour_figures(system, measurement, unit) | _ray_figures(lens, paths)
 
 
 def _ray_figures(lens: Lens, paths: Mapping[str, Sequence[RayPath]]) -> Figures:

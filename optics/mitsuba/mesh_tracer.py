@@ -105,6 +105,7 @@ class MeshTracer:
             q=dy,
             flux=dr.select(hit & forward, flux, 0),
             entering=entering,
+            reaching=entering,
             decided=always,
             met=met,
             found=hit,

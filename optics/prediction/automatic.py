@@ -133,7 +133,7 @@ def _curvatures(problem: Problem, constant: float) -> tuple[float, float]:
     c = 2 z / (r^2 + (1 + K) z^2).
     """
     spec, k = problem.lens, 1 + constant
-    r, steep = hypot(*spec.rear.half_width), STEEPEST / sqrt(spec.index**2 - 1)
+    r, steep = hypot(*spec.rear.half_width), STEEPEST / sqrt(spec.known_index**2 - 1)
     at_front = float(Conic(*base_of(spec.front))(*spec.front.half_width))
     low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * problem.target.distance
     most = steep / (r * sqrt(max(1 + k * steep**2, 1e-6)))

@@ -142,7 +142,8 @@ def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[Sequen
     screen = system.target.screen()
     if system.source.extended:
         side = round(sqrt(RAYS))
-        tracer = Tracer(backend, lens, system.source.rays((side, side)), system.target.z)
+        rays = system.source.rays((side, side))
+        tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         return tracer.fates(landing, screen.half_width), None

@@ -79,10 +79,30 @@ def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str
     return [
         f"{INDEX:g} of index shifts the light by {_shift(system, expected, shifts.index)} on average, "
         f"by {_length(system, shifts.index_most)} at most",
+        *_dispersion_lines(system, expected),
         f"{RIPPLE * 1000:g} um of ripple with a period of {PERIOD:g} mm shifts it by "
         f"{_shift(system, expected, shifts.ripple)}",
         f"{DECENTRE:g} mm of decentre of {whose} shifts it by {_shift(system, expected, shifts.decentre)}",
     ]
+
+
+def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+    """Return what the catalogue's uncertainty and the light's colours do, to first order in the index."""
+    per_index, material, lines = expected.sensitivity.index / INDEX, system.material, []
+    if material is not None and material.accuracy is not None:
+        size = _shift(system, expected, per_index * material.accuracy)
+        lines.append(
+            f"{material.name}: another grade or melt may differ by {material.accuracy:g} in index, "
+            f"which shifts the light by {size} on average"
+        )
+    if len(system.wavelengths) > 1:
+        blue, *_, red = system.wavelengths
+        size = _shift(system, expected, per_index * abs(blue.index - red.index))
+        lines.append(
+            f"from {blue.nm:.0f} to {red.nm:.0f} nm the index falls by {blue.index - red.index:.4f}, "
+            f"which shifts the light by {size} on average"
+        )
+    return lines
 
 
 def _shift(system: OpticalSystem, expected: Expectation, size: float) -> str:

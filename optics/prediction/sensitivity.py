@@ -55,16 +55,16 @@ def sensitivity(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats
     dx, dy, dz = light.direction
     cosine = np.clip((dz - dx * slopes[0] - dy * slopes[1]) / length, 0, 1)
     sine = np.sqrt(1 - cosine**2)
-    passes = spec.index * sine < 1
-    turn = np.where(passes, sine / np.sqrt(np.where(passes, 1 - (spec.index * sine) ** 2, 1)), 0)
+    passes = spec.known_index * sine < 1
+    turn = np.where(passes, sine / np.sqrt(np.where(passes, 1 - (spec.known_index * sine) ** 2, 1)), 0)
     lit = light.weight > LIT
     if source.kind == "collimated":
         decentre = 0.0 if far else DECENTRE
     else:
-        decentre = throw * DECENTRE / (source.distance + spec.thickness / spec.index)
+        decentre = throw * DECENTRE / (source.distance + spec.thickness / spec.known_index)
     return Sensitivity(
         index=float(throw * INDEX * np.average(turn, weights=light.weight)),
         index_most=float(throw * INDEX * turn[lit].max()),
-        ripple=throw * (spec.index - 1) * 2 * pi * RIPPLE / PERIOD,
+        ripple=throw * (spec.known_index - 1) * 2 * pi * RIPPLE / PERIOD,
         decentre=decentre,
     )

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     )
     from optics.problem.schema import (
         FINEST_AUTO as FINEST_AUTO,
+        ILLUMINANTS as ILLUMINANTS,
         OF_FILES as OF_FILES,
         SUN as SUN,
         Freeform as Freeform,
@@ -96,6 +97,7 @@ _FILES = {
     ),
     "schema": (
         "FINEST_AUTO",
+        "ILLUMINANTS",
         "OF_FILES",
         "SUN",
         "Freeform",

@@ -60,7 +60,8 @@ def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
         read = {}
     if list(read) == ["value"]:
         return name, read["value"]
-    if key.hint is str or (key.limits["auto"] and value == AUTO):
+    names = key.limits["choices"] or ()
+    if key.hint is str or value in names or (key.limits["auto"] and value == AUTO):
         return name, value
     raise UserError(f"{name} must be {_wanted(key)}, got {value!r}")
 
@@ -69,6 +70,9 @@ def _wanted(key: Key) -> str:
     """Return what the value of a key must be, with an example."""
     if table_of(key.hint) is not None:
         return f"a table, such as {key.name}={{KEY = VALUE}}"
+    if _is_table(key.hint):
+        names = "".join(f", or {name}" for name in (key.limits["choices"] or ())[:1])
+        return f"a list of rows, such as {key.name}=[[450, 1.5], [550, 1.49]]{names}"
     if get_origin(key.hint) is tuple:
         number = "1" if get_args(key.hint)[0] is int else "1.5"
         several = ", ".join([number] * max(len(get_args(key.hint)), 2))
@@ -79,3 +83,9 @@ def _wanted(key: Key) -> str:
     kind, example = ("a whole number", "2") if whole else ("a number", "2.5")
     automatic = ' or "auto"' if key.limits["auto"] else ""
     return f"{kind}{automatic}, such as {key.name}={example}"
+
+
+def _is_table(hint: Any) -> bool:
+    """Return whether rows of numbers are wanted."""
+    kinds = [kind for kind in (hint, *get_args(hint)) if get_origin(kind) is tuple]
+    return any(get_origin(get_args(kind)[0]) is tuple for kind in kinds)

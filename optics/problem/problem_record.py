@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, fields
 from html import escape
+from itertools import pairwise
 
 from optics.problem.key_changes import with_changes
 from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
-from optics.problem.schema import LEAST_FLUX, OF_FILES, SHORTEST, LensSpec, Source, Target
-from optics.problem.toml_records import checked_values, option, record
+from optics.problem.schema import LEAST_FLUX, OF_FILES, SHORTEST, LensSpec, Rows, Source, Target
+from optics.problem.toml_records import AUTO, checked_values, option, record
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
 
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
+LEAST_INDEX = 1.000001  # of lens.indices: that of lens.index must be greater than 1
 LEAST_MERGED = 4  # pixels each way that merging leaves
 
 
@@ -83,7 +85,7 @@ def _main_numbers(problem: Problem) -> dict[str, str]:
     far, unit = math.isinf(target.distance), "degrees" if math.isinf(target.distance) else "mm"
     rows = {
         "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
-        "lens": f"index {lens.index:g}, thickness {lens.thickness:g} mm",
+        "lens": f"{_made_of(lens)}, thickness {lens.thickness:g} mm",
     }
     for name, surface in (("front", lens.front), ("rear", lens.rear)):
         free = surface.freeform
@@ -98,6 +100,10 @@ def _main_numbers(problem: Problem) -> dict[str, str]:
         f"half-width {_by(target.half_width)} {unit}, {_by(target.pixels)} pixels"
     )
     return rows
+
+
+def _made_of(lens: LensSpec) -> str:
+    return f"index {lens.known_index:g}" if lens.known_index else (lens.material or "tabulated index")
 
 
 def _by(size: tuple[float, float]) -> str:
@@ -120,6 +126,7 @@ def _require_partners(problem: Problem) -> None:
             raise UserError(str(error)) from None
     _require_target(problem.target)
     _require_source(problem.source)
+    _require_spectra(problem)
     merge, pixels = problem.optimizer.merge, min(problem.target.pixels)
     if merge > 1 and pixels < LEAST_MERGED * merge:
         raise UserError(
@@ -132,6 +139,35 @@ def _require_partners(problem: Problem) -> None:
             f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
             f"got {problem.limits.thickness:g}"
         )
+
+
+def _require_spectra(problem: Problem) -> None:
+    """Refuse a lens without any index, and tables by wavelength that cannot be."""
+    lens, spectrum = problem.lens, problem.source.spectrum
+    if lens.index == AUTO and not (lens.indices or lens.material):
+        raise UserError(
+            "the key lens.index is missing (refractive index, relative to the air around); add it, or name a "
+            'known material, such as lens.material = "PMMA"'
+        )
+    _require_rows("lens.indices", lens.indices, LEAST_INDEX, 10.0)
+    _require_rows("lens.absorptions", lens.absorptions, 0.0, 1e3)
+    if not isinstance(spectrum, str):
+        _require_rows("source.spectrum", spectrum, 0.0, 1e12)
+        if spectrum and not any(weight for _, weight in spectrum):
+            raise UserError("source.spectrum is dark: every weight is 0; make one greater")
+
+
+def _require_rows(key: str, rows: Rows, low: float, high: float) -> None:
+    """Refuse rows (nm, value) out of their limits, and wavelengths that come twice."""
+    for k, (nm, value) in enumerate(rows):
+        if not 1 <= nm <= 1e6:
+            raise UserError(f"{key}[{k}][0] must be a wavelength from 1 to 1e+06 nm, got {nm:g}")
+        if not low <= value <= high:
+            raise UserError(f"{key}[{k}][1] must be from {low:.7g} to {high:g}, got {value:g}")
+    wavelengths = sorted(nm for nm, _ in rows)
+    for nm, following in pairwise(wavelengths):
+        if nm == following:
+            raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
 
 
 def _require_target(target: Target) -> None:

@@ -13,7 +13,10 @@ DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
 OF_FILES = ("rays", "luminaire")  # kinds of source that a file describes
 LEAST_FLUX = 1e-12  # of source.unit
+ILLUMINANTS = ("A", "D65", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5")
 SUN = 0.2665  # degrees: the mean half-angle of its disk
+
+Rows = tuple[tuple[float, float], ...]
 
 MAX_PIXELS = 4096
 SHORTEST = 1e-6  # mm: a nanometre, less than CAD kernels tell apart
@@ -77,7 +80,15 @@ class Source:
         note="over solid angle, of angles, of the sun's disk, or over the angle (theta_uniform)",
     )
     wavelength: float = option(
-        550.0, low=1, high=1e6, note="nm; the report and limits.feature compare the lens's features with it"
+        550.0,
+        low=1,
+        high=1e6,
+        note="nm, that the lens is designed at; limits.feature compares the lens's features with it",
+    )
+    spectrum: str | Rows = option(
+        (),
+        choices=ILLUMINANTS,
+        note="light to measure with: [[nm, radiant weight], ...] or a CIE illuminant; [] is wavelength alone",
     )
 
     @property
@@ -170,12 +181,34 @@ def base_of(surface: Front | Rear) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class LensSpec:
-    index: float = option(above=1, high=10, note="refractive index, relative to the air around")
+    index: float | str = option(
+        AUTO,
+        above=1,
+        high=10,
+        note="refractive index, relative to the air around; auto takes it from indices or the material",
+        auto=True,
+    )
     thickness: float = option(low=SHORTEST, high=LONGEST, note="mm between the vertices")
-    material: str = option("", note="its name, for the files and the manufacturer")
+    material: str = option("", note='its name; one that is known has an index, such as "PMMA"')
+    indices: Rows = option((), note="[[nm, index], ...] for other wavelengths; [] takes the material's")
+    absorption: float | str = option(
+        0.0,
+        low=0,
+        high=1e3,
+        note="1/mm: exp(-absorption path) of the light stays; auto takes the material's",
+        auto=True,
+    )
+    absorptions: Rows = option(
+        (), note="[[nm, 1/mm], ...] for other wavelengths; [] is absorption everywhere"
+    )
     density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
     front: Front = option()
     rear: Rear = option()
+
+    @property
+    def known_index(self) -> float:
+        """The index; 0 where it is not known yet."""
+        return 0.0 if isinstance(self.index, str) else self.index
 
     @property
     def automatic(self) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, field, fields
 from numbers import Integral, Real
 from pathlib import Path
+from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 from optics.problem.dotted_keys import did_you_mean, hints_of, table_of
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Record = TypeVar("Record", bound="DataclassInstance")
 
 AUTO = "auto"  # of a number that the program chooses
+MOST_ROWS = 10_000  # of a table of numbers
 LARGEST = 2**63 - 1  # whole numbers, the range that TOML guarantees
 
 
@@ -121,6 +123,8 @@ def _require_known(
 
 
 def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
+    if isinstance(hint, UnionType) and not limits["auto"]:  # a name, or rows of numbers
+        hint = next(kind for kind in get_args(hint) if (kind is str) == isinstance(value, str))
     if get_origin(hint) is tuple:
         return _row(key, hint, value, limits)
     if hint is str:
@@ -180,12 +184,24 @@ def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
 def _row(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
     kinds = get_args(hint)
     open_ended = kinds[-1] is Ellipsis
+    if get_origin(kinds[0]) is tuple:
+        return _rows(key, kinds[0], value, limits)
     if open_ended and not isinstance(value, (list, tuple)):
         value = [value]
     if not isinstance(value, (list, tuple)) or not value or (not open_ended and len(value) != len(kinds)):
         wanted = "a list of numbers" if open_ended else f"a list of {len(kinds)} numbers"
         raise UserError(f"{key} must be {wanted}, got {_brief(value)}")
     return tuple(_value(f"{key}[{k}]", kinds[0], v, limits) for k, v in enumerate(value))
+
+
+def _rows(key: str, hint: Any, value: object, limits: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the rows of a table of numbers, which may have none."""
+    if not isinstance(value, (list, tuple)) or len(value) > MOST_ROWS:
+        size = f", at most {MOST_ROWS}" if isinstance(value, (list, tuple)) else ""
+        raise UserError(
+            f"{key} must be a list of rows of {len(get_args(hint))} numbers{size}, got {_brief(value)}"
+        )
+    return tuple(_row(f"{key}[{k}]", hint, row, limits) for k, row in enumerate(value))
 
 
 def _brief(value: object) -> str:

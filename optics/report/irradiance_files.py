@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -23,33 +23,38 @@ WHITE = 65535  # of 16 bits
 LINEAR = struct.pack(">I", 100_000)  # the PNG's gamma, in 1/100000
 
 
-def light_files(irradiance: Floats, target: Floats, screen: Screen, density: Density) -> dict[str, bytes]:
+def light_files(
+    irradiance: Floats, target: Floats, screen: Screen, density: Density, colour: Floats | None = None
+) -> dict[str, bytes]:
     """Return the files of the light that arrives and of the light asked for, by name.
 
     The same light gives the same bytes.
 
     irradiance, target : (rows, columns), in the stored unit of `density`; in the far field intensities
+    colour : (3, rows, columns), CIE 1931 X, Y, Z of a spectrum's light, in 683 lm/W times that unit
     """
     unit = density.stored
     return {
-        ARRAYS: _arrays(irradiance, target, screen, unit),
+        ARRAYS: _arrays(irradiance, target, screen, unit, colour),
         PICTURE: _picture(irradiance, screen, unit),
     }
 
 
-def _arrays(irradiance: Floats, target: Floats, screen: Screen, unit: str) -> bytes:
-    """Return both as .npz, with the centres x of the columns and y of the rows, and the units as text."""
+def _arrays(irradiance: Floats, target: Floats, screen: Screen, unit: str, colour: Floats | None) -> bytes:
+    """Return them as .npz, with the centres x of the columns and y of the rows, and the units as text."""
     buffer = io.BytesIO()
     x, y = screen.centres
-    np.savez_compressed(
-        buffer,
-        irradiance=irradiance,
-        target=target,
-        x=x,
-        y=y,
-        unit=np.array(unit),
-        axes_unit=np.array(_axes_unit(screen)),
-    )
+    arrays: dict[str, Any] = {
+        "irradiance": irradiance,
+        "target": target,
+        "x": x,
+        "y": y,
+        "unit": np.array(unit),
+        "axes_unit": np.array(_axes_unit(screen)),
+    }
+    if colour is not None:
+        arrays["xyz"] = colour
+    np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
 
 

@@ -28,7 +28,7 @@ def base_lens(problem: Problem) -> Lens:
     spec = problem.lens
     front, rear = _surface("front", spec.front), _surface("rear", spec.rear)
     try:
-        return require_sound(Lens(front, rear, spec.thickness, spec.index))
+        return require_sound(Lens(front, rear, spec.thickness, spec.known_index))
     except ValueError as error:
         raise UserError(f"lens: {error}") from None
 
@@ -40,9 +40,9 @@ def lens_product(problem: Problem) -> Product:
         name=names.product or one_line(problem.title) or "lens",
         author=names.author,
         organization=names.organization,
-        material=spec.material or f"transparent, n = {spec.index:g}",
+        material=spec.material or f"transparent, n = {spec.known_index:g}",
         density=spec.density,
-        index=spec.index,
+        index=spec.known_index,
     )
 
 

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 
 from optics.photometry import units_of
 from optics.system.lens import base_lens, freeforms, lens_product
+from optics.system.lens_material import (
+    Wavelength,
+    absorption_at,
+    index_at,
+    indexing_material,
+    wavelengths_of,
+    with_material,
+)
 from optics.system.source import LightSource
 from optics.system.target import LightTarget
 from optics.system.tracing_skips import Skip, skips
 
 if TYPE_CHECKING:
+    from optics.materials import Material
     from optics.photometry import Density, Units
     from optics.problem import Freeform, Problem
     from thbcad.lens import Lens, Product
-
-
-@dataclass(frozen=True)
-class Wavelength:
-    """Light of one wavelength.  nm : in air.  weight : of the source's flux.  index : of the lens."""
-
-    nm: float
-    weight: float
-    index: float
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,18 @@ class LightPath:
 class OpticalSystem:
     """Lens, sources and targets of a problem.  Every part is built when it is first asked for, and once.
 
-    Sources, wavelengths and targets are tuples; a problem file names one of each today.
+    Sources, wavelengths and targets are tuples; a problem file names one source and one target today.
+    `problem` is the one given, with numbers for what it leaves to the material of the lens.
+
+    Raises
+    ------
+    UserError : nothing is known of the material.
     """
 
     problem: Problem
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "problem", with_material(self.problem))
 
     @cached_property
     def lens(self) -> Lens:
@@ -117,7 +125,52 @@ class OpticalSystem:
 
     @cached_property
     def wavelengths(self) -> tuple[Wavelength, ...]:
-        return (Wavelength(self.problem.source.wavelength, 1.0, self.problem.lens.index),)
+        """At which light is measured: the lines of the spectrum, or the source's own wavelength.
+
+        Raises
+        ------
+        UserError : the index or the absorption of the lens is not known at one of them.
+        """
+        return wavelengths_of(self.problem)
+
+    @property
+    def material(self) -> Material | None:
+        """The known material whose index the lens has; None where its index is another."""
+        return indexing_material(self.problem)
+
+    def index_at(self, nm: float) -> float:
+        """Return the index of the lens at a wavelength, nm.
+
+        Raises
+        ------
+        UserError : it is not known there.
+        """
+        return index_at(self.problem, nm)
+
+    @property
+    def absorption(self) -> float:
+        """Of the lens at the source's own wavelength, 1/mm."""
+        return absorption_at(self.problem, self.problem.source.wavelength)
+
+    @property
+    def spectral(self) -> bool:
+        """Whether light is measured at other wavelengths than that of the design."""
+        return bool(self.problem.source.spectrum)
+
+    def without_absorption(self) -> OpticalSystem:
+        """Return the system with a lens that absorbs nothing."""
+        if not self.absorption and not self.problem.lens.absorptions:
+            return self
+        return OpticalSystem(self.problem.with_(**{"lens.absorption": 0.0, "lens.absorptions": ()}))
+
+    def at(self, wavelength: Wavelength) -> OpticalSystem:
+        """Return the system in light of one wavelength alone, with all of the source's flux."""
+        light = {"source.spectrum": (), "source.wavelength": wavelength.nm}
+        lens = {"lens.index": wavelength.index, "lens.absorption": wavelength.absorption}
+        tables = {"lens.indices": (), "lens.absorptions": ()}
+        alone = OpticalSystem(self.problem.with_(**light, **lens, **tables))
+        alone.__dict__["sources"] = self.sources  # a picture or a file of rays is read once
+        return alone
 
     @cached_property
     def targets(self) -> tuple[LightTarget, ...]:

@@ -46,11 +46,17 @@ def solvable_system(problem: Problem) -> OpticalSystem:
     Raises
     ------
     UserError : limits that contradict each other, a prescription that makes no lens, a picture that cannot be
-        read, a source or a target that lies in the lens, a target that no lens can light.
+        read, a source or a target that lies in the lens, a target that no lens can light, a material that is
+        not known.
     """
     require_limits(problem)
     system = OpticalSystem(with_numbers_of_file(problem))
-    _ = system.target.light, system.lens, system.source.profile  # built now, so that errors come now
+    _ = (
+        system.target.light,
+        system.lens,
+        system.source.profile,
+        system.wavelengths,
+    )  # built now, so that errors come now
     require_room(system)
     require_light(system)
     require_reachable(system)
@@ -77,11 +83,14 @@ def require_reachable(system: OpticalSystem) -> None:
         np.maximum(np.abs((2 * np.arange(n) + 1) / n - 1) * h - b, 0)[lit.any(axis=1 - d)].max()
         for d, (n, h, b) in enumerate(zip(screen.pixels[::-1], target.half_width[::-1], beam[::-1]))
     ]
-    needed, most = np.degrees(np.arctan(max(aside) / target.distance)), np.degrees(np.arccos(1 / lens.index))
+    needed, most = (
+        np.degrees(np.arctan(max(aside) / target.distance)),
+        np.degrees(np.arccos(1 / lens.known_index)),
+    )
     if needed >= most:
         raise UserError(
             f"the target asks for light {needed:.1f} degrees aside from the beam, but a surface of index "
-            f"{lens.index:g} bends rays by less than {most:.1f} degrees; "
+            f"{lens.known_index:g} bends rays by less than {most:.1f} degrees; "
             "make target.half_width smaller or target.distance larger"
         )
 

@@ -10,10 +10,12 @@ if TYPE_CHECKING:
         SENTENCES as SENTENCES,
         Fates as Fates,
         SequentialFates as SequentialFates,
+        flux_by_fate as flux_by_fate,
     )
     from optics.tracing.intersections import (
         Hits as Hits,
         KnownHits as KnownHits,
+        device_flux as device_flux,
     )
     from optics.tracing.landings import (
         Landing as Landing,
@@ -46,7 +48,6 @@ if TYPE_CHECKING:
     )
     from optics.tracing.sequential import (
         Tracer as Tracer,
-        device_flux as device_flux,
         rim_fade as rim_fade,
     )
 
@@ -56,10 +57,12 @@ _FILES = {
         "Fates",
         "SENTENCES",
         "SequentialFates",
+        "flux_by_fate",
     ),
     "intersections": (
         "Hits",
         "KnownHits",
+        "device_flux",
     ),
     "landings": (
         "Landing",
@@ -90,7 +93,6 @@ _FILES = {
     "searched_intersections": ("SearchedHits",),
     "sequential": (
         "Tracer",
-        "device_flux",
         "rim_fade",
     ),
 }

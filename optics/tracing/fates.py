@@ -14,6 +14,7 @@ SENTENCES = {
     "rear_reflected": "is reflected at the rear",
     "on_target": "leaves by the rear and meets the target",
     "off_target": "leaves by the rear and passes beside the target",
+    "absorbed": "is absorbed in the lens",
     "reflected_outside": "is reflected at the front and never enters",
     "edges_on_target": "leaves by an edge and meets the target",
     "edges_off_target": "leaves by an edge and passes beside the target",
@@ -31,6 +32,7 @@ class SequentialFates:
 
     front_reflected, rear_reflected : Fresnel losses.  total_internal : or refracted backwards.
     on_target, off_target : meets the target rectangle, or its plane beside it.
+    absorbed : on the way from front to rear.
     """
 
     beside_lens: float
@@ -41,6 +43,7 @@ class SequentialFates:
     rear_reflected: float
     on_target: float
     off_target: float
+    absorbed: float = 0.0
 
     @property
     def transmitted(self) -> float:
@@ -48,6 +51,9 @@ class SequentialFates:
 
     def __add__(self, other: SequentialFates) -> SequentialFates:
         return SequentialFates(*(a + b for a, b in zip(asdict(self).values(), asdict(other).values())))
+
+    def __mul__(self, factor: float) -> SequentialFates:
+        return SequentialFates(*(factor * flux for flux in asdict(self).values()))
 
     def __truediv__(self, count: int) -> SequentialFates:
         return SequentialFates(*(flux / count for flux in asdict(self).values()))
@@ -68,6 +74,7 @@ class Fates:
     back: float
     trapped: float
     failed: float
+    absorbed: float = 0.0
 
     @property
     def onto(self) -> float:
@@ -78,6 +85,11 @@ class Fates:
     def beside(self) -> float:
         """Flux in the target plane beside the rectangle, by any way through the lens."""
         return self.off_target + self.edges_off_target + self.front_off_target
+
+
+def flux_by_fate(fates: SequentialFates | Fates) -> dict[str, float]:
+    """Return the flux by the name of its fate, W; absorbed light only where there is some."""
+    return {name: flux for name, flux in asdict(fates).items() if flux or name != "absorbed"}
 
 
 FATES = tuple(field.name for field in fields(Fates))

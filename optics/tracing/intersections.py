@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from optics.runtime import Backend, DrArray
-    from optics.sources import RayGrid
+    from optics.sources import RayGrid, Rays
     from thbcad.sags import Conic
     from thbcad.splines import KnotVector
 
@@ -47,6 +47,20 @@ class DeviceRays:
         """Return the points at the path length t, mm."""
         x, y, z = (o + t * d for o, d in zip(self.origin, self.direction))
         return x, y, z
+
+
+def device_flux(backend: Backend, flux: NDArray[np.float64]) -> DrArray:
+    """Return the flux of rays on the device; one number where all rays carry the same."""
+    if (flux == flux.flat[0]).all():
+        return backend.dr.opaque(backend.Float, float(flux.flat[0]))
+    return backend.array(flux)
+
+
+def on_device(backend: Backend, rays: Rays, flux: DrArray) -> DeviceRays:
+    """Return rays on the device.  flux : of them, as `device_flux`."""
+    ox, oy, oz = (backend.array(row) for row in rays.origin)
+    dx, dy, dz = (backend.array(row) for row in rays.direction)
+    return DeviceRays((ox, oy, oz), (dx, dy, dz), flux)
 
 
 @dataclass(eq=False)

@@ -23,7 +23,8 @@ class Landing:
     """Where rays meet the target: x, y in mm (degrees in the far field), flux in W (zero unless they arrive).
 
     p, q : direction cosines along x and y behind the lens.
-    entering : flux behind the front.  decided, met : of the front, as `found` and `hit` of Hits.
+    entering : flux behind the front.  reaching : what absorption leaves of it at the rear.
+    decided, met : of the front, as `found` and `hit` of Hits.
     found, hit : of the rear, as in Hits.
     refracted : the ray leaves the rear surface forward.
     """
@@ -34,6 +35,7 @@ class Landing:
     q: DrArray
     flux: DrArray
     entering: DrArray
+    reaching: DrArray
     decided: DrArray
     met: DrArray
     found: DrArray

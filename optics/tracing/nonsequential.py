@@ -7,7 +7,7 @@ threshold or have met too many faces.  Every part of the source flux ends in one
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,7 @@ from optics.tracing.branches import (
     UNDECIDED,
     Branches,
     ClosedLens,
+    Meetings,
     split,
 )
 from optics.tracing.fates import FATES, Fates
@@ -83,6 +84,7 @@ def trace_nonsequential(
     bounces: int = 64,
     threshold: float = 1e-4,
     roulette: np.random.Generator | None = None,
+    absorption: float = 0.0,
 ) -> NonsequentialResult:
     """Trace rays through the closed lens with all reflections.
 
@@ -90,6 +92,7 @@ def trace_nonsequential(
     Both drop branches into the fate `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
+    absorption : a, 1/mm: exp(-a t) of the light is left after the path t in the lens.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens)
@@ -113,6 +116,10 @@ def trace_nonsequential(
         if generation == bounces:
             account(branches[~leaving], FATES.index("trapped"))
             break
+        if absorption:
+            kept = np.where(leaving, 1.0, _transmission(branches, meetings, absorption))
+            account(replace(branches, flux=branches.flux * (1 - kept)), FATES.index("absorbed"))
+            branches = replace(branches, flux=branches.flux * kept)
         refracted, reflected = split(branches, meetings)
         branches = refracted[~leaving & (meetings.transmittance > 0)] + reflected[~leaving]
         least = threshold * rays.flux[branches.ray]
@@ -127,6 +134,12 @@ def trace_nonsequential(
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))
     out = Departures(*(np.concatenate(column, axis=-1) for column in zip(*departures)))
     return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
+
+
+def _transmission(branches: Branches, meetings: Meetings, absorption: float) -> NDArray[np.float64]:
+    """Return what absorption leaves of branches on their way to the next face, exp(-a t), (m,)."""
+    path = np.linalg.norm(meetings.point - branches.origin, axis=0)
+    return np.where(branches.inside, np.exp(-absorption * path), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

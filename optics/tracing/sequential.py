@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from optics.sources import RayGrid, Rays, single_rays
 from optics.tracing.fates import SequentialFates
-from optics.tracing.intersections import DeviceRays, Hits, KnownHits
+from optics.tracing.intersections import DeviceRays, Hits, KnownHits, device_flux, on_device
 from optics.tracing.landings import Landing
 from optics.tracing.refraction import SMOOTH, SlopeErrors, refract
 from optics.tracing.searched_intersections import SearchedHits
@@ -38,6 +38,7 @@ class Tracer:
         `SearchedHits`.  This costs up to three times the time.
     fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
     errors : of the slopes, by which rays are refracted; the surfaces stay where they are.
+    absorption : a, 1/mm: exp(-a t) of the light is left after the path t from front to rear.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Tracer:
         sure: bool = True,
         fresnel: bool = True,
         errors: SlopeErrors = SMOOTH,
+        absorption: float = 0.0,
     ) -> None:
         self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
         dr, Float = backend.dr, backend.Float
@@ -59,6 +61,7 @@ class Tracer:
         # opaque numbers do not become part of the kernels, which then serve every source and lens
         self._index, self._inverse = dr.opaque(Float, lens.index), dr.opaque(Float, 1 / lens.index)
         self._distance = None if isinf(target_z) else dr.opaque(Float, target_z - lens.thickness)
+        self._absorption = dr.opaque(Float, absorption) if absorption else None
         self._flux = device_flux(backend, rays.flux)
         self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
         self._rear: KnownHits | SearchedHits
@@ -70,7 +73,7 @@ class Tracer:
             self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, knots)
             self._behind = None, self._parallel(self._rear)
             return
-        self._source = _device_rays(backend, single_rays(rays, lens), self._flux)
+        self._source = on_device(backend, single_rays(rays, lens), self._flux)
         self._front = SearchedHits(backend, lens.front.conic, lens.front.half_width, _knots(lens.front), sure)
         self._rear = SearchedHits(backend, lens.rear.conic, lens.rear.half_width, knots, sure)
         if lens.front.sag is None:
@@ -149,17 +152,19 @@ class Tracer:
         met = total(self._flux, landing.met)
         inside = total(landing.entering, True)
         found = total(landing.entering, landing.found)
-        at_rear = total(landing.entering, landing.hit)
-        refracted = total(landing.entering, landing.hit & landing.refracted)
+        hit = total(landing.entering, landing.hit)
+        at_rear = hit if self._absorption is None else total(landing.reaching, landing.hit)
+        refracted = total(landing.reaching, landing.hit & landing.refracted)
         arriving = total(landing.flux, True)
         on_target = total(landing.flux, onto)
         differences = {
             "beside_lens": self._missed + self._emitted - lost_before - met,
             "front_reflected": met - inside,
-            "missed_rear": found - at_rear,
+            "missed_rear": found - hit,
             "total_internal": at_rear - refracted,
             "rear_reflected": refracted - arriving,
             "off_target": arriving - on_target,
+            "absorbed": hit - at_rear,
         }
         return SequentialFates(
             unresolved=lost_before + lost_inside,
@@ -214,7 +219,8 @@ class Tracer:
         )
         forward = refracted & (dz > 0)
         arrives = hits.hit & forward
-        flux = dr.select(arrives, behind.flux * transmittance * self._rim(hits, self._lens.rear), 0)
+        reaching = self._left(behind, hits)
+        flux = dr.select(arrives, reaching * transmittance * self._rim(hits, self._lens.rear), 0)
         dz = dr.select(forward, dz, 1)
         if self._distance is None:
             degrees = 180 / np.pi
@@ -229,12 +235,21 @@ class Tracer:
             q=dy,
             flux=flux,
             entering=behind.flux,
+            reaching=reaching,
             decided=True if front is None else front.found,
             met=True if front is None else front.hit,
             found=hits.found,
             hit=hits.hit,
             refracted=forward,
         )
+
+    def _left(self, behind: DeviceRays, hits: Hits) -> DrArray:
+        """Return the flux that absorption leaves of rays on their way to the rear, exp(-a t)."""
+        if self._absorption is None:
+            return behind.flux
+        dr = self._backend.dr
+        path = (hits.z - behind.origin[2]) / behind.direction[2]
+        return behind.flux * dr.exp(-self._absorption * dr.select(hits.hit, path, 0))
 
     def _slopes(self, hits: Hits, surface: int) -> tuple[DrArray, DrArray]:
         """Return the slopes by which rays are refracted.  surface : 0 is the front, 1 the rear."""
@@ -269,19 +284,6 @@ def rim_fade(
         s = dr.clip((h - dr.abs(a)) * (1 / (width * h)), 0, 1)
         factor = factor * (s * s * (3 - 2 * s))
     return factor
-
-
-def device_flux(backend: Backend, flux: NDArray[np.float64]) -> DrArray:
-    """Return the flux of rays on the device; one number where all rays carry the same."""
-    if (flux == flux.flat[0]).all():
-        return backend.dr.opaque(backend.Float, float(flux.flat[0]))
-    return backend.array(flux)
-
-
-def _device_rays(backend: Backend, rays: Rays, flux: DrArray) -> DeviceRays:
-    ox, oy, oz = (backend.array(row) for row in rays.origin)
-    dx, dy, dz = (backend.array(row) for row in rays.direction)
-    return DeviceRays((ox, oy, oz), (dx, dy, dz), flux)
 
 
 def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:

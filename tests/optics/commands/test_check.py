@@ -1,5 +1,7 @@
 """What `thbcad check` prints."""
 
+import pytest
+
 from optics.commands.cli import main
 from tests.optics.cases import write_problem
 
@@ -14,3 +16,25 @@ def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
     assert "skip" not in brief
     for word in (" g; rear with", "z_freedom allows", "rel_l2: ", "of index", "of ripple", "of decentre"):
         assert word in brief
+
+
+def test_check_tells_what_material_and_colours_cost(tmp_path, capsys):
+    """0.001 of index moves the light by some mm, so that the accuracy and the dispersion of PC move it by
+    multiples of that."""
+    changes = {"lens.material": "PC", "source.spectrum": [[450, 1], [650, 1]]}
+    path = str(write_problem(tmp_path, changes, drop=("lens.index",)))
+    assert main(["check", path]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (plain,) = (x for x in lines if x.startswith("0.001 of index shifts"))
+    (grade,) = (x for x in lines if x.startswith("PC: another grade or melt may differ by 0.006"))
+    (colours,) = (x for x in lines if x.startswith("from 450 to 650 nm the index falls by 0.0287"))
+    shifts = [float(x.partition(" the light by ")[2].split()[0]) for x in (plain, grade, colours)]
+    assert [s / shifts[0] for s in shifts] == pytest.approx([1, 6, 28.7], rel=0.05)  # two digits are printed
+
+
+def test_an_illuminant_may_be_named_on_the_command_line(tmp_path, capsys):
+    path = str(write_problem(tmp_path, {"lens.material": "PMMA"}, drop=("lens.index",)))
+    assert main(["check", path, "--set", "source.spectrum=LED-B1"]) == 0
+    assert "the index falls by" in capsys.readouterr().out
+    assert main(["check", path, "--set", "source.spectrum=F11"]) == 2
+    assert "source.spectrum must be a list of rows, such as" in capsys.readouterr().err

@@ -1,14 +1,18 @@
 """Other light in words, and what a lens makes of it: the sun against the angles of its rays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import optics
 from optics import UserError
+from optics.analysis import measure
 from optics.luminaires import Opening, write_ies
 from optics.problem import load_problem
 from optics.relighting import other_source, relit
 from optics.runtime import load_backend
+from optics.system import OpticalSystem
 from tests.optics.cases import write_problem
 from tests.optics.luminaires.cases import asymmetric
 
@@ -129,3 +133,30 @@ def test_a_diverging_beam_moves_the_light_by_the_variance_of_its_angles(tmp_path
     fates = measured.metrics["fates_w"]
     assert measured.metrics["rel_l2_floor"] < 0.03
     assert sum(fates.values()) == pytest.approx(problem.source.flux, rel=1e-12)
+
+
+def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
+    """A design in glass at 550 nm, in light of 650 nm and in white light: it is measured as if made so."""
+    backend = load_backend("double", 1)
+    glass = {"lens.material": "N-BK7", "lens.absorption": "auto"}
+    problem = load_problem(write_problem(tmp_path, glass, drop=("lens.index",)))
+    lens = OpticalSystem(problem).lens
+    resolved = OpticalSystem(problem).problem  # as a result folder holds it
+    red = replace(problem.source, wavelength=650.0)
+    made_so = OpticalSystem(problem.with_(**{"source.wavelength": 650.0}))
+    wanted = measure(made_so, replace(lens, index=made_so.lens.index), backend)
+    assert relit(resolved, lens, red, backend).irradiance == pytest.approx(wanted.irradiance, rel=1e-4)
+    white = relit(resolved, lens, replace(problem.source, spectrum="LED-B1"), backend)
+    assert white.colour.shape == (3, *wanted.irradiance.shape)
+    assert white.metrics["rel_l2"] != wanted.metrics["rel_l2"]
+    assert white.metrics["fates_w"]["absorbed"] > 0
+
+
+def test_an_index_without_a_known_material_stays(tmp_path):
+    backend = load_backend("double", 1)
+    problem = problem_of(tmp_path)
+    lens = OpticalSystem(problem).lens
+    red = relit(problem, lens, replace(problem.source, wavelength=650.0), backend)
+    assert red.irradiance.tobytes() == measure(OpticalSystem(problem), lens, backend).irradiance.tobytes()
+    with pytest.raises(UserError, match=r"source\.spectrum needs the index at .* nm too"):
+        relit(problem, lens, replace(problem.source, spectrum="LED-B1"), backend)

@@ -14,7 +14,7 @@ from PIL import Image
 
 from optics.problem import load_problem
 from optics.results import FILES, ResultFolder, ResultWriter, write_checkpoint
-from optics.results.identity import run_id
+from optics.results.identity import _set_keys, run_id
 from optics.results.owned_files import sha256_of
 from optics.results.run_lock import run_lock
 from optics.runtime import UserError
@@ -367,3 +367,14 @@ def test_a_problem_written_twice_differs_in_nothing(problem, tmp_path):
     from optics.results.identity import differing_keys
 
     assert list(differing_keys(problem, again)) == []
+
+
+def test_keys_of_materials_at_their_defaults_change_no_run_id(tmp_path):
+    """Nor does a material that is a label: the lens keeps its index."""
+    problem = load_problem(write_problem(tmp_path))
+    lens = OpticalSystem(problem).lens
+    keys = ("lens.indices", "lens.absorptions", "source.spectrum")
+    named = problem.with_(**dict.fromkeys(keys, ()), **{"lens.absorption": 0})
+    assert run_id(named, OpticalSystem(named).lens) == run_id(problem, lens)
+    text = _set_keys(problem)
+    assert not any(key in text for key in (*keys, "lens.absorption"))

@@ -1,0 +1,115 @@
+"""The light of a spectrum: the sum over its wavelengths, each through the lens of its own index."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.analysis.light_estimate import LightEstimate
+from optics.colour import chromaticity_distance, spectral_lines, white_of
+from optics.tracing import Tracer
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from optics.target import Screen
+    from optics.tracing import SequentialFates
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+Estimate = Callable[["OpticalSystem", "Lens", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]]
+
+BLUE, RED = 450.0, 650.0  # nm, between which the shift of colours is told
+SHIFT_RAYS = (65, 65)
+DARK = 0.01  # of the mean luminance: darker pixels have no colour worth a number
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralLight:
+    """Light of all wavelengths together.
+
+    estimate : its LightEstimate.  fates : flux by fate.
+    colour : CIE 1931 X, Y, Z in units of 683 lm/W, (3, rows, columns); None where there is no spectrum.
+    """
+
+    estimate: LightEstimate
+    fates: SequentialFates
+    colour: Floats | None
+
+
+def spectral_light(
+    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, estimate: Estimate
+) -> SpectralLight:
+    """Return the light of a lens in all of the source's wavelengths.
+
+    Errors of wavelengths add up, since the same rays or cells are traced at each.
+
+    estimate : of light of one wavelength.  backend : of double precision.
+    """
+    if not system.spectral:
+        return SpectralLight(*estimate(system, lens, screen, backend), None)
+    image, error, colour = (np.zeros(shape) for shape in (screen.shape, screen.shape, (3, *screen.shape)))
+    fates, on, off = [], 0.0, 0.0
+    for wavelength in system.wavelengths:
+        coloured = replace(lens, index=wavelength.index)
+        light, by_fate = estimate(system.at(wavelength), coloured, screen, backend)
+        image += wavelength.weight * light.irradiance
+        error += wavelength.weight * light.error
+        colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
+        on, off = on + wavelength.weight * light.on_target, off + wavelength.weight * light.off_target
+        fates.append(by_fate * wavelength.weight)
+    return SpectralLight(LightEstimate(image, error, on, off), reduce(add, fates), colour)
+
+
+def colour_metrics(
+    system: OpticalSystem, lens: Lens, colour: Floats, screen: Screen, backend: Backend
+) -> dict[str, Any]:
+    """Return how far a lens takes colours apart.
+
+    from_nm, to_nm, shift, shift_pixels : flux-weighted mean distance of the same rays of two wavelengths on
+        the target, mm (degrees in the far field), and in pixels.
+    fringe : distance of the pixels' chromaticity (u', v') from the source's, weighted with their luminance.
+    """
+    lines = system.wavelengths
+    ends = max(BLUE, lines[0].nm), min(RED, lines[-1].nm)
+    shift = _shift(system, lens, ends, backend) if ends[0] < ends[1] else 0.0
+    distance = fringe(system, colour)
+    shown = np.isfinite(distance)
+    weight = colour[1][shown]
+    return {
+        "from_nm": ends[0],
+        "to_nm": ends[1],
+        "shift": shift,
+        "shift_pixels": shift / float(np.mean(screen.pitch)),
+        "fringe": float(np.average(distance[shown], weights=weight)) if weight.sum() else None,
+    }
+
+
+def fringe(system: OpticalSystem, colour: Floats) -> Floats:
+    """Return the distance of pixels' chromaticity from the source's in (u', v'), (rows, columns).
+
+    It is NaN in the dark.  colour : (3, rows, columns).
+    """
+    white = white_of(spectral_lines(system.problem.source.spectrum))
+    distance = chromaticity_distance(colour, white)
+    return np.where(colour[1] > DARK * colour[1].mean(), distance, np.nan)
+
+
+def _shift(system: OpticalSystem, lens: Lens, ends: tuple[float, float], backend: Backend) -> float:
+    """Return the mean distance of the rays of two wavelengths on the target."""
+    rays, landings = system.source.rays(SHIFT_RAYS), []
+    for nm in ends:
+        tracer = Tracer(backend, replace(lens, index=system.index_at(nm)), rays, system.target.z)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+        landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
+    blue, red = landings
+    flux = np.where((blue[2] > 0) & (red[2] > 0), blue[2], 0.0)
+    apart = np.where(flux > 0, np.hypot(*(blue[:2] - red[:2])), 0.0)
+    return float((flux * apart).sum() / flux.sum()) if flux.any() else 0.0
