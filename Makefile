@@ -37,7 +37,8 @@ coverage: setup
 QUICK = \
 	tests/test_architecture.py \
 	tests/test_bench_error.py \
-	tests/optics/analysis/test_outgoing_light.py \
+	tests/optics/analysis/test_judgement.py \
+	tests/optics/blur \
 	tests/optics/api/test_minimisation.py \
 	tests/optics/api/test_model.py \
 	tests/optics/colour \
@@ -58,6 +59,7 @@ QUICK = \
 	tests/optics/optimisation/test_loop_failures.py \
 	tests/optics/optimisation/test_refinement.py \
 	tests/optics/optimisers \
+	tests/optics/outgoing/test_rays_of_lens.py \
 	tests/optics/parts/test_proof.py \
 	tests/optics/photometry \
 	tests/optics/prediction/test_automatic.py \

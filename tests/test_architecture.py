@@ -47,7 +47,13 @@ FLOORS = [
     ["optics.tracing", "optics.system", "optics.shape"],
     ["optics.blur"],
     ["optics.analysis", "optics.engines"],
-    ["optics.optimisation", "optics.etendue", "optics.relighting", "optics.verification"],
+    [
+        "optics.optimisation",
+        "optics.etendue",
+        "optics.outgoing",
+        "optics.relighting",
+        "optics.verification",
+    ],
     ["optics.progress", "optics.results", "optics.view"],
     [
         "optics.deconvolution",

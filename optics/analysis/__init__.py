@@ -7,11 +7,8 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.analysis.closed_lens_light import (
         NEGLIGIBLE as NEGLIGIBLE,
+        ROULETTE as ROULETTE,
         light_by_other_ways as light_by_other_ways,
-    )
-    from optics.analysis.intensity_of_lens import (
-        OutgoingIntensity as OutgoingIntensity,
-        outgoing_intensity as outgoing_intensity,
     )
     from optics.analysis.judgement import (
         counted_ways as counted_ways,
@@ -22,6 +19,7 @@ if TYPE_CHECKING:
     from optics.analysis.lens_trace import (
         conservation as conservation,
         nonsequential as nonsequential,
+        plane_behind as plane_behind,
         sections as sections,
         sequential as sequential,
         sequential_metrics as sequential_metrics,
@@ -41,9 +39,6 @@ if TYPE_CHECKING:
         measure as measure,
         rel_l2 as rel_l2,
     )
-    from optics.analysis.outgoing_light import (
-        outgoing_rays as outgoing_rays,
-    )
     from optics.analysis.photometric_metrics import (
         photometric_lines as photometric_lines,
     )
@@ -52,10 +47,6 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "intensity_of_lens": (
-        "OutgoingIntensity",
-        "outgoing_intensity",
-    ),
     "judgement": (
         "counted_ways",
         "delivery_checks",
@@ -65,12 +56,14 @@ _FILES = {
     "lens_trace": (
         "conservation",
         "nonsequential",
+        "plane_behind",
         "sections",
         "sequential",
         "sequential_metrics",
     ),
     "closed_lens_light": (
         "NEGLIGIBLE",
+        "ROULETTE",
         "light_by_other_ways",
     ),
     "light_of_cells": ("cell_irradiance",),
@@ -82,7 +75,6 @@ _FILES = {
         "measure",
         "rel_l2",
     ),
-    "outgoing_light": ("outgoing_rays",),
     "photometric_metrics": ("photometric_lines",),
     "ray_fans": ("fans",),
 }

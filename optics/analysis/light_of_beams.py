@@ -45,10 +45,11 @@ Floats = NDArray[np.float64]
 REPLICATES = 4  # independent sets of samples: their differences tell the error
 # samples of a set: of one quantity that spreads a sunflower, which is turned by quarters so that symmetric
 # light stays symmetric; of several Sobol points in all their dimensions
-SUNFLOWER, SEVERAL = 4, 16
+SUNFLOWER, SEVERAL = 2, 8
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
-CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 4
+CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 2
+FINER = 3  # pixels of the sharp light in one of the screen, in each direction
 LEAST_CELLS = 128
 GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
@@ -99,7 +100,11 @@ class _Sample:
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """What samples leave out of a blur.  sharp : light on a screen that is wider by the blur's reach."""
+    """What samples leave out of a blur.
+
+    sharp : light on a screen that is wider by the blur's reach, with FINER times finer pixels: shifts by
+        parts of a pixel move what lies within it.
+    """
 
     sharp: Floats
     blur: Blur
@@ -108,7 +113,7 @@ class _Rest:
     @classmethod
     def of(cls, system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> _Rest:
         blur = blur_of(system, lens, backend)
-        wide = screen.widened(blur.reach(screen))
+        wide = screen.widened(blur.reach(screen)).finer(FINER)
         counts = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in wide.pixels]
         cells = system.sharp.source.cells(counts)
         sharp, _ = cell_irradiance(system.sharp, lens, wide, cells, backend)
@@ -117,9 +122,11 @@ class _Rest:
     def beside(self, samples: Sequence[_Sample]) -> Floats:
         """Return (k - k_N) * S on the screen."""
         shifts = np.array([sample.shift(self.blur.shifts) for sample in samples])
-        rest = self.blur.beside_samples(self.sharp, self.screen, shifts)
-        margin = (rest.shape[0] - self.screen.shape[0]) // 2
-        return rest[margin : margin + self.screen.shape[0], margin : margin + self.screen.shape[1]]
+        rest = self.blur.beside_samples(self.sharp, self.screen.finer(FINER), shifts)
+        rows, columns = (n // FINER for n in rest.shape)
+        rest = rest.reshape(rows, FINER, columns, FINER).mean(axis=(1, 3))
+        margin = (rows - self.screen.shape[0]) // 2
+        return rest[margin : rows - margin, margin : columns - margin]
 
 
 def _cells(system: OpticalSystem, counts: Sequence[int], sample: _Sample) -> SourceCells:

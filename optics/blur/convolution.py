@@ -37,6 +37,7 @@ Floats = NDArray[np.float64]
 SIGMAS = 3.0  # of Gaussian errors, that a spot reaches: a hundredth of its light lies beyond
 QUANTILES = 256  # of the flux over the angles: 1e-5 of the transfer function of a spot some pixels wide
 FREQUENCIES = 2048  # at which the transfer function of the beam is tabulated
+SUBPIXELS = 7  # odd, in each direction, of which the pixels of a spot are sums
 FWHM = 2.355  # full width at half of a Gaussian, in sigmas
 
 
@@ -90,12 +91,11 @@ class Blur:
     def kernel(self, screen: Screen) -> Floats:
         """Return the spot on pixels, (odd, odd), of a point that is one pixel large; its sum is 1."""
         side = 2 * self.reach(screen) + 3
-        shape = (4 * side, 4 * side)
-        pixel = np.sinc(fft.fftfreq(shape[0]))[:, None] * np.sinc(fft.rfftfreq(shape[1]))
-        spot = np.roll(fft.irfft2(self.transfer(screen, shape) * pixel, shape), side // 2, (0, 1))[
-            :side, :side
-        ]
-        spot = np.maximum(spot, 0.0)  # a band-limited spot has a fringe below zero
+        shape = (2 * SUBPIXELS * side, 2 * SUBPIXELS * side)
+        spot = fft.irfft2(self.transfer(screen.finer(SUBPIXELS), shape), shape)
+        spot = np.roll(spot, SUBPIXELS * side // 2, (0, 1))[: SUBPIXELS * side, : SUBPIXELS * side]
+        spot = spot.reshape(side, SUBPIXELS, side, SUBPIXELS).sum(axis=(1, 3))
+        spot = np.maximum(spot, 0.0)  # a band-limited spot has a faint fringe below zero
         return np.asarray(spot / spot.sum())
 
     def transfer(self, screen: Screen, shape: tuple[int, int]) -> Floats:

@@ -37,7 +37,7 @@ def rays_of_light(options: Namespace) -> Outcome:
     ------
     UserError : no result folder, another suffix, or too many rays.
     """
-    from optics.analysis import outgoing_rays
+    from optics.outgoing import outgoing_rays
     from optics.photometry import units_of
     from optics.ray_files import read_rays, write_rays
 
@@ -63,8 +63,8 @@ def intensity_of_light(options: Namespace) -> Outcome:
     ------
     UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
     """
-    from optics.analysis import outgoing_intensity
     from optics.luminaires import LUMINAIRE_WRITERS, read_luminaire
+    from optics.outgoing import outgoing_intensity
 
     _require_step(options.step)
     system, lens, backend = _traceable(options)

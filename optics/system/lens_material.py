@@ -12,6 +12,9 @@ from optics.problem import AUTO
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from optics.colour import SpectralLine
     from optics.materials import Material
     from optics.problem import LensSpec, Problem
 
@@ -26,7 +29,8 @@ class Wavelength:
     """Light of one wavelength.
 
     nm : in air.  weight : of the source's flux.  index, absorption (1/mm) : of the lens.
-    xyz : CIE 1931 colour of a watt, in units of 683 lm/W; None where no spectrum is given.
+    xyz : CIE 1931 colour of a watt, in units of 683 lm/W, or of a lumen, with Y = 1, as `source.unit` has it;
+        None where no spectrum is given.
     """
 
     nm: float
@@ -82,17 +86,32 @@ def wavelengths_of(problem: Problem) -> tuple[Wavelength, ...]:
 
     Raises
     ------
-    UserError : the index or the absorption at a wavelength is not known.
+    UserError : the index or the absorption at a wavelength is not known; lumens of light that is not seen.
     """
     source = problem.source
     if not source.spectrum:
         nm = source.wavelength
         return (Wavelength(nm, 1.0, problem.lens.known_index, absorption_at(problem, nm)),)
+    lines = spectral_lines(source.spectrum)
+    if source.unit == "lm":
+        lines = _by_lumens(lines)
     return tuple(
         Wavelength(
             line.nm, line.weight, index_at(problem, line.nm), absorption_at(problem, line.nm), line.xyz
         )
-        for line in spectral_lines(source.spectrum)
+        for line in lines
+    )
+
+
+def _by_lumens(lines: Sequence[SpectralLine]) -> tuple[SpectralLine, ...]:
+    """Return lines whose weights are those of lumens, and whose colours are those of a lumen."""
+    seen = sum(line.weight * line.xyz[1] for line in lines)
+    if not seen:
+        raise UserError('source.spectrum has no visible light, so that source.unit cannot be "lm"; take "W"')
+    return tuple(
+        replace(line, weight=line.weight * y / seen, xyz=(x / y, 1.0, z / y))
+        for line, (x, y, z) in ((line, line.xyz) for line in lines)
+        if y
     )
 
 

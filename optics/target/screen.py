@@ -87,6 +87,10 @@ class Screen:
         half_width = hx + pixels * px, hy + pixels * py
         return replace(self, half_width=half_width, pixels=(columns + 2 * pixels, rows + 2 * pixels))
 
+    def finer(self, times: int) -> Screen:
+        """Return a screen of the same size with so many times as many pixels in each direction."""
+        return replace(self, pixels=(times * self.pixels[0], times * self.pixels[1]))
+
     def pad(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image with the dark margin."""
         return np.pad(image, self.margin)

@@ -7,6 +7,7 @@ from optics.analysis import fringe, measure
 from optics.colour import spectral_lines, srgb, white_of
 from optics.materials import MATERIALS
 from optics.problem import load_problem
+from optics.runtime import UserError
 from optics.system import OpticalSystem
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
@@ -136,3 +137,22 @@ def test_one_line_is_measured_at_its_wavelength(tmp_path, backend):
     shaped = red.lens.with_sags(lens.sags)
     wanted = measure(red, shaped, backend).irradiance
     assert measure(system, lens, backend).irradiance == pytest.approx(wanted, rel=1e-12)
+
+
+def test_lumens_of_a_spectrum_count_by_v_of_lambda(tmp_path, backend):
+    """In lumens a line counts by its watts times V: so the lines in watts are weighted."""
+    changes = TWO | {"lens.rear.radius": -40.0}
+    watts, lumens = (system_of(tmp_path, changes | {"source.unit": unit}) for unit in ("W", "lm"))
+    of_watts, of_lumens = (measure(s, s.lens, backend) for s in (watts, lumens))
+    visible = [w.xyz[1] for w in watts.wavelengths]
+    seen = sum(w.weight * y for w, y in zip(watts.wavelengths, visible))
+    expected = sum(y * light for y, light in zip(visible, parts(of_watts, watts))) / seen
+    np.testing.assert_allclose(of_lumens.irradiance, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(of_lumens.colour[1], of_lumens.irradiance, rtol=1e-12)
+    assert sum(of_lumens.metrics["fates_lm"].values()) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_lumens_of_unseen_light_are_refused(tmp_path):
+    unseen = system_of(tmp_path, TWO | {"source.spectrum": [[900.0, 1.0]], "source.unit": "lm"})
+    with pytest.raises(UserError, match="no visible light, so that source"):
+        _ = unseen.wavelengths

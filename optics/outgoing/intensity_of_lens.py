@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.analysis.closed_lens_light import ROULETTE
-from optics.analysis.lens_trace import plane_behind
+from optics.analysis import ROULETTE, plane_behind
 from optics.luminaires import IntensityGrid, Luminaire, Opening
 from optics.sources import single_rays
 from optics.tracing import TargetPlane, trace_nonsequential

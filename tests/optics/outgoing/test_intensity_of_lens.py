@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import optics
-from optics.analysis import outgoing_intensity
+from optics.outgoing import outgoing_intensity
 from optics.problem import load_problem
 from optics.runtime import load_backend
 from optics.sources import single_rays

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import optics
-from optics.analysis import outgoing_rays
+from optics.outgoing import outgoing_rays
 from optics.problem import load_problem
 from optics.runtime import load_backend
 from tests.optics.cases import rough, write_problem
