@@ -15,8 +15,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.problem import SUN
+from optics.ray_files import RaySet, placed_rays
 from optics.runtime import Backend
-from optics.sources import Profile, RayGrid, Rays, lambertian_parts, point_rays
+from optics.sources import (
+    Divergence,
+    Profile,
+    RayGrid,
+    Rays,
+    area_parts,
+    lambertian_parts,
+    point_rays,
+)
 from optics.tracing import Tracer
 from oracles.exact_rays import (
     ARRIVES,
@@ -231,7 +241,7 @@ def touching(distance: float) -> Setup:
 
 
 def sources() -> Iterator[Case]:
-    """Yield the sources of the examples before their lenses: a point, a square of 1 mm, and a beam."""
+    """Yield sources before lenses: a point, a square of 1 mm, the same of a file, a beam, and the sun."""
     target, far = 300.0, np.inf
     point = point_rays(60.0, 1.0, 30.0, 0.0, (7, 6), (0.0, 0.0))
     square = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 89.9, Profile(), 64, 0, 64))
@@ -242,9 +252,16 @@ def sources() -> Iterator[Case]:
         yield Case(f"point source{name}", lit)
         lit = Setup(dome, rears[1], 5.0, INDEX, distance, square.origin, square.direction)
         yield Case(f"extended source{name}", lit)
+        held = RaySet(square.origin.T, square.direction.T, square.flux)
+        read = placed_rays(held, (0.0, 0.0, 0.0), np.eye(3), 1.0)
+        lit = Setup(dome, rears[1], 5.0, INDEX, distance, read.origin, read.direction)
+        yield Case(f"rays of a file in single precision{name}", lit)
     axis = np.linspace(-9.5, 9.5, 7)
     grid = RayGrid(axis, axis, np.ones((7, 7)))
+    sun = next(area_parts((9.5, 9.5), 10.0, 1.0, Divergence("sun", SUN), Profile(), 64, 0, 64))
     beam, rear = grid.rays(-10.0), Quadric((0.0, 0.0, 0.0, 1 / 60, 1 / 60), 10.0)
     for name, distance in (("", target), (" in the far field", far)):
         lit = Setup(Quadric(FLAT.terms, 10.0), rear, 8.0, INDEX, distance, beam.origin, beam.direction)
         yield Case(f"parallel beam{name}", lit, {"depth": 2}, grid=grid)
+        lit = Setup(Quadric(FLAT.terms, 10.0), rear, 8.0, INDEX, distance, sun.origin, sun.direction)
+        yield Case(f"light of the sun{name}", lit, {"depth": 2})

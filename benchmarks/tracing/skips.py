@@ -34,6 +34,9 @@ COUNT, REPEATS = 449, 9
 WINDOW = BSplineWindow(3)
 FAR_CUT = 8.0  # sigma, where a Gaussian is 1e-14
 SPP = 4
+LIGHT_ALIKE = (
+    5e-3  # relative: the sharp light behind a blur has other cells, on a lens as rough as their size
+)
 MIRRORED = 1e-12  # relative change of loss and gradient by tracing one half
 
 Gradients = list[NDArray[np.float64]]
@@ -82,6 +85,7 @@ def rows() -> list[Row]:
         *_camera(*pearl, backend),
         *_mirror(*extended, backend),
         *_fresnel(*pearl, backend),
+        *_measured(*pearl, backend),
         *_whole_design(),
     ]
 
@@ -337,6 +341,25 @@ def _fresnel(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     without, with_losses = (_evaluation(system, lens, backend, tracer) for tracer in tracers)
     seconds = [median_seconds(evaluate, REPEATS) for evaluate in (without, with_losses)]
     return _timed("fresnel", *seconds, abs(without()[0] / with_losses()[0] - 1), None)
+
+
+def _measured(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
+    """The measurement of light that is parallel, or has one wavelength, by what others need."""
+    flat = [[400.0, system.lens.index], [700.0, system.lens.index]]
+    lines = [[nm, 1.0] for nm in np.linspace(450.0, 650.0, 10)]
+    others = {
+        "blur": {"source.divergence": 1e-7},
+        "wavelengths": {"source.spectrum": lines, "lens.indices": flat},
+    }
+    plain = measure(system, lens, backend).irradiance
+    fast, out = median_seconds(lambda: measure(system, lens, backend), 3), []
+    for name, changes in others.items():
+        other = OpticalSystem(system.problem.with_(**changes))
+        image = measure(other, lens, backend).irradiance
+        slow = median_seconds(lambda o=other: measure(o, lens, backend), 1)
+        difference = float(np.linalg.norm(image - plain) / np.linalg.norm(plain))
+        out += _timed(f"{name}, measurement", fast, slow, difference, LIGHT_ALIKE)
+    return out
 
 
 def _whole_design() -> list[Row]:

@@ -5,11 +5,11 @@ directions of the beam, and for many errors of the slopes of front and rear, eac
 mean over them every point of the lens meets every direction and every error, as in the mean over rays.
 
 Beams show the sharp picture at shifted places.  So much as a shift explains is known for all directions: with
-the sharp light S, the blur k and its samples k_N the estimate is
+the sharp light S, the blur k, its samples k_N and the sharp light S_N of as few cells as a beam has,
 
-    E = E_N + (k - k_N) * S,
+    E = E_N + k * S - k_N * S_N,
 
-whose noise is what no shift explains (a control variate).
+whose error is what no shift explains (a control variate).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from scipy.stats import qmc
 from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_cells import cell_irradiance
 from optics.blur import blur_of
-from optics.tracing import SlopeErrors
+from optics.tracing import SMOOTH, SlopeErrors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -48,9 +48,10 @@ REPLICATES = 4  # independent sets of samples: their differences tell the error
 SUNFLOWER, SEVERAL = 2, 8
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
-CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 2
+CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
 FINER = 3  # pixels of the sharp light in one of the screen, in each direction
 LEAST_CELLS = 128
+AXIS = np.array([0.0, 0.0, 1.0])
 GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
 
@@ -58,7 +59,7 @@ def beam_irradiance(
     system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance through front and rear, W/mm^2, flux by fate).  backend : of double precision."""
-    counts = [max(LEAST_CELLS, ceil(CELLS_PER_PIXEL * n)) for n in screen.pixels]
+    counts = _beam_cells(screen)
     rest = _Rest.of(system, lens, screen, backend)
     fates: list[SequentialFates] = []
 
@@ -100,13 +101,15 @@ class _Sample:
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """What samples leave out of a blur.
+    """What samples leave out of a blur, and what their cells are off by.
 
-    sharp : light on a screen that is wider by the blur's reach, with FINER times finer pixels: shifts by
-        parts of a pixel move what lies within it.
+    blurred : the sharp light of many cells, blurred.  coarse : that of as many cells as a beam has.
+    Both are on a screen that is wider by the blur's reach, with FINER times finer pixels: shifts by parts of
+    a pixel move what lies within it.
     """
 
-    sharp: Floats
+    blurred: Floats
+    coarse: Floats
     blur: Blur
     screen: Screen
 
@@ -114,19 +117,30 @@ class _Rest:
     def of(cls, system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> _Rest:
         blur = blur_of(system, lens, backend)
         wide = screen.widened(blur.reach(screen)).finer(FINER)
-        counts = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in wide.pixels]
-        cells = system.sharp.source.cells(counts)
-        sharp, _ = cell_irradiance(system.sharp, lens, wide, cells, backend)
-        return cls(sharp, blur, screen)
+        many = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in screen.pixels]
+        middle = AXIS if system.source.diverging else None
+        fine, coarse = (
+            cell_irradiance(system.sharp, lens, wide, cells, backend)[0]
+            for cells in (
+                system.sharp.source.cells(many),
+                _cells(system, _beam_cells(screen), _Sample(middle, SMOOTH)),
+            )
+        )
+        return cls(blur.applied(fine, wide), coarse, blur, screen)
 
     def beside(self, samples: Sequence[_Sample]) -> Floats:
-        """Return (k - k_N) * S on the screen."""
+        """Return k * S - k_N * S_N on the screen."""
         shifts = np.array([sample.shift(self.blur.shifts) for sample in samples])
-        rest = self.blur.beside_samples(self.sharp, self.screen.finer(FINER), shifts)
+        rest = self.blurred - self.blur.sampled(self.coarse, self.screen.finer(FINER), shifts)
         rows, columns = (n // FINER for n in rest.shape)
         rest = rest.reshape(rows, FINER, columns, FINER).mean(axis=(1, 3))
         margin = (rows - self.screen.shape[0]) // 2
         return rest[margin : rows - margin, margin : columns - margin]
+
+
+def _beam_cells(screen: Screen) -> list[int]:
+    """Return the cells of a beam in x and y."""
+    return [max(LEAST_CELLS, ceil(CELLS_PER_PIXEL * n)) for n in screen.pixels]
 
 
 def _cells(system: OpticalSystem, counts: Sequence[int], sample: _Sample) -> SourceCells:

@@ -77,16 +77,15 @@ class Blur:
         shape = self._padded(image, screen)
         return _filtered(image, self.transfer(screen, shape), shape)
 
-    def beside_samples(self, image: Floats, screen: Screen, shifts: Floats) -> Floats:
-        """Return the blurred image minus the mean of the image at shifted places: `applied` with k - k_N.
+    def sampled(self, image: Floats, screen: Screen, shifts: Floats) -> Floats:
+        """Return the mean of an image at shifted places: `applied` with samples of the spot in its place.
 
         shifts : (n, 2), mm or degrees.
         """
         shape = self._padded(image, screen)
         fx, fy = _frequencies(screen, shape)
         waves = [np.exp(-2j * pi * np.outer(d, f)) for d, f in zip(shifts.T, (fx, fy))]
-        sampled = waves[1].T @ waves[0] / len(shifts)
-        return _filtered(image, self.transfer(screen, shape) - sampled, shape)
+        return _filtered(image, waves[1].T @ waves[0] / len(shifts), shape)
 
     def kernel(self, screen: Screen) -> Floats:
         """Return the spot on pixels, (odd, odd), of a point that is one pixel large; its sum is 1."""

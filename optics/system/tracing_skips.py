@@ -91,6 +91,30 @@ def _of_rays(problem: Problem, parallel: bool) -> list[Skip]:
             None,
         ),
         _edges(problem, parallel),
+        *_of_light(problem),
+    ]
+
+
+def _of_light(problem: Problem) -> list[Skip]:
+    """Return the skips of what one direction, smooth surfaces and one wavelength spare the measurement."""
+    source, lens = problem.source, problem.lens
+    blurs = source.half_divergence > 0 or lens.front.slope_rms > 0 or lens.rear.slope_rms > 0
+    colours = bool(source.spectrum)
+    return [
+        Skip(
+            "blur",
+            "directions of the beam and errors of the slopes",
+            not blurs,
+            "beams of many directions and errors are measured"
+            if blurs
+            else "the light has no divergence, and the surfaces are smooth",
+        ),
+        Skip(
+            "wavelengths",
+            "other wavelengths",
+            not colours,
+            "every line of the spectrum is measured" if colours else "the light has one wavelength",
+        ),
     ]
 
 

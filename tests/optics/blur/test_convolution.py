@@ -78,9 +78,9 @@ def test_samples_that_are_the_blur_leave_nothing(tmp_path):
     blur = Blur(Divergence("uniform", 0.4), (0.0, 0.0), SHIFTS)
     image = np.pad(np.random.default_rng(4).uniform(0, 1, (40, 64)), blur.reach(SCREEN))
     moved = landings(blur, np.random.default_rng(5))[:20_000]
-    filled, middle = (
-        np.linalg.norm(blur.beside_samples(image, SCREEN, d)) for d in (moved, np.zeros((1, 2)))
-    )
+    blurred = blur.applied(image, SCREEN)
+    samples = moved, np.zeros((1, 2))
+    filled, middle = (np.linalg.norm(blurred - blur.sampled(image, SCREEN, d)) for d in samples)
     assert filled < 0.03 * middle
 
 

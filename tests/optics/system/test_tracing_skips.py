@@ -40,7 +40,7 @@ PROBLEMS = {
         {"meeting points", "front", "gradients"},
     ),
 }
-ALWAYS, NEVER = {"edges", "camera", "taps", "compilation"}, {"fresnel"}
+ALWAYS, NEVER = {"edges", "camera", "taps", "compilation", "blur", "wavelengths"}, {"fresnel"}
 
 
 @pytest.fixture(params=PROBLEMS, ids=str)
