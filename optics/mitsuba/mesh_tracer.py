@@ -143,7 +143,9 @@ class MeshTracer:
         refracted, transmittance, passes = refract(dr, direction, (zx, zy), self._index[name])
         x, y, z = (dr.select(hit, a, 0) for a in point)
         passing = flux * (transmittance if self._fresnel else dr.select(passes, self.backend.Float(1), 0))
-        if self._soft_rim and name in self._mesh.free:
+        if self._soft_rim and (
+            name in self._mesh.free or name == "rear"
+        ):  # the rear lies behind a free front
             half_width = self._mesh.surfaces[name].surface.half_width
             passing = passing * rim_fade(self.backend, (x, y), half_width, self._soft_rim)
         return (x, y, z), refracted, dr.select(hit, passing, 0), hit

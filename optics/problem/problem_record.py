@@ -9,7 +9,7 @@ from html import escape
 from optics.problem.key_changes import with_changes
 from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.problem.schema import SHORTEST, LensSpec, Source, Target
-from optics.problem.toml_records import checked_values, option, record
+from optics.problem.toml_records import AUTO, checked_values, option, record
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
 
@@ -125,12 +125,24 @@ def _require_partners(problem: Problem) -> None:
         raise UserError(
             f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
         )
-    free = [f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f]
-    most = problem.lens.thickness + sum(f.freedom for f in free)
+    _require_free(problem.lens)
+    most = problem.lens.thickness + sum(f.freedom for f in problem.lens.free.values())
     if problem.limits.thickness > most and not problem.lens.automatic:
         raise UserError(
             f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
             f"got {problem.limits.thickness:g}"
+        )
+
+
+def _require_free(lens: LensSpec) -> None:
+    if not lens.free:
+        raise UserError(
+            "lens.rear.freeform = false leaves no surface to design; add the table lens.front.freeform"
+        )
+    if lens.rear.freeform is None and AUTO in (lens.rear.radius, lens.rear.conic):
+        raise UserError(
+            "lens.rear.radius and lens.rear.conic must be numbers with lens.rear.freeform = false, "
+            f'got "{AUTO}"'
         )
 
 

@@ -138,15 +138,15 @@ class Front:
     radius: float | str = _radius("auto is a plane too")
     conic: float | str = _conic()
     slope_rms: float = _slope_rms()
-    freeform: Freeform | None = option(
-        None, note="with the keys of lens.rear.freeform: a front that is free too"
-    )
+    freeform: Freeform | None = option(None, note="with the keys of lens.rear.freeform: a front that is free")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rear:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
-    freeform: Freeform = option(Freeform())
+    freeform: Freeform | None = option(
+        Freeform(), note="freeform = false: a rear that is its conic alone; the front is free then"
+    )
     radius: float | str = _radius("auto takes it from the light")
     conic: float | str = _conic()
     slope_rms: float = _slope_rms()
@@ -159,6 +159,11 @@ def base_of(surface: Front | Rear) -> tuple[float, float]:
     return surface.radius, -1.0 if isinstance(surface.conic, str) else surface.conic
 
 
+def freedom_of(surface: Front | Rear) -> float:
+    """Return how far the sag coefficients of a surface may go, mm; 0 without a sag, or not known yet."""
+    return surface.freeform.freedom if surface.freeform else 0.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class LensSpec:
     index: float = option(above=1, high=10, note="refractive index, relative to the air around")
@@ -169,11 +174,16 @@ class LensSpec:
     rear: Rear = option()
 
     @property
+    def free(self) -> dict[str, Freeform]:
+        """The settings of the free surfaces by name, front first."""
+        surfaces = {"front": self.front.freeform, "rear": self.rear.freeform}
+        return {name: freeform for name, freeform in surfaces.items() if freeform is not None}
+
+    @property
     def automatic(self) -> bool:
         """Whether the base lens or a bound of the sags is left to the program."""
-        surfaces = self.front, self.rear
-        free = [s.freeform.z_freedom for s in surfaces if s.freeform is not None]
-        return AUTO in (*free, *(value for s in surfaces for value in (s.radius, s.conic)))
+        bounds = [freeform.z_freedom for freeform in self.free.values()]
+        return AUTO in (*bounds, *(value for s in (self.front, self.rear) for value in (s.radius, s.conic)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,9 @@ def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
     tables: list[str] = []
     for f in fields(record):
         value = getattr(record, f.name)
+        if value is None and f.default is not None:
+            lines.append(f"{f.name} = false\n")
+            continue
         if value is None:
             tables.append(f"\n# [{prefix}{f.name}]{_remark(f.metadata)}\n" if notes else "")
             continue

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.problem import limit_advice, load_problem, require_limits
+from optics.problem import freedom_of, limit_advice, load_problem, require_limits
 from optics.runtime import UserError, speaking_of
 from optics.system.optical_system import OpticalSystem
 
@@ -117,8 +117,7 @@ def require_room(system: OpticalSystem) -> None:
         )
     if source.kind == "rays":
         _require_rays_before(system)
-    freeform = problem.lens.rear.freeform
-    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.freedom
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
     if distance <= top:
         raise UserError(
             f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
@@ -170,6 +169,6 @@ def advice(system: OpticalSystem) -> list[str]:
         sentences.append(
             f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
             f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
-            "lens.rear.freeform.degree fewer"
+            f"lens.{system.shaped}.freeform.degree fewer"
         )
     return sentences + limit_advice(problem, lens)
