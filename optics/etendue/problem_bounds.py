@@ -23,6 +23,7 @@ FORMS = {  # of the source's image, by the kind of its profile
     "uniform": "uniform rectangle along x and y",
     "round": "uniform ellipse along x and y",
     "gaussian": "Gaussian",
+    "round_gaussian": "Gaussian cut off at an ellipse",
     "image": "picture",
 }
 NEAR = (

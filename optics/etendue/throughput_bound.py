@@ -91,7 +91,7 @@ def brightest(profile: Profile) -> float:
         return 1.0
     if profile.light is not None:
         return float(profile.light.max() / profile.light.mean())
-    return float(profile(np.zeros(1), np.zeros(1))[0])
+    return profile.area / 4 * float(profile(np.zeros(1), np.zeros(1))[0])
 
 
 def front_fraction(system: OpticalSystem) -> float:

@@ -187,7 +187,7 @@ def _require_source(source: Source) -> None:
         raise UserError(
             f"source.profile is that of an area, the kind {source.kind!r} has none; got {source.profile!r}"
         )
-    if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:
+    if source.profile in ("gaussian", "round_gaussian") and min(source.sigma) < LEAST_SIGMA:
         raise UserError(
             f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "
             "take a smaller source.half_width"

@@ -8,7 +8,7 @@ from typing import Any
 
 from optics.problem.toml_records import AUTO, option
 
-PROFILES = ("uniform", "round", "gaussian", "image")
+PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 SUN = 0.2665  # degrees: the mean half-angle of its disk
 
@@ -31,10 +31,10 @@ class Source:
     distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
     flux: float = option(1.0, low=1e-12, high=1e12, note="W")
     profile: str = option(
-        "uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse"
+        "uniform", choices=PROFILES, note="over the area; the round ones fill the inscribed ellipse"
     )
     sigma: tuple[float, float] = option(
-        (0.5, 0.5), above=0, high=1e6, note="of the gaussian profile, relative to half_width"
+        (0.5, 0.5), above=0, high=1e6, note="of the gaussian profiles, relative to half_width"
     )
     image: str = option(
         "", note="picture file of the profile image, linear light, relative to the problem file", picture=True
