@@ -1,6 +1,6 @@
-"""Cases that others published, with their set-ups: their figure as reference, ours as value.
+"""Cases that others published: their figure as reference, ours as value; [set-ups](others.md) word for word.
 
-docs/others.md has every set-up word for word.  With --quick one lens of every kind is designed.
+With --quick one lens of every case is designed.
 
 Run: thbcad bench others
 """

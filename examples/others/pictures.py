@@ -15,6 +15,7 @@ PEARL = HERE.parent / "pearl.png"  # J. Vermeer, c. 1665, public domain
 SIZE, PADDED = 256, 25  # pixels: diffinytrace's picture, and what it adds on every side
 TEXT, LETTERS = 512, 230  # pixels: of the text's picture, and the size of its letters
 FAR = 45.0  # degrees: half of the far target, at the middle of its sides
+REACHED = 40.0  # degrees from the axis: there the rear passes 56 % of the light, at 45 degrees 26 %
 
 
 def padded() -> Image.Image:
@@ -39,10 +40,10 @@ def photograph() -> Image.Image:
 
 
 def reachable(picture: Image.Image) -> Image.Image:
-    """Return a picture of the far field, black beyond FAR from the axis: a refraction reaches little more."""
+    """Return a picture of the far field, black beyond REACHED from the axis."""
     light = np.array(picture.convert("L").resize((TEXT, TEXT)))
     tangent = np.tan(np.radians(FAR * ((2 * np.arange(TEXT) + 1) / TEXT - 1)))
-    light[tangent**2 + tangent[:, None] ** 2 > np.tan(np.radians(FAR)) ** 2] = 0
+    light[tangent**2 + tangent[:, None] ** 2 > np.tan(np.radians(REACHED)) ** 2] = 0
     return Image.fromarray(light)
 
 

@@ -145,7 +145,7 @@ class Front:
 class Rear:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
     freeform: Freeform | None = option(
-        Freeform(), note="freeform = false in place of this table: the conic alone, behind a free front"
+        Freeform(), note="false in place of this table is the conic alone, behind a free front"
     )
     radius: float | str = _radius("auto takes it from the light")
     conic: float | str = _conic()
