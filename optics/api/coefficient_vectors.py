@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Coefficients: TypeAlias = Floats | tuple[Floats, ...]  # front first
 Spaces: TypeAlias = THBSpace | tuple[THBSpace, ...]
-NAMES = {1: ("rear",), 2: ("front", "rear")}
+NAMES = {1: ("free surface",), 2: ("front", "rear")}
 
 
 def space_rows(spaces: Spaces, wanted: Sequence[THBSpace]) -> tuple[THBSpace, ...]:

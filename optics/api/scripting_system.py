@@ -113,8 +113,8 @@ class System:
         """
         spaces = space_rows(space, self._level_0)
         with DEVICE:
-            rear = self._transport.fit(spaces[-1]).sag
-        return packed_surfaces([*(THBSurface(s, np.zeros(s.dim)) for s in spaces[:-1]), rear])
+            last = self._transport.fit(spaces[-1]).sag
+        return packed_surfaces([*(THBSurface(s, np.zeros(s.dim)) for s in spaces[:-1]), last])
 
     def lens(self, space: Spaces, coefficients: Coefficients) -> Lens:
         """Return the lens with these sags.

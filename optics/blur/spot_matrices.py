@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from optics.sources import corner_flux
 from optics.tracing import SMOOTH, SlopeErrors, Tracer
-from optics.transport import refracted
+from optics.transport import ShapedRear
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -158,8 +158,6 @@ def _differences(landing: Callable[[Floats], Floats]) -> Floats:
 def _landing(system: OpticalSystem, lens: Lens, here: _Rear, inside: Floats, slopes: Floats) -> Floats:
     """Return where light lands, (2, n, m): mm, or degrees in the far field."""
     along = [*inside, np.sqrt(1 - np.square(inside).sum(axis=0))]
-    dx, dy, dz = refracted(lens.index, along, list(slopes))
+    rear = ShapedRear(lens.index, system.target.z)
     with np.errstate(divide="ignore", invalid="ignore"):  # light along the surface
-        if system.target.far_field:
-            return np.degrees(np.arctan2([dx, dy], dz))
-        return here.u + np.stack([dx, dy]) / dz * (system.target.z - lens.thickness - here.z)
+        return np.array(rear.landing((*here.u, lens.thickness + here.z), along, list(slopes)))

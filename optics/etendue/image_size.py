@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isinf, pi
+from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +28,7 @@ def image_half_width(
     In mm, in the far field in degrees.
     """
     profile, (hx, hy) = system.source.image
-    of_unit = (pi if profile.kind == "round" else 4) * hx * hy
+    of_unit = profile.area * hx * hy
     if system.source.settings.kind == "collimated":  # the etendue of a beam counts its brightest direction
         of_unit /= brightest(profile)
     scale = np.sqrt(image_area(system, lens, efficiency, rel_l2) / of_unit)

@@ -10,6 +10,7 @@ from optics.etendue.brightness_limit import UniversalBound, universal_bound
 from optics.etendue.image_size import image_half_width
 from optics.etendue.source_image_bound import ImageBound, any_proportions, image_bound
 from optics.etendue.throughput_bound import front_fraction, rear_area
+from optics.problem import freedom_of
 from optics.tracing import normal_incidence_transmittance
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ FORMS = {  # of the source's image, by the kind of its profile
     "uniform": "uniform rectangle along x and y",
     "round": "uniform ellipse along x and y",
     "gaussian": "Gaussian",
+    "round_gaussian": "Gaussian cut off at an ellipse",
     "image": "picture",
 }
 NEAR = (
@@ -186,8 +188,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
 
 def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:
     """Return the universal rung in one sentence, with its class."""
-    free = {"front": system.problem.lens.front.freeform, "rear": system.problem.lens.rear.freeform}
-    freedoms = [f"{side} {f.freedom:g} mm" for side, f in free.items() if f is not None]
+    freedoms = [f"{side} {f.freedom:g} mm" for side, f in system.problem.lens.free.items()]
     least = universal.least_rel_l2(efficiency)
     brought = f"{efficiency:.4g} of the source's light to the target"
     envelope = f"within the envelope (six faces, z_freedom {' and '.join(freedoms)} included)"
@@ -233,9 +234,11 @@ def blur_sentence(images: OneBlur, any_form: bool = True) -> str:
 
 def base_rear(system: OpticalSystem) -> str:
     """Return words for the area of the rear before there is a design."""
-    freedom = system.problem.lens.rear.freeform.freedom
+    freedom, area = freedom_of(system.problem.lens.rear), f"{rear_area(system.lens):.4g} mm^2"
+    if not freedom:
+        return f"{area} as the lens has it"
     return (
-        f"{rear_area(system.lens):.4g} mm^2 as the base lens has it "
+        f"{area} as the base lens has it "
         f"(z_freedom = {freedom:g} mm may make it larger, and the images smaller)"
     )
 

@@ -31,6 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from optics.problem import freedom_of
+
 if TYPE_CHECKING:
     from optics.system import OpticalSystem
     from thbcad.lens import FreeformSurface
@@ -53,11 +55,10 @@ def pixel_etendue(system: OpticalSystem) -> Array:
 def envelope(system: OpticalSystem) -> Array:
     """Return points whose convex hull holds every lens of a problem, (n, 3) mm; z_freedom must be known."""
     spec, lens = system.problem.lens, system.lens
-    front, rear = spec.front.freeform, spec.rear.freeform
     return np.concatenate(
         [
-            _box_corners(lens.front, 0.0, front.freedom if front else 0.0),
-            _box_corners(lens.rear, lens.thickness, rear.freedom),
+            _box_corners(lens.front, 0.0, freedom_of(spec.front)),
+            _box_corners(lens.rear, lens.thickness, freedom_of(spec.rear)),
         ]
     )
 

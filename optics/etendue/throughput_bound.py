@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.problem import freedom_of
 from optics.sources import Rays
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def brightest(profile: Profile) -> float:
         return 1.0
     if profile.light is not None:
         return float(profile.light.max() / profile.light.mean())
-    return float(profile(np.zeros(1), np.zeros(1))[0])
+    return profile.area / 4 * float(profile(np.zeros(1), np.zeros(1))[0])
 
 
 def front_fraction(system: OpticalSystem) -> float:
@@ -157,7 +158,7 @@ def spread(system: OpticalSystem) -> Array:
         return (180 / pi) ** 2 / system.target.screen().projection()
     corner = float(system.lens.rear.conic(*rear.half_width))
     nearest, farthest = (
-        target.distance - f(0.0, corner) - i * rear.freeform.freedom for f, i in ((max, 1), (min, -1))
+        target.distance - f(0.0, corner) - i * freedom_of(rear) for f, i in ((max, 1), (min, -1))
     )
     across, up = (
         np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n) - r, 0.0)

@@ -6,7 +6,7 @@ so that the light on a pixel is a count: its variance is what it has of squared 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
@@ -116,6 +116,8 @@ def _positions(profile: Profile, n: int, fresh: np.random.Generator) -> tuple[Fl
     s, t = fresh.random((2, n))
     if profile.kind == "round":
         return np.sqrt(s) * np.cos(2 * np.pi * t), np.sqrt(s) * np.sin(2 * np.pi * t)
+    if profile.kind == "round_gaussian":
+        return _within_disk(profile.sigma, n, fresh)
     if profile.kind == "gaussian":
         low = [ndtr(-1 / sigma) for sigma in profile.sigma]
         s, t = (w * ndtri(a + r * (1 - 2 * a)) for w, a, r in zip(profile.sigma, low, (s, t)))
@@ -126,3 +128,16 @@ def _positions(profile: Profile, n: int, fresh: np.random.Generator) -> tuple[Fl
         row, column = np.divmod(np.searchsorted(below, fresh.random(n) * below[-1], side="right"), columns)
         return 2 * (column + s) / columns - 1, 1 - 2 * (row + t) / rows
     return 2 * s - 1, 2 * t - 1
+
+
+def _within_disk(sigma: Sequence[float], n: int, fresh: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return independent positions of a Gaussian that the unit disk cuts off: uniform ones, kept with its
+    probability."""
+    found = np.zeros((2, 0))
+    while found.shape[1] < n:
+        s, t = fresh.uniform(-1, 1, (2, 4 * n + SPARE))
+        kept = (s**2 + t**2 < 1) & (
+            fresh.random(s.size) < np.exp(-0.5 * ((s / sigma[0]) ** 2 + (t / sigma[1]) ** 2))
+        )
+        found = np.concatenate([found, [s[kept], t[kept]]], axis=1)
+    return found[0, :n], found[1, :n]

@@ -144,7 +144,8 @@ class MeshTracer:
         refracted, transmittance, passes = refract(dr, direction, (zx, zy), self._index[name])
         x, y, z = (dr.select(hit, a, 0) for a in point)
         passing = flux * (transmittance if self._fresnel else dr.select(passes, self.backend.Float(1), 0))
-        if self._soft_rim and name in self._mesh.free:
+        moves = name in self._mesh.free or name == "rear"  # a fixed rear lies behind a free front
+        if self._soft_rim and moves:
             half_width = self._mesh.surfaces[name].surface.half_width
             passing = passing * rim_fade(self.backend, (x, y), half_width, self._soft_rim)
         return (x, y, z), refracted, dr.select(hit, passing, 0), hit

@@ -166,7 +166,7 @@ def marked_cells(
 class Indicators:
     """The refinement indicators of a design.
 
-    Called with (Lens, Stage) they return numbers per leaf cell of every free surface.  Only the rear has
+    Called with (Lens, Stage) they return numbers per leaf cell of every free surface.  Only the last one has
     slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
     """
 

@@ -153,16 +153,18 @@ class LimitKeeper:
         """Tell where z_freedom cuts off much of a start that is moved within the limits."""
         _, heights, cut = self._lifted(self._lens.sags, charges)
         if cut > CUT * min(self._bounds):
+            shaped = self._system.shaped
+            thicker = heights[-1] if shaped == "rear" else -heights[-1]
             self._note(
-                f"to keep the limits the rear moves by {heights[-1]:.2g} mm along z, and z_freedom cuts off "
-                f"{cut:.2g} mm of the sag: raise z_freedom by as much, or change lens.thickness by "
-                f"{heights[-1]:+.2g} mm, for better light"
+                f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom cuts "
+                f"off {cut:.2g} mm of the sag: raise z_freedom by as much, or change lens.thickness by "
+                f"{thicker:+.2g} mm, for better light"
             )
 
 
 def chargeable_misses(problem: Problem, lens: Lens) -> list[Miss]:
     """Return the limits that a lens may miss, but for those that no coefficient can mend."""
-    free = {"", "rear"} if lens.front.sag is None else {"", "front", "rear"}
+    free = {"", *problem.lens.free}
     metrics = manufacturability(lens, problem.lens.density or None)
     missed = [m for m in limit_misses(problem, metrics) if m.most > 0]
     return [m for m in missed if m.key != "feature" and m.surface in free]

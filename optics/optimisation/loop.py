@@ -223,7 +223,7 @@ def _transport_start(
 
 
 def _fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:
-    """Return the state with the sag of the transport map on the rear's mesh, and the fit."""
+    """Return the state with the sag of the transport map on the mesh that it shapes, and the fit."""
     fit = start.fit(state.sags[-1].space)
     return replace(state, sags=(*state.sags[:-1], fit.sag)), fit
 

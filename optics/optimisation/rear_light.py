@@ -1,4 +1,4 @@
-"""The light that meets the rear surface, on a grid of cells."""
+"""The light that meets the surface that a transport map shapes, mostly the rear, on a grid of cells."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scipy.ndimage import distance_transform_edt
 
 from optics.target import BSplineWindow, Screen, Splat
 from optics.tracing import Tracer
+from optics.transport import FixedRear, ShapedFront, ShapedRear
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -27,9 +28,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class RearLight:
-    """Light of one direction at every point of the rear surface, on a grid of cells.
+    """Light of one direction at every point of the rear, or of a front that alone is free, in cells.
 
-    x, y : (nx,), (ny,) cell centres, mm.  direction : three arrays (nx, ny), unit vectors inside the lens.
+    x, y : (nx,), (ny,) cell centres, mm.  direction : three arrays (nx, ny), unit vectors before the surface.
     emitted : called with (nx, ny), returns the density of flux on such a grid.  weight : (nx, ny), of the
         slopes in a fit.
     """
@@ -42,15 +43,16 @@ class RearLight:
 
 
 def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Sequence[int]) -> RearLight:
-    """Return the light of the system's source, taken without extent, as it meets a lens's rear."""
+    """Return the light of the system's source, taken without extent, as it meets the shaped surface."""
+    half = getattr(lens, system.shaped).half_width
     rays = system.source.without_extent().rays([RAYS_PER_CELL * n + 1 for n in cells])
     with backend.dr.suspend_grad():
-        hits, direction, flux = Tracer(backend, lens, rays, system.target.z).at_rear(
-            [sag.coefficients for sag in lens.sags]
-        )
+        tracer = Tracer(backend, lens, rays, system.target.z)
+        meet = tracer.at_rear if system.shaped == "rear" else tracer.at_front
+        hits, direction, flux = meet([sag.coefficients for sag in lens.sags])
 
     def density(grid: Sequence[int], carried: object) -> Floats:
-        screen = Screen(lens.rear.half_width, (grid[0], grid[1]))
+        screen = Screen(half, (grid[0], grid[1]))
         image = Splat(backend, screen, BSplineWindow(2))(hits.x, hits.y, carried).numpy()
         return image.reshape(screen.shape, order="F")[::-1].T
 
@@ -60,11 +62,19 @@ def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Seq
     mean = [(density(cells, flux * d) / np.where(dark, 1.0, emitted))[nearest] for d in direction]
     weight = np.where(dark, 0.0, np.minimum(emitted / emitted.mean(), 1.0))
     return RearLight(
-        *centres(lens.rear.half_width, cells),
+        *centres(half, cells),
         mean,
         lambda grid: density(grid, flux),
         np.maximum(weight, LEAST_WEIGHT),
     )
+
+
+def refraction_of(system: OpticalSystem) -> ShapedRear | ShapedFront:
+    """Return how the surface that a transport map shapes sends light to the target."""
+    lens, z = system.lens, system.target.z
+    if system.shaped == "rear":
+        return ShapedRear(lens.index, z)
+    return ShapedFront(FixedRear(lens.index, lens.rear.conic, lens.thickness, z))
 
 
 def centres(half: Sequence[float], cells: Sequence[int]) -> tuple[Floats, Floats]:

@@ -122,9 +122,9 @@ def _rays(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
 
 
 def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
-    lens, spans = system.problem.lens, _spans(system.problem, level)
-    size = system.problem.source.half_width if system.path.parallel else lens.rear.half_width
-    lit = [min(1.0, s / h) for s, h in zip(size, lens.rear.half_width)]
+    half_width, spans = getattr(system.lens, system.shaped).half_width, _spans(system.problem, level)
+    size = system.problem.source.half_width if system.shapes_parallel else half_width
+    lit = [min(1.0, s / h) for s, h in zip(size, half_width)]
     wanted = [
         max(64, CELLS_PER_PIXEL * n, CELLS_PER_SPAN * s * p) for n, s, p in zip(screen.pixels, spans, lit)
     ]

@@ -87,10 +87,10 @@ def earlier_state(system: OpticalSystem, earlier: Lens) -> State:
 
     Raises
     ------
-    UserError : the rear has no sag, or a sag lies over another rectangle, conic or mesh.
+    UserError : no surface has a sag, or one lies over another rectangle, conic or mesh.
     """
-    if earlier.rear.sag is None:
-        raise UserError("the earlier design has no freeform rear surface to start from")
+    if not earlier.sags:
+        raise UserError("the earlier design has no freeform surface to start from")
     sags = []
     for name in ("front", "rear"):
         base, other = getattr(system.lens, name), getattr(earlier, name)

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.optimisation.indicators import summed_over_cells
-from optics.optimisation.rear_light import DARK, LEAST_WEIGHT, RearLight, centres, traced_light
+from optics.optimisation.rear_light import DARK, LEAST_WEIGHT, RearLight, centres, refraction_of, traced_light
 from optics.system import target_irradiance
 from optics.target import Screen, lit_part
-from optics.transport import height_from_slopes, prewarped, refracted, refracting_slopes, transport_map
+from optics.transport import height_from_slopes, prewarped, transport_map
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.hierarchy import THBSpace
-    from thbcad.lens import FreeformSurface
+    from thbcad.lens import FreeformSurface, Lens
 
 SNELL_STEPS = 4
 TRACED_STEPS = 3  # of tracing to a shape and computing the next
@@ -63,7 +63,7 @@ class TransportFit:
 
 
 class TransportStart:
-    """Rear slopes that send the light of a source without extent to the target.
+    """Slopes of the rear, or of a front that alone is free, that send light without extent to the target.
 
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
     space.
@@ -81,10 +81,13 @@ class TransportStart:
         self.lit, self._centre, self.half_lit = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
         nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
         self._cells = nx, ny
-        self._bound = INSIDE * system.problem.lens.rear.freeform.freedom
+        self._surface: FreeformSurface = getattr(system.lens, system.shaped)
+        self._vertex = system.lens.thickness if system.shaped == "rear" else 0.0
+        self._refraction = refraction_of(system)
+        self._bound = INSIDE * system.freeforms[-1].freedom
         self.traced: TransportFit | None = None
         self.bent = 1.0
-        if system.path.parallel:
+        if system.shapes_parallel:
             self._light, self._slopes = self._shape_parallel()
         else:
             self._light, self._slopes, self.traced = self._shape_traced()
@@ -109,8 +112,8 @@ class TransportStart:
         return summed_over_cells(sag.space, light.x, light.y, light.weight * deviation)
 
     def rear_slopes(self) -> tuple[RearLight, list[Floats]]:
-        """Return the light at the rear, and the slopes (zx, zy) that the whole rear needs, (nx, ny) each."""
-        light, above, conic = self._light, self._slopes, self._lens.rear.conic
+        """Return the light at the shaped surface, and the slopes (zx, zy) that all of it needs, (nx, ny)."""
+        light, above, conic = self._light, self._slopes, self._surface.conic
         x, y = light.x[:, None], light.y[None, :]
         return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
 
@@ -140,12 +143,14 @@ class TransportStart:
         if self.within(fit):
             return ""
         asked = f"the transport map asks for a sag of +-{fit.asked:.3g} mm"
-        if fit.asked > max(self._lens.rear.half_width):
+        if fit.asked > max(self._surface.half_width):
             return f"{asked}, more than the lens is wide: are the units right, is the target within reach?"
         if fit.crosses:
-            return f"{asked}, which would bring the rear to the front; raise lens.thickness for better light"
+            return (
+                f"{asked}, which would bring rear and front together; raise lens.thickness for better light"
+            )
         return (
-            f"{asked}, more than z_freedom allows; raise lens.rear.freeform.z_freedom above "
+            f"{asked}, more than z_freedom allows; raise lens.{self._system.shaped}.freeform.z_freedom above "
             f"{fit.asked / INSIDE:.3g} for better light"
         )
 
@@ -157,7 +162,7 @@ class TransportStart:
         kept = np.clip(sag.coefficients, -self._bound, self._bound)
         for _ in range(HALVINGS):
             try:
-                require_sound(self._lens.with_rear(self._lens.rear.with_sag(THBSurface(space, kept))))
+                require_sound(_with_last(self._lens, THBSurface(space, kept)))
                 break
             except ValueError:
                 kept, crosses = kept / 2, True
@@ -165,10 +170,10 @@ class TransportStart:
         return TransportFit(THBSurface(space, kept), float(size.max()), cut, crosses)
 
     def _shape_parallel(self) -> tuple[RearLight, list[Floats]]:
-        """Return light and slopes for parallel rays: the rear changes neither density nor directions."""
+        """Return light and slopes for parallel rays: the surface changes neither density nor directions."""
         source, lens = self._system.source, self._lens
         size = source.settings.half_width
-        half = [min(h) for h in zip(size, lens.front.half_width, lens.rear.half_width)]
+        half = [min(h) for h in zip(size, lens.front.half_width, self._surface.half_width)]
         relative = [b / s for b, s in zip(half, size)]
 
         def emitted(grid: tuple[int, ...]) -> Floats:
@@ -192,10 +197,11 @@ class TransportStart:
         """Return the slopes of the sag that sends parallel light to its arrival, in steps from a sag, mm, and
         the share of the light that slopes can send there.
         """
-        base = self._lens.thickness + self._lens.rear.conic(light.x[:, None], light.y[None, :])
+        base = self._vertex + self._surface.conic(light.x[:, None], light.y[None, :])
         for _ in range(steps):
-            slopes, _, refracts = self._snell(light, arrival, base + sag)
-            above = _above_conic(light, self._lens.rear, slopes)
+            points = light.x[:, None], light.y[None, :], base + sag
+            slopes, _, refracts = self._refraction.slopes(points, light.direction, arrival)
+            above = _above_conic(light, self._surface, slopes)
             sag = _height(light, above)
         return above, float(np.average(refracts, weights=light.emitted(self._cells)))
 
@@ -206,16 +212,7 @@ class TransportStart:
 
         None where it would hardly be another one.
         """
-        sag, (x, y), rear = _height(light, above), (light.x[:, None], light.y[None, :]), self._lens.rear
-        slopes = [
-            a + rear.conic(x, y, d) for a, d in zip(np.gradient(sag, *_spacing(light)), ((1, 0), (0, 1)))
-        ]
-        dx, dy, dz = refracted(self._lens.index, light.direction, slopes)
-        if self._system.target.far_field:
-            landing = [np.degrees(np.arctan2(d, dz)) for d in (dx, dy)]
-        else:
-            down = (self._system.target.z - self._lens.thickness - rear.conic(x, y) - sag) / dz
-            landing = [x + dx * down, y + dy * down]
+        landing = self._landing(light, _height(light, above))
         sent = [(a - c) / h for a, c, h in zip(arrival, self._centre, self.half_lit)]
         beside = [(q - a) / h for q, a, h in zip(landing, arrival, self.half_lit)]
         wanted = self._density(self.lit, self._cells)
@@ -224,6 +221,14 @@ class TransportStart:
         much = change > CHANGE * np.linalg.norm(wanted / wanted.mean())
         return asked.T[::-1] if much else None
 
+    def _landing(self, light: RearLight, sag: Floats) -> list[Floats]:
+        """Return where light lands that a sag on the cells refracts, mm or degrees."""
+        x, y = light.x[:, None], light.y[None, :]
+        steep = np.gradient(sag, *_spacing(light))
+        slopes = [s + self._surface.conic(x, y, d) for s, d in zip(steep, ((1, 0), (0, 1)))]
+        height = self._vertex + self._surface.conic(x, y) + sag
+        return self._refraction.landing((x, y, height), light.direction, slopes)
+
     def _shape_traced(self) -> tuple[RearLight, list[Floats], TransportFit]:
         """Return light, slopes and fit for rays that spread inside the lens.
 
@@ -231,20 +236,22 @@ class TransportStart:
         """
         lens = self._lens
         space = lens.sags[-1].space
-        for level in range(min(2, self._system.problem.lens.rear.freeform.finest)):
+        for level in range(min(2, self._system.freeforms[-1].finest)):
             space = space.refine({level: space.cells[:, 1:]})
         sag = THBSurface(space, np.zeros(space.dim))
         for _ in range(TRACED_STEPS):
-            lens = lens.with_rear(lens.rear.with_sag(sag))
+            lens = _with_last(lens, sag)
+            surface = getattr(lens, self._system.shaped)
             light = traced_light(self._backend, self._system, lens, self._cells)
-            arrival = self._arrival(light, lens.rear.half_width, self.lit)
-            height = lens.thickness + lens.rear.grid(light.x, light.y)
-            slopes, gentle, refracts = self._snell(light, arrival, height)
+            arrival = self._arrival(light, surface.half_width, self.lit)
+            height = self._vertex + surface.grid(light.x, light.y)
+            points = light.x[:, None], light.y[None, :], height
+            slopes, gentle, refracts = self._refraction.slopes(points, light.direction, arrival)
             self.bent = float(np.average(refracts, weights=light.emitted(self._cells)))
             gentle &= light.weight > LEAST_WEIGHT
             # where no light is, the slopes go on: fits of all levels then agree along the border of the light
             own = [sag.grid(light.x, light.y, d) for d in ((1, 0), (0, 1))]
-            wanted = [np.where(gentle, s, o) for s, o in zip(_above_conic(light, lens.rear, slopes), own)]
+            wanted = [np.where(gentle, s, o) for s, o in zip(_above_conic(light, surface, slopes), own)]
             light = replace(light, weight=np.where(gentle, light.weight, LEAST_WEIGHT))
             fit = self._fit(space, light, wanted)
             sag = fit.sag
@@ -261,26 +268,16 @@ class TransportStart:
         plan = transport_map(self._backend, density, self._cells, aspect, light.emitted)
         return self._centre[0] + self.half_lit[0] * plan.tx, self._centre[1] + self.half_lit[1] * plan.ty
 
-    def _snell(
-        self, light: RearLight, arrival: Sequence[Floats], height: Floats
-    ) -> tuple[tuple[Floats, Floats], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return the slopes (zx, zy) that send light to its arrival, where they are gentle, and where light
-        refracts so far.
-        """
-        if self._system.target.far_field:
-            dx, dy = (np.tan(np.radians(a)) for a in arrival)
-            dz = np.ones_like(dx)
-        else:
-            dx = arrival[0] - light.x[:, None]
-            dy = arrival[1] - light.y[None, :]
-            dz = self._system.target.z - height
-        return refracting_slopes(self._lens.index, light.direction, (dx, dy, dz))
+
+def _with_last(lens: Lens, sag: THBSurface) -> Lens:
+    """Return the lens with another sag on the last of its free surfaces."""
+    return lens.with_sags([*lens.sags[:-1], sag])
 
 
-def _above_conic(light: RearLight, rear: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
-    """Return the slopes that a sag adds to those of the rear's conic."""
+def _above_conic(light: RearLight, surface: FreeformSurface, slopes: Sequence[Floats]) -> list[Floats]:
+    """Return the slopes that a sag adds to those of the surface's conic."""
     x, y = light.x[:, None], light.y[None, :]
-    return [s - rear.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1)))]
+    return [s - surface.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1)))]
 
 
 def _height(light: RearLight, slopes: Sequence[Floats]) -> Floats:

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from optics.optimisation import RearLight
     from optics.problem import Front, Problem, Rear
     from optics.runtime import Backend
+    from thbcad.lens import FreeformSurface
 
-Free = TypeVar("Free", Freeform, Freeform | None)
 Surface = TypeVar("Surface", "Front", "Rear")
 Floats = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     return OpticalSystem(replace(system.problem, lens=lens)), start
 
 
-def _with_level(freeform: Free, level: int) -> Free:
+def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
     if freeform is None or freeform.max_level != AUTO:
         return freeform
     return replace(freeform, max_level=level)
@@ -148,14 +148,15 @@ def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) 
     is too thin for that, it is what keeps the surfaces apart, but not less than the map needs.
     """
     lens = system.lens
+    shaped: FreeformSurface = getattr(lens, system.shaped)
     x, y = light.x[:, None], light.y[None, :]
     space = lens.sags[-1].space
     for level in range(SPACE_LEVELS):
         space = space.refine({level: space.cells[:, 1:]})
-    zx, zy = (s - lens.rear.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1))))
+    zx, zy = (s - shaped.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1))))
     sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
     asked = float(np.abs(sag.coefficients[seen_functions(space, light.x, light.y)]).max())
-    wanted = max(MARGIN * asked, LEAST_FREEDOM * max(lens.rear.half_width))
+    wanted = max(MARGIN * asked, LEAST_FREEDOM * max(shaped.half_width))
     room = KEPT * lens.least_thickness().lower / len(lens.sags)
     return float(f"{min(wanted, max(room, NEEDED * asked)):.2g}")
 

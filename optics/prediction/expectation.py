@@ -169,14 +169,14 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
 
     half : half-widths of the lit part of the target.
     """
-    lens, rear = system.lens.rear, system.freeforms[-1]
+    surface, freeform = getattr(system.lens, system.shaped), system.freeforms[-1]
     magnification = sqrt(prod(half) / prod(_half_lit(light)))
-    span = max(2 * h / (n << rear.finest) for h, n in zip(lens.half_width, rear.spans))
+    span = max(2 * h / (n << freeform.finest) for h, n in zip(surface.half_width, freeform.spans))
     return span * magnification
 
 
 def _half_lit(light: RearLight) -> Sequence[float]:
-    """Return half of the width and the height of the light on the rear, mm."""
+    """Return half of the width and the height of the light on the shaped surface, mm."""
     lit = light.weight > light.weight.max() / 10
     seen = light.x[lit.any(axis=1)], light.y[lit.any(axis=0)]
     return [float(np.ptp(a) + cell[1] - cell[0]) / 2 for a, cell in zip(seen, (light.x, light.y))]

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         Source as Source,
         Target as Target,
         base_of as base_of,
+        freedom_of as freedom_of,
     )
     from optics.problem.starting_problems import (
         commented_problem as commented_problem,
@@ -107,6 +108,7 @@ _FILES = {
         "Source",
         "Target",
         "base_of",
+        "freedom_of",
     ),
     "starting_problems": ("commented_problem",),
     "toml_records": ("AUTO",),

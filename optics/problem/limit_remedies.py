@@ -33,9 +33,8 @@ def limit_sentences(problem: Problem, metrics: Manufacturability) -> list[str]:
 def _remedy(problem: Problem, metrics: Manufacturability, miss: Miss) -> str:
     """Return the setting that helps most."""
     change = f"lens.thickness by {_rounded(miss.most, True):g} mm, or z_freedom of the free surfaces"
-    free = miss.surface == "rear" or problem.lens.front.freeform is not None
     distance = f"raise target.distance or lens.{miss.surface}.freeform.z_freedom"
-    bent = distance if free else f"change lens.{miss.surface}.radius"
+    bent = distance if miss.surface in problem.lens.free else f"change lens.{miss.surface}.radius"
     if miss.key in ("radius", "concave_radius", "feature"):
         return _flatter(problem, miss) or _coarser(metrics, miss.surface)
     if miss.key == "mass":

@@ -106,7 +106,7 @@ def limit_advice(problem: Problem, lens: Lens) -> list[str]:
 
 def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
     """Yield the Miss of every limit that is set, also of those that are kept."""
-    limits, free = problem.limits, {"front": problem.lens.front.freeform is not None, "rear": True}
+    limits = problem.limits
     for key, quantity in THICKNESSES.items():
         if getattr(limits, key):
             yield _short(quantity, key, getattr(limits, key), getattr(metrics, key))
@@ -116,7 +116,7 @@ def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]
         yield _beyond("thickness", "greatest_thickness", limit, bound, "mm", position(bound))
     yield from _envelope_misses(problem, metrics)
     for name, surface in metrics.surfaces.items():
-        if free[name]:
+        if name in problem.lens.free:
             yield from _free_misses(name, surface, limits, problem.source.wavelength)
         yield from _height_misses(name, surface, limits)
     if isfinite(limits.mass):
@@ -203,11 +203,10 @@ def feature_levels(problem: Problem) -> list[int]:
 def _features(problem: Problem) -> Iterator[tuple[str, Freeform, float]]:
     """Yield name, settings and the smallest feature of level 0 in wavelengths of every free surface."""
     lens = problem.lens
-    for name, spec in (("front", lens.front), ("rear", lens.rear)):
-        free = spec.freeform
-        if free is not None:
-            smallest = min(free.degree * 2 * h / n for h, n in zip(spec.half_width, free.spans))
-            yield name, free, smallest * NM_PER_MM / problem.source.wavelength
+    for name, free in lens.free.items():
+        half_width = getattr(lens, name).half_width
+        smallest = min(free.degree * 2 * h / n for h, n in zip(half_width, free.spans))
+        yield name, free, smallest * NM_PER_MM / problem.source.wavelength
 
 
 def _feature_advice(problem: Problem) -> Iterator[str]:

@@ -132,8 +132,8 @@ def _require_partners(problem: Problem) -> None:
         raise UserError(
             f"optimizer.merge must leave at least {LEAST_MERGED} pixels each way, got {merge} of {pixels}"
         )
-    free = [f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f]
-    most = problem.lens.thickness + sum(f.freedom for f in free)
+    _require_free(problem.lens)
+    most = problem.lens.thickness + sum(f.freedom for f in problem.lens.free.values())
     if problem.limits.thickness > most and not problem.lens.automatic:
         raise UserError(
             f"limits.thickness must be at most {most:g} mm, lens.thickness and z_freedom together, "
@@ -168,6 +168,18 @@ def _require_rows(key: str, rows: Rows, low: float, high: float) -> None:
     for nm, following in pairwise(wavelengths):
         if nm == following:
             raise UserError(f"{key} has several rows for {nm:g} nm; keep one")
+
+
+def _require_free(lens: LensSpec) -> None:
+    if not lens.free:
+        raise UserError(
+            "lens.rear.freeform = false leaves no surface to design; add the table lens.front.freeform"
+        )
+    if lens.rear.freeform is None and AUTO in (lens.rear.radius, lens.rear.conic):
+        raise UserError(
+            "lens.rear.radius and lens.rear.conic must be numbers with lens.rear.freeform = false, "
+            f'got "{AUTO}"'
+        )
 
 
 def _require_target(target: Target) -> None:
@@ -219,7 +231,7 @@ def _require_source(source: Source) -> None:
         raise UserError(
             f"source.profile is that of an area, the kind {source.kind!r} has none; got {source.profile!r}"
         )
-    if source.profile == "gaussian" and min(source.sigma) < LEAST_SIGMA:
+    if source.profile in ("gaussian", "round_gaussian") and min(source.sigma) < LEAST_SIGMA:
         raise UserError(
             f"source.sigma must be at least {LEAST_SIGMA}, got {list(source.sigma)}; "
             "take a smaller source.half_width"

@@ -8,7 +8,7 @@ from typing import Any
 
 from optics.problem.toml_records import AUTO, option
 
-PROFILES = ("uniform", "round", "gaussian", "image")
+PROFILES = ("uniform", "round", "gaussian", "round_gaussian", "image")
 DIVERGENCES = ("uniform", "gaussian", "sun", "theta_uniform")
 FLUX_UNITS = ("W", "lm")
 OF_FILES = ("rays", "luminaire")  # kinds of source that a file describes
@@ -42,10 +42,10 @@ class Source:
     )
     unit: str = option("W", choices=FLUX_UNITS, note="of flux: lumens make lx and cd of all that is reported")
     profile: str = option(
-        "uniform", choices=PROFILES, note="over the area; round fills the inscribed ellipse"
+        "uniform", choices=PROFILES, note="over the area; the round ones fill the inscribed ellipse"
     )
     sigma: tuple[float, float] = option(
-        (0.5, 0.5), above=0, high=1e6, note="of the gaussian profile, relative to half_width"
+        (0.5, 0.5), above=0, high=1e6, note="of the gaussian profiles, relative to half_width"
     )
     image: str = option(
         "", note="picture file of the profile image, linear light, relative to the problem file", picture=True
@@ -158,15 +158,15 @@ class Front:
     radius: float | str = _radius("auto is a plane too")
     conic: float | str = _conic()
     slope_rms: float = _slope_rms()
-    freeform: Freeform | None = option(
-        None, note="with the keys of lens.rear.freeform: a front that is free too"
-    )
+    freeform: Freeform | None = option(None, note="with the keys of lens.rear.freeform: a front that is free")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rear:
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
-    freeform: Freeform = option(Freeform())
+    freeform: Freeform | None = option(
+        Freeform(), note="false in place of this table is the conic alone, behind a free front"
+    )
     radius: float | str = _radius("auto takes it from the light")
     conic: float | str = _conic()
     slope_rms: float = _slope_rms()
@@ -177,6 +177,11 @@ def base_of(surface: Front | Rear) -> tuple[float, float]:
     if isinstance(surface.radius, str):
         return math.inf, 0.0
     return surface.radius, -1.0 if isinstance(surface.conic, str) else surface.conic
+
+
+def freedom_of(surface: Front | Rear) -> float:
+    """Return how far the sag coefficients of a surface may go, mm; 0 without a sag, or not known yet."""
+    return surface.freeform.freedom if surface.freeform else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,11 +216,16 @@ class LensSpec:
         return 0.0 if isinstance(self.index, str) else self.index
 
     @property
+    def free(self) -> dict[str, Freeform]:
+        """The settings of the free surfaces by name, front first."""
+        surfaces = {"front": self.front.freeform, "rear": self.rear.freeform}
+        return {name: freeform for name, freeform in surfaces.items() if freeform is not None}
+
+    @property
     def automatic(self) -> bool:
         """Whether the base lens or a bound of the sags is left to the program."""
-        surfaces = self.front, self.rear
-        free = [s.freeform.z_freedom for s in surfaces if s.freeform is not None]
-        return AUTO in (*free, *(value for s in surfaces for value in (s.radius, s.conic)))
+        bounds = [freeform.z_freedom for freeform in self.free.values()]
+        return AUTO in (*bounds, *(value for s in (self.front, self.rear) for value in (s.radius, s.conic)))
 
 
 @dataclass(frozen=True, kw_only=True)

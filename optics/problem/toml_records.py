@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, field, fields
 from numbers import Integral, Real
 from pathlib import Path
-from types import UnionType
+from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 from optics.problem.dotted_keys import did_you_mean, hints_of, table_of
@@ -104,7 +104,9 @@ def checked_values(
         value, table = data[f.name], table_of(hint)
         if table is None:
             values[f.name] = _value(key, hint, value, f.metadata)
-        elif value is not None or f.default is not None:  # in code None is a table left out
+        elif NoneType in get_args(hint) and (value is None or value is False):
+            values[f.name] = None  # a table left out: None in code, false in a file
+        else:
             values[f.name] = table(**checked_values(table, value, folder, key + ".", root or kind))
         if folder and f.metadata["picture"] and values[f.name]:
             values[f.name] = str((folder / values[f.name]).absolute())

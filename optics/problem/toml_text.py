@@ -22,14 +22,16 @@ def _toml(record: DataclassInstance, prefix: str, notes: bool = False) -> str:
     lines: list[str] = []
     tables: list[str] = []
     for f in fields(record):
-        value = getattr(record, f.name)
+        value, remark = getattr(record, f.name), _remark(f.metadata) if notes else ""
+        if value is None and f.default is not None:
+            lines.append(f"{f.name} = false{remark}\n")
+            continue
         if value is None:
-            tables.append(f"\n# [{prefix}{f.name}]{_remark(f.metadata)}\n" if notes else "")
+            tables.append(f"\n# [{prefix}{f.name}]{remark}\n" if notes else "")
             continue
         if is_dataclass(value) and not isinstance(value, type):
-            tables.append(f"\n[{prefix}{f.name}]\n" + _toml(value, f"{prefix}{f.name}.", notes))
+            tables.append(f"\n[{prefix}{f.name}]{remark}\n" + _toml(value, f"{prefix}{f.name}.", notes))
         else:
-            remark = _remark(f.metadata) if notes else ""
             lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")
     return "".join(lines) + "".join(tables)
 

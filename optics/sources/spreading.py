@@ -51,8 +51,8 @@ def area_parts(
 ) -> Iterator[Rays]:
     """Yield the rays of an area whose points all spread their light alike, in parts of at most `most`.
 
-    half_width : mm, of the rectangle in the plane z = -distance (or of the ellipse in it, for the profile
-        "round").
+    half_width : mm, of the rectangle in the plane z = -distance (or of the ellipse in it, for round
+        profiles).
     count : of rays, a multiple of four.  seed : of the scrambling.
     """
     from scipy.special import erf, erfinv
@@ -64,7 +64,7 @@ def area_parts(
         size = min(left, max(1, most // 4))
         left -= size
         s, t, a, b = 2 * engine.random(size).T - 1
-        if profile.kind == "round":
+        if profile.round:
             s, t = concentric(s, t)
         p, q = concentric(a, b)
         stretch = spread.stretch(p * p + q * q)
@@ -76,8 +76,9 @@ def area_parts(
         direction = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
         origin, direction = (mirror_images(v) for v in (origin, direction))
         each = np.broadcast_to(flux / count, 4 * size)
-        if profile.kind == "image":
-            each = each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
+        if profile.kind in ("image", "round_gaussian"):
+            even = profile.area / 4  # density of the samples over the rectangle's mean
+            each = even * each * np.concatenate([profile(i * s, j * t) for i, j in MIRRORS])
         yield Rays(origin, direction, each)
 
 

@@ -48,7 +48,7 @@ def lens_product(problem: Problem) -> Product:
 
 def freeforms(problem: Problem) -> tuple[Freeform, ...]:
     """Return the settings of the free surfaces, front first, as `Lens.sags`."""
-    return tuple(f for f in (problem.lens.front.freeform, problem.lens.rear.freeform) if f is not None)
+    return tuple(problem.lens.free.values())
 
 
 def _surface(name: str, spec: Front | Rear) -> FreeformSurface:

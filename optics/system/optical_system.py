@@ -97,6 +97,16 @@ class OpticalSystem:
         return self.units.density(self.target.far_field)
 
     @property
+    def shaped(self) -> str:
+        """The surface that a transport map shapes, "rear" or "front": the last one that is free."""
+        return [*self.problem.lens.free][-1]
+
+    @property
+    def shapes_parallel(self) -> bool:
+        """Whether parallel light meets the surface that a transport map shapes."""
+        return self.path.parallel or (self.shaped == "front" and self.source.collimated)
+
+    @property
     def slope_rms(self) -> tuple[float, float]:
         """Of front and rear, radians."""
         return self.problem.lens.front.slope_rms, self.problem.lens.rear.slope_rms

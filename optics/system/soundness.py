@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.problem import limit_advice, load_problem, require_limits
+from optics.problem import freedom_of, limit_advice, load_problem, require_limits
 from optics.runtime import UserError, speaking_of
 from optics.sources import Rays
 from optics.system.luminaire_rays import with_numbers_of_file
@@ -137,8 +137,7 @@ def require_room(system: OpticalSystem) -> None:
         assert isinstance(rays, Rays)
         _require_forward(rays)
         _require_before(system, rays.origin)
-    freeform = problem.lens.rear.freeform
-    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freeform.freedom
+    top = max(0.0, float(lens.rear.conic(*lens.rear.half_width))) + freedom_of(problem.lens.rear)
     if distance <= top:
         raise UserError(
             f"target.distance must be greater than {top:.4g} mm, to where the rear surface may reach, "
@@ -213,6 +212,6 @@ def advice(system: OpticalSystem) -> list[str]:
         sentences.append(
             f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
             f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
-            "lens.rear.freeform.degree fewer"
+            f"lens.{system.shaped}.freeform.degree fewer"
         )
     return sentences + limit_advice(problem, lens)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import acos, degrees, log2, pi
+from math import acos, degrees, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -132,9 +132,9 @@ class LightSource:
 
     @property
     def area(self) -> float:
-        """The area that shines, mm^2: of the ellipse for the profile "round", else of the rectangle."""
+        """The area that shines, mm^2: of the ellipse for round profiles, else of the rectangle."""
         hx, hy = self.settings.half_width
-        return (pi if self.settings.profile == "round" else 4) * hx * hy
+        return self.profile.area * hx * hy
 
     @property
     def etendue(self) -> float:

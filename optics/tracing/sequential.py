@@ -33,7 +33,7 @@ class Tracer:
 
     lens : Lens.  rays : RayGrid or Rays.  target_z : mm, inf is the far field.
     soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
-        of a surface that carries a sag, so that light which goes over the rim is lost smoothly.
+        of a surface that carries a sag, or lies behind one, so that light over the rim is lost smoothly.
     sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
         `SearchedHits`.  This costs up to three times the time.
     fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
@@ -90,6 +90,12 @@ class Tracer:
         surfaces = (front, self._lens.front), (rear, self._lens.rear)
         changing = [hits for hits, surface in surfaces if hits is not None and surface.sag is not None]
         return changing, self._landing(front, behind, rear)
+
+    def at_front(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
+        """Return (Hits of a free front, directions before it, flux before it, zero for rays that miss)."""
+        net, rays = self._embeddings[0].coefficients(coefficients[0]), self._source
+        hits = self._front.meet(rays.origin, rays.direction, net)
+        return hits, rays.direction, self._backend.dr.select(hits.hit, rays.flux, 0)
 
     def at_rear(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
         """Return (Hits of the rear, directions inside the lens, flux inside the lens).
@@ -267,7 +273,8 @@ class Tracer:
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
         """Return 1 inside a surface, falling to 0 at its rim, see `rim_fade`."""
-        if not self._soft_rim or surface.sag is None or isinstance(self._rear, KnownHits):
+        fixed = surface.sag is None and (surface is self._lens.front or self._lens.front.sag is None)
+        if not self._soft_rim or fixed or isinstance(self._rear, KnownHits):
             return 1.0
         return rim_fade(self._backend, (hits.x, hits.y), surface.half_width, self._soft_rim)
 

@@ -9,15 +9,18 @@ if TYPE_CHECKING:
         TransportMap as TransportMap,
         transport_map as transport_map,
     )
+    from optics.transport.fixed_rear import (
+        FixedRear as FixedRear,
+    )
     from optics.transport.poisson import (
         height_from_slopes as height_from_slopes,
     )
     from optics.transport.prewarp import (
         prewarped as prewarped,
     )
-    from optics.transport.surface_slopes import (
-        refracted as refracted,
-        refracting_slopes as refracting_slopes,
+    from optics.transport.shaped_refraction import (
+        ShapedFront as ShapedFront,
+        ShapedRear as ShapedRear,
     )
 
 _FILES = {
@@ -25,11 +28,12 @@ _FILES = {
         "TransportMap",
         "transport_map",
     ),
+    "fixed_rear": ("FixedRear",),
     "poisson": ("height_from_slopes",),
     "prewarp": ("prewarped",),
-    "surface_slopes": (
-        "refracted",
-        "refracting_slopes",
+    "shaped_refraction": (
+        "ShapedFront",
+        "ShapedRear",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

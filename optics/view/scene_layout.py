@@ -72,8 +72,9 @@ def placed(problem: Problem, faces: Sequence[Face]) -> Scene:
     box = np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
     source, kind = problem.source, problem.source.kind
     before = box[2, 0] - 0.6 * np.ptp(box[:2], axis=1).max() if kind == "collimated" else -source.distance
-    around = np.linspace(0, 2 * np.pi, 65) if source.profile == "round" else np.pi / 4 * np.arange(1, 10, 2)
-    size = 1.0 if source.profile == "round" else np.sqrt(2)
+    circle = source.profile in ("round", "round_gaussian")
+    around = np.linspace(0, 2 * np.pi, 65) if circle else np.pi / 4 * np.arange(1, 10, 2)
+    size = 1.0 if circle else np.sqrt(2)
     extent = (
         np.minimum(source.half_width, BESIDE * faces[0].points[:2].max(axis=(1, 2)))
         if kind == "collimated"

@@ -8,6 +8,7 @@ import re
 import numpy as np
 from PIL import Image
 
+from optics.problem import load_problem
 from optics.results import ResultFolder, ResultWriter
 from optics.sources import collimated_beam
 from optics.tracing import Tracer
@@ -50,6 +51,13 @@ SMALL = {
     "run.threads": 1,
 }
 
+FRONT = SMALL | {  # the front free in place of the rear
+    "lens.front.freeform.spans": [4, 4],
+    "lens.front.freeform.max_level": 2,
+    "lens.front.freeform.z_freedom": 3.0,
+    "lens.rear.freeform": False,
+}
+FREE_REAR = ("lens.rear.freeform.spans", "lens.rear.freeform.max_level", "lens.rear.freeform.z_freedom")
 
 HOLLOW = {  # the problem of `hollow_lens`
     "lens.thickness": 5.0,
@@ -206,3 +214,8 @@ def grazing_rays(surface, count, seed=0, least=0.02):
     cosine, turn = rng.uniform(least, 1, count), rng.uniform(0, 2 * np.pi, count)
     sine = np.sqrt(1 - cosine**2)
     return np.stack([x, y, z]), np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
+
+
+def front_problem(folder, changes=None):
+    """Return the small problem with the front free in place of the rear."""
+    return load_problem(write_problem(folder, FRONT | (changes or {}), drop=FREE_REAR))

@@ -154,7 +154,7 @@ def test_models_may_be_called_from_several_threads(tmp_path):
         (lambda s, m, c: m(c * np.nan), "must be finite, got 49 numbers that are not"),
         (lambda s, m, c: m((c, c)), "must be a vector, got 2 of them"),
         (lambda s, m, c: m("abc"), "must be numbers, got str"),
-        (lambda s, m, c: m.jvp(c, c[1:]), r"the direction of the rear must have the shape \(49,\)"),
+        (lambda s, m, c: m.jvp(c, c[1:]), r"the direction of the free surface must have the shape \(49,\)"),
         (lambda s, m, c: m.vjp(c)[1](np.zeros((3, 3))), r"dL/dE must have the shape \(48, 48\)"),
         (lambda s, m, c: m.vertex_gradients(c, np.zeros((3, 3))), r"dL/dE must have the shape \(48, 48\)"),
         (lambda s, m, c: m.vertex_gradients(c, 0 * m.target, (1, 9)), "counts must be two whole numbers"),
@@ -183,7 +183,7 @@ def test_bad_use_gets_one_sentence(tmp_path, call, sentence):
 
 def test_the_space_of_another_problem_is_refused(tmp_path):
     system, other = small_system(tmp_path), small_system(tmp_path, {"lens.rear.freeform.spans": [5, 5]})
-    with pytest.raises(optics.UserError, match="the space of the rear must refine the problem's own"):
+    with pytest.raises(optics.UserError, match="the space of the free surface must refine the problem's own"):
         system.model(other.space())
 
 

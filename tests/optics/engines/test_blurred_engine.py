@@ -21,7 +21,7 @@ CASES = {
         "source.distance": 40.0,
         "source.half_angle": 11.0,
         "source.half_width": [0.0, 0.0],
-        "lens.rear.slope_rms": 0.04,
+        "lens.rear.slope_rms": 0.08,
     },
     "sun in the far field": SUN | {"target.distance": np.inf, "target.half_width": [20.0, 20.0]},
     "sun before a curved front": SUN | {"lens.front.radius": 80.0, "source.half_width": [8.0, 8.0]},

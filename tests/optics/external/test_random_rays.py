@@ -19,6 +19,8 @@ SOURCES = {
     "beam": {},
     "round beam": {"source.profile": "round"},
     "gaussian beam": {"source.profile": "gaussian", "source.sigma": [0.4, 2.0]},
+    "round gaussian beam": {"source.profile": "round_gaussian", "source.sigma": [0.4, 2.0]},
+    "round gaussian area": GLOWING | {"source.profile": "round_gaussian", "source.sigma": [0.4, 2.0]},
     "picture as a beam": {"source.profile": "image", "source.image": "picture.png"},
     "point": POINT,
     "half space": POINT | {"source.half_angle": 90.0, "source.exponent": 3.0},

@@ -211,6 +211,7 @@ def test_a_missing_table_is_named(tmp_path, table):
 FAR = {"target.distance": math.inf}
 PARTNERS = [
     ({"source.profile": "image"}, "the key source.image is missing"),
+    ({"source.profile": "round_gaussian", "source.sigma": [1e-3, 1.0]}, "source.sigma must be at least"),
     ({"source.profile": "image", "source.image": ""}, "the key source.image is missing"),
     ({"target.image": ""}, "the key target.image is missing"),
     (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import cos, pi, radians, sqrt
+from math import cos, erf, exp, pi, radians, sqrt
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ PROFILES = {
     "uniform": Profile(),
     "round": Profile("round"),
     "gaussian": Profile("gaussian", (0.4, 0.7)),
+    "round gaussian": Profile("round_gaussian", (0.4, 0.7)),
     "image": Profile("image", light=LIGHT),
 }
 every_profile = pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES.keys())
@@ -78,6 +79,36 @@ def test_the_shares_of_a_disk_are_its_areas():
             part_of_a_chord, s[i], s[i + 1], (t[j], t[j + 1]), points=inside or None, epsabs=1e-13, limit=200
         )
         assert share == pytest.approx(area / pi, abs=1e-10)
+
+
+@pytest.mark.parametrize("sigma", [(0.95, 0.95), (0.3, 2.0), (0.02, 0.005)], ids=str)
+def test_the_shares_of_a_round_gaussian_are_its_integrals(sigma):
+    """Chords weighted by the error function, summed by adaptive quadrature between their kinks."""
+    s, t = borders(5, 5), borders(6, 6)
+    root = [sqrt(2) * w for w in sigma]
+
+    def of_chord(at, low, high):
+        reach = sqrt(max(0.0, 1 - at * at))
+        ends = min(max(low, -reach), reach), min(max(high, -reach), reach)
+        return exp(-((at / root[0]) ** 2)) * (erf(ends[1] / root[1]) - erf(ends[0] / root[1]))
+
+    def integral(a, b, low, high):
+        kinks = [sign * sqrt(1 - h * h) for h in (low, high) for sign in (-1, 1)]
+        kinks += [k * sigma[0] for k in range(-8, 9)]
+        points = [k for k in kinks if a < k < b]
+        return quad(of_chord, a, b, (low, high), points=points or None, epsabs=1e-15, limit=400)[0]
+
+    whole = integral(-1.0, 1.0, -1.0, 1.0)
+    for (i, j), share in np.ndenumerate(Profile("round_gaussian", sigma).shares(s, t)):
+        assert share == pytest.approx(integral(s[i], s[i + 1], t[j], t[j + 1]) / whole, abs=1e-10)
+
+
+def test_a_round_gaussian_of_equal_widths_has_its_closed_form():
+    """Of exp(-r^2 / 2 w^2) in the disk: 2 pi w^2 (1 - exp(-1 / 2 w^2)), over the area 4 of the square."""
+    for width in (0.1, 0.945, 5.0):
+        light = 2 * pi * width**2 * (1 - exp(-0.5 / width**2)) / 4
+        middle = Profile("round_gaussian", (width, width))(np.zeros(1), np.zeros(1))
+        assert middle[0] == pytest.approx(1 / light, rel=1e-13)
 
 
 def test_the_shares_of_a_gaussian_are_those_of_a_cut_normal_distribution():

@@ -48,7 +48,14 @@ def test_slices_are_the_beam(most):
 
 # ---- profiles ----
 
-PROFILES = [Profile(), Profile("round"), Profile("gaussian"), Profile("gaussian", (0.2, 1.5))]
+PROFILES = [
+    Profile(),
+    Profile("round"),
+    Profile("gaussian"),
+    Profile("gaussian", (0.2, 1.5)),
+    Profile("round_gaussian", (0.5, 1.5)),
+    Profile("round_gaussian", (0.95, 0.95)),
+]
 
 
 @pytest.mark.parametrize("profile", PROFILES, ids=str)
@@ -58,7 +65,7 @@ def test_densities_have_a_mean_of_one(profile):
     density = profile(s[:, None], t[None, :])
     assert density.shape == (400, 300)
     assert density.min() >= 0
-    assert density.mean() == pytest.approx(1.0, abs=1e-3 if profile.kind == "round" else 1e-5)
+    assert density.mean() == pytest.approx(1.0, abs=1e-3 if profile.round else 1e-5)
 
 
 @pytest.mark.parametrize("profile", PROFILES[1:], ids=str)

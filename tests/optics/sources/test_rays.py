@@ -20,7 +20,13 @@ DISTANCE, FLUX = 2.0, 3.0
 COUNT = 1 << 14
 LIGHT = np.array([[1.0, 0.5, 0.0], [2.0, 0.25, 3.0]])  # rows, columns; row 0 at +y
 EVEN = Profile()
-PROFILES = [EVEN, Profile("round"), Profile("gaussian", (0.4, 0.7)), Profile("image", light=LIGHT)]
+PROFILES = [
+    EVEN,
+    Profile("round"),
+    Profile("gaussian", (0.4, 0.7)),
+    Profile("image", light=LIGHT),
+    Profile("round_gaussian", (0.4, 0.7)),
+]
 
 
 def lambertian(half_angle=90.0, profile=EVEN, count=COUNT, seed=0, most=1 << 62):

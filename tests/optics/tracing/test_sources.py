@@ -336,3 +336,24 @@ def test_a_soft_rim_fades_the_light_of_free_surfaces_and_nothing_else(backend, l
         soft.flux.numpy(), hard.flux.numpy() * fade, rtol=0, atol=1e-14 * hard.flux.numpy().max()
     )
     np.testing.assert_array_equal(landing_points(soft), landing_points(hard))
+
+
+def test_a_soft_rim_fades_the_light_of_a_rear_behind_a_free_front(backend):
+    """Where the front sends light decides how much goes over the rear's rim, whether that is free or not."""
+    lens = LENSES["both"]
+    lens = lens.with_rear(FreeformSurface(lens.rear.half_width, lens.rear.conic))
+    rays, share = glowing(1 << 11), 0.1
+    _, hard = Tracer(backend, lens, rays, TARGET_Z).trace(coefficients(lens))
+    tracer = Tracer(backend, lens, rays, TARGET_Z, share)
+    _, soft = tracer.trace(coefficients(lens))
+    hits, _, _ = tracer.at_rear(coefficients(lens))
+    front, _, _ = tracer.at_front(coefficients(lens))
+    fade = np.ones(1 << 11)
+    for at, half in ((hits, 8.0), (front, 5.0)):
+        for a in (at.x.numpy(), at.y.numpy()):
+            s = np.clip((half - np.abs(a)) / (share * half), 0, 1)
+            fade *= s * s * (3 - 2 * s)
+    assert 0.01 < ((fade > 0) & (fade < 1)).mean() < 0.5
+    np.testing.assert_allclose(
+        soft.flux.numpy(), hard.flux.numpy() * fade, rtol=0, atol=1e-14 * hard.flux.numpy().max()
+    )

@@ -1,0 +1,1 @@
+"""Cases of other programs and papers, with their published figures beside ours."""

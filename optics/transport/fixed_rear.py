@@ -1,0 +1,104 @@
+"""A rear of given shape between a front that is looked for and the target: where to aim inside the glass.
+
+A ray leaves the front at (x, y, z) along (p, q, 1).  It meets the rear z = t + c(x, y), is refracted there,
+and lands at L(p, q).  `FixedRear.aimed` solves L(p, q) = wanted by Newton's method with differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isinf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.transport.surface_slopes import refracted
+from thbcad.sags import Conic
+
+NEWTON_STEPS = 6  # from a straight line: steps that double the digits; targets within reach need four
+MEETING_STEPS = 12  # of the meeting with a conic: rays are steeper than it, so that each step gains a digit
+DIFFERENCE = 1e-6  # of p and q: the square root of the rounding of L, with some room
+STEEPEST = 0.98  # of the least |(p, q)| that a plane rear reflects totally: the aim goes no farther
+EXACT = 1e-12  # of the throw: no step is taken for less
+REACHED = 1e-6  # of the throw: a landing as near as that is the one that was wanted
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FixedRear:
+    """The rear that light leaves by.
+
+    index : of the glass.  thickness : mm, its vertex on the z axis.
+    target_z : mm, inf is the far field, where landings are degrees.
+    """
+
+    index: float
+    conic: Conic
+    thickness: float
+    target_z: float
+
+    def landing(self, points: Sequence[Floats], slopes: Sequence[Floats]) -> list[Floats]:
+        """Return where rays from points (x, y, z) along (p, q, 1) land, mm or degrees.
+
+        slopes : p and q.
+        """
+        (x, y, z), (p, q) = points, slopes
+        drop = self.thickness - z
+        for _ in range(1 if self.conic.is_plane else MEETING_STEPS):
+            drop = self.thickness + self.conic(x + p * drop, y + q * drop) - z
+        x, y = x + p * drop, y + q * drop
+        length = np.sqrt(1 + p * p + q * q)
+        along = [p / length, q / length, 1 / length]
+        tilt = [self.conic(x, y, derivative) for derivative in ((1, 0), (0, 1))]
+        dx, dy, dz = refracted(self.index, along, tilt)
+        if isinf(self.target_z):
+            return [np.degrees(np.arctan2(d, dz)) for d in (dx, dy)]
+        down = (self.target_z - z - drop) / np.maximum(dz, DIFFERENCE)
+        return [x + dx * down, y + dy * down]
+
+    def aimed(
+        self, points: Sequence[Floats], wanted: Sequence[Floats]
+    ) -> tuple[list[Floats], NDArray[np.bool_]]:
+        """Return unit vectors inside the glass that land where it is wanted, and which of them do.
+
+        wanted : x and y, mm or degrees.
+        """
+        far = isinf(self.target_z)
+        throw = np.degrees(1.0) if far else self.target_z - self.thickness
+        most = STEEPEST / np.sqrt(self.index**2 - 1)
+        p, q = (
+            np.tan(np.radians(w)) / self.index
+            if far
+            else (w - a) / (self.index * (self.target_z - points[2]))
+            for w, a in zip(wanted, points)
+        )
+        for _ in range(NEWTON_STEPS):
+            p, q = _within(most, p, q)
+            missing = [w - a for w, a in zip(wanted, self.landing(points, (p, q)))]
+            if max(np.abs(m).max() for m in missing) < EXACT * throw:
+                break
+            p, q = (a + d for a, d in zip((p, q), self._step(points, (p, q), missing)))
+        p, q = _within(most, p, q)
+        left = np.hypot(*(w - a for w, a in zip(wanted, self.landing(points, (p, q)))))
+        length = np.sqrt(1 + p * p + q * q)
+        return [p / length, q / length, 1 / length], left < REACHED * throw
+
+    def _step(
+        self, points: Sequence[Floats], slopes: Sequence[Floats], missing: Sequence[Floats]
+    ) -> list[Floats]:
+        """Return Newton's step in p and q; none where it cannot be told, behind the rim of a conic."""
+        (p, q), (mx, my) = slopes, missing
+        here = self.landing(points, slopes)
+        xp, yp = ((a - b) / DIFFERENCE for a, b in zip(self.landing(points, (p + DIFFERENCE, q)), here))
+        xq, yq = ((a - b) / DIFFERENCE for a, b in zip(self.landing(points, (p, q + DIFFERENCE)), here))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = (np.array([mx * yq - my * xq, my * xp - mx * yp])) / (xp * yq - yp * xq)
+        return [*np.where(np.isfinite(steps).all(axis=0), steps, 0.0)]
+
+
+def _within(most: float, p: Floats, q: Floats) -> tuple[Floats, Floats]:
+    """Return slopes that are shortened to a greatest length."""
+    shrink = np.minimum(1.0, most / np.maximum(np.hypot(p, q), DIFFERENCE))
+    return p * shrink, q * shrink
