@@ -41,10 +41,14 @@ class BlurredEngine:
         axes: Sequence[int] = (),
         fresh: np.random.Generator | None = None,
     ) -> BlurredModel:
-        """Return the light model of a sharp system, see `Engine`; it sees as far as the blur reaches."""
-        wide = replace(film.screen, margin=film.screen.margin + self.blur.reach(film.screen))
+        """Return the light model of a sharp system, see `Engine`.
+
+        Its sharp light reaches as far beside the target as the blur.  The blurred light is seen on the target
+        alone: what lies beside it for the border's sake is charged as lost, and not for its pattern.
+        """
+        wide = replace(film.screen, margin=max(film.screen.margin, self.blur.reach(film.screen)))
         model = self.sharp.model(system, lens, replace(film, screen=wide), axes, fresh)
-        return BlurredModel(model, self.blur, film.screen)
+        return BlurredModel(model, self.blur, replace(film.screen, margin=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
-KKT = 1e-4  # of the best light
+KKT = 1e-5  # of the best light
 RIDGE = 4.0  # width of a long stroke, over the mean distance of its points to its border
 
 

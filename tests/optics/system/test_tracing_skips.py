@@ -55,7 +55,7 @@ def test_skips_are_decided_by_the_problem(case):
     problem, applying = case
     found = OpticalSystem(problem).skips
     assert {s.name for s in found if s.applies} == applying
-    assert len({s.name for s in found}) == len(found) == 12
+    assert len({s.name for s in found}) == len(found) == 14
     assert not NEVER & {s.name for s in found if s.applies}
     assert [line.startswith("skips ") for line in skip_lines(found)] == [s.applies for s in found]
 
