@@ -8,6 +8,7 @@ little more.  The convolution is symmetric, so that its adjoint is the same.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
+
+ACROSS, FINEST = 16.0, 4  # pixels of the sharp light across the spot, and in one pixel, in each direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +46,24 @@ class BlurredEngine:
     ) -> BlurredModel:
         """Return the light model of a sharp system, see `Engine`.
 
-        Its sharp light reaches as far beside the target as the blur.  The blurred light is seen on the target
-        alone: what lies beside it for the border's sake is charged as lost, and not for its pattern.
+        An even border of blurred light needs sharp light beside the target, as far as the blur reaches.  So
+        the sharp light counts as lost from there on, and the blurred light is seen on the target alone.
         """
-        wide = replace(film.screen, margin=max(film.screen.margin, self.blur.reach(film.screen)))
+        narrow = replace(film.screen, margin=0)
+        times = int(np.clip(ceil(ACROSS * min(narrow.pitch) / self.blur.width), 1, FINEST))
+        wide = narrow.widened(self.blur.reach(narrow)).finer(times)
+        wide = replace(wide, margin=times * film.screen.margin)
         model = self.sharp.model(system, lens, replace(film, screen=wide), axes, fresh)
-        return BlurredModel(model, self.blur, replace(film.screen, margin=0))
+        return BlurredModel(model, self.blur, narrow)
 
 
 @dataclass(frozen=True, eq=False)
 class BlurredModel:
-    """A `LightModel` of blurred light.  sharp : the model of the light before, with a wider margin."""
+    """A `LightModel` of blurred light.
+
+    sharp : the model of the light before, on a wider screen with finer pixels where the blur is narrow: what
+        lies within a pixel is moved as well.
+    """
 
     sharp: LightModel
     blur: Blur
@@ -80,22 +90,31 @@ class BlurredModel:
 
     def blurred(self, image: Floats) -> Floats:
         """Return the blur of an image on the wide screen, on the narrow one."""
-        return self._narrow(self.blur.applied(image, self.screen))
+        return self._narrow(self.blur.applied(image, self.sharp.screen))
 
     def blurred_back(self, image_bar: Floats) -> Floats:
         """Return the adjoint of `blurred`."""
-        return self.blur.applied(self._wide(image_bar), self.screen)
+        return self.blur.applied(self._wide(image_bar), self.sharp.screen) / self._times**2
+
+    @property
+    def _times(self) -> int:
+        """How many pixels of the wide screen make one of the narrow one, in each direction."""
+        return round(self.screen.pitch[0] / self.sharp.screen.pitch[0])
 
     @property
     def _extra(self) -> int:
-        return self.sharp.screen.margin - self.screen.margin
+        """Pixels of the wide screen on every side of the narrow one."""
+        return (self.sharp.screen.padded[0] - self._times * self.screen.padded[0]) // 2
 
     def _wide(self, image: Floats) -> Floats:
-        return np.pad(image, self._extra)
+        fine = image.repeat(self._times, axis=0).repeat(self._times, axis=1)
+        return np.pad(fine, self._extra)
 
     def _narrow(self, image: Floats) -> Floats:
-        rows, columns = image.shape
-        return image[self._extra : rows - self._extra, self._extra : columns - self._extra]
+        extra, times = self._extra, self._times
+        inner = image[extra : image.shape[0] - extra, extra : image.shape[1] - extra]
+        rows, columns = (n // times for n in inner.shape)
+        return inner.reshape(rows, times, columns, times).mean(axis=(1, 3))
 
 
 @dataclass(frozen=True, eq=False)
