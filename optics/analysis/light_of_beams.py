@@ -76,11 +76,11 @@ def beam_irradiance(
             yield image, on_target, by_fate.transmitted - on_target
 
     light = LightEstimate.of_replicates(replicates())
-    light = replace(light, irradiance=np.maximum(light.irradiance, 0.0))  # noise of dark pixels
-    arriving = replace(
-        reduce(add, fates) / REPLICATES, on_target=light.on_target, off_target=light.off_target
-    )
-    return light, arriving
+    arriving = reduce(add, fates) / REPLICATES
+    on = min(light.on_target, arriving.transmitted)  # noise takes no more than there is
+    off = arriving.transmitted - on
+    irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels
+    return LightEstimate(irradiance, light.error, on, off), replace(arriving, on_target=on, off_target=off)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,11 +24,15 @@ from optics.etendue import Kernel, approximate
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from optics.blur import Blur
     from optics.runtime import Backend
     from optics.system import OpticalSystem
+    from optics.target import Screen
     from thbcad.lens import Lens
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
+FINER = 7  # parts of a pixel in each direction: a narrower spot blurs the borders of lit pixels too
+MOST_PARTS = 2048  # in each direction: those of large pictures fill the memory, and their pixels are small
 KKT = 1e-4  # of the best light
 RIDGE = 4.0  # width of a long stroke, over the mean distance of its points to its border
 
@@ -54,15 +58,22 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
     """Return what the blur of a lens leaves of the target of a blurred system."""
     blur, screen = blur_of(system, lens, backend), system.target.screen()
     target = system.target.irradiance(screen, 1.0)
-    reach = blur.reach(screen)
-    wide = blur.applied(np.pad(target, reach), screen)
     return BlurLimits(
         width=blur.width,
         pixel=max(screen.pitch),
         strokes=stroke_width(target, screen.pitch) if system.target.settings.kind == "image" else None,
-        plain=rel_l2(wide[reach:-reach, reach:-reach] if reach else wide, target),
+        plain=rel_l2(_blurred(blur, target, screen), target),
         least=_least(system, target, blur.kernel(system.target.screen(_merged(screen.pixels)))),
     )
+
+
+def _blurred(blur: Blur, picture: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:
+    """Return the means over pixels of a blurred picture that is constant on every pixel."""
+    rows, columns = picture.shape
+    times = min(FINER, max(1, MOST_PARTS // max(rows, columns)))
+    parts = picture.repeat(times, axis=0).repeat(times, axis=1)
+    fine = blur.applied(parts, screen.finer(times))
+    return np.asarray(fine.reshape(rows, times, columns, times).mean(axis=(1, 3)))
 
 
 def blur_sentence(system: OpticalSystem, found: BlurLimits, reached: float | None = None) -> str:
