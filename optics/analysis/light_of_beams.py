@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 from scipy.stats import qmc
 
 from optics.analysis.light_estimate import LightEstimate
@@ -49,6 +50,7 @@ SUNFLOWER, SEVERAL = 2, 8
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
 CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
+RINGING = 0.25, 0.5, 0.25  # what takes that frequency away
 FINER = 3  # pixels of the sharp light in one of the screen, in each direction
 LEAST_CELLS = 128
 AXIS = np.array([0.0, 0.0, 1.0])
@@ -76,11 +78,11 @@ def beam_irradiance(
             yield image, on_target, by_fate.transmitted - on_target
 
     light = LightEstimate.of_replicates(replicates())
-    light = replace(light, irradiance=np.maximum(light.irradiance, 0.0))  # noise of dark pixels
-    arriving = replace(
-        reduce(add, fates) / REPLICATES, on_target=light.on_target, off_target=light.off_target
-    )
-    return light, arriving
+    arriving = reduce(add, fates) / REPLICATES
+    on = min(light.on_target, arriving.transmitted)  # noise takes no more than there is
+    off = arriving.transmitted - on
+    irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels
+    return LightEstimate(irradiance, light.error, on, off), replace(arriving, on_target=on, off_target=off)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +134,8 @@ class _Rest:
         """Return k * S - k_N * S_N on the screen."""
         shifts = np.array([sample.shift(self.blur.shifts) for sample in samples])
         rest = self.blurred - self.blur.sampled(self.coarse, self.screen.finer(FINER), shifts)
+        for axis in (0, 1):  # shifts of a sharp edge ring at the pixels' own frequency
+            rest = convolve1d(rest, RINGING, axis)
         rows, columns = (n // FINER for n in rest.shape)
         rest = rest.reshape(rows, FINER, columns, FINER).mean(axis=(1, 3))
         margin = (rows - self.screen.shape[0]) // 2

@@ -77,8 +77,10 @@ def colour_metrics(
     fringe : distance of the pixels' chromaticity (u', v') from the source's, weighted with their luminance.
     """
     lines = system.wavelengths
-    ends = max(BLUE, lines[0].nm), min(RED, lines[-1].nm)
-    shift = _shift(system, lens, ends, backend) if ends[0] < ends[1] else 0.0
+    first, last = lines[0].nm, lines[-1].nm
+    between = max(BLUE, first), min(RED, last)
+    ends = between if between[0] < between[1] else (first, last)  # all of them on one side
+    shift = _shift(system, lens, ends, backend) if first < last else 0.0
     distance = fringe(system, colour)
     shown = np.isfinite(distance)
     weight = colour[1][shown]

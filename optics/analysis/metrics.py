@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.analysis.closed_lens_light import light_by_other_ways
+from optics.analysis.closed_lens_light import NEGLIGIBLE, light_by_other_ways
 from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_beams import beam_irradiance
 from optics.analysis.light_of_cells import cell_irradiance
@@ -83,7 +83,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     estimator = _estimator(system)
     spectral = spectral_light(system, lens, screen, backend, ESTIMATES[estimator])
     direct, fates = spectral.estimate, spectral.fates
-    other = light_by_other_ways(system, lens, screen, backend) if system.path.by_edges else None
+    other = light_by_other_ways(system, lens, screen, backend) if _by_edges(system, fates) else None
     all_ways = other is not None and not other.negligible
     light = direct + other.light if other and all_ways else direct
     shown = screen.projection()  # in the far field intensities are compared
@@ -113,6 +113,12 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, lens, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def _by_edges(system: OpticalSystem, fates: SequentialFates) -> bool:
+    """Whether light may come by other ways: of a beam, where its front sends enough of it beside the rear."""
+    beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
+    return system.path.by_edges and (system.path.spreading or beside)
 
 
 def _estimator(system: OpticalSystem) -> str:

@@ -106,7 +106,10 @@ def format_of(out: str, wanted: str | None) -> str:
     name = Path(out).suffix[1:].lower() if wanted is None else wanted.lower()
     if name not in SUFFIXES:
         asked = f"the suffix of {out}" if wanted is None else f"the format {wanted!r}"
-        raise UserError(f"{asked} is unknown; choose --format from {', '.join(FORMATS)}")
+        raise UserError(
+            f"{asked} is unknown; choose --format from {', '.join(FORMATS)}; for light take --light "
+            "rear with .tm25ray, .dat or .ray, or a file that ends in .ies or .ldt"
+        )
     promised = SUFFIXES.get(Path(out).suffix[1:].lower())
     if promised not in (None, SUFFIXES[name]):
         raise UserError(

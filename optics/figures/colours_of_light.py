@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.analysis import fringe
-from optics.colour import spectral_lines, srgb, white_of
+from optics.colour import srgb
 from optics.figures.canvas import block, new_figure, plane_figure, png_bytes
 from optics.view import block_means
 
@@ -28,14 +28,17 @@ def colour_figures(
 ) -> dict[str, tuple[str, bytes]]:
     """Return (caption, PNG) of the picture in colour and of the colour fringe, by name.
 
-    Without a spectrum there are none.  unit : of lengths on the target.
+    Without a spectrum, or where no light is visible, there are none.  unit : of lengths on the target.
     """
     if measurement.colour is None:
         return {}
     source, numbers = system.problem.source, measurement.metrics["colour"]
     half_width = system.target.settings.half_width
     named = source.spectrum if isinstance(source.spectrum, str) else f"{len(system.wavelengths)} wavelengths"
-    white = white_of(spectral_lines(source.spectrum)) * measurement.target.max()
+    of_unit_flux = [wavelength.weight * np.array(wavelength.xyz) for wavelength in system.wavelengths]
+    white = np.sum(of_unit_flux, axis=0) * measurement.target.max()
+    if not white[1]:
+        return {}
     distance = fringe(system, measurement.colour)
     seen = distance[np.isfinite(distance)]
     top = max(float(np.quantile(seen, MOST)), LEAST_SCALE) if seen.size else LEAST_SCALE

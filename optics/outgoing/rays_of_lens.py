@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from optics.ray_files import RaySet
+from optics.runtime import UserError
 from optics.tracing import Tracer
 
 if TYPE_CHECKING:
@@ -23,7 +24,13 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     backend : of double precision.
 
     Light that edges and inner reflections send on is not among them.
+
+    Raises
+    ------
+    UserError : rays from the target in the far field, where no plane is.
     """
+    if place == "target" and system.target.far_field:
+        raise UserError("the far field has no plane that rays may start from; take --light rear")
     side = isqrt(count - 1) + 1
     rays = system.source.rays((side, side))
     tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)

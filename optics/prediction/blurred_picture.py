@@ -24,12 +24,17 @@ from optics.etendue import Kernel, approximate
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from optics.blur import Blur
     from optics.runtime import Backend
     from optics.system import OpticalSystem
+    from optics.target import Screen
     from thbcad.lens import Lens
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
+FINER = 7  # parts of a pixel in each direction: a narrower spot blurs the borders of lit pixels too
+MOST_PARTS = 2048  # in each direction: those of large pictures fill the memory, and their pixels are small
 KKT = 1e-5  # of the best light
+SMALL = 1e-3  # of rel_l2: less is none
 RIDGE = 4.0  # width of a long stroke, over the mean distance of its points to its border
 
 
@@ -39,6 +44,7 @@ class BlurLimits:
 
     width : full width of the spot.  pixel : mm or degrees, as all lengths.
     strokes : mean width of the bright parts of a picture, None of other targets.
+    variation : of the spot over the lens, relative.
     plain : rel_l2 of the picture, blurred.
     least : of rel_l2 of all light with this blur everywhere; None where the spot is wider than the target.
     """
@@ -46,6 +52,7 @@ class BlurLimits:
     width: float
     pixel: float
     strokes: float | None
+    variation: float
     plain: float
     least: float | None
 
@@ -54,15 +61,23 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
     """Return what the blur of a lens leaves of the target of a blurred system."""
     blur, screen = blur_of(system, lens, backend), system.target.screen()
     target = system.target.irradiance(screen, 1.0)
-    reach = blur.reach(screen)
-    wide = blur.applied(np.pad(target, reach), screen)
     return BlurLimits(
         width=blur.width,
         pixel=max(screen.pitch),
         strokes=stroke_width(target, screen.pitch) if system.target.settings.kind == "image" else None,
-        plain=rel_l2(wide[reach:-reach, reach:-reach] if reach else wide, target),
+        variation=blur.shifts.variation,
+        plain=rel_l2(_blurred(blur, target, screen), target),
         least=_least(system, target, blur.kernel(system.target.screen(_merged(screen.pixels)))),
     )
+
+
+def _blurred(blur: Blur, picture: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:
+    """Return the means over pixels of a blurred picture that is constant on every pixel."""
+    rows, columns = picture.shape
+    times = min(FINER, max(1, MOST_PARTS // max(rows, columns)))
+    parts = picture.repeat(times, axis=0).repeat(times, axis=1)
+    fine = blur.applied(parts, screen.finer(times))
+    return np.asarray(fine.reshape(rows, times, columns, times).mean(axis=(1, 3)))
 
 
 def blur_sentence(system: OpticalSystem, found: BlurLimits, reached: float | None = None) -> str:
@@ -74,7 +89,8 @@ def blur_sentence(system: OpticalSystem, found: BlurLimits, reached: float | Non
     said += f"; the picture itself, blurred so, has a rel_l2 of {found.plain:.2g}"
     if found.least is None:
         return f"{said}; the spot is wider than the target"
-    said += f"; one blur everywhere, a model, allows {found.least:.2g} at least"
+    said += f"; one blur everywhere, a model from which the spots of the lens vary by {found.variation:.1%}, "
+    said += f"allows {found.least:.2g} at least" if found.least >= SMALL else "costs nothing on these pixels"
     return said if reached is None else f"{said}; this lens has {reached:.2g}"
 
 
@@ -100,7 +116,7 @@ def _who(system: OpticalSystem) -> str:
 
 def _merged(pixels: tuple[int, int]) -> int:
     """Return how many pixels are merged in each direction."""
-    return max(1, max(pixels) // MOST_PIXELS)
+    return -(-max(pixels) // MOST_PIXELS)
 
 
 def _least(system: OpticalSystem, target: NDArray[np.float64], spot: NDArray[np.float64]) -> float | None:

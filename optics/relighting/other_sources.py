@@ -6,8 +6,9 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from optics.problem import SUN, Problem, Source, load_problem
+from optics.problem import SUN, Problem, Source, base_of, freedom_of, load_problem
 from optics.runtime import UserError
+from thbcad.sags import Conic
 
 LED = re.compile(r"led:(?P<size>[0-9.eE+-]+)mm(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
 LUMINAIRE = re.compile(r"(?P<file>.+\.(ies|ldt))(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
@@ -28,10 +29,7 @@ def other_source(words: str, problem: Problem) -> Source:
     """
     own = problem.source
     if words.lower() == "sun":
-        wide = own.half_width if own.kind == "collimated" else problem.lens.front.half_width
-        beam = own
-        if own.kind != "collimated":
-            beam = Source(kind="collimated", half_width=wide, flux=own.flux, unit=own.unit)
+        beam = own if own.kind == "collimated" else _beam(problem)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
         return _led(found, problem)
@@ -42,11 +40,27 @@ def other_source(words: str, problem: Problem) -> Source:
             file=str(lamp),
             distance=_distance(found, problem),
             flux=own.flux,
+            unit=own.unit,
             wavelength=own.wavelength,
         )
     if not words.lower().endswith(".toml"):
         raise UserError(f"--source must be {FORMS}, got {words!r}")
     return load_problem(Path(words)).source
+
+
+def _beam(problem: Problem) -> Source:
+    """Return a parallel beam as wide as the front, from before all of it."""
+    own, front = problem.source, problem.lens.front
+    radius, constant = base_of(front)
+    depth = max(0.0, -float(Conic(radius, constant)(*front.half_width)))
+    return Source(
+        kind="collimated",
+        half_width=front.half_width,
+        distance=Source.distance + depth + freedom_of(front),
+        flux=own.flux,
+        unit=own.unit,
+        wavelength=own.wavelength,
+    )
 
 
 def _led(found: re.Match[str], problem: Problem) -> Source:

@@ -34,7 +34,7 @@ WORDS = {
     "fringe": ("", "mean distance of the chromaticity (u', v') from the source's, by luminance"),
     "rel_l2_sequential": (PERCENT, "rel_l2 of the light through front and rear only"),
     "paths": ("", "light that counts: all ways through the lens, or front and rear only"),
-    "estimator": ("", "what was traced: cells between rays, or single rays"),
+    "estimator": ("", "what was traced: cells between rays, beams of such cells, or single rays"),
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
     "stray": (PERCENT, "of the source flux leaves the lens and misses the target"),

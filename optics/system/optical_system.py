@@ -43,10 +43,9 @@ class LightPath:
     def by_edges(self) -> bool:
         """Whether light may reach the target by other ways than through front and rear.
 
-        The non-sequential trace needs a target plane.  Parallel beams are left out: the fate `missed_rear`
-        shows where a curved front sends them into the edges.
+        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
         """
-        return self.spreading and not self.far_field
+        return not (self.parallel or self.far_field)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from optics.transport.surface_slopes import refracted
 from thbcad.sags import Conic
 
 NEWTON_STEPS = 6  # from a straight line: steps that double the digits; targets within reach need four
-MEETING_STEPS = 12  # of the meeting with a conic: rays are steeper than it, so that each step gains a digit
 DIFFERENCE = 1e-6  # of p and q: the square root of the rounding of L, with some room
 STEEPEST = 0.98  # of the least |(p, q)| that a plane rear reflects totally: the aim goes no farther
 EXACT = 1e-12  # of the throw: no step is taken for less
@@ -46,9 +45,9 @@ class FixedRear:
         """
         (x, y, z), (p, q) = points, slopes
         drop = self.thickness - z
-        for _ in range(1 if self.conic.is_plane else MEETING_STEPS):
-            drop = self.thickness + self.conic(x + p * drop, y + q * drop) - z
         x, y = x + p * drop, y + q * drop
+        height = self._meeting((x, y), (p, q))
+        x, y, drop = x + p * height, y + q * height, drop + height
         length = np.sqrt(1 + p * p + q * q)
         along = [p / length, q / length, 1 / length]
         tilt = [self.conic(x, y, derivative) for derivative in ((1, 0), (0, 1))]
@@ -57,6 +56,18 @@ class FixedRear:
             return [np.degrees(np.arctan2(d, dz)) for d in (dx, dy)]
         down = (self.target_z - z - drop) / np.maximum(dz, DIFFERENCE)
         return [x + dx * down, y + dy * down]
+
+    def _meeting(self, points: Sequence[Floats], slopes: Sequence[Floats]) -> Floats:
+        """Return the height h over the vertex at which rays (x + p h, y + q h, h) meet the conic.
+
+        It is the root of c (r^2 + (1 + K) h^2) = 2 h next to the vertex; NaN of rays that miss the conic.
+        """
+        (x, y), (p, q) = points, slopes
+        c, stretch = 1 / self.conic.radius, 1 + self.conic.constant
+        a, b = c * (p * p + q * q + stretch), 1 - c * (p * x + q * y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            height = c * (x * x + y * y) / (b + np.sqrt(b * b - a * c * (x * x + y * y)))
+            return np.where(stretch * c * height <= 1, height, np.nan)
 
     def aimed(
         self, points: Sequence[Floats], wanted: Sequence[Floats]

@@ -126,7 +126,7 @@ def test_light_that_nobody_sees_has_no_fringe(tmp_path, backend):
     system = system_of(tmp_path, {"lens.material": "PMMA", "source.spectrum": [[900.0, 1.0], [1000.0, 1.0]]})
     metrics = measure(system, system.lens, backend).metrics
     assert metrics["colour"]["fringe"] is None
-    assert metrics["colour"]["shift"] == 0.0
+    assert metrics["colour"]["shift"] > 0
     assert metrics["efficiency"] > 0.9
 
 

@@ -70,7 +70,9 @@ def test_the_blurred_image_is_what_beams_measure(tmp_path, backend, case):
     assert off < 0.25 * changed
     assert changed > 0.05 * float(np.linalg.norm(measured.irradiance))
     assert measured.metrics["estimator"] == "beams"
-    assert sum(measured.metrics["fates_w"].values()) == pytest.approx(1.0, rel=1e-12)
+    fates = measured.metrics["fates_w"].values()
+    assert sum(fates) == pytest.approx(1.0, rel=1e-12)
+    assert min(fates) >= 0
 
 
 def test_a_target_is_asked_for_as_it_is(tmp_path, backend):

@@ -4,6 +4,7 @@ import io
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from optics.analysis import measure
@@ -30,14 +31,33 @@ def test_without_a_spectrum_there_is_no_colour(tmp_path, backend):
     assert colour_figures(system, measurement, "mm") == {}
 
 
-def test_light_as_bright_as_asked_for_is_white(tmp_path, backend):
-    """A diagonal of pixels has the colour of the source: the picture is black and white."""
-    system, measurement = measured(tmp_path, backend, SPECTRAL)
+def test_invisible_light_has_no_colour_but_a_shift(tmp_path, backend):
+    infrared = {
+        "lens.indices": [[550.0, 1.51], [900.0, 1.5], [1000.0, 1.49]],
+        "source.spectrum": [[900.0, 1.0], [1000.0, 1.0]],
+        "target.pixels": [24, 24],
+    }
+    system, measurement = measured(tmp_path, backend, infrared)
+    assert colour_figures(system, measurement, "mm") == {}
+    found = measurement.metrics["colour"]
+    assert (found["from_nm"], found["to_nm"], found["fringe"]) == (900.0, 1000.0, None)
+    assert found["shift"] > 0
+
+
+@pytest.mark.parametrize("unit", ["W", "lm"])
+def test_light_half_as_bright_as_asked_for_is_half_of_white(tmp_path, backend, unit):
+    """A diagonal of pixels has the colour of the source: the picture is black and grey.
+
+    The colour of lumens has Y = 1, that of watts what the spectrum has.
+    """
+    system, measurement = measured(tmp_path, backend, SPECTRAL | {"source.unit": unit})
     white = white_of(spectral_lines("LED-B3"))
-    flat = np.multiply.outer(white * measurement.target.max(), np.eye(24))
-    figures = colour_figures(system, replace(measurement, colour=flat), "mm")
-    assert all(r == g == b for r, g, b in colours(figures["colour"][1]))
-    assert (255, 255, 255) in colours(figures["colour"][1])
+    white = white / white[1] if unit == "lm" else white
+    flat = np.multiply.outer(0.5 * white * measurement.target.max(), np.eye(24))
+    _, png = colour_figures(system, replace(measurement, colour=flat), "mm")["colour"]
+    assert all(r == g == b for r, g, b in colours(png))
+    grey = np.asarray(Image.open(io.BytesIO(png)).convert("L")).astype(int)
+    assert (abs(grey - 188) <= 1).mean() > 0.01  # sRGB of 0.5; text has some pixels of every grey
 
 
 def test_a_red_pixel_is_red(tmp_path, backend):

@@ -41,6 +41,12 @@ def test_a_lens_that_lets_no_light_through_is_refused(tmp_path, backend):
         design(system, backend, ExactEngine(backend))
 
 
+def test_a_lens_that_absorbs_all_light_is_refused(tmp_path, backend):
+    system = loaded(tmp_path, {"lens.absorption": 10.0})
+    with pytest.raises(UserError, match=r"past the rear surface 0, absorbed 0\.96"):
+        design(system, backend, ExactEngine(backend))
+
+
 @pytest.mark.parametrize(("front", "rear"), [((10.0, 10.0), (8.0, 8.0)), ((8.0, 8.0), (10.0, 10.0))])
 @pytest.mark.parametrize("radius", [np.inf, 60.0])
 def test_fronts_and_rears_of_different_size_design_too(tmp_path, backend, front, rear, radius):

@@ -6,7 +6,7 @@ import pytest
 import optics
 from optics.outgoing import outgoing_rays
 from optics.problem import load_problem
-from optics.runtime import load_backend
+from optics.runtime import UserError, load_backend
 from tests.optics.cases import rough, write_problem
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 20.0}
@@ -30,3 +30,10 @@ def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes
     through = metrics["fates_w"]["on_target"] + metrics["fates_w"]["off_target"]
     assert rear.total == pytest.approx(through, rel=0.05)  # 600 of 4096 rays of the lamp
     assert (rear.wavelength == 550).all()
+
+
+def test_no_rays_start_in_the_far_field(tmp_path):
+    far = {"target.distance": np.inf, "target.half_width": [20.0, 20.0]}
+    system = optics.System(load_problem(write_problem(tmp_path, far)))
+    with pytest.raises(UserError, match="take --light rear"):
+        outgoing_rays(system.optical, system.optical.lens, load_backend("double"), 100, "target")

@@ -52,10 +52,19 @@ def test_an_led_stands_where_the_point_was_or_where_it_is_said(tmp_path):
         )
 
 
-@pytest.mark.parametrize("words", ["sun", "led:1mm"])
-def test_other_light_has_the_unit_of_the_own(tmp_path, words):
-    other = other_source(words, problem_of(tmp_path, POINT | {"source.unit": "lm"}))
-    assert (other.flux, other.unit) == (3.0, "lm")
+@pytest.mark.parametrize("words", ["sun", "led:1mm", "lamp.ies"])
+def test_other_light_has_unit_and_wavelength_of_the_own(tmp_path, words):
+    own = POINT | {"source.unit": "lm", "source.wavelength": 633.0}
+    other = other_source(words, problem_of(tmp_path, own))
+    assert (other.flux, other.unit, other.wavelength) == (3.0, "lm", 633.0)
+
+
+def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
+    hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
+    problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
+    sun = other_source("sun", problem)
+    fates = relit(problem, optics.System(problem).optical.lens, sun, backend).metrics["fates_w"]
+    assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
 def test_the_source_of_another_file_is_taken(tmp_path):

@@ -44,6 +44,20 @@ def test_rays_land_where_the_vector_law_says(conic, target_z, place, slopes, hei
     np.testing.assert_allclose(np.ravel(found), landing_by_hand(rear, point, slopes), rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize(("place", "slopes"), [((5.0, 4.0), (0.8, 0.5)), ((6.0, -1.0), (1.1, 0.0))])
+def test_rays_as_flat_as_the_rear_meet_it_too(place, slopes):
+    rear = FixedRear(1.5, Conic(-10.0, -1.0), 5.0, 1000.0)
+    point = (*place, 0.5)
+    found = rear.landing([np.array([[a]]) for a in point], [np.array([[a]]) for a in slopes])
+    np.testing.assert_allclose(np.ravel(found), landing_by_hand(rear, point, slopes), rtol=1e-9)
+
+
+def test_rays_that_miss_the_rear_land_nowhere():
+    rear = FixedRear(1.5, Conic(-10.0), 5.0, 1000.0)
+    found = rear.landing([np.array([[a]]) for a in (15.0, 0.0, 0.0)], [np.zeros((1, 1))] * 2)
+    assert np.isnan(found).all()
+
+
 @pytest.mark.parametrize("target_z", [20.0, FAR])
 @pytest.mark.parametrize("conic", CONICS.values(), ids=CONICS)
 def test_aimed_light_lands_where_it_is_wanted(conic, target_z):
