@@ -98,13 +98,15 @@ def stroke_width(picture: NDArray[np.float64], pitch: Sequence[float]) -> float:
     """Return the mean width of the bright parts of a picture, in the unit of pitch (x, y).
 
     Bright is what lies above Otsu's threshold.  The points of a stroke of width w are w / 4 from its border
-    in the mean.
+    in the mean, and half a pixel more from the middle of the next pixel.
     """
     from skimage.filters import threshold_otsu
 
     bright = picture > threshold_otsu(picture) if np.ptp(picture) else picture > 0
     inside = distance_transform_edt(np.pad(bright, 1), sampling=pitch[::-1])
-    return RIDGE * float(inside[1:-1, 1:-1][bright].mean()) if bright.any() else 0.0
+    if not bright.any():
+        return 0.0
+    return RIDGE * (float(inside[1:-1, 1:-1][bright].mean()) - float(np.mean(pitch)) / 2)
 
 
 def _who(system: OpticalSystem) -> str:

@@ -117,10 +117,26 @@ def test_the_seed_is_the_problems(tmp_path, backend):
     [
         ({}, True),
         (POINT, True),
-        ({"source.kind": "collimated"}, False),
+        ({"source.kind": "collimated", "lens.front.radius": np.inf, "lens.thickness": 8.0}, False),
+        ({"source.kind": "collimated"}, True),
         ({"target.distance": np.inf, "target.half_width": [60.0, 60.0]}, False),
     ],
-    ids=["lambertian", "point", "collimated", "far field"],
+    ids=["lambertian", "point", "collimated", "collimated before a curved front", "far field"],
 )
-def test_only_spreading_light_to_a_plane_is_followed(tmp_path, changes, follows):
+def test_light_that_may_meet_edges_before_a_plane_is_followed(tmp_path, changes, follows):
     assert system_of(tmp_path, changes).path.by_edges is follows
+
+
+@pytest.mark.parametrize(("half", "paths"), [(4.5, "all"), (1.0, "sequential")])
+def test_a_beam_that_a_front_spreads_past_the_rear_counts_by_all_ways(tmp_path, backend, half, paths):
+    """A wide beam meets the hollow front where that sends much of it into the edges, a narrow one nowhere."""
+    beam = {
+        "source.kind": "collimated",
+        "source.half_width": [half, half],
+        "lens.rear.half_width": [5.0, 5.0],
+    }
+    system = system_of(tmp_path, beam)
+    metrics = measure(system, system.lens, backend).metrics
+    assert metrics["paths"] == paths
+    assert (metrics["fates_w"]["missed_rear"] > 0.05) is (paths == "all")
+    assert ("nonsequential" in metrics) is (paths == "all")

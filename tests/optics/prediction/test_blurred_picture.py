@@ -1,12 +1,18 @@
-"""What a blur leaves of a picture: spots narrower than a pixel against a closed form."""
+"""What a blur leaves of a picture: closed forms of borders and strokes, and what is said of it."""
+
+import re
 
 import numpy as np
 import pytest
 
 from optics.blur import Blur, LandingShifts
-from optics.prediction.blurred_picture import _blurred
+from optics.prediction import blur_limits, blur_sentence
+from optics.prediction.blurred_picture import _blurred, stroke_width
+from optics.problem import load_problem
 from optics.sources import Divergence
+from optics.system import OpticalSystem
 from optics.target import Screen
+from tests.optics.cases import write_problem
 
 
 @pytest.mark.parametrize("parts", [0.8, 2.0])
@@ -21,3 +27,23 @@ def test_a_disk_takes_light_over_the_border_of_what_is_lit(parts):
     picture[:, :20] = 1.0
     found = _blurred(Blur(Divergence("uniform", 0.5), (0.0, 0.0), shifts), picture, screen)
     assert found[20, 20:30].sum() == pytest.approx(2 * radius / (3 * np.pi), rel=0.05)
+
+
+@pytest.mark.parametrize("width", [4, 8, 20])
+def test_a_stroke_is_as_wide_as_it_is(width):
+    picture = np.zeros((60, 90))
+    picture[20 : 20 + width, :] = 1.0
+    assert stroke_width(picture, (0.5, 0.5)) == pytest.approx(
+        0.5 * width, rel=0.1
+    )  # its ends are borders too
+
+
+def test_what_is_said_of_the_sun_and_of_a_wide_beam(tmp_path, backend):
+    """0.53 degrees at 60 mm are 0.56 mm; a beam of 60 degrees is wider than the target."""
+    for degrees, said in ((0.0, "the sun blurs 0.5[67] mm"), (30.0, "the spot is wider than the target")):
+        changes = {"source.divergence_profile": "sun", "source.divergence": degrees, "source.distance": 3.0}
+        system = OpticalSystem(load_problem(write_problem(tmp_path, changes, name=f"{degrees}.toml")))
+        limits = blur_limits(system, system.lens, backend)
+        sentence = blur_sentence(system, limits)
+        assert re.search(said, sentence)
+        assert limits.least is None or 0 <= limits.least <= limits.plain
