@@ -39,6 +39,7 @@ def _in_sun(run: CaseRun, folder: Path) -> list[Row]:
         rel_l2_row(
             "hobbyist's photograph in the sun, lens for it: rel_l2", sunny.metrics, reference, NEAR * model
         ),
+        Row("  rel_l2 without noise", sunny.metrics["rel_l2_debiased"]),
         Row("  one-blur model: rel_l2", model),
         Row("  rel_l2 / one-blur model's", sunny.metrics["rel_l2"] / model, "", "", NEAR),
         Row("  ssim", sunny.metrics["ssim"]),

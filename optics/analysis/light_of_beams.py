@@ -50,7 +50,8 @@ SUNFLOWER, SEVERAL = 2, 8
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
 CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
-RINGING = 0.25, 0.5, 0.25  # what takes that frequency away
+# what takes that frequency away and leaves 63/64 of the coarse pixels' highest
+STILL = np.array([1, -6, 15, 44, 15, -6, 1]) / 64
 FINER = 3  # pixels of the sharp light in one of the screen, in each direction
 LEAST_CELLS = 128
 AXIS = np.array([0.0, 0.0, 1.0])
@@ -135,7 +136,7 @@ class _Rest:
         shifts = np.array([sample.shift(self.blur.shifts) for sample in samples])
         rest = self.blurred - self.blur.sampled(self.coarse, self.screen.finer(FINER), shifts)
         for axis in (0, 1):  # shifts of a sharp edge ring at the pixels' own frequency
-            rest = convolve1d(rest, RINGING, axis)
+            rest = convolve1d(rest, STILL, axis)
         rows, columns = (n // FINER for n in rest.shape)
         rest = rest.reshape(rows, FINER, columns, FINER).mean(axis=(1, 3))
         margin = (rows - self.screen.shape[0]) // 2
