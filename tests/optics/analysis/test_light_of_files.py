@@ -32,6 +32,7 @@ def blocks(image, side=8):
     return image.reshape(image.shape[0] // side, side, -1, side).mean(axis=(1, 3))
 
 
+@pytest.mark.slow
 def test_a_file_of_a_lamp_lights_as_the_lamp(lamp, tmp_path):
     theirs = optics.System(load_problem(write_problem(tmp_path, LAMP)))
     ours = of_file(lamp)

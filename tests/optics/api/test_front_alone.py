@@ -9,11 +9,13 @@ import optics
 from tests.optics.cases import front_problem
 
 
+@pytest.mark.slow
 def test_a_front_alone_is_designed_stored_and_verified(tmp_path):
     plane = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0}
     made = optics.design(front_problem(tmp_path, plane))
     assert made.lens.rear.is_plane
-    assert made.metrics["rel_l2"] < 0.1
+    assert made.metrics["rel_l2_sequential"] < 0.1
+    assert made.metrics["rel_l2"] < 0.15  # with the light that the bent front sends into the edges
     assert sum(made.metrics["fates_w"].values()) == pytest.approx(1.0, abs=1e-12)
     folder = made.save(tmp_path / "result")
     assert "freeform = false" in (folder / "problem.toml").read_text("utf-8")

@@ -82,6 +82,7 @@ def test_a_target_is_asked_for_as_it_is(tmp_path, backend):
     np.testing.assert_allclose(found, target, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_design_for_the_sun_is_better_there_than_a_sharp_one(tmp_path):
     """And it makes a picture that is too sharp for parallel light."""
     problem = load_problem(write_problem(tmp_path, SUN | {"optimizer.iterations": [20]}))

@@ -59,6 +59,7 @@ def test_other_light_has_unit_and_wavelength_of_the_own(tmp_path, words):
     assert (other.flux, other.unit, other.wavelength) == (3.0, "lm", 633.0)
 
 
+@pytest.mark.slow
 def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
     hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
     problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
