@@ -212,7 +212,7 @@ def test_sdist_and_wheel_hold_the_packages_and_nothing_else(built):
         p.relative_to(ROOT).as_posix()
         for package in ("thbcad", "optics")
         for p in (ROOT / package).rglob("*")
-        if p.suffix in (".py", ".typed", ".html")
+        if p.suffix in (".py", ".typed", ".html", ".csv")
     }
     assert {
         "thbcad/py.typed",
