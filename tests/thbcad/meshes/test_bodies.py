@@ -137,7 +137,8 @@ def test_ears_fill_any_polygon(steps):
     try:
         triangles = np.array(polygon.corners)[ears(polygon)]
     except ValueError as error:
-        assert "rounding does not tell apart" in str(error)
+        if "rounding does not tell apart" not in str(error):
+            raise
         reject()
     u, v = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     areas = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
