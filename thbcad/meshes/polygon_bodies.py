@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.checks import Floats, Integers
+from thbcad.checks import EPS, Floats, Integers
 from thbcad.lens import (
     MOST_TRIANGLES,
     Lens,
@@ -25,6 +25,7 @@ from thbcad.lens import (
 )
 from thbcad.meshes.plans import bounds_of, greatest_circle, on_surfaces, too_many
 
+ROUNDINGS = 16  # of a turn's two products of differences of coordinates, each up to (2 m)^2 eps for |x| <= m
 # Triangles that replace one: 0, 1, 2 are its corners, 3, 4, 5 the middles of its sides from corner 0, 1, 2.
 ONE_HALVED = ((0, 3, 2), (3, 1, 2))  # side 0
 TWO_HALVED = (  # sides 0 and 1; which line cuts the rest: to the middle of side 0, or of side 1
@@ -70,19 +71,23 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
 def ears(polygon: Polygon) -> Integers:
     """Return the numbers of the corners of triangles that fill a polygon, (n - 2, 3), counter-clockwise.
 
+    A corner that rounding does not tell from the border of an ear lies in it: corners on a straight side would
+    otherwise be cut off from the rest, and leave a strip without area.
+
     Raises
     ------
     ValueError : corners that rounding does not tell from a line.
     """
     corners = np.array(polygon.corners)
+    flat = ROUNDINGS * EPS * float(np.square(corners).max())
     left = np.arange(len(corners))
     triangles = []
     while len(left) > 3:
         before, after = corners[np.roll(left, 1)], corners[np.roll(left, -1)]
-        convex = _turn(before, corners[left], after) > 0
+        convex = _turn(before, corners[left], after) > flat
         lengths = np.where(convex, np.hypot(*(after - before).T), np.inf)
         order = np.argsort(lengths, kind="stable")[: int(convex.sum())]
-        ear = next((int(k) for k in order if _is_ear(corners, left, int(k))), None)
+        ear = next((int(k) for k in order if _is_ear(corners, left, int(k), flat)), None)
         if ear is None:
             raise ValueError("the polygon has corners that rounding does not tell apart; leave some out")
         triangles.append([left[ear - 1], left[ear], left[(ear + 1) % len(left)]])
@@ -90,13 +95,16 @@ def ears(polygon: Polygon) -> Integers:
     return np.array([*triangles, left])
 
 
-def _is_ear(corners: Floats, left: Integers, k: int) -> bool:
-    """Return whether no other corner lies in the triangle of a convex corner and its neighbours."""
+def _is_ear(corners: Floats, left: Integers, k: int, flat: float) -> bool:
+    """Return whether no other corner lies in the triangle of a convex corner and its neighbours.
+
+    flat : twice the area of triangles that may be none.
+    """
     own = left[[k - 1, k, (k + 1) % len(left)]]
     a, b, c = corners[own]
     others = corners[np.setdiff1d(left, own, assume_unique=True)]
-    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-    return not inside.any()
+    sides = ((a, b), (b, c), (c, a))
+    return not np.all([_turn(start, stop, others) >= -flat for start, stop in sides], axis=0).any()
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
