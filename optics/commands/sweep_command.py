@@ -19,22 +19,21 @@ JUDGED = "rel_l2"  # the metric by which the best variant is named
 
 def sweep(options: Namespace) -> Outcome:
     """Design the variants of a problem file and write the folder of the sweep."""
-    from optics.sweeps import sweep as run
+    from optics.sweeps import SweepPlan, run_sweep
 
-    problem = load_problem(options.problem, changes_of(options))
     out = Path(options.out or Path("exports") / f"{Path(options.problem).stem}_sweep")
+    plan = SweepPlan(
+        problem=load_problem(options.problem, changes_of(options)),
+        ranges=_ranges(options),
+        folder=out,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        resume=options.resume,
+        force=options.force,
+        keep_lenses=options.lenses,
+    )
     try:
-        found = run(
-            problem,
-            _ranges(options),
-            out,
-            workers=options.workers,
-            scheduler=options.scheduler,
-            progress=True,
-            resume=options.resume,
-            force=options.force,
-            keep_lenses=options.lenses,
-        )
+        found = run_sweep(plan, progress=True)
     except KeyboardInterrupt:
         note(f"what is done is stored in {out}; the same command goes on with the rest")
         raise

@@ -6,6 +6,8 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.sweeps.running import (
+        SweepPlan as SweepPlan,
+        run_sweep as run_sweep,
         sweep as sweep,
     )
     from optics.sweeps.sweep_rows import (
@@ -15,13 +17,27 @@ if TYPE_CHECKING:
     from optics.sweeps.value_lists import (
         value_list as value_list,
     )
+    from optics.sweeps.variant_work import (
+        Designed as Designed,
+        Shared as Shared,
+        Work as Work,
+    )
 
 _FILES = {
-    "running": ("sweep",),
+    "running": (
+        "SweepPlan",
+        "run_sweep",
+        "sweep",
+    ),
     "sweep_rows": (
         "Sweep",
         "SweepRow",
     ),
     "value_lists": ("value_list",),
+    "variant_work": (
+        "Designed",
+        "Shared",
+        "Work",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -12,7 +12,7 @@ from optics.progress import drawing
 from optics.runtime import Moment, Phase, Progress, UserError
 from optics.sweeps.sweep_rows import DONE, FAILED, KILLED
 from optics.sweeps.sweep_store import StoredVariant, SweepStore
-from optics.sweeps.variant_work import Designed, Shared, Work, designed
+from optics.sweeps.variant_work import Designed, Shared, Work
 from optics.workers import TaskResult, run_tasks
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def compute(
     pool: WorkerPool,
     store: SweepStore,
     progress: SweepProgress,
-    function: Callable[[Shared, Work], Designed] = designed,
+    function: Callable[[Shared, Work], Designed],
 ) -> None:
     """Compute variants and store a row for each.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +12,31 @@ from optics.runtime import Moment, UserError
 from optics.sweeps.computing import SweepProgress, Tasks, compute
 from optics.sweeps.sweep_folder import taken_folder, write_sweep
 from optics.sweeps.sweep_rows import INVALID, Sweep, SweepRow
-from optics.sweeps.variant_work import Shared
+from optics.sweeps.variant_work import Designed, Shared, Work, designed
 from optics.sweeps.variants import Variant, all_variants, checked_ranges, files_of
 from optics.workers import worker_pool
 
 if TYPE_CHECKING:
     from optics.sweeps.sweep_store import SweepStore
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """What a sweep shall do.
+
+    ranges : values by key.  workers, scheduler : as `optics.workers.worker_pool`.
+    resume : the folder must hold this sweep.  force : what it holds is replaced.
+    keep_lenses : the store keeps the lens of every variant too.
+    """
+
+    problem: Problem
+    ranges: Mapping[str, Sequence[Any]]
+    folder: Path
+    workers: int | None = None
+    scheduler: str | None = None
+    resume: bool = False
+    force: bool = False
+    keep_lenses: bool = False
 
 
 def sweep(
@@ -40,8 +60,7 @@ def sweep(
     workers : processes of this machine, None for as many as cores.  scheduler : address of a dask scheduler
         whose workers are taken instead.
     progress : True draws a bar; a function is called with every `optics.runtime.Moment`.
-    resume : the folder must hold this sweep.  force : what it holds is replaced.
-    keep_lenses : the store keeps the lens of every variant too.
+    resume, force, keep_lenses : see `SweepPlan`.
 
     Raises
     ------
@@ -49,18 +68,28 @@ def sweep(
     """
     if not isinstance(problem, Problem):
         raise UserError(f"sweep takes a Problem, got {problem!r}; optics.load_problem reads a file")
-    lists, folder = checked_ranges(ranges), Path(out)
-    variants = all_variants(problem, lists)
-    with taken_folder(folder, problem, list(lists), resume, force) as store:
+    plan = SweepPlan(problem, ranges, Path(out), workers, scheduler, resume, force, keep_lenses)
+    return run_sweep(plan, progress)
+
+
+def run_sweep(
+    plan: SweepPlan,
+    progress: bool | Callable[[Moment], None] | None = None,
+    function: Callable[[Shared, Work], Designed] = designed,
+) -> Sweep:
+    """Run a sweep and return it, see `sweep`.  function : what computes a variant."""
+    problem, ranges, keys = plan.problem, checked_ranges(plan.ranges), tuple(plan.ranges)
+    variants = all_variants(problem, ranges)
+    with taken_folder(plan.folder, problem, keys, plan.resume, plan.force) as store:
         missing = _missing(variants, store.problems())
         with SweepProgress(progress, len(missing)) as shown:
             if missing:
-                files = {path: Path(path).read_bytes() for path in set(files_of(problem, lists))}
-                tasks = Tasks(tuple(lists), missing, Shared(problem, files), keep_lenses)
-                with worker_pool(workers, scheduler) as pool:
-                    compute(tasks, pool, store, shown)
+                files = {path: Path(path).read_bytes() for path in set(files_of(problem, ranges))}
+                tasks = Tasks(keys, missing, Shared(problem, files), plan.keep_lenses)
+                with worker_pool(plan.workers, plan.scheduler) as pool:
+                    compute(tasks, pool, store, shown, function)
             shown.tables()
-            found = Sweep(folder, tuple(lists), [_row(variant, store) for variant in variants])
+            found = Sweep(plan.folder, keys, [_row(variant, store) for variant in variants])
             write_sweep(found, problem.title)
     return found
 

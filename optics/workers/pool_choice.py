@@ -31,7 +31,10 @@ def worker_pool(workers: int | None = None, scheduler: str | None = None) -> Ite
     if scheduler is not None:
         from optics.workers.dask_cluster import DaskCluster
 
-        cluster = DaskCluster(scheduler)
+        try:
+            cluster = DaskCluster(scheduler)
+        except ImportError as error:
+            raise UserError(str(error)) from None
         try:
             yield cluster
         finally:

@@ -8,7 +8,8 @@ import pytest
 
 import optics
 from optics.runtime import UserError
-from optics.sweeps import computing, metric_plots, running, sweep_folder
+from optics.sweeps import metric_plots, running, sweep_folder
+from optics.sweeps.running import run_sweep
 from tests.optics.sweeps.cases import DISTANCES, picky, problem, quick, thread_pool
 
 
@@ -17,7 +18,7 @@ def design(monkeypatch):
     """Return a function that sets what stands in for the design, on processes of this machine."""
 
     def use(function):
-        monkeypatch.setattr(running, "compute", partial(computing.compute, function=function))
+        monkeypatch.setattr(running, "run_sweep", partial(run_sweep, function=function))
 
     use(quick)
     return use
