@@ -73,6 +73,7 @@ QUICK = \
 	tests/optics/runtime \
 	tests/optics/shape \
 	tests/optics/sources \
+	tests/optics/sweeps/test_store.py \
 	tests/optics/system/test_lens.py \
 	tests/optics/target/test_picture.py \
 	tests/optics/target/test_regions.py \
@@ -83,6 +84,7 @@ QUICK = \
 	tests/optics/transport \
 	tests/optics/verification/test_step_checks.py \
 	tests/optics/view \
+	tests/optics/workers/test_task_loop.py \
 	tests/thesis/test_gradients.py \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \

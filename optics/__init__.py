@@ -50,6 +50,11 @@ if TYPE_CHECKING:
         NumericalError as NumericalError,
         UserError as UserError,
     )
+    from optics.sweeps import (
+        Sweep as Sweep,
+        SweepRow as SweepRow,
+        sweep as sweep,
+    )
 
 _FILES = {
     "api": (
@@ -89,6 +94,11 @@ _FILES = {
     "runtime": (
         "NumericalError",
         "UserError",
+    ),
+    "sweeps": (
+        "Sweep",
+        "SweepRow",
+        "sweep",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

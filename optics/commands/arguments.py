@@ -286,6 +286,36 @@ def _relight_options(command: argparse.ArgumentParser) -> None:
     _force_option(command)
 
 
+def _sweep_options(command: argparse.ArgumentParser) -> None:
+    _problem_options(command)
+    command.add_argument(
+        "--vary",
+        action="append",
+        required=True,
+        metavar="KEY=VALUES",
+        help="values of a key: START:STOP:COUNT with both ends, or a list such as [1, 2, 5]; may be "
+        "repeated, every combination is designed",
+    )
+    command.add_argument(
+        "--out", metavar="DIR", help="folder to write (default: exports/NAME_sweep of the problem file)"
+    )
+    command.add_argument(
+        "--workers", type=int, metavar="N", help="processes of this machine (default: as many as cores)"
+    )
+    command.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a dask cluster whose workers are taken instead, such as tcp://host:8786",
+    )
+    command.add_argument(
+        "--resume",
+        action="store_true",
+        help="the folder must hold this sweep; what it holds is never computed again, with or without this",
+    )
+    command.add_argument("--lenses", action="store_true", help="also keep the lens of every variant")
+    _force_option(command)
+
+
 def _bench_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
     command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
@@ -321,6 +351,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
         _etendue_options,
     ),
     "relight": ("show a finished design in other light", _relight_options),
+    "sweep": ("design every combination of the values of some keys, side by side", _sweep_options),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),
 }

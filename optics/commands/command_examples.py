@@ -40,6 +40,11 @@ EXAMPLES = {
         "thbcad relight exports/pearl --source sun --out sun.png",
         "thbcad relight exports/pearl --source led:1mm@500mm",
     ),
+    "sweep": (
+        "thbcad sweep my.toml --vary target.distance=200:400:5 --out distances",
+        "thbcad sweep my.toml --vary 'lens.rear.half_width=[[30,30],[40,40]]' --workers 2 --out sizes",
+        "thbcad sweep my.toml --vary target.distance=200:400:5 --scheduler tcp://host:8786 --out distances",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

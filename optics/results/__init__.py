@@ -10,6 +10,13 @@ if TYPE_CHECKING:
         read_checkpoint as read_checkpoint,
         write_checkpoint as write_checkpoint,
     )
+    from optics.results.folder_lock import (
+        run_lock as run_lock,
+    )
+    from optics.results.identity import (
+        data_of as data_of,
+        fingerprint as fingerprint,
+    )
     from optics.results.owned_files import (
         HASHES as HASHES,
         hashes as hashes,
@@ -36,6 +43,11 @@ _FILES = {
         "checkpoint_owner",
         "read_checkpoint",
         "write_checkpoint",
+    ),
+    "folder_lock": ("run_lock",),
+    "identity": (
+        "data_of",
+        "fingerprint",
     ),
     "owned_files": (
         "HASHES",

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from optics.optimisation import Row
 from optics.problem import Problem, load_problem
 from optics.results.checkpoint import checkpoint_owner
+from optics.results.folder_lock import require_no_run, run_lock
 from optics.results.identity import DATA, data_of, differing_keys, fingerprint, run_id
 from optics.results.owned_files import HASHES, require_own, sha256_of, writable_folder
-from optics.results.run_lock import require_no_run, run_lock
 from optics.runtime import UserError
 from thbcad.io import read_lens
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         collect_rarely as collect_rarely,
     )
     from optics.runtime.helper_process import (
+        ProcessEnded as ProcessEnded,
         SecondProcess as SecondProcess,
         load as load,
         peak_mb as peak_mb,
@@ -91,6 +92,7 @@ _FILES = {
     ),
     "garbage": ("collect_rarely",),
     "helper_process": (
+        "ProcessEnded",
         "SecondProcess",
         "load",
         "peak_mb",

@@ -29,6 +29,10 @@ PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one se
 TRAVELLING = ("builtins", "optics", "thbcad")  # packages whose exceptions another process can read
 
 
+class ProcessEnded(RuntimeError):
+    """A process ended before it answered."""
+
+
 class SecondProcess:
     """A Python process that calls functions for this one, one after the other, as it is asked.
 
@@ -76,7 +80,7 @@ class SecondProcess:
             value, error = self._pipe.recv()
         except (EOFError, OSError):
             code = self._process.wait()
-            raise RuntimeError(f"the second process ended with code {code} in {module}.{function}") from None
+            raise ProcessEnded(f"the second process ended with code {code} in {module}.{function}") from None
         if error is not None:
             raise error
         return value

@@ -14,9 +14,9 @@ from PIL import Image
 
 from optics.problem import load_problem
 from optics.results import FILES, ResultFolder, ResultWriter, write_checkpoint
+from optics.results.folder_lock import run_lock
 from optics.results.identity import _set_keys, run_id
 from optics.results.owned_files import sha256_of
-from optics.results.run_lock import run_lock
 from optics.runtime import UserError
 from optics.system import OpticalSystem
 from tests.cases import ROOT
@@ -313,7 +313,7 @@ def test_one_run_at_a_time(folder, problem):
 
 def test_a_killed_process_leaves_no_lock(tmp_path):
     code = (
-        "import os, signal, sys; from pathlib import Path; from optics.results.run_lock import run_lock\n"
+        "import os, signal, sys; from pathlib import Path; from optics.results.folder_lock import run_lock\n"
         "with run_lock(Path(sys.argv[1]), 'x'): os.kill(os.getpid(), signal.SIGKILL)"
     )
     subprocess.run([sys.executable, "-c", code, tmp_path], cwd=ROOT, check=False)

@@ -1,0 +1,65 @@
+"""The folder of a sweep: whose it is, and the files that show it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from optics.problem import Problem
+from optics.results import HASHES, fingerprint, hashes, require_own, run_lock, writable_folder
+from optics.runtime import UserError
+from optics.sweeps.contact_sheet import contact_sheet
+from optics.sweeps.metric_plots import metric_plots, plot_name
+from optics.sweeps.sweep_page import sweep_page
+from optics.sweeps.sweep_store import SweepStore, open_store
+from optics.sweeps.sweep_tables import csv_text, parquet_bytes
+from thbcad.io import json_text, write_files, write_text
+
+if TYPE_CHECKING:
+    from optics.sweeps.sweep_rows import Sweep
+
+STORE, RECORD = "sweep.sqlite", "sweep.json"
+TABLE, PARQUET, PAGE, SHEET = "sweep.csv", "sweep.parquet", "sweep.html", "contact_sheet.png"
+FILES = (RECORD, TABLE, PARQUET, PAGE, SHEET)
+
+
+@contextmanager
+def taken_folder(
+    folder: Path, problem: Problem, keys: Sequence[str], resume: bool, force: bool
+) -> Iterator[SweepStore]:
+    """Hold the folder for one run of a sweep, and yield its store.
+
+    Raises
+    ------
+    UserError : it cannot be written, another run writes to it, it holds another sweep or files of others, or
+        there is nothing to resume.
+    """
+    if resume and not (folder / STORE).exists():
+        raise UserError(f"nothing to resume: there is no {folder / STORE}; run without --resume")
+    writable_folder(folder)
+    with run_lock(folder, problem.title):
+        require_own(folder, FILES, RECORD, force)
+        if force and not resume:
+            for end in ("", "-wal", "-shm"):
+                (folder / f"{STORE}{end}").unlink(missing_ok=True)
+        with open_store(folder / STORE, {"problem": fingerprint(problem), "keys": ", ".join(keys)}) as store:
+            yield store
+
+
+def write_sweep(sweep: Sweep, title: str) -> None:
+    """Write tables, plots, contact sheet and page, and the record of these files."""
+    plots, folder = metric_plots(sweep), sweep.folder
+    contents: dict[str, bytes | None] = {
+        TABLE: csv_text(sweep).encode(),
+        PARQUET: parquet_bytes(sweep),
+        SHEET: contact_sheet(sweep),
+        PAGE: sweep_page(sweep, title, plots).encode(),
+    }
+    contents |= {plot_name(metric): png for metric, png in plots.items()}
+    written = {name: data for name, data in contents.items() if data is not None}
+    (folder / "figures").mkdir(exist_ok=True)
+    write_files({folder / name: data for name, data in written.items()})
+    record = {"schema": "thbcad-sweep-files", "version": 1, HASHES: hashes(folder, written)}
+    write_text(folder / RECORD, json_text(record))

@@ -1,0 +1,56 @@
+"""What came of a sweep: a row for every variant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+DONE, FAILED, KILLED, INVALID = "done", "failed", "killed", "invalid"  # status of a row
+
+
+@dataclass(frozen=True)
+class SweepRow:
+    """One variant.
+
+    values : of the varied keys.  metrics : numbers and words by name, none unless it is "done".
+    seconds : of the design.  peak_mb : the most memory that its worker had held until then.
+    status : "done", "failed", "killed" (its worker ended, twice) or "invalid" (no problem has these values).
+    sentence : why it is not "done".  picture : PNG of the light on the target.
+    """
+
+    values: tuple[Any, ...]
+    status: str
+    sentence: str = ""
+    metrics: Mapping[str, Any] = field(default_factory=dict)
+    seconds: float = 0.0
+    peak_mb: float = 0.0
+    picture: bytes = b""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A finished sweep.  keys : that were varied.  rows : in the order of the combinations."""
+
+    folder: Path
+    keys: tuple[str, ...]
+    rows: Sequence[SweepRow]
+
+    @property
+    def metrics(self) -> list[str]:
+        """Names of all metrics that a row has."""
+        return list(dict.fromkeys(name for row in self.rows for name in row.metrics))
+
+    def counts(self) -> dict[str, int]:
+        """Return the number of rows by status."""
+        return {s: sum(r.status == s for r in self.rows) for s in (DONE, FAILED, KILLED, INVALID)}
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a dict for every row: keys, metrics, seconds, peak_mb, status, sentence."""
+        return [
+            dict(zip(self.keys, row.values))
+            | {name: row.metrics.get(name) for name in self.metrics}
+            | {name: getattr(row, name) for name in ("seconds", "peak_mb", "status", "sentence")}
+            for row in self.rows
+        ]

@@ -1,0 +1,95 @@
+"""Every combination of the values that a sweep gives to some keys, checked before any of them is designed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any
+
+from optics.problem import Problem
+from optics.results import data_of, fingerprint
+from optics.runtime import UserError
+from optics.sweeps.value_lists import FILE_KEYS
+
+MOST = 1_000_000  # variants: their checks alone take half an hour
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One combination.
+
+    values : in the order of the keys.  identity : fingerprint of its problem, "" where it is none.
+    refusal : a sentence that says why it is none, or "".
+    """
+
+    values: tuple[Any, ...]
+    identity: str
+    refusal: str = ""
+
+
+def checked_ranges(ranges: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    """Return the values of every key as lists.
+
+    Raises
+    ------
+    UserError : no key, no list, an empty list, or too many combinations.
+    """
+    if not isinstance(ranges, Mapping) or not ranges:
+        raise UserError('a sweep varies at least one key, such as {"target.distance": [200, 300]}')
+    lists: dict[str, list[Any]] = {}
+    for key, values in ranges.items():
+        if not isinstance(key, str):
+            raise UserError(f"a sweep varies dotted keys, such as target.distance, got {key!r}")
+        if isinstance(values, str | bytes | Mapping) or not hasattr(values, "__iter__"):
+            raise UserError(f"{key} must be varied over a list of values, got {values!r}")
+        # numpy's numbers and arrays become those of Python
+        lists[key] = [v.tolist() if hasattr(v, "tolist") else v for v in values]
+        if not lists[key]:
+            raise UserError(f"{key} must be varied over at least one value, got none")
+    count = prod(map(len, lists.values()))
+    if count > MOST:
+        raise UserError(f"a sweep has at most {MOST} variants, these are {count}; leave values out")
+    return lists
+
+
+def all_variants(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> list[Variant]:
+    """Return every combination, the values of the last key changing first.
+
+    Raises
+    ------
+    UserError : an unknown key, or a value that no combination can have; as `Problem.with_` says it.
+    """
+    places = list(product(*(range(len(values)) for values in ranges.values())))
+    found = []
+    for place in places:
+        values = tuple(values[k] for values, k in zip(ranges.values(), place))
+        found.append(_variant(problem, dict(zip(ranges, values))))
+    for at, key in enumerate(ranges):
+        for k in range(len(ranges[key])):
+            of_value = [variant for variant, place in zip(found, places) if place[at] == k]
+            if all(variant.refusal for variant in of_value):
+                raise UserError(_alone(problem, key, ranges[key][k]) or of_value[0].refusal)
+    return found
+
+
+def files_of(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> Iterator[str]:
+    """Yield the paths of the files that variants need: pictures and rays."""
+    yield from (path for _, _, path in data_of(problem))
+    for key in FILE_KEYS:
+        yield from filter(None, ranges.get(key, ()))
+
+
+def _variant(problem: Problem, changes: Mapping[str, Any]) -> Variant:
+    values = tuple(changes.values())
+    try:
+        return Variant(values, fingerprint(problem.with_(**changes)))
+    except UserError as error:
+        return Variant(values, "", str(error))
+    except OSError as error:
+        return Variant(values, "", str(UserError(f"cannot read {error.filename}: {error.strerror}")))
+
+
+def _alone(problem: Problem, key: str, value: Any) -> str:
+    return _variant(problem, {key: value}).refusal

@@ -1,0 +1,27 @@
+"""Many independent tasks on processes of this machine or on the workers of a dask cluster."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.workers.pool_choice import (
+        worker_pool as worker_pool,
+    )
+    from optics.workers.pool_protocol import (
+        WorkerPool as WorkerPool,
+    )
+    from optics.workers.task_loop import (
+        TaskResult as TaskResult,
+        run_tasks as run_tasks,
+    )
+
+_FILES = {
+    "pool_choice": ("worker_pool",),
+    "pool_protocol": ("WorkerPool",),
+    "task_loop": (
+        "TaskResult",
+        "run_tasks",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

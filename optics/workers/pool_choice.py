@@ -1,0 +1,53 @@
+"""Which workers do the tasks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from optics.runtime import UserError
+from optics.workers.pool_protocol import WorkerPool
+
+MOST = 1024  # processes of one machine
+
+
+@contextmanager
+def worker_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[WorkerPool]:
+    """Yield the workers for `run_tasks`.
+
+    workers : processes of this machine, None for as many as there are cores.
+    scheduler : address of a dask scheduler, such as tcp://host:8786, whose workers are taken instead.
+
+    Raises
+    ------
+    UserError : a number of workers that cannot be, both arguments, or no scheduler answers.
+    """
+    if scheduler is not None and workers is not None:
+        raise UserError("a scheduler has its own workers: give a number of workers or a scheduler, not both")
+    count = _cores() if workers is None else workers
+    if type(count) is not int or not 1 <= count <= MOST:
+        raise UserError(f"the number of workers must be a whole number from 1 to {MOST}, got {workers!r}")
+    if scheduler is not None:
+        from optics.workers.dask_cluster import DaskCluster
+
+        try:
+            cluster = DaskCluster(scheduler)
+        except ImportError as error:
+            raise UserError(str(error)) from None
+        try:
+            yield cluster
+        finally:
+            cluster.close()
+        return
+    from optics.workers.local_processes import LocalProcesses
+
+    processes = LocalProcesses(count)
+    try:
+        yield processes
+    finally:
+        processes.close()
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,69 @@
+"""A problem to vary, and stand-ins for its design that take milliseconds."""
+
+import io
+import os
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+from PIL import Image
+
+from optics.problem import load_problem
+from optics.runtime import UserError
+from optics.sweeps.variant_work import Designed
+from tests.cases import EXAMPLES
+
+DISTANCES = {"target.distance": [200.0, 300.0, 400.0]}
+
+
+def problem(**changes):
+    return load_problem(EXAMPLES / "tophat_circle.toml", changes)
+
+
+def png(level=128):
+    buffer = io.BytesIO()
+    Image.new("L", (12, 8), level).save(buffer, "png")
+    return buffer.getvalue()
+
+
+def quick(shared, work):
+    """Return numbers that follow from the changes."""
+    made = shared.problem.with_(**work.changes)
+    distance = made.target.distance
+    metrics = {"rel_l2": 1 / distance, "dof": made.lens.rear.freeform.max_level, "estimator": "cells"}
+    return Designed(metrics, png(), '{"lens": 1}' if work.keep_lens else "")
+
+
+def slow(shared, work):
+    time.sleep(0.01)
+    return quick(shared, work)
+
+
+def picky(shared, work):
+    """Fail at 300 mm, and end the worker at 400 mm."""
+    distance = work.changes["target.distance"]
+    if distance == 300:
+        raise UserError("300 mm is too far; come nearer")
+    if distance == 400:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return quick(shared, work)
+
+
+class Thread:
+    """A pool of one thread of this process, which starts at once."""
+
+    ended = ()
+
+    def __init__(self, executor):
+        self._workers = {"thread": SimpleNamespace(executor=executor, threads=1, memory=0)}
+
+    def present(self):
+        return self._workers
+
+
+@contextmanager
+def thread_pool(workers, scheduler):
+    with ThreadPoolExecutor(1) as executor:
+        yield Thread(executor)
