@@ -50,6 +50,7 @@ FLOORS = [
     [
         "optics.optimisation",
         "optics.etendue",
+        "optics.form_errors",
         "optics.outgoing",
         "optics.relighting",
         "optics.verification",
@@ -63,7 +64,7 @@ FLOORS = [
         "optics.prediction",
         "optics.report",
     ],
-    ["optics.api", "optics.external", "optics.parts"],
+    ["optics.api", "optics.external", "optics.making_figures", "optics.parts"],
     ["optics.commands"],
     ["optics"],
     ["oracles"],
