@@ -52,7 +52,9 @@ QUICK = \
 	tests/optics/export/test_formats.py \
 	tests/optics/external/test_file_tracers.py \
 	tests/optics/figures/test_lens_and_light.py \
+	tests/optics/form_errors/test_height_errors.py \
 	tests/optics/luminaires \
+	tests/optics/making_figures/test_form_figures.py \
 	tests/optics/materials \
 	tests/optics/mitsuba/test_mesh.py \
 	tests/optics/optimisation/test_bounded_variables.py \

@@ -51,12 +51,13 @@ FLOORS = [
     [
         "optics.optimisation",
         "optics.etendue",
+        "optics.form_errors",
         "optics.outgoing",
         "optics.relighting",
         "optics.tolerancing",
         "optics.verification",
     ],
-    ["optics.progress", "optics.results", "optics.view"],
+    ["optics.made_lenses", "optics.progress", "optics.results", "optics.view"],
     [
         "optics.deconvolution",
         "optics.export",
@@ -65,7 +66,7 @@ FLOORS = [
         "optics.prediction",
         "optics.report",
     ],
-    ["optics.api", "optics.external", "optics.parts"],
+    ["optics.api", "optics.external", "optics.making_figures", "optics.parts"],
     ["optics.sweeps"],
     ["optics.commands"],
     ["optics"],

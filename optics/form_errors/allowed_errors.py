@@ -1,0 +1,202 @@
+"""How large form errors may be: their cost by bands of period, measured by random probes, and limits from it.
+
+An error of random phase adds to the metric in squares: of
+
+    rel^2 = rel0^2 + 2 <r, J dh> + |J dh|^2
+
+the middle term vanishes in the mean, so that a rise from rel0 to rel allows rms = sqrt(rel^2 - rel0^2) / c, with
+c = |J dh| / |T| of an error whose rms is 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from math import pi, sqrt
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.analysis import rel_l2
+from optics.form_errors.local_formula import SIDES, LocalFormula, local_formula
+from optics.form_errors.period_bands import BandFormula, period_bands
+from optics.form_errors.random_fields import random_field
+from optics.runtime import UserError
+
+if TYPE_CHECKING:
+    from optics.form_errors.height_errors import SplineHeight
+    from optics.form_errors.period_bands import Band
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from thbcad.lens import Lens
+
+Floats = NDArray[np.float64]
+
+CELLS_PER_PIXEL, LEAST_CELLS, MOST_CELLS = 4, 256, 1536  # in each direction
+PROBES = 2  # of a band: single ones differ by 2 %, those of the longest band by 15 %
+PROBE_RMS = 1e-6  # mm: the change is linear in it
+PV_OF_SINE = 2 * sqrt(2)  # peak to valley of a sine, in its rms
+
+
+@dataclass(frozen=True)
+class BandCost:
+    """What a band of period costs on one side of a lens.
+
+    band : shortest and longest period, mm.
+    change_per_mm : c, the rise of rel_l2 in quadrature per mm rms, by random probes; by_formula : the same by the
+        local formula; curvature_part : of the curvature term in its square.  mtf : what pixels leave.
+    slope_cost : c per rms slope of the error, at the band's middle period: c period / (2 pi).
+    allowed_rms, allowed_pv_sine, allowed_pv_field : mm, for the stated rise: the rms, and with this rms the peak
+        to valley of a sine and of a random field over the aperture.
+    traced_rel_l2 : with a random field of the allowed rms, by an exact trace.
+    """
+
+    band: tuple[float, float]
+    change_per_mm: float
+    by_formula: float
+    curvature_part: float
+    mtf: float
+    slope_cost: float
+    allowed_rms: float
+    allowed_pv_sine: float
+    allowed_pv_field: float
+    traced_rel_l2: float
+
+
+@dataclass(frozen=True, eq=False)
+class SideCost:
+    """The costs of all bands on one side, and maps of them.
+
+    maps : by band, the rms of dE / E per mm rms of the error, (nx, ny) on cells of the source, s first.
+    """
+
+    side: str
+    bands: tuple[BandCost, ...]
+    maps: tuple[Floats, ...]
+
+    @property
+    def danger(self) -> BandCost:
+        """The band in which a given rms slope costs most."""
+        return max(self.bands, key=lambda cost: cost.slope_cost)
+
+
+@dataclass(frozen=True, eq=False)
+class FormErrors:
+    """What form errors of front and rear cost.
+
+    rel_l2 : without them.  rise : of rel_l2 that is allowed.  half_width : of the front and rear, mm.
+    """
+
+    rel_l2: float
+    rise: float
+    sides: tuple[SideCost, ...]
+
+    def data(self) -> dict[str, Any]:
+        """Return the numbers as plain data for JSON files; lengths in mm."""
+        return {
+            "rel_l2": self.rel_l2,
+            "rise": self.rise,
+            "sides": {
+                cost.side: {
+                    "bands": [asdict(band) for band in cost.bands],
+                    "danger_band": list(cost.danger.band),
+                }
+                for cost in self.sides
+            },
+            "sentences": list(self.sentences()),
+        }
+
+    def sentences(self) -> list[str]:
+        """Return what a shop must hold, in sentences."""
+        out = []
+        for cost in self.sides:
+            short, long = cost.danger.band
+            out.append(
+                f"Of the {cost.side}, ripples with periods from {short:g} to {long:g} mm are the most dangerous: "
+                f"there a given slope costs most. Hold {1e6 * cost.danger.allowed_rms:.3g} nm rms in this band, "
+                f"which is {1e6 * cost.danger.allowed_pv_sine:.3g} nm peak to valley of a regular ripple."
+            )
+            first, last = cost.bands[0], cost.bands[-1]
+            out.append(
+                f"Peak to valley alone misleads: the same rise of the error allows the {cost.side} "
+                f"{1e6 * last.allowed_pv_sine:.3g} nm of a ripple with a period from {last.band[0]:g} mm on, but "
+                f"{1e6 * first.allowed_pv_sine:.3g} nm below {first.band[1]:g} mm. State the rms by bands of period."
+            )
+        return out
+
+
+def form_errors(system: OpticalSystem, lens: Lens, backend: Backend, rise: float) -> FormErrors:
+    """Return what form errors of front and rear cost.
+
+    backend : of double precision.  rise : of rel_l2 that each band alone may bring, above 0.
+
+    Raises
+    ------
+    UserError : a rise that is not positive; an extended or blurred source; a lens that brings no light.
+    """
+    if not 0 < rise < np.inf:
+        raise UserError(f"the rise of rel_l2 that form errors may bring must be positive, got {rise}")
+    counts = [min(max(CELLS_PER_PIXEL * n, LEAST_CELLS), MOST_CELLS) for n in system.target.settings.pixels]
+    own, sides = 0.0, []
+    for side in SIDES:
+        formula = local_formula(system, lens, side, backend, (counts[0], counts[1]))
+        target = _target(system, formula)
+        own = rel_l2(formula.irradiance, target)
+        sides.append(_side_cost(formula, target, getattr(lens, side).half_width, rise))
+    return FormErrors(own, rise, tuple(sides))
+
+
+def form_error_results(
+    system: OpticalSystem, lens: Lens, backend: Backend, rise: float
+) -> tuple[dict[str, Any], FormErrors]:
+    """Return (plain data for `tolerance.json`, the FormErrors that figures are drawn of), see `form_errors`."""
+    found = form_errors(system, lens, backend, rise)
+    return found.data(), found
+
+
+def _target(system: OpticalSystem, formula: LocalFormula) -> Floats:
+    """Return the target irradiance on the pixels of the far field's or the plane's irradiance."""
+    if formula.irradiance.sum() <= 0:
+        raise UserError(
+            "the lens brings no light to the target, so that form errors change nothing; design it"
+        )
+    return system.target.irradiance(formula.screen, float(formula.nominal.passing.mean()))
+
+
+def _side_cost(
+    formula: LocalFormula, target: Floats, half_width: tuple[float, float], rise: float
+) -> SideCost:
+    bands, maps = [], []
+    waves = BandFormula(formula)
+    own = rel_l2(formula.irradiance, target)
+    # |J dh| of the irradiance becomes that of rel_l2: both images are scaled to unit mean
+    scale = target.mean() / formula.irradiance.mean() / np.linalg.norm(target)
+    norm = float(scale * np.linalg.norm(formula.irradiance))
+    for band in period_bands(half_width):
+        expected = waves.change(band)
+        probes = [random_field(band, PROBE_RMS, half_width, seed) for seed in range(PROBES)]
+        squares = [np.linalg.norm(scale * formula.linear_change(probe) / PROBE_RMS) ** 2 for probe in probes]
+        change = sqrt(float(np.mean(squares)))
+        allowed = sqrt((own + rise) ** 2 - own**2) / change
+        field = random_field(band, allowed, half_width, 0)
+        bands.append(
+            BandCost(
+                band=band,
+                change_per_mm=change,
+                by_formula=norm * expected.norm,
+                curvature_part=expected.curvature,
+                mtf=expected.mtf,
+                slope_cost=change * sqrt(band[0] * band[1]) / (2 * pi),
+                allowed_rms=allowed,
+                allowed_pv_sine=PV_OF_SINE * allowed,
+                allowed_pv_field=_peak_to_valley(formula, field),
+                traced_rel_l2=rel_l2(formula.traced_irradiance(field), target),
+            )
+        )
+        maps.append(expected.relative)
+    return SideCost(formula.side, tuple(bands), tuple(maps))
+
+
+def _peak_to_valley(formula: LocalFormula, field: SplineHeight) -> float:
+    """Return the peak to valley of a field where light meets it, mm."""
+    return float(np.ptp(field.jet(*(a.ravel() for a in formula.points))[0]))

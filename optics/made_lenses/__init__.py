@@ -1,0 +1,39 @@
+"""Lenses as they are made: errors at random within their tolerances, each lens traced exactly."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.made_lenses.made_batch import (
+        MadeBatch as MadeBatch,
+        Range as Range,
+    )
+    from optics.made_lenses.random_errors import (
+        Draw as Draw,
+        FormTolerance as FormTolerance,
+        draws as draws,
+    )
+    from optics.made_lenses.sampling import (
+        ErrorModel as ErrorModel,
+        form_rise as form_rise,
+        sample_lenses as sample_lenses,
+    )
+
+_FILES = {
+    "made_batch": (
+        "MadeBatch",
+        "Range",
+    ),
+    "random_errors": (
+        "Draw",
+        "FormTolerance",
+        "draws",
+    ),
+    "sampling": (
+        "ErrorModel",
+        "form_rise",
+        "sample_lenses",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,98 @@
+"""What became of many made lenses: how good their light is, and how sure that is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Floats = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+SHOWN = (0.05, 0.5, 0.95)  # parts of all lenses that are better than the quantile
+
+
+@dataclass(frozen=True)
+class Range:
+    """A result, and the interval that holds the true one with CONFIDENCE."""
+
+    value: float
+    low: float
+    high: float
+
+    def data(self) -> dict[str, float]:
+        return {"value": self.value, "low": self.low, "high": self.high}
+
+
+@dataclass(frozen=True, eq=False)
+class MadeBatch:
+    """The light of made lenses, in independent sets of the same size.
+
+    rel_l2, efficiency : (sets, lenses), inf and 0 of lenses that could not be traced.
+    failures : the different sentences why not.
+    seconds : of all traces together.  peak_mb : the most memory that one worker held.
+    """
+
+    rel_l2: Floats
+    efficiency: Floats
+    failures: tuple[str, ...] = ()
+    seconds: float = 0.0
+    peak_mb: float = 0.0
+
+    def quantile(self, part: float) -> Range:
+        """Return the rel_l2 that a part of all lenses stays below."""
+        value = float(np.quantile(self.rel_l2, part, method="higher"))
+        return self._around(value, np.quantile(self.rel_l2, part, axis=1, method="higher"))
+
+    def mean_square(self) -> Range:
+        """Return the mean of rel_l2^2."""
+        sets = np.square(self.rel_l2).mean(axis=1)
+        return self._around(float(sets.mean()), sets)
+
+    def passing(self, limit: float) -> Range:
+        """Return the yield: the part of all lenses whose rel_l2 is at most a limit.
+
+        The interval is that of the sets' spread (Student's t); of sets that agree it is Wilson's, which holds
+        for independent lenses.
+        """
+        sets = (self.rel_l2 <= limit).mean(axis=1)
+        found = self._around(float(sets.mean()), sets)
+        if found.low == found.high:
+            test = stats.binomtest(int((self.rel_l2 <= limit).sum()), self.rel_l2.size)
+            wilson = test.proportion_ci(CONFIDENCE, method="wilson")
+            return Range(found.value, float(wilson.low), float(wilson.high))
+        return Range(found.value, max(found.low, 0.0), min(found.high, 1.0))
+
+    def nearest(self, part: float) -> tuple[int, int]:
+        """Return set and number of the lens that is the quantile."""
+        value = np.quantile(self.rel_l2, part, method="higher")
+        row, column = np.argwhere(self.rel_l2 == value)[0]
+        return int(row), int(column)
+
+    def data(self, limit: float) -> dict[str, Any]:
+        """Return it as numbers by name.  limit : of rel_l2, that a good lens keeps."""
+        finite = self.efficiency[np.isfinite(self.rel_l2)]
+        return {
+            "samples": int(self.rel_l2.size),
+            "sets": len(self.rel_l2),
+            "confidence": CONFIDENCE,
+            "rel_l2_rms": sqrt(self.mean_square().value),
+            "rel_l2": {f"{part:.0%}": self.quantile(part).data() for part in SHOWN},
+            "efficiency_mean": float(finite.mean()) if finite.size else 0.0,
+            "efficiency_least": float(finite.min()) if finite.size else 0.0,
+            "limit_rel_l2": limit,
+            "yield": self.passing(limit).data(),
+            "not_traced": int((~np.isfinite(self.rel_l2)).sum()),
+            "failures": list(self.failures),
+        }
+
+    def _around(self, value: float, sets: Floats) -> Range:
+        """Return the interval of a result whose values of every set are known."""
+        if not np.isfinite(sets).all():
+            return Range(value, float(sets.min()), np.inf)
+        wide = stats.t.ppf((1 + CONFIDENCE) / 2, len(sets) - 1) * sets.std(ddof=1) / sqrt(len(sets))
+        return Range(value, value - float(wide), value + float(wide))
