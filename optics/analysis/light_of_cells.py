@@ -117,15 +117,16 @@ def cell_irradiance(
 
 
 def traced_cells(
-    trace: Trace, screen: Screen, cells: SourceCells, backend: Backend
+    trace: Trace, screen: Screen, cells: SourceCells, backend: Backend, at_once: int = CORNERS_AT_ONCE
 ) -> tuple[Floats, SequentialFates]:
     """Return what `cell_irradiance` does, of light that is traced in any way.
 
     trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
+    at_once : corners that are in memory together, about.
     """
     tracer = _CellTracer(trace, screen, backend)
     parts, pieces = [], []
-    for strip in cells.slices(CORNERS_AT_ONCE):
+    for strip in cells.slices(at_once):
         part = tracer.light(strip.rays(), strip.emitted)
         parts.append(part)
         pieces.append(_pieces(strip, part.cut))
