@@ -6,10 +6,10 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.making_figures.form_figures import (
-        allowed_figure as allowed_figure,
+        form_figures_of as form_figures_of,
     )
 
 _FILES = {
-    "form_figures": ("allowed_figure",),
+    "form_figures": ("form_figures_of",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
