@@ -64,7 +64,7 @@ FLOORS = [
         "optics.prediction",
         "optics.report",
     ],
-    ["optics.api", "optics.external", "optics.parts"],
+    ["optics.api", "optics.external", "optics.making_figures", "optics.parts"],
     ["optics.commands"],
     ["optics"],
     ["oracles"],

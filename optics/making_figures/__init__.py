@@ -1,0 +1,19 @@
+"""Pictures of tolerances, form errors, tools and made lenses, drawn by matplotlib."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.making_figures.tolerance_figures import (
+        change_figure as change_figure,
+        share_figure as share_figure,
+    )
+
+_FILES = {
+    "tolerance_figures": (
+        "change_figure",
+        "share_figure",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)
