@@ -53,6 +53,7 @@ FLOORS = [
         "optics.form_errors",
         "optics.outgoing",
         "optics.relighting",
+        "optics.tolerancing",
         "optics.verification",
     ],
     ["optics.progress", "optics.results", "optics.view"],

@@ -40,6 +40,11 @@ EXAMPLES = {
         "thbcad relight exports/pearl --source sun --out sun.png",
         "thbcad relight exports/pearl --source led:1mm@500mm",
     ),
+    "tolerance": (
+        "thbcad tolerance exports/pearl",
+        "thbcad tolerance exports/pearl --set lens.decentre=0.02 --set temperature=0 --limit 0.005",
+        "thbcad tolerance exports/pearl --tolerances shop.toml --json",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

@@ -8,8 +8,16 @@ if TYPE_CHECKING:
     from optics.making_figures.form_figures import (
         form_figures_of as form_figures_of,
     )
+    from optics.making_figures.tolerance_figures import (
+        change_figure as change_figure,
+        share_figure as share_figure,
+    )
 
 _FILES = {
     "form_figures": ("form_figures_of",),
+    "tolerance_figures": (
+        "change_figure",
+        "share_figure",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

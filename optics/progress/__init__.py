@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from optics.progress.notes import (
         Notes as Notes,
     )
+    from optics.progress.progress_bar import (
+        drawing as drawing,
+    )
     from optics.progress.run_clock import (
         RunClock as RunClock,
     )
@@ -22,6 +25,7 @@ _FILES = {
         "Size",
     ),
     "notes": ("Notes",),
+    "progress_bar": ("drawing",),
     "run_clock": ("RunClock",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -10,6 +10,9 @@ if TYPE_CHECKING:
         read_checkpoint as read_checkpoint,
         write_checkpoint as write_checkpoint,
     )
+    from optics.results.identity import (
+        run_id as run_id,
+    )
     from optics.results.owned_files import (
         HASHES as HASHES,
         hashes as hashes,
@@ -37,6 +40,7 @@ _FILES = {
         "read_checkpoint",
         "write_checkpoint",
     ),
+    "identity": ("run_id",),
     "owned_files": (
         "HASHES",
         "hashes",
