@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         design as design,
         minimise as minimise,
         mitsuba_scene as mitsuba_scene,
+        tolerances as tolerances,
     )
     from optics.optimisers import (
         LBFGS as LBFGS,
@@ -65,6 +66,7 @@ _FILES = {
         "design",
         "minimise",
         "mitsuba_scene",
+        "tolerances",
     ),
     "optimisers": (
         "LBFGS",

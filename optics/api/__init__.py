@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from optics.api.design_run import (
         design as design,
         shaped as shaped,
+        tolerances as tolerances,
     )
     from optics.api.engine_choice import (
         engine_of as engine_of,
@@ -49,6 +50,7 @@ _FILES = {
     "design_run": (
         "design",
         "shaped",
+        "tolerances",
     ),
     "engine_choice": ("engine_of",),
     "irradiance_model": ("Model",),

@@ -316,6 +316,29 @@ def _sweep_options(command: argparse.ArgumentParser) -> None:
     _force_option(command)
 
 
+def _tolerance_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=AMOUNT",
+        help="another amount, such as lens.decentre=0.02 (mm); 0 leaves the tolerance out; may be repeated",
+    )
+    command.add_argument(
+        "--tolerances", metavar="FILE.toml", help="amounts in a file, in tables such as [lens]"
+    )
+    command.add_argument(
+        "--limit",
+        type=float,
+        default=0.01,
+        metavar="RISE",
+        help="of rel_l2, for which the amount of each tolerance is looked for (default: 0.01)",
+    )
+    command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT)")
+    _force_option(command)
+
+
 def _bench_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
     command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
@@ -352,6 +375,10 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     ),
     "relight": ("show a finished design in other light", _relight_options),
     "sweep": ("design every combination of the values of some keys, side by side", _sweep_options),
+    "tolerance": (
+        "say what errors of lens, source and target do to the light, and what the shop must hold",
+        _tolerance_options,
+    ),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),
 }

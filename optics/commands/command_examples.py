@@ -45,6 +45,11 @@ EXAMPLES = {
         "thbcad sweep my.toml --vary 'lens.rear.half_width=[[30,30],[40,40]]' --workers 2 --out sizes",
         "thbcad sweep my.toml --vary target.distance=200:400:5 --scheduler tcp://host:8786 --out distances",
     ),
+    "tolerance": (
+        "thbcad tolerance exports/pearl",
+        "thbcad tolerance exports/pearl --set lens.decentre=0.02 --set temperature=0 --limit 0.005",
+        "thbcad tolerance exports/pearl --tolerances shop.toml --json",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

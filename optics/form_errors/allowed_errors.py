@@ -4,8 +4,8 @@ An error of random phase adds to the metric in squares: of
 
     rel^2 = rel0^2 + 2 <r, J dh> + |J dh|^2
 
-the middle term vanishes in the mean, so that a rise from rel0 to rel allows rms = sqrt(rel^2 - rel0^2) / c, with
-c = |J dh| / |T| of an error whose rms is 1.
+the middle term vanishes in the mean.  A rise from rel0 to rel then allows rms = sqrt(rel^2 - rel0^2) / c,
+with c = |J dh| / |T| of an error whose rms is 1.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis import rel_l2
-from optics.form_errors.local_formula import SIDES, LocalFormula, local_formula
-from optics.form_errors.period_bands import BandFormula, period_bands
+from optics.form_errors.height_errors import Scaled
+from optics.form_errors.local_formula import SIDES, LocalFormula, local_formula_of
+from optics.form_errors.period_bands import BandFormula, period_bands_of
 from optics.form_errors.random_fields import random_field
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
-    from optics.form_errors.height_errors import SplineHeight
-    from optics.form_errors.period_bands import Band
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
@@ -43,11 +42,12 @@ class BandCost:
     """What a band of period costs on one side of a lens.
 
     band : shortest and longest period, mm.
-    change_per_mm : c, the rise of rel_l2 in quadrature per mm rms, by random probes; by_formula : the same by the
-        local formula; curvature_part : of the curvature term in its square.  mtf : what pixels leave.
+    change_per_mm : c, what is added to rel_l2 in squares per mm rms, by random probes.
+    by_formula : the same by the local formula.  curvature_part : of the curvature term in its square.
+    mtf : what pixels leave of the change.
     slope_cost : c per rms slope of the error, at the band's middle period: c period / (2 pi).
-    allowed_rms, allowed_pv_sine, allowed_pv_field : mm, for the stated rise: the rms, and with this rms the peak
-        to valley of a sine and of a random field over the aperture.
+    allowed_rms : mm, for the stated rise.  allowed_pv_sine, allowed_pv_field : mm, the peak to valley of a
+        sine and of a random field over the aperture with this rms.
     traced_rel_l2 : with a random field of the allowed rms, by an exact trace.
     """
 
@@ -67,11 +67,13 @@ class BandCost:
 class SideCost:
     """The costs of all bands on one side, and maps of them.
 
-    maps : by band, the rms of dE / E per mm rms of the error, (nx, ny) on cells of the source, s first.
+    points : x and y of the surface, (2, nx, ny) mm, of the maps.
+    maps : by band, the rms of dE / E per mm rms of the error, (nx, ny).
     """
 
     side: str
     bands: tuple[BandCost, ...]
+    points: Floats
     maps: tuple[Floats, ...]
 
     @property
@@ -98,7 +100,7 @@ class FormErrors:
             "rise": self.rise,
             "sides": {
                 cost.side: {
-                    "bands": [asdict(band) for band in cost.bands],
+                    "bands": [asdict(band) | {"band": list(band.band)} for band in cost.bands],
                     "danger_band": list(cost.danger.band),
                 }
                 for cost in self.sides
@@ -108,24 +110,12 @@ class FormErrors:
 
     def sentences(self) -> list[str]:
         """Return what a shop must hold, in sentences."""
-        out = []
-        for cost in self.sides:
-            short, long = cost.danger.band
-            out.append(
-                f"Of the {cost.side}, ripples with periods from {short:g} to {long:g} mm are the most dangerous: "
-                f"there a given slope costs most. Hold {1e6 * cost.danger.allowed_rms:.3g} nm rms in this band, "
-                f"which is {1e6 * cost.danger.allowed_pv_sine:.3g} nm peak to valley of a regular ripple."
-            )
-            first, last = cost.bands[0], cost.bands[-1]
-            out.append(
-                f"Peak to valley alone misleads: the same rise of the error allows the {cost.side} "
-                f"{1e6 * last.allowed_pv_sine:.3g} nm of a ripple with a period from {last.band[0]:g} mm on, but "
-                f"{1e6 * first.allowed_pv_sine:.3g} nm below {first.band[1]:g} mm. State the rms by bands of period."
-            )
-        return out
+        return [
+            sentence for cost in self.sides for sentence in (_danger(cost), _peak_to_valley_misleads(cost))
+        ]
 
 
-def form_errors(system: OpticalSystem, lens: Lens, backend: Backend, rise: float) -> FormErrors:
+def form_errors_of(system: OpticalSystem, lens: Lens, backend: Backend, rise: float) -> FormErrors:
     """Return what form errors of front and rear cost.
 
     backend : of double precision.  rise : of rel_l2 that each band alone may bring, above 0.
@@ -139,7 +129,7 @@ def form_errors(system: OpticalSystem, lens: Lens, backend: Backend, rise: float
     counts = [min(max(CELLS_PER_PIXEL * n, LEAST_CELLS), MOST_CELLS) for n in system.target.settings.pixels]
     own, sides = 0.0, []
     for side in SIDES:
-        formula = local_formula(system, lens, side, backend, (counts[0], counts[1]))
+        formula = local_formula_of(system, lens, side, backend, (counts[0], counts[1]))
         target = _target(system, formula)
         own = rel_l2(formula.irradiance, target)
         sides.append(_side_cost(formula, target, getattr(lens, side).half_width, rise))
@@ -149,8 +139,8 @@ def form_errors(system: OpticalSystem, lens: Lens, backend: Backend, rise: float
 def form_error_results(
     system: OpticalSystem, lens: Lens, backend: Backend, rise: float
 ) -> tuple[dict[str, Any], FormErrors]:
-    """Return (plain data for `tolerance.json`, the FormErrors that figures are drawn of), see `form_errors`."""
-    found = form_errors(system, lens, backend, rise)
+    """Return (plain data for `tolerance.json`, the FormErrors for figures), see `form_errors_of`."""
+    found = form_errors_of(system, lens, backend, rise)
     return found.data(), found
 
 
@@ -166,37 +156,51 @@ def _target(system: OpticalSystem, formula: LocalFormula) -> Floats:
 def _side_cost(
     formula: LocalFormula, target: Floats, half_width: tuple[float, float], rise: float
 ) -> SideCost:
-    bands, maps = [], []
-    waves = BandFormula(formula)
+    waves, bands, maps = BandFormula(formula), [], []
     own = rel_l2(formula.irradiance, target)
-    # |J dh| of the irradiance becomes that of rel_l2: both images are scaled to unit mean
-    scale = target.mean() / formula.irradiance.mean() / np.linalg.norm(target)
-    norm = float(scale * np.linalg.norm(formula.irradiance))
-    for band in period_bands(half_width):
+    # both images are scaled to unit mean in rel_l2
+    scale = float(target.mean() / formula.irradiance.mean() / np.linalg.norm(target))
+    for band in period_bands_of(half_width):
         expected = waves.change(band)
         probes = [random_field(band, PROBE_RMS, half_width, seed) for seed in range(PROBES)]
-        squares = [np.linalg.norm(scale * formula.linear_change(probe) / PROBE_RMS) ** 2 for probe in probes]
-        change = sqrt(float(np.mean(squares)))
+        changes = [np.linalg.norm(formula.linear_change(probe)) for probe in probes]
+        change = scale * float(np.sqrt(np.mean(np.square(changes)))) / PROBE_RMS
         allowed = sqrt((own + rise) ** 2 - own**2) / change
-        field = random_field(band, allowed, half_width, 0)
+        field = Scaled(probes[0], allowed / PROBE_RMS)
         bands.append(
             BandCost(
                 band=band,
                 change_per_mm=change,
-                by_formula=norm * expected.norm,
+                by_formula=scale * float(np.linalg.norm(formula.irradiance)) * expected.norm,
                 curvature_part=expected.curvature,
                 mtf=expected.mtf,
                 slope_cost=change * sqrt(band[0] * band[1]) / (2 * pi),
                 allowed_rms=allowed,
                 allowed_pv_sine=PV_OF_SINE * allowed,
-                allowed_pv_field=_peak_to_valley(formula, field),
+                allowed_pv_field=float(np.ptp(field.jet(*(a.ravel() for a in formula.points))[0])),
                 traced_rel_l2=rel_l2(formula.traced_irradiance(field), target),
             )
         )
         maps.append(expected.relative)
-    return SideCost(formula.side, tuple(bands), tuple(maps))
+    return SideCost(formula.side, tuple(bands), waves.points, tuple(maps))
 
 
-def _peak_to_valley(formula: LocalFormula, field: SplineHeight) -> float:
-    """Return the peak to valley of a field where light meets it, mm."""
-    return float(np.ptp(field.jet(*(a.ravel() for a in formula.points))[0]))
+def _danger(cost: SideCost) -> str:
+    """Return where ripples cost most, and what to hold there, as sentences."""
+    (short, long), band = cost.danger.band, cost.danger
+    return (
+        f"Ripples of the {cost.side} with periods from {short:g} to {long:g} mm are the most dangerous: "
+        f"there an error of given slope costs most. Hold {1e6 * band.allowed_rms:.3g} nm rms in this band; "
+        f"a regular ripple then has {1e6 * band.allowed_pv_sine:.3g} nm peak to valley."
+    )
+
+
+def _peak_to_valley_misleads(cost: SideCost) -> str:
+    """Return why the peak to valley alone says little, as sentences."""
+    (_, short), (long, _) = cost.bands[0].band, cost.bands[-1].band
+    ratio = cost.bands[-1].allowed_pv_sine / cost.bands[0].allowed_pv_sine
+    return (
+        f"Peak to valley alone misleads on the {cost.side}: for the same loss a ripple with a period above "
+        f"{long:g} mm may be {ratio:.3g} times as high as one with a period below {short:g} mm. "
+        "State the rms by bands of period."
+    )

@@ -4,24 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.runtime import UserError
+from optics.tracing import HeightError
 from thbcad.checks import half_widths, read_only, require_number
 
 Floats = NDArray[np.float64]
 
 AT_ONCE = 1 << 14  # points: their weights stay in the processor's cache
-
-
-class HeightError(Protocol):
-    """What is added to the height z of a surface, mm, in the frame of the surface's own x and y."""
-
-    def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh, its derivatives by x and by y, (3, n): mm, 1, 1.  x, y : (n,) mm."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,7 @@ class Sine:
         _require("period", self.period, above=0)
 
     def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh and its derivatives, see `HeightError`."""
+        """Return dh and its derivatives, see `optics.tracing.HeightError`."""
         along = radians(self.direction)
         c, s, rate = cos(along), sin(along), 2 * pi / self.period
         turn = rate * (c * x + s * y) + self.phase
@@ -70,7 +63,7 @@ class Power:
         _require("curvature", self.curvature)
 
     def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh and its derivatives, see `HeightError`."""
+        """Return dh and its derivatives, see `optics.tracing.HeightError`."""
         c = self.curvature
         return np.stack([c / 2 * (x * x + y * y), c * x, c * y])
 
@@ -105,7 +98,7 @@ class SplineHeight:
         object.__setattr__(self, "half_width", half_width)
 
     def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh and its derivatives, see `HeightError`."""
+        """Return dh and its derivatives, see `optics.tracing.HeightError`."""
         out = np.empty((3, len(x)))
         for start in range(0, len(x), AT_ONCE):
             part = slice(start, start + AT_ONCE)
@@ -146,7 +139,7 @@ class Scaled:
         _require("factor", self.factor)
 
     def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh and its derivatives, see `HeightError`."""
+        """Return dh and its derivatives, see `optics.tracing.HeightError`."""
         return self.factor * self.error.jet(x, y)
 
 
@@ -157,7 +150,7 @@ class Sum:
     parts: tuple[HeightError, ...]
 
     def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh and its derivatives, see `HeightError`."""
+        """Return dh and its derivatives, see `optics.tracing.HeightError`."""
         out = np.zeros((3, len(x)))
         for part in self.parts:
             out += part.jet(x, y)

@@ -6,8 +6,8 @@ A height error dh moves a ray's landing point by
 
 M is the landing point by the slope.  Of a rear it is L dtan/dslope, with the local throw L and Snell's
 Jacobian at the local slope; that of a front contains the way through the rear.  m is the landing point by the
-height.  Both are central differences of the exact trace.  Light of the irradiance E that moves by d changes at a fixed
-point of the target by dE = -div(E d), or with the map T from the lens to the target
+height.  Both are central differences of the exact trace.  Light of the irradiance E that moves by d changes
+at a fixed point of the target by dE = -div(E d), or with the map T from the lens to the target
 
     dE / E = -tr(DT^-1 D d) - d . grad ln E,
 
@@ -29,14 +29,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from optics.form_errors.form_trace import Constant, FormTrace, Traced, form_trace
+from optics.form_errors.form_trace import ConstantJet, FormTrace, Traced, form_trace
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
-    from optics.form_errors.height_errors import HeightError
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.target import Screen
+    from optics.tracing import HeightError
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
@@ -123,7 +123,7 @@ class LocalFormula:
         return np.asarray(np.where(known, smooth / np.where(known, weight, 1.0), np.nan))
 
 
-def local_formula(
+def local_formula_of(
     system: OpticalSystem, lens: Lens, side: str, backend: Backend, counts: tuple[int, int]
 ) -> LocalFormula:
     """Return the LocalFormula of a lens.
@@ -149,7 +149,7 @@ def local_formula(
 
     def by_jet(k: int) -> Floats:
         unit = STEP * np.eye(3)[k]
-        before, after = (trace.traced(**{side: Constant(tuple(sign * unit))}) for sign in (-1, 1))
+        before, after = (trace.traced(**{side: ConstantJet(*(sign * unit))}) for sign in (-1, 1))
         return derivative(before, after, STEP)[:2]
 
     steps = [STEP * float(np.ptp(a)) for a in (cells.s, cells.t)]

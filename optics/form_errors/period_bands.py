@@ -5,8 +5,8 @@ A wave dh = a sin(k . u) of random phase on the surface changes the light at a p
     <(dE / E)^2> = a^2 / 2 ((k' A k)^2 + |(M k) . grad ln E|^2) MTF(f)^2,      A = U DT^-1 M,
 
 the curvature and the transport term, which are a quarter period apart, times what pixels leave of the
-frequency f that the wave has on the target.  E and DT are those that pixels see; grad E is the rms of the steps to the
-pixels on both sides.  In a band the mean over directions and octaves is taken.
+frequency f that the wave has on the target.  E and DT are those that pixels see; grad E is the rms of the
+steps to the pixels on both sides.  In a band the mean over directions and octaves is taken.
 """
 
 from __future__ import annotations
@@ -38,17 +38,19 @@ MAP_CELLS = 256  # of the lens in each direction, that a map shows
 DARK = 1e-3  # of the mean irradiance: below it pixels do not count
 
 
-def period_bands(half_width: tuple[float, float]) -> list[Band]:
+def period_bands_of(half_width: tuple[float, float]) -> list[Band]:
     """Return the bands of period, mm, up to the width of an aperture.  half_width : of it, mm."""
     widest = 2 * max(half_width)
-    return list(pairwise([edge for edge in EDGES if LEAST_RATIO * edge < widest] + [widest]))
+    edges = [edge for edge in EDGES if LEAST_RATIO * edge < widest] or [widest / 2]
+    return list(pairwise([*edges, widest]))
 
 
 @dataclass(frozen=True, eq=False)
 class BandChange:
     """What a band does to the light, per mm of the error's rms, in the mean over random phases.
 
-    relative : rms of dE / E, (nx, ny) 1/mm, on cells of the source.  norm : |dE| / |E| over the target, 1/mm.
+    relative : rms of dE / E, (nx, ny) 1/mm, on `BandFormula.points`.
+    norm : |dE| / |E| over the target, 1/mm.
     curvature : the part of the curvature term in norm^2.  mtf : what pixels leave, rms over the light.
     """
 
@@ -89,6 +91,11 @@ class BandFormula:
             curvature=bent / (bent + carried),
             mtf=sqrt((self.flux * seen).sum() / self.flux.sum()),
         )
+
+    @cached_property
+    def points(self) -> Floats:
+        """x and y of the surface at the cells of a map, (2, nx, ny) mm."""
+        return self._sparse(middles(self.formula.points))
 
     @cached_property
     def flux(self) -> Floats:

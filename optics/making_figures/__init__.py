@@ -6,10 +6,18 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.making_figures.form_figures import (
-        allowed_figure as allowed_figure,
+        form_figures_of as form_figures_of,
+    )
+    from optics.making_figures.tolerance_figures import (
+        change_figure as change_figure,
+        share_figure as share_figure,
     )
 
 _FILES = {
-    "form_figures": ("allowed_figure",),
+    "form_figures": ("form_figures_of",),
+    "tolerance_figures": (
+        "change_figure",
+        "share_figure",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

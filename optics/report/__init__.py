@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from optics.report.irradiance_files import (
         light_files as light_files,
     )
+    from optics.report.page_sections import (
+        PageSection as PageSection,
+        section_page as section_page,
+    )
 
 _FILES = {
     "html": (
@@ -21,5 +25,9 @@ _FILES = {
         "report_html",
     ),
     "irradiance_files": ("light_files",),
+    "page_sections": (
+        "PageSection",
+        "section_page",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -76,19 +76,21 @@ class Report:
 def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
     title, metrics, verification = escape(report.problem.title), report.metrics, report.verification
-    figures, units = _figures(report.pictures.values()), units_of(report.problem.source.unit)
-    levels = f'<h2>Levels</h2><div class="levels">{_figures(report.levels)}</div>' if report.levels else ""
+    figures, units = figures_html(report.pictures.values()), units_of(report.problem.source.unit)
+    levels = (
+        f'<h2>Levels</h2><div class="levels">{figures_html(report.levels)}</div>' if report.levels else ""
+    )
     verdict = (
         '<span class="good">every check passed</span>'
         if verification["ok"]
         else '<span class="bad">a check failed</span>'
     )
     return (
-        f"{_head(title)}{_banner(report)}"
+        f"{page_head(title)}{_banner(report)}"
         f"<p>{_summary(metrics, units)}</p>"
-        f"{_list(photometric_lines(metrics, units), 'notes')}"
+        f"{list_html(photometric_lines(metrics, units), 'notes')}"
         f'{_frame(report.view)}<div class="figures">{figures}</div>{levels}'
-        f"<h2>Files</h2>{_file_list()}{_list(map(': '.join, report.run.items()), 'run')}"
+        f"<h2>Files</h2>{_file_list()}{list_html(map(': '.join, report.run.items()), 'run')}"
         f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics, units))}"
         f"<h2>Manufacture</h2><p>{OF_THE_SPLINES}</p>{_manufacture_table(report.manufacture)}"
         f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
@@ -96,7 +98,8 @@ def report_html(report: Report, problem_text: str) -> str:
     )
 
 
-def _figures(pictures: Iterable[tuple[str, bytes]]) -> str:
+def figures_html(pictures: Iterable[tuple[str, bytes]]) -> str:
+    """Return pictures, (caption, PNG bytes) each, as HTML."""
     return "".join(
         f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
@@ -111,11 +114,11 @@ def check_page(
     pictures: Iterable[tuple[str, bytes]],
 ) -> str:
     """Return a page of checks by themselves, with sentences and pictures above them."""
-    shown = f'{_list(sentences, "notes")}<div class="levels">{_figures(pictures)}</div>'
-    return f"{_head(escape(title))}{shown}{_check_table(verification)}</html>\n"
+    shown = f'{list_html(sentences, "notes")}<div class="levels">{figures_html(pictures)}</div>'
+    return f"{page_head(escape(title))}{shown}{_check_table(verification)}</html>\n"
 
 
-def _head(title: str) -> str:
+def page_head(title: str) -> str:
     """Return the begin of a page, up to its title; title : HTML."""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
@@ -129,7 +132,7 @@ def _banner(report: Report) -> str:
     colour = "good" if report.verification["ok"] else "bad"
     verdict = f'<p class="banner {colour}">{escape(report.verdict)}</p>' if report.verdict else ""
     failed = [c for c in report.verification["checks"] if not c["ok"] and " limits." not in c["name"]]
-    return verdict + _list(map(_failure, failed), "bad") + _list(report.notes, "notes")
+    return verdict + list_html(map(_failure, failed), "bad") + list_html(report.notes, "notes")
 
 
 def _failure(check: dict[str, Any]) -> str:
@@ -147,7 +150,8 @@ def _frame(page: str) -> str:
     return f'<iframe class="view" title="{title}" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
 
 
-def _list(sentences: Iterable[str], name: str) -> str:
+def list_html(sentences: Iterable[str], name: str) -> str:
+    """Return sentences as a list of a class, "" for none."""
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
     return f'<ul class="{name}">{items}</ul>' if items else ""
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from optics.results.identity import (
         data_of as data_of,
         fingerprint as fingerprint,
+        run_id as run_id,
     )
     from optics.results.owned_files import (
         HASHES as HASHES,
@@ -48,6 +49,7 @@ _FILES = {
     "identity": (
         "data_of",
         "fingerprint",
+        "run_id",
     ),
     "owned_files": (
         "HASHES",

@@ -20,7 +20,13 @@ if TYPE_CHECKING:
     from optics.tolerancing.rigid_motion import (
         RigidMotion as RigidMotion,
     )
+    from optics.tolerancing.shop_words import (
+        HEAD as HEAD,
+        effect_rows as effect_rows,
+        shop_sentences as shop_sentences,
+    )
     from optics.tolerancing.tolerance_effects import (
+        LIMIT as LIMIT,
         ToleranceBudget as ToleranceBudget,
         ToleranceEffect as ToleranceEffect,
         tolerance_budget as tolerance_budget,
@@ -46,7 +52,13 @@ _FILES = {
     ),
     "perturbed_parts": ("perturbed_lens",),
     "rigid_motion": ("RigidMotion",),
+    "shop_words": (
+        "HEAD",
+        "effect_rows",
+        "shop_sentences",
+    ),
     "tolerance_effects": (
+        "LIMIT",
         "ToleranceBudget",
         "ToleranceEffect",
         "tolerance_budget",

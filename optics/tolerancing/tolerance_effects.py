@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from math import sqrt
+from math import isfinite, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from optics.analysis import rel_l2
+from optics.runtime import UserError
 from optics.tolerancing.linear_light import LightChange, LinearLight
 from optics.tolerancing.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.traced_light import PerturbedLight
@@ -141,9 +142,13 @@ def tolerance_budget(
 
     Raises
     ------
-    UserError : see `tolerances_of`.
+    UserError : see `tolerances_of`; a limit that is not positive.
     """
+    if not (isinstance(limit, int | float) and isfinite(limit) and limit > 0):
+        raise UserError(f"limit must be a positive rise of rel_l2, such as 0.01, got {limit!r}")
     chosen = tolerances_of(system, amounts)
+    if not chosen:
+        raise UserError("every tolerance is 0, so that nothing is left to look at; give one an amount")
     trial = _Trial(PerturbedLight(system, lens, backend), target, limit)
     effects = []
     for k, tolerance in enumerate(chosen):

@@ -27,6 +27,7 @@ POWER = 0.1  # %: of the vertex radius of an asphere, Optimax's chart of limits 
 SIZE = 2.0  # %: edges of an emitting area of 1 mm that are known within 10 um
 TEMPERATURE = 20.0  # K: a room's 20 C against a luminaire's 40 C
 AXES = "xyz"
+SOMETIMES = ("front.power", "rear.power", "temperature")  # tolerances that not every lens has
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,15 @@ class Tolerance:
     unit: str
     amount: float
     change: Perturbation
+
+    @property
+    def words(self) -> str:
+        """The amount with its unit."""
+        return self.in_words(self.amount)
+
+    def in_words(self, amount: float) -> str:
+        """Return an amount with its unit, three digits."""
+        return f"{amount:.3g}" if self.unit == "1" else f"{amount:.3g} {self.unit}"
 
     def at(self, amount: float) -> Perturbation:
         """Return the Perturbation for an amount."""
@@ -58,11 +68,13 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
     known = {t.name: t for t in _all(system)}
     chosen = {name: t.amount for name, t in known.items()}
     for name, amount in (amounts or {}).items():
-        chosen |= {one: _checked(name, amount) for one in _meant(name, known, system)}
+        checked = _checked(name, amount)
+        if checked or name not in SOMETIMES:  # what is not there may be left out
+            chosen |= {one: checked for one in _meant(name, known)}
     return tuple(Tolerance(n, t.unit, chosen[n], t.change) for n, t in known.items() if chosen[n])
 
 
-def _meant(name: str, known: Mapping[str, Tolerance], system: OpticalSystem) -> list[str]:
+def _meant(name: str, known: Mapping[str, Tolerance]) -> list[str]:
     """Return the names of tolerances that a name stands for."""
     names = [n for n in known if n == name or n[:-2] == name]
     if names:

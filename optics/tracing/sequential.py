@@ -102,10 +102,15 @@ class Tracer:
 
         coefficients : of the sags, (dim,) each, front first.
         """
-        front, behind, rear = self._meet(coefficients)
+        front, rear, landing = self.trace_all(coefficients)
         surfaces = (front, self._lens.front), (rear, self._lens.rear)
         changing = [hits for hits, surface in surfaces if hits is not None and surface.sag is not None]
-        return changing, self._landing(front, behind, rear)
+        return changing, landing
+
+    def trace_all(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits | None, Hits, Landing]:
+        """Return (Hits of the front, None where parallel light passes a plane, Hits of the rear, Landing)."""
+        front, behind, rear = self._meet(coefficients)
+        return front, rear, self._landing(front, behind, rear)
 
     def at_front(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
         """Return (Hits of a free front, directions before it, flux before it, zero for rays that miss)."""

@@ -1,0 +1,79 @@
+"""What bands of period cost: the pixels' MTF, the formula in expectation against random probes, limits."""
+
+import json
+
+import numpy as np
+import pytest
+
+from optics.form_errors import (
+    BandFormula,
+    form_error_results,
+    local_formula_of,
+    period_bands_of,
+    pixel_mtf,
+    random_field,
+)
+from optics.form_errors.pixel_transfer import on_target
+from optics.runtime import UserError
+from tests.optics.form_errors.cases import PLATE, system_and_lens
+
+RISE = 0.02
+
+
+@pytest.mark.parametrize("frequency", [(0.1, 0.0), (0.3, 0.8), (1.1, -0.4)])
+def test_the_mtf_is_the_mean_of_a_wave_over_a_pixel(frequency):
+    pitch, fine = (0.8, 0.5), 400
+    x, y = (p * ((np.arange(fine) + 0.5) / fine - 0.5) for p in pitch)
+    wave = np.cos(2 * np.pi * (frequency[0] * x[:, None] + frequency[1] * y))
+    assert pixel_mtf(frequency, pitch) == pytest.approx(wave.mean(), abs=1e-5)
+
+
+def test_a_wave_keeps_its_phase_from_the_surface_to_the_target():
+    generator = np.random.default_rng(1)
+    landing, surface = generator.normal(size=(2, 2, 2, 5)) + 3 * np.eye(2)[:, :, None]
+    step, waves = generator.normal(size=2), (0.3, -0.7)
+    on_surface = np.einsum("i,ijk,j->k", waves, surface, step)
+    there = np.einsum("ik,ijk,j->k", on_target(waves, landing, surface), landing, step)
+    np.testing.assert_allclose(there, on_surface, rtol=1e-12)
+
+
+def test_bands_reach_from_half_a_millimetre_to_the_width_of_the_lens():
+    assert period_bands_of((50.0, 40.0))[0] == (0.5, 1.0)
+    assert period_bands_of((50.0, 40.0))[-1] == (25.0, 100.0)
+    assert period_bands_of((10.0, 10.0))[-1] == (10.0, 20.0)
+    assert period_bands_of((0.2, 0.2)) == [(0.2, 0.4)]
+
+
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "band", [pytest.param((1.0, 2.0), marks=SLOW), (2.0, 5.0), pytest.param((5.0, 10.0), marks=SLOW)]
+)
+def test_random_probes_cost_what_the_formula_expects(tmp_path, backend, band):
+    system, lens = system_and_lens(tmp_path, PLATE, bumps=0.003)
+    formula = local_formula_of(system, lens, "rear", backend, (256, 256))
+    probes = [random_field(band, 1e-6, lens.rear.half_width, seed) for seed in range(4)]
+    squares = [np.square(formula.linear_change(p)).sum() for p in probes]
+    norm = np.sqrt(np.mean(squares)) / np.linalg.norm(formula.irradiance) / 1e-6
+    assert BandFormula(formula).change(band).norm == pytest.approx(norm, rel=0.15)
+
+
+@pytest.mark.slow
+def test_the_allowed_rms_brings_the_stated_rise(tmp_path, backend):
+    system, lens = system_and_lens(tmp_path)
+    data, found = form_error_results(system, lens, backend, RISE)
+    assert json.loads(json.dumps(data)) == data
+    for cost in found.sides:
+        for band in cost.bands[:3]:
+            assert band.traced_rel_l2 - found.rel_l2 == pytest.approx(RISE, rel=0.35)
+        assert cost.danger.slope_cost == max(band.slope_cost for band in cost.bands)
+        assert cost.bands[0].allowed_rms < cost.bands[-1].allowed_rms
+    assert "Peak to valley alone misleads on the rear" in " ".join(data["sentences"])
+
+
+@pytest.mark.parametrize("rise", [0.0, -1.0, np.nan, np.inf])
+def test_a_rise_that_is_not_positive_is_refused(tmp_path, backend, rise):
+    system, lens = system_and_lens(tmp_path)
+    with pytest.raises(UserError, match="must be positive, got"):
+        form_error_results(system, lens, backend, rise)
