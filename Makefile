@@ -55,6 +55,8 @@ QUICK = \
 	tests/optics/form_errors/test_height_errors.py \
 	tests/optics/luminaires \
 	tests/optics/making_figures/test_form_figures.py \
+	tests/optics/made_lenses/test_random_errors.py \
+	tests/optics/making/test_monte_carlo.py \
 	tests/optics/materials \
 	tests/optics/mitsuba/test_mesh.py \
 	tests/optics/optimisation/test_bounded_variables.py \

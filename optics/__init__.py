@@ -20,6 +20,9 @@ if TYPE_CHECKING:
         design as design,
         minimise as minimise,
         mitsuba_scene as mitsuba_scene,
+    )
+    from optics.making import (
+        monte_carlo as monte_carlo,
         tolerances as tolerances,
     )
     from optics.optimisers import (
@@ -66,6 +69,9 @@ _FILES = {
         "design",
         "minimise",
         "mitsuba_scene",
+    ),
+    "making": (
+        "monte_carlo",
         "tolerances",
     ),
     "optimisers": (

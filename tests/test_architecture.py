@@ -67,7 +67,7 @@ FLOORS = [
         "optics.report",
     ],
     ["optics.api", "optics.external", "optics.making_figures", "optics.parts"],
-    ["optics.sweeps"],
+    ["optics.making", "optics.sweeps"],
     ["optics.commands"],
     ["optics"],
     ["oracles"],

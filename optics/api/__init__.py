@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from optics.api.design_run import (
         design as design,
         shaped as shaped,
-        tolerances as tolerances,
     )
     from optics.api.engine_choice import (
         engine_of as engine_of,
     )
     from optics.api.irradiance_model import (
+        DEVICE as DEVICE,
         Model as Model,
     )
     from optics.api.minimisation import (
@@ -50,10 +50,12 @@ _FILES = {
     "design_run": (
         "design",
         "shaped",
-        "tolerances",
     ),
     "engine_choice": ("engine_of",),
-    "irradiance_model": ("Model",),
+    "irradiance_model": (
+        "DEVICE",
+        "Model",
+    ),
     "minimisation": (
         "Minimum",
         "minimise",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from optics.api.design_result import Design
@@ -15,14 +15,12 @@ from optics.problem import Problem
 from optics.progress import DesignProgress, Notes, RunClock, Size
 from optics.runtime import UserError
 from optics.system import advice
-from optics.tolerancing import LIMIT, tolerance_budget
 
 if TYPE_CHECKING:
     from optics.api.prepared_problem import Prepared
     from optics.engines import Engine
     from optics.optimisation import State
     from optics.runtime import Moment
-    from optics.tolerancing import ToleranceBudget
 
 Show = Callable[["Moment"], None]
 
@@ -87,30 +85,6 @@ def shaped(
     clock.lap("optimise")
     levels = keeper.records if keeper else ()
     return Design.of_state(asked, system, state, notes, clock.total(), levels=levels)
-
-
-def tolerances(
-    design: Design,
-    amounts: Mapping[str, float] | None = None,
-    limit: float = LIMIT,
-    progress: Callable[[str, int, int], None] | None = None,
-) -> ToleranceBudget:
-    """Return what each tolerance of lens, source and target does to the light of a design.
-
-    amounts : other amounts than the usual ones, by name, such as {"lens.decentre": 0.02}; 0 leaves one out.
-    limit : rise of rel_l2 for which the amount of each is looked for.
-    progress : called with a tolerance's name, its number from 0, and how many there are.
-
-    Raises
-    ------
-    UserError : an unknown name or a bad amount or limit; one sentence says which.
-    """
-    from optics.runtime import load_backend
-
-    with DEVICE:
-        target = design.measurement.target
-        backend = load_backend("double", design.problem.run.threads)
-        return tolerance_budget(design.system, design.lens, target, backend, amounts, limit, progress)
 
 
 def _progress(progress: bool | Show | None) -> DesignProgress:

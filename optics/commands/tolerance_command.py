@@ -10,8 +10,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.api import Design, tolerances
+from optics.api import Design
 from optics.commands.outcome import Outcome
+from optics.making import tolerances
 from optics.progress import drawing
 from optics.results import HASHES, hashes, require_own, run_id, writable_folder
 from optics.runtime import Phase, Progress, UserError

@@ -9,6 +9,9 @@ if TYPE_CHECKING:
         MadeBatch as MadeBatch,
         Range as Range,
     )
+    from optics.made_lenses.monte_carlo_result import (
+        MonteCarlo as MonteCarlo,
+    )
     from optics.made_lenses.random_errors import (
         Draw as Draw,
         FormTolerance as FormTolerance,
@@ -25,6 +28,7 @@ _FILES = {
         "MadeBatch",
         "Range",
     ),
+    "monte_carlo_result": ("MonteCarlo",),
     "random_errors": (
         "Draw",
         "FormTolerance",

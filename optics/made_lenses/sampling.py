@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import chain
 from operator import add
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,10 @@ class ErrorModel:
     def light(self) -> PerturbedLight:
         """What traces the lenses, on one thread; every worker builds its own."""
         return PerturbedLight(self.system, self.lens, load_backend("double", 1))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is sent to workers: all but the device's part."""
+        return {name: value for name, value in self.__dict__.items() if name != "light"}
 
     def errors(self, draw: Draw) -> Perturbation:
         """Return the errors of a lens.

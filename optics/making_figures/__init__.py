@@ -8,6 +8,9 @@ if TYPE_CHECKING:
     from optics.making_figures.form_figures import (
         form_figures_of as form_figures_of,
     )
+    from optics.making_figures.made_lens_figures import (
+        made_lens_figures_of as made_lens_figures_of,
+    )
     from optics.making_figures.tolerance_figures import (
         change_figure as change_figure,
         share_figure as share_figure,
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
 
 _FILES = {
     "form_figures": ("form_figures_of",),
+    "made_lens_figures": ("made_lens_figures_of",),
     "tolerance_figures": (
         "change_figure",
         "share_figure",

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
         worker_pool as worker_pool,
     )
     from optics.workers.pool_protocol import (
+        Worker as Worker,
         WorkerPool as WorkerPool,
     )
     from optics.workers.task_loop import (
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
 
 _FILES = {
     "pool_choice": ("worker_pool",),
-    "pool_protocol": ("WorkerPool",),
+    "pool_protocol": (
+        "Worker",
+        "WorkerPool",
+    ),
     "task_loop": (
         "TaskResult",
         "run_tasks",

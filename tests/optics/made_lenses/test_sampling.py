@@ -14,8 +14,7 @@ from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.system import OpticalSystem
 from optics.tolerancing import perturbed_light, tolerances_of
-from optics.workers import worker_pool
-from optics.workers.pool_protocol import Worker
+from optics.workers import Worker, worker_pool
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -109,5 +108,5 @@ def test_processes_change_no_bit(tmp_path):
     model = model_of(tmp_path)
     here, _ = sample_lenses(model, 16, Here())
     with worker_pool(2) as pool:
-        there, _ = sample_lenses(model_of(tmp_path), 16, pool)
+        there, _ = sample_lenses(model, 16, pool)
     np.testing.assert_array_equal(here.rel_l2, there.rel_l2)

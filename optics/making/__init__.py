@@ -1,0 +1,25 @@
+"""What scripts ask of a design that is to be made: what its errors do, one at a time and all at once."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.making.design_errors import (
+        FORM_NM as FORM_NM,
+        PERIODS as PERIODS,
+        SAMPLES as SAMPLES,
+        monte_carlo as monte_carlo,
+        tolerances as tolerances,
+    )
+
+_FILES = {
+    "design_errors": (
+        "FORM_NM",
+        "PERIODS",
+        "SAMPLES",
+        "monte_carlo",
+        "tolerances",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,94 @@
+"""Errors of making a design: one at a time, and all at once in many lenses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from optics.api import DEVICE
+from optics.made_lenses import ErrorModel, FormTolerance, MonteCarlo, form_rise, sample_lenses
+from optics.runtime import UserError
+from optics.tolerancing import LIMIT, tolerance_budget
+from optics.workers import worker_pool
+
+if TYPE_CHECKING:
+    from optics.api import Design
+    from optics.tolerancing import ToleranceBudget
+
+SAMPLES = 512
+FORM_NM = 50.0  # rms of a free surface: 0.2 to 0.5 um peak to valley are usual for diamond turned plastics
+PERIODS = 2.0, 20.0  # mm: shorter ones are roughness, longer ones a wrong power
+
+
+def tolerances(
+    design: Design,
+    amounts: Mapping[str, float] | None = None,
+    limit: float = LIMIT,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> ToleranceBudget:
+    """Return what each tolerance of lens, source and target does to the light of a design.
+
+    amounts : other amounts than the usual ones, by name, such as {"lens.decentre": 0.02}; 0 leaves one out.
+    limit : rise of rel_l2 for which the amount of each is looked for.
+    progress : called with a tolerance's name, its number from 0, and how many there are.
+
+    Raises
+    ------
+    UserError : an unknown name or a bad amount or limit; one sentence says which.
+    """
+    from optics.runtime import load_backend
+
+    with DEVICE:
+        target = design.measurement.target
+        backend = load_backend("double", design.problem.run.threads)
+        return tolerance_budget(design.system, design.lens, target, backend, amounts, limit, progress)
+
+
+def monte_carlo(
+    design: Design,
+    budget: ToleranceBudget,
+    samples: int = SAMPLES,
+    forms: Mapping[str, float] | None = None,
+    periods: tuple[float, float] = PERIODS,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> MonteCarlo:
+    """Return what becomes of many lenses of a design, each with all of its errors at once, traced exactly.
+
+    budget : of `tolerances`, whose amounts and limit hold here too.
+    samples : lenses, 8 times a power of two.
+    forms : rms of the form of "front" and "rear" in nm; left out, that of free surfaces is FORM_NM.
+    periods : shortest and longest period of the form errors, mm.
+    workers, scheduler : see `optics.workers.worker_pool`.
+    progress : called with the number of lenses that are done, and of all.
+
+    Raises
+    ------
+    UserError : bad numbers, or no workers.
+    """
+    model = ErrorModel(
+        design.system,
+        design.lens,
+        design.measurement.target,
+        tuple(effect.tolerance for effect in budget.effects),
+        _forms(design, forms, periods),
+    )
+    with DEVICE:
+        rise = form_rise(model)
+        with worker_pool(workers, scheduler) as pool:
+            batch, sets = sample_lenses(model, samples, pool, progress)
+    return MonteCarlo(batch, sets, model, budget, rise, budget.rel_l2 + budget.limit)
+
+
+def _forms(
+    design: Design, forms: Mapping[str, float] | None, periods: tuple[float, float]
+) -> tuple[FormTolerance, ...]:
+    """Return the form tolerances of the surfaces, those of 0 left out."""
+    free = {name: FORM_NM for name in design.problem.lens.free}
+    chosen = free if forms is None else forms
+    try:
+        found = [FormTolerance(name, rms / 1e6, periods) for name, rms in chosen.items()]
+    except TypeError:
+        raise UserError(f"a form error must be a number in nm, got {dict(chosen)}") from None
+    return tuple(form for form in found if form.rms)
