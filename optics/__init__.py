@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Model as Model,
         System as System,
         design as design,
+        form_tolerances as form_tolerances,
         minimise as minimise,
         mitsuba_scene as mitsuba_scene,
         tolerances as tolerances,
@@ -61,6 +62,7 @@ _FILES = {
         "design",
         "minimise",
         "mitsuba_scene",
+        "form_tolerances",
         "tolerances",
     ),
     "optimisers": (

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     )
     from optics.api.design_run import (
         design as design,
+        form_tolerances as form_tolerances,
         shaped as shaped,
         tolerances as tolerances,
     )
@@ -50,6 +51,7 @@ _FILES = {
     "design_run": (
         "design",
         "shaped",
+        "form_tolerances",
         "tolerances",
     ),
     "engine_choice": ("engine_of",),

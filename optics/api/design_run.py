@@ -20,6 +20,7 @@ from optics.tolerancing import LIMIT, tolerance_budget
 if TYPE_CHECKING:
     from optics.api.prepared_problem import Prepared
     from optics.engines import Engine
+    from optics.form_errors import FormErrors
     from optics.optimisation import State
     from optics.runtime import Moment
     from optics.tolerancing import ToleranceBudget
@@ -111,6 +112,25 @@ def tolerances(
         target = design.measurement.target
         backend = load_backend("double", design.problem.run.threads)
         return tolerance_budget(design.system, design.lens, target, backend, amounts, limit, progress)
+
+
+def form_tolerances(
+    design: Design, limit: float = LIMIT, progress: Callable[[str, int, int], None] | None = None
+) -> FormErrors:
+    """Return what errors of the form of front and rear do to the light of a design, by bands of period.
+
+    limit : rise of rel_l2 for which the rms of each band is looked for.  progress : as of `tolerances`.
+
+    Raises
+    ------
+    UserError : an extended source or blurred light, or a bad limit; one sentence says which.
+    """
+    from optics.form_errors import form_errors_of
+    from optics.runtime import load_backend
+
+    with DEVICE:
+        backend = load_backend("double", design.problem.run.threads)
+        return form_errors_of(design.system, design.lens, backend, limit, progress)
 
 
 def _progress(progress: bool | Show | None) -> DesignProgress:

@@ -5,19 +5,21 @@ from __future__ import annotations
 import sys
 import tomllib
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.api import Design, tolerances
+from optics.api import Design, form_tolerances, tolerances
 from optics.commands.outcome import Outcome
+from optics.form_errors import FORM_HEAD, form_obstacle, form_rows, form_sentences
 from optics.progress import drawing
 from optics.results import HASHES, hashes, require_own, run_id, writable_folder
 from optics.runtime import Phase, Progress, UserError
 from optics.tolerancing import HEAD, effect_rows, shop_sentences
 
 if TYPE_CHECKING:
+    from optics.form_errors import FormErrors
     from optics.tolerancing import ToleranceBudget
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
@@ -39,17 +41,28 @@ def tolerance(options: Namespace) -> Outcome:
     require_own(folder, (PAGE, RECORD), RECORD, options.force)
     with closing(_Shown()) as shown:
         budget = tolerances(design, amounts, options.limit, shown)
+    form, sentences = _form(design, options.limit)
     from thbcad.io import json_text, write_text
 
     data = budget.data() | {"run_id": run_id(design.problem, design.lens)}
-    write_text(folder / PAGE, _page(design, budget))
+    data["form_error"] = {"sentences": sentences} | ({} if form is None else form.data())
+    write_text(folder / PAGE, _page(design, budget, form, sentences))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
-    return Outcome(data, [*_lines(budget), f"wrote {folder / PAGE} and {folder / RECORD}"])
+    return Outcome(data, [*_lines(budget), *sentences, f"wrote {folder / PAGE} and {folder / RECORD}"])
 
 
-def _page(design: Design, budget: ToleranceBudget) -> str:
-    """Return tolerance.html."""
-    from optics.making_figures import change_figure, share_figure
+def _form(design: Design, limit: float) -> tuple[FormErrors | None, list[str]]:
+    """Return what form errors do, None where that is not computed, and what is to be said of it."""
+    if obstacle := form_obstacle(design.system):
+        return None, [obstacle]
+    with closing(_Shown()) as shown:
+        form = form_tolerances(design, limit, shown)
+    return form, form_sentences(form)
+
+
+def _page(design: Design, budget: ToleranceBudget, form: FormErrors | None, of_form: Sequence[str]) -> str:
+    """Return tolerance.html.  of_form : what is said of form errors."""
+    from optics.making_figures import change_figure, form_figures_of, share_figure
     from optics.report import PageSection, section_page
 
     screen, effects = design.system.target.screen(), {e.tolerance.name: e for e in budget.effects}
@@ -59,6 +72,13 @@ def _page(design: Design, budget: ToleranceBudget) -> str:
     sections = (
         PageSection("What the shop must hold", shop_sentences(budget), pictures=pictures),
         PageSection("Every tolerance by itself", head=HEAD, rows=effect_rows(budget)),
+        PageSection(
+            "Form errors",
+            of_form,
+            FORM_HEAD,
+            [] if form is None else form_rows(form),
+            [] if form is None else [*form_figures_of(form).values()],
+        ),
     )
     return section_page(f"{design.problem.title or 'Lens'}: tolerances", INTRODUCTION, sections)
 
