@@ -54,7 +54,11 @@ def rows() -> list[Row]:
     backend = load_backend("double")
     with tempfile.TemporaryDirectory() as folder:
         run_design(EXAMPLES / "pearl.toml", Path(folder) / "pearl")
-        design = Design.load(Path(folder) / "pearl")
+        return _of_design(Design.load(Path(folder) / "pearl"), backend)
+
+
+def _of_design(design: Design, backend: Backend) -> list[Row]:
+    """Return the rows of a design, whose folder is still there."""
     formulas = {
         side: local_formula_of(design.system, design.lens, side, backend, CELLS) for side in ("rear", "front")
     }
