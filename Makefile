@@ -70,6 +70,7 @@ QUICK = \
 	tests/optics/progress \
 	tests/optics/ray_files \
 	tests/optics/relighting \
+	tests/optics/tolerancing/test_perturbed_light.py \
 	tests/optics/report/test_html.py \
 	tests/optics/results \
 	tests/optics/runtime \

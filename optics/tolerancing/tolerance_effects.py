@@ -34,6 +34,7 @@ LIMIT = 0.01  # what rel_l2 may rise by
 SEARCH = 4  # traces of both signs, at most, that look for the amount that is allowed
 ENOUGH = 0.02  # of the rise: so well is the amount known then
 MOST = 10.0  # times as large as the amount before, at most, is the next guess
+DIGITS = 8  # of numbers told: sums by several threads differ in later ones
 STILL = 1e-9  # of a pixel per amount: what moves no light
 
 
@@ -97,7 +98,7 @@ class ToleranceBudget:
     def data(self) -> dict[str, Any]:
         """Return it as numbers by name, for tolerance.json."""
         shares = self.shares()
-        return {
+        data = {
             "rel_l2": self.rel_l2,
             "efficiency": self.efficiency,
             "limit": self.limit,
@@ -105,6 +106,16 @@ class ToleranceBudget:
             "expected_rel_l2": self.expected,
             "tolerances": {e.tolerance.name: _data(e, shares, self.unit) for e in self.effects},
         }
+        return {key: _rounded(value) for key, value in data.items()}
+
+
+def _rounded(value: Any) -> Any:
+    """Return numbers with DIGITS digits, in tables and rows too."""
+    if isinstance(value, dict):
+        return {key: _rounded(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def _data(effect: ToleranceEffect, shares: Mapping[str, float], unit: str) -> dict[str, Any]:

@@ -69,7 +69,7 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
     chosen = {name: t.amount for name, t in known.items()}
     for name, amount in (amounts or {}).items():
         checked = _checked(name, amount)
-        if checked or name not in SOMETIMES:  # what is not there may be left out
+        if name in known or checked or name not in SOMETIMES:  # what is not there may be left out
             chosen |= {one: checked for one in _meant(name, known)}
     return tuple(Tolerance(n, t.unit, chosen[n], t.change) for n, t in known.items() if chosen[n])
 

@@ -1,0 +1,70 @@
+"""`thbcad tolerance`: a page and numbers beside a result, whose own files stay what they are."""
+
+from __future__ import annotations
+
+import json
+from html import unescape
+from types import SimpleNamespace
+
+import pytest
+
+from optics.api import Design
+from optics.commands.cli import main
+from optics.results import sha256_of
+from optics.tolerancing import tolerances_of
+
+
+def run(capsys, *arguments):
+    code = main([*map(str, arguments)])
+    captured = capsys.readouterr()
+    return SimpleNamespace(code=code, out=captured.out, err=captured.err)
+
+
+def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
+    names = [t.name for t in tolerances_of(Design.load(copy).system)]
+    amounts = tmp_path / "shop.toml"
+    rest = "\n".join(f'"{name}" = 0' for name in names if name not in ("index", "lens.decentre_x"))
+    amounts.write_text(f"{rest}\nindex = 0.002\n", "utf-8")
+    before = {file: sha256_of(file) for file in copy.iterdir() if file.is_file()}
+    words = ["tolerance", copy, "--tolerances", amounts, "--set", "lens.decentre_x=0.03", "--json"]
+    done = run(capsys, *words)
+    assert done.code == 0
+    data = json.loads(done.out)
+    assert {n: row["amount"] for n, row in data["tolerances"].items()} == {
+        "index": 0.002,
+        "lens.decentre_x": 0.03,
+    }
+    page = (copy / "tolerance.html").read_text("utf-8")
+    assert "What the shop must hold" in page
+    # the shares, two changes of the light, the allowed form error and a map of it on either side
+    assert page.count("<img ") == 6
+    assert {*data["form_error"]["sides"]} == {"front", "rear"}
+    assert all(sentence in unescape(page) for sentence in data["form_error"]["sentences"])
+    record = json.loads((copy / "tolerance.json").read_text("utf-8"))
+    assert record["tolerances"] == data["tolerances"]
+    assert record["sha256"] == {"tolerance.html": sha256_of(copy / "tolerance.html")}
+    assert {file: sha256_of(file) for file in before} == before
+    assert run(capsys, *words).code == 0  # what it wrote itself, it replaces
+    again = json.loads((copy / "tolerance.json").read_text("utf-8"))
+    assert again["tolerances"] == record["tolerances"]
+    (copy / "tolerance.html").write_text("mine", "utf-8")
+    refused = run(capsys, *words)
+    assert refused.code == 2
+    assert "--force" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--set", "lens.decenter=1"], "did you mean lens.decentre"),
+        (["--set", "index"], "NAME=AMOUNT"),
+        (["--limit", "-1"], "limit must be"),
+        (["--tolerances", "none.toml"], "none.toml"),
+    ],
+)
+def test_bad_amounts_are_one_sentence(capsys, golden, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    done = run(capsys, "tolerance", golden.path, "--out", tmp_path / "new", *arguments)
+    assert done.code == 2
+    assert words in done.err
+    assert len(done.err.splitlines()) == 1
