@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
 
-CELLS_PER_PIXEL, LEAST_CELLS, MOST_CELLS = 4, 256, 1536  # in each direction
+CELLS_PER_PIXEL, LEAST_CELLS, MOST_CELLS = 4, 192, 1536  # in each direction
 PROBES = 2  # of a band: single ones differ by 2 %, those of the longest band by 15 %
 PROBE_RMS = 1e-6  # mm: the change is linear in it
 PV_OF_SINE = 2 * sqrt(2)  # peak to valley of a sine, in its rms
