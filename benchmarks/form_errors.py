@@ -6,6 +6,7 @@ Run: thbcad bench form_errors
 from __future__ import annotations
 
 import tempfile
+from functools import partial
 from math import sqrt
 from pathlib import Path
 from time import perf_counter
@@ -39,6 +40,7 @@ DIRECTIONS = (10.0, 55.0, 100.0, 145.0)
 MTF = {1.0: 0.79, 0.5: 0.31}  # at the mean magnification
 RISE = 0.01
 WITHIN = 0.1
+REPEATS = 3
 CHANGE, MOVED, LINEAR, TERMS = (
     "change of the irradiance",
     "landing points moved by the formula",
@@ -54,13 +56,18 @@ def rows() -> list[Row]:
     backend = load_backend("double")
     with tempfile.TemporaryDirectory() as folder:
         run_design(EXAMPLES / "pearl.toml", Path(folder) / "pearl")
-        design = Design.load(Path(folder) / "pearl")
+        return _of_design(Design.load(Path(folder) / "pearl"), backend)
+
+
+def _of_design(design: Design, backend: Backend) -> list[Row]:
+    """Return the rows of a design, whose folder is still there."""
     formulas = {
         side: local_formula_of(design.system, design.lens, side, backend, CELLS) for side in ("rear", "front")
     }
     rear = formulas["rear"]
     return [
         *(row for side, formula in formulas.items() for row in _by_period(side, formula)),
+        *_times(rear),
         *_by_shift(rear),
         *_costs(rear),
         *_mtf(rear),
@@ -70,38 +77,29 @@ def rows() -> list[Row]:
 
 
 def _by_period(side: str, formula: LocalFormula) -> list[Row]:
-    """Return the error of the formula at a tenth of a pixel, and times, by period."""
+    """Return the error of the formula at a tenth of a pixel, by period."""
     out = []
     for period in PERIODS:
         error = _ripple(formula, period, TENTH)
-        start = perf_counter()
         exact = formula.traced_irradiance(error) - formula.irradiance
-        traced = perf_counter() - start
-        name = f"{side}, period {period:g} mm"
         for method, limit in ((MOVED, WITHIN), (LINEAR, None), (TERMS, None)):
-            start = perf_counter()
-            found = _change(formula, error, method)
-            seconds = perf_counter() - start
-            out += [
-                Row(
-                    f"{name}, {method}: error",
-                    _norm(found - exact) / _norm(exact),
-                    "",
-                    "exact trace",
-                    limit,
-                    quantity=CHANGE,
-                    estimator=method,
-                ),
-                Row(
-                    f"{name}, {method}: norm / traced norm",
-                    _norm(found) / _norm(exact),
-                    "",
-                    "exact trace",
-                    quantity=CHANGE,
-                    estimator=method,
-                ),
-                Row(f"{name}, {method}: time", seconds, "s", f"exact trace {traced:.2f} s"),
-            ]
+            found, name = _change(formula, error, method), f"{side}, period {period:g} mm, {method}"
+            off, norm = _norm(found - exact) / _norm(exact), _norm(found) / _norm(exact)
+            for what, value, most in (("error", off, limit), ("norm / traced norm", norm, None)):
+                row = Row(
+                    f"{name}: {what}", value, "", "exact trace", most, quantity=CHANGE, estimator=method
+                )
+                out.append(row)
+    return out
+
+
+def _times(formula: LocalFormula) -> list[Row]:
+    """Return how long each method takes for one error, with as many cells as the errors have."""
+    error = _ripple(formula, PERIODS[0], TENTH)
+    out = [Row("exact trace: time", median_seconds(lambda: formula.traced_irradiance(error), REPEATS), "s")]
+    for method in (MOVED, LINEAR, TERMS):
+        seconds = median_seconds(partial(_change, formula, error, method), REPEATS)
+        out.append(Row(f"{method}: time", seconds, "s"))
     return out
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         mitsuba_scene as mitsuba_scene,
     )
     from optics.making import (
+        form_tolerances as form_tolerances,
         monte_carlo as monte_carlo,
         tolerances as tolerances,
     )
@@ -71,6 +72,7 @@ _FILES = {
         "mitsuba_scene",
     ),
     "making": (
+        "form_tolerances",
         "monte_carlo",
         "tolerances",
     ),

@@ -92,6 +92,17 @@ def _force_option(command: argparse.ArgumentParser) -> None:
     )
 
 
+def _worker_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--workers", type=int, metavar="N", help="processes of this machine (default: as many as cores)"
+    )
+    command.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a dask cluster whose workers are taken instead, such as tcp://host:8786",
+    )
+
+
 def _design_options(command: argparse.ArgumentParser) -> None:
     _problem_options(command)
     command.add_argument(
@@ -299,14 +310,7 @@ def _sweep_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out", metavar="DIR", help="folder to write (default: exports/NAME_sweep of the problem file)"
     )
-    command.add_argument(
-        "--workers", type=int, metavar="N", help="processes of this machine (default: as many as cores)"
-    )
-    command.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="of a dask cluster whose workers are taken instead, such as tcp://host:8786",
-    )
+    _worker_options(command)
     command.add_argument(
         "--resume",
         action="store_true",
@@ -335,6 +339,21 @@ def _tolerance_options(command: argparse.ArgumentParser) -> None:
         metavar="RISE",
         help="of rel_l2, for which the amount of each tolerance is looked for (default: 0.01)",
     )
+    command.add_argument(
+        "--samples",
+        type=int,
+        default=0,
+        metavar="N",
+        help="also trace so many lenses with all errors at once, 8 times a power of two such as 512; "
+        "front.form and rear.form are amounts then, nm rms of random form errors (default: 50 of free surfaces)",
+    )
+    command.add_argument(
+        "--periods",
+        default="2:20",
+        metavar="SHORTEST:LONGEST",
+        help="of these form errors, mm (default: 2:20)",
+    )
+    _worker_options(command)
     command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT)")
     _force_option(command)
 

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import sys
-import tomllib
 from argparse import Namespace
-from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.api import Design
 from optics.commands.outcome import Outcome
-from optics.making import tolerances
+from optics.commands.tolerance_amounts import Amounts, amounts_of, periods_of
+from optics.form_errors import FORM_HEAD, form_obstacle, form_rows, form_sentences
+from optics.making import form_tolerances, monte_carlo, tolerances
 from optics.progress import drawing
 from optics.results import HASHES, hashes, require_own, run_id, writable_folder
-from optics.runtime import Phase, Progress, UserError
+from optics.runtime import Phase, Progress
 from optics.tolerancing import HEAD, effect_rows, shop_sentences
 
 if TYPE_CHECKING:
+    from optics.form_errors import FormErrors
+    from optics.made_lenses import MonteCarlo
+    from optics.report import PageSection
     from optics.tolerancing import ToleranceBudget
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
 WORST = 3  # tolerances whose change of the light is drawn
-LARGEST_FILE = 1 << 20  # bytes of a file of amounts
 INTRODUCTION = (
     "What errors of making and mounting do to the light of this design. Every number is of an exact trace of "
     "the perturbed lens by front and rear; 'predicted' is a quadratic model through traces that move the "
@@ -31,37 +34,110 @@ INTRODUCTION = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class _Study:
+    """What is known of the errors of a design.
+
+    form : None where `obstacle` says why not.  made : None where no lenses are to be made.
+    """
+
+    design: Design
+    budget: ToleranceBudget
+    form: FormErrors | None
+    obstacle: str
+    made: MonteCarlo | None
+
+    def data(self) -> dict[str, Any]:
+        data = self.budget.data() | {"run_id": run_id(self.design.problem, self.design.lens)}
+        data["form_error"] = {"sentences": self.of_form()} | ({} if self.form is None else self.form.data())
+        return data | ({} if self.made is None else {"monte_carlo": self.made.data()})
+
+    def of_form(self) -> list[str]:
+        return [self.obstacle] if self.form is None else form_sentences(self.form)
+
+    def of_made(self) -> list[str]:
+        return [] if self.made is None else self.made.sentences()
+
+
 def tolerance(options: Namespace) -> Outcome:
     """Trace the lens of a result folder with everything a little wrong, and say what the shop must hold."""
-    amounts = _of_file(options.tolerances) | dict(map(_amount, options.set))
+    amounts, periods = amounts_of(options), periods_of(options.periods)
     design = Design.load(options.result)
     folder = Path(options.out or options.result)
     writable_folder(folder)
     require_own(folder, (PAGE, RECORD), RECORD, options.force)
-    with closing(_Shown()) as shown:
-        budget = tolerances(design, amounts, options.limit, shown)
+    study = _study(design, amounts, periods, options)
     from thbcad.io import json_text, write_text
 
-    data = budget.data() | {"run_id": run_id(design.problem, design.lens)}
-    write_text(folder / PAGE, _page(design, budget))
+    data = study.data()
+    write_text(folder / PAGE, _page(study))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
-    return Outcome(data, [*_lines(budget), f"wrote {folder / PAGE} and {folder / RECORD}"])
+    lines = [*_lines(study.budget), *study.of_made(), *study.of_form()]
+    return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"])
 
 
-def _page(design: Design, budget: ToleranceBudget) -> str:
+def _study(design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace) -> _Study:
+    with closing(_Shown()) as shown:
+        budget = tolerances(design, amounts.tolerances, options.limit, shown)
+    made = form = None
+    if options.samples:
+        with closing(_Shown()) as shown:
+            made = monte_carlo(
+                design,
+                budget,
+                options.samples,
+                amounts.forms,
+                periods,
+                options.workers,
+                options.scheduler,
+                lambda done, of: shown("lenses", done - 1, of),
+            )
+    obstacle = form_obstacle(design.system) or ""
+    if not obstacle:
+        with closing(_Shown()) as shown:
+            form = form_tolerances(design, options.limit, shown)
+    return _Study(design, budget, form, obstacle, made)
+
+
+def _page(study: _Study) -> str:
     """Return tolerance.html."""
     from optics.making_figures import change_figure, share_figure
     from optics.report import PageSection, section_page
 
+    budget, design = study.budget, study.design
     screen, effects = design.system.target.screen(), {e.tolerance.name: e for e in budget.effects}
     pictures = [("shares in the expected rise of rel_l2^2", share_figure(budget))]
     for name in [*budget.shares()][:WORST]:
         pictures.append((f"change of the light by {name}", change_figure(effects[name], screen)))
-    sections = (
+    sections = [
         PageSection("What the shop must hold", shop_sentences(budget), pictures=pictures),
+        *_of_lenses(study),
         PageSection("Every tolerance by itself", head=HEAD, rows=effect_rows(budget)),
-    )
+        _of_form(study),
+    ]
     return section_page(f"{design.problem.title or 'Lens'}: tolerances", INTRODUCTION, sections)
+
+
+def _of_lenses(study: _Study) -> list[PageSection]:
+    from optics.making_figures import made_lens_figures_of
+    from optics.report import PageSection
+
+    if study.made is None:
+        return []
+    head = ("part", "share in the expected rise of rel_l2^2")
+    rows = [(name, f"{share:.1%}") for name, share in study.made.shares().items()]
+    pictures = made_lens_figures_of(study.made)
+    return [PageSection("Lenses with all errors at once", study.of_made(), head, rows, pictures)]
+
+
+def _of_form(study: _Study) -> PageSection:
+    from optics.making_figures import form_figures_of
+    from optics.report import PageSection
+
+    form = study.form
+    rows = [] if form is None else form_rows(form)
+    pictures = [] if form is None else [*form_figures_of(form).values()]
+    return PageSection("Form errors", study.of_form(), FORM_HEAD, rows, pictures)
 
 
 def _lines(budget: ToleranceBudget) -> list[str]:
@@ -69,42 +145,6 @@ def _lines(budget: ToleranceBudget) -> list[str]:
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
     return [*table, "", *shop_sentences(budget)[:2]]
-
-
-def _amount(text: str) -> tuple[str, Any]:
-    """Return name and amount of "NAME=AMOUNT"."""
-    name, equals, value = (part.strip() for part in text.partition("="))
-    try:
-        return name, float(value) if equals else _refuse(text)
-    except ValueError:
-        return _refuse(text)
-
-
-def _refuse(text: str) -> Any:
-    raise UserError(f"--set takes NAME=AMOUNT with a number, such as lens.decentre=0.02, got {text!r}")
-
-
-def _of_file(path: str | None) -> dict[str, Any]:
-    """Return the amounts of a TOML file by name."""
-    if path is None:
-        return {}
-    file = Path(path)
-    try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise UserError(f"{file} is larger than a file of amounts may be, {LARGEST_FILE} bytes")
-        return dict(_flat(tomllib.loads(file.read_text("utf-8"))))
-    except OSError as error:
-        raise UserError(f"cannot read {file}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{file} is no TOML: {error}") from None
-
-
-def _flat(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Return the values of nested tables by dotted name."""
-    rows = []
-    for key, value in table.items():
-        rows += _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else [(prefix + key, value)]
-    return rows
 
 
 class _Shown:

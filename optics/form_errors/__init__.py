@@ -9,8 +9,15 @@ if TYPE_CHECKING:
         BandCost as BandCost,
         FormErrors as FormErrors,
         SideCost as SideCost,
-        form_error_results as form_error_results,
         form_errors_of as form_errors_of,
+    )
+    from optics.form_errors.form_trace import (
+        form_obstacle as form_obstacle,
+    )
+    from optics.form_errors.form_words import (
+        FORM_HEAD as FORM_HEAD,
+        form_rows as form_rows,
+        form_sentences as form_sentences,
     )
     from optics.form_errors.height_errors import (
         Power as Power,
@@ -39,8 +46,13 @@ _FILES = {
         "BandCost",
         "FormErrors",
         "SideCost",
-        "form_error_results",
         "form_errors_of",
+    ),
+    "form_trace": ("form_obstacle",),
+    "form_words": (
+        "FORM_HEAD",
+        "form_rows",
+        "form_sentences",
     ),
     "height_errors": (
         "Power",

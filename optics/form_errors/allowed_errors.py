@@ -10,7 +10,9 @@ with c = |J dh| / |T| of an error whose rms is 1.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from math import pi, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -25,13 +27,15 @@ from optics.form_errors.random_fields import random_field
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
+    from optics.form_errors.period_bands import Band
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
 
-CELLS_PER_PIXEL, LEAST_CELLS, MOST_CELLS = 4, 256, 1536  # in each direction
+CELLS_PER_PIXEL, LEAST_CELLS, MOST_CELLS = 4, 192, 1536  # in each direction
 PROBES = 2  # of a band: single ones differ by 2 %, those of the longest band by 15 %
 PROBE_RMS = 1e-6  # mm: the change is linear in it
 PV_OF_SINE = 2 * sqrt(2)  # peak to valley of a sine, in its rms
@@ -105,20 +109,16 @@ class FormErrors:
                 }
                 for cost in self.sides
             },
-            "sentences": list(self.sentences()),
         }
 
-    def sentences(self) -> list[str]:
-        """Return what a shop must hold, in sentences."""
-        return [
-            sentence for cost in self.sides for sentence in (_danger(cost), _peak_to_valley_misleads(cost))
-        ]
 
-
-def form_errors_of(system: OpticalSystem, lens: Lens, backend: Backend, rise: float) -> FormErrors:
+def form_errors_of(
+    system: OpticalSystem, lens: Lens, backend: Backend, rise: float, progress: Progress | None = None
+) -> FormErrors:
     """Return what form errors of front and rear cost.
 
     backend : of double precision.  rise : of rel_l2 that each band alone may bring, above 0.
+    progress : called with the name of a side and a band, its number from 0, and how many there are.
 
     Raises
     ------
@@ -127,21 +127,63 @@ def form_errors_of(system: OpticalSystem, lens: Lens, backend: Backend, rise: fl
     if not 0 < rise < np.inf:
         raise UserError(f"the rise of rel_l2 that form errors may bring must be positive, got {rise}")
     counts = [min(max(CELLS_PER_PIXEL * n, LEAST_CELLS), MOST_CELLS) for n in system.target.settings.pixels]
+    bands = {side: period_bands_of(getattr(lens, side).half_width) for side in SIDES}
+    steps = [(side, band) for side in SIDES for band in bands[side]]
     own, sides = 0.0, []
     for side in SIDES:
         formula = local_formula_of(system, lens, side, backend, (counts[0], counts[1]))
-        target = _target(system, formula)
-        own = rel_l2(formula.irradiance, target)
-        sides.append(_side_cost(formula, target, getattr(lens, side).half_width, rise))
+        probed = _Probed(formula, _target(system, formula), getattr(lens, side).half_width)
+        own, costs, maps = probed.rel_l2, [], []
+        for band in bands[side]:
+            if progress:
+                name = f"form of the {side}, {band[0]:g} to {band[1]:g} mm"
+                progress(name, steps.index((side, band)), len(steps))
+            cost, relative = probed.cost(band, rise)
+            costs.append(cost)
+            maps.append(relative)
+        sides.append(SideCost(side, tuple(costs), probed.waves.points, tuple(maps)))
     return FormErrors(own, rise, tuple(sides))
 
 
-def form_error_results(
-    system: OpticalSystem, lens: Lens, backend: Backend, rise: float
-) -> tuple[dict[str, Any], FormErrors]:
-    """Return (plain data for `tolerance.json`, the FormErrors for figures), see `form_errors_of`."""
-    found = form_errors_of(system, lens, backend, rise)
-    return found.data(), found
+@dataclass(frozen=True, eq=False)
+class _Probed:
+    """One side of a lens, whose errors are probed.  target : irradiance on the pixels."""
+
+    formula: LocalFormula
+    target: Floats
+    half_width: tuple[float, float]
+
+    @cached_property
+    def waves(self) -> BandFormula:
+        return BandFormula(self.formula)
+
+    @cached_property
+    def rel_l2(self) -> float:
+        return rel_l2(self.formula.irradiance, self.target)
+
+    def cost(self, band: Band, rise: float) -> tuple[BandCost, Floats]:
+        """Return the BandCost of a band, and the map of its dE / E."""
+        formula, expected = self.formula, self.waves.change(band)
+        # both images are scaled to unit mean in rel_l2
+        scale = float(self.target.mean() / formula.irradiance.mean() / np.linalg.norm(self.target))
+        probes = [random_field(band, PROBE_RMS, self.half_width, seed) for seed in range(PROBES)]
+        changes = [np.linalg.norm(formula.linear_change(probe)) for probe in probes]
+        change = scale * float(np.sqrt(np.mean(np.square(changes)))) / PROBE_RMS
+        allowed = sqrt((self.rel_l2 + rise) ** 2 - self.rel_l2**2) / change
+        field = Scaled(probes[0], allowed / PROBE_RMS)
+        cost = BandCost(
+            band=band,
+            change_per_mm=change,
+            by_formula=scale * float(np.linalg.norm(formula.irradiance)) * expected.norm,
+            curvature_part=expected.curvature,
+            mtf=expected.mtf,
+            slope_cost=change * sqrt(band[0] * band[1]) / (2 * pi),
+            allowed_rms=allowed,
+            allowed_pv_sine=PV_OF_SINE * allowed,
+            allowed_pv_field=float(np.ptp(field.jet(*(a.ravel() for a in formula.points))[0])),
+            traced_rel_l2=rel_l2(formula.traced_irradiance(field), self.target),
+        )
+        return cost, expected.relative
 
 
 def _target(system: OpticalSystem, formula: LocalFormula) -> Floats:
@@ -151,56 +193,3 @@ def _target(system: OpticalSystem, formula: LocalFormula) -> Floats:
             "the lens brings no light to the target, so that form errors change nothing; design it"
         )
     return system.target.irradiance(formula.screen, float(formula.nominal.passing.mean()))
-
-
-def _side_cost(
-    formula: LocalFormula, target: Floats, half_width: tuple[float, float], rise: float
-) -> SideCost:
-    waves, bands, maps = BandFormula(formula), [], []
-    own = rel_l2(formula.irradiance, target)
-    # both images are scaled to unit mean in rel_l2
-    scale = float(target.mean() / formula.irradiance.mean() / np.linalg.norm(target))
-    for band in period_bands_of(half_width):
-        expected = waves.change(band)
-        probes = [random_field(band, PROBE_RMS, half_width, seed) for seed in range(PROBES)]
-        changes = [np.linalg.norm(formula.linear_change(probe)) for probe in probes]
-        change = scale * float(np.sqrt(np.mean(np.square(changes)))) / PROBE_RMS
-        allowed = sqrt((own + rise) ** 2 - own**2) / change
-        field = Scaled(probes[0], allowed / PROBE_RMS)
-        bands.append(
-            BandCost(
-                band=band,
-                change_per_mm=change,
-                by_formula=scale * float(np.linalg.norm(formula.irradiance)) * expected.norm,
-                curvature_part=expected.curvature,
-                mtf=expected.mtf,
-                slope_cost=change * sqrt(band[0] * band[1]) / (2 * pi),
-                allowed_rms=allowed,
-                allowed_pv_sine=PV_OF_SINE * allowed,
-                allowed_pv_field=float(np.ptp(field.jet(*(a.ravel() for a in formula.points))[0])),
-                traced_rel_l2=rel_l2(formula.traced_irradiance(field), target),
-            )
-        )
-        maps.append(expected.relative)
-    return SideCost(formula.side, tuple(bands), waves.points, tuple(maps))
-
-
-def _danger(cost: SideCost) -> str:
-    """Return where ripples cost most, and what to hold there, as sentences."""
-    (short, long), band = cost.danger.band, cost.danger
-    return (
-        f"Ripples of the {cost.side} with periods from {short:g} to {long:g} mm are the most dangerous: "
-        f"there an error of given slope costs most. Hold {1e6 * band.allowed_rms:.3g} nm rms in this band; "
-        f"a regular ripple then has {1e6 * band.allowed_pv_sine:.3g} nm peak to valley."
-    )
-
-
-def _peak_to_valley_misleads(cost: SideCost) -> str:
-    """Return why the peak to valley alone says little, as sentences."""
-    (_, short), (long, _) = cost.bands[0].band, cost.bands[-1].band
-    ratio = cost.bands[-1].allowed_pv_sine / cost.bands[0].allowed_pv_sine
-    return (
-        f"Peak to valley alone misleads on the {cost.side}: for the same loss a ripple with a period above "
-        f"{long:g} mm may be {ratio:.3g} times as high as one with a period below {short:g} mm. "
-        "State the rms by bands of period."
-    )

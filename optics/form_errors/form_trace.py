@@ -127,6 +127,16 @@ class FormTrace:
         return cells, (x, y, passing, passing > 0)
 
 
+def form_obstacle(system: OpticalSystem) -> str | None:
+    """Return why form errors of a system are not computed, a sentence; None where they are."""
+    if not (system.source.extended or system.blurred):
+        return None
+    return (
+        "form errors are computed for sharp light, but this source is extended or its light is blurred; "
+        "take a point or a parallel beam, without divergence and roughness"
+    )
+
+
 def form_trace(system: OpticalSystem, lens: Lens, backend: Backend, counts: tuple[int, int]) -> FormTrace:
     """Return the FormTrace of (nx, ny) cells.
 
@@ -137,11 +147,8 @@ def form_trace(system: OpticalSystem, lens: Lens, backend: Backend, counts: tupl
     ------
     UserError : an extended source, a beam with divergence, rough surfaces.
     """
-    if system.source.extended or system.blurred:
-        raise UserError(
-            "form errors are computed for sharp light, but this source is extended or its light is blurred; "
-            "take a point or a parallel beam, without divergence and roughness"
-        )
+    if obstacle := form_obstacle(system):
+        raise UserError(obstacle)
     front, rear = lens.front.half_width, lens.rear.half_width
     lit = (min(front[0], rear[0]), min(front[1], rear[1])) if system.path.parallel else front
     return FormTrace(system, lens, system.source.cells(counts, lit), backend)

@@ -34,7 +34,7 @@ Band = tuple[float, float]
 EDGES = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0)  # mm: from the marks of a tool to the figure of a polisher
 LEAST_RATIO = 1.5  # of the longest periods' band
 DIRECTIONS, PERIODS = 8, 4  # of waves in a band: twice as many change norms by less than 1 %
-MAP_CELLS = 256  # of the lens in each direction, that a map shows
+MAP_CELLS = 128  # of the lens in each direction, that a map shows: single cells of a finer trace
 DARK = 1e-3  # of the mean irradiance: below it pixels do not count
 
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
         FORM_NM as FORM_NM,
         PERIODS as PERIODS,
         SAMPLES as SAMPLES,
+        form_tolerances as form_tolerances,
         monte_carlo as monte_carlo,
         tolerances as tolerances,
     )
@@ -18,6 +19,7 @@ _FILES = {
         "FORM_NM",
         "PERIODS",
         "SAMPLES",
+        "form_tolerances",
         "monte_carlo",
         "tolerances",
     ),

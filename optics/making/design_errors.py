@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from optics.api import DEVICE
+from optics.form_errors import form_errors_of
 from optics.made_lenses import ErrorModel, FormTolerance, MonteCarlo, form_rise, sample_lenses
 from optics.runtime import UserError
 from optics.tolerancing import LIMIT, tolerance_budget
@@ -13,6 +14,7 @@ from optics.workers import worker_pool
 
 if TYPE_CHECKING:
     from optics.api import Design
+    from optics.form_errors import FormErrors
     from optics.tolerancing import ToleranceBudget
 
 SAMPLES = 512
@@ -42,6 +44,24 @@ def tolerances(
         target = design.measurement.target
         backend = load_backend("double", design.problem.run.threads)
         return tolerance_budget(design.system, design.lens, target, backend, amounts, limit, progress)
+
+
+def form_tolerances(
+    design: Design, limit: float = LIMIT, progress: Callable[[str, int, int], None] | None = None
+) -> FormErrors:
+    """Return what errors of the form of front and rear do to the light of a design, by bands of period.
+
+    limit : rise of rel_l2 for which the rms of each band is looked for.  progress : as of `tolerances`.
+
+    Raises
+    ------
+    UserError : an extended source or blurred light, or a bad limit; one sentence says which.
+    """
+    from optics.runtime import load_backend
+
+    with DEVICE:
+        backend = load_backend("double", design.problem.run.threads)
+        return form_errors_of(design.system, design.lens, backend, limit, progress)
 
 
 def monte_carlo(

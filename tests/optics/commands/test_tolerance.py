@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from html import unescape
 from types import SimpleNamespace
 
 import pytest
@@ -35,7 +36,10 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
     }
     page = (copy / "tolerance.html").read_text("utf-8")
     assert "What the shop must hold" in page
-    assert page.count("<img ") == 3  # the shares, and two changes of the light
+    # the shares, two changes of the light, the allowed form error and a map of it on either side
+    assert page.count("<img ") == 6
+    assert {*data["form_error"]["sides"]} == {"front", "rear"}
+    assert all(sentence in unescape(page) for sentence in data["form_error"]["sentences"])
     record = json.loads((copy / "tolerance.json").read_text("utf-8"))
     assert record["tolerances"] == data["tolerances"]
     assert record["sha256"] == {"tolerance.html": sha256_of(copy / "tolerance.html")}

@@ -7,7 +7,9 @@ import pytest
 
 from optics.form_errors import (
     BandFormula,
-    form_error_results,
+    form_errors_of,
+    form_rows,
+    form_sentences,
     local_formula_of,
     period_bands_of,
     pixel_mtf,
@@ -62,18 +64,21 @@ def test_random_probes_cost_what_the_formula_expects(tmp_path, backend, band):
 @pytest.mark.slow
 def test_the_allowed_rms_brings_the_stated_rise(tmp_path, backend):
     system, lens = system_and_lens(tmp_path)
-    data, found = form_error_results(system, lens, backend, RISE)
-    assert json.loads(json.dumps(data)) == data
+    steps = []
+    found = form_errors_of(system, lens, backend, RISE, lambda *step: steps.append(step))
+    assert json.loads(json.dumps(found.data())) == found.data()
+    assert [number for _, number, _ in steps] == [*range(10)]
+    assert len(form_rows(found)) == len(steps) == steps[0][2]
     for cost in found.sides:
         for band in cost.bands[:3]:
             assert band.traced_rel_l2 - found.rel_l2 == pytest.approx(RISE, rel=0.35)
         assert cost.danger.slope_cost == max(band.slope_cost for band in cost.bands)
         assert cost.bands[0].allowed_rms < cost.bands[-1].allowed_rms
-    assert "Peak to valley alone misleads on the rear" in " ".join(data["sentences"])
+    assert "Peak to valley alone misleads on the rear" in " ".join(form_sentences(found))
 
 
 @pytest.mark.parametrize("rise", [0.0, -1.0, np.nan, np.inf])
 def test_a_rise_that_is_not_positive_is_refused(tmp_path, backend, rise):
     system, lens = system_and_lens(tmp_path)
     with pytest.raises(UserError, match="must be positive, got"):
-        form_error_results(system, lens, backend, rise)
+        form_errors_of(system, lens, backend, rise)

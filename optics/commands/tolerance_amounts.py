@@ -1,0 +1,83 @@
+"""The amounts of tolerances that arguments and a file name."""
+
+from __future__ import annotations
+
+import tomllib
+from argparse import Namespace
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from optics.runtime import UserError
+
+LARGEST_FILE = 1 << 20  # bytes of a file of amounts
+FORM = ".form"  # ends the name of a form error, such as rear.form, in nm rms
+
+
+class Amounts(NamedTuple):
+    """Other amounts than the usual ones, by name.  forms : of "front" and "rear", nm rms; None is usual."""
+
+    tolerances: dict[str, Any]
+    forms: dict[str, Any] | None
+
+
+def amounts_of(options: Namespace) -> Amounts:
+    """Return the amounts of --tolerances and --set; of two for a name, --set's last one holds.
+
+    Raises
+    ------
+    UserError : no number, or a file that cannot be read.
+    """
+    named = _of_file(options.tolerances) | dict(map(_amount, options.set))
+    forms = {name.removesuffix(FORM): named.pop(name) for name in [*named] if name.endswith(FORM)}
+    return Amounts(named, forms or None)
+
+
+def periods_of(text: str) -> tuple[float, float]:
+    """Return the shortest and the longest period of "SHORTEST:LONGEST", mm.
+
+    Raises
+    ------
+    UserError : another text.
+    """
+    try:
+        short, long = map(float, text.split(":"))
+    except ValueError:
+        raise UserError(f"--periods takes SHORTEST:LONGEST in mm, such as 2:20, got {text!r}") from None
+    return short, long
+
+
+def _amount(text: str) -> tuple[str, Any]:
+    """Return name and amount of "NAME=AMOUNT"."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    try:
+        return name, float(value) if equals else _refuse(text)
+    except ValueError:
+        return _refuse(text)
+
+
+def _refuse(text: str) -> Any:
+    raise UserError(f"--set takes NAME=AMOUNT with a number, such as lens.decentre=0.02, got {text!r}")
+
+
+def _of_file(path: str | None) -> dict[str, Any]:
+    """Return the amounts of a TOML file by name."""
+    if path is None:
+        return {}
+    file = Path(path)
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise UserError(f"{file} is larger than a file of amounts may be, {LARGEST_FILE} bytes")
+        return dict(_flat(tomllib.loads(file.read_text("utf-8"))))
+    except OSError as error:
+        raise UserError(f"cannot read {file}: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{file} is no TOML: {error}") from None
+
+
+def _flat(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """Return the values of nested tables by dotted name."""
+    rows = []
+    for key, value in table.items():
+        rows += _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else [(prefix + key, value)]
+    return rows
