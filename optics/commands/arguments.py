@@ -345,7 +345,7 @@ def _tolerance_options(command: argparse.ArgumentParser) -> None:
         default=0,
         metavar="N",
         help="also trace so many lenses with all errors at once, 8 times a power of two such as 512; "
-        "front.form and rear.form are amounts then, nm rms of random form errors (default: 50 of free surfaces)",
+        "front.form and rear.form are amounts then, nm rms of random form errors (default: 50 where free)",
     )
     command.add_argument(
         "--periods",
