@@ -32,6 +32,7 @@ ARGUMENTS = {
     "export": ["result", "--out", "lens.stl"],
     "new": [],
     "relight": ["result", "--source", "sun"],
+    "sweep": ["problem.toml", "--vary", "target.distance=200:400:5"],
     "trace": ["result"],
     "verify": ["result"],
 }

@@ -52,14 +52,14 @@ def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
             yield key
 
 
-def _set_keys(problem: Problem, others: Mapping[str, object]) -> str:
+def _set_keys(problem: Problem, others: Mapping[str, object] | None = None) -> str:
     """Return the keys that differ from their defaults, a line each.
 
     So keys that a later version knows too do not change what is known of a problem.
 
     others : values in place of the problem's own, by dotted key.
     """
-    return "\n".join(f"{key} = {value!r}" for key, value in _set(problem, others))
+    return "\n".join(f"{key} = {value!r}" for key, value in _set(problem, others or {}))
 
 
 def _set(table: Any, others: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, object]]:

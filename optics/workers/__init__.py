@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     )
     from optics.workers.task_loop import (
         TaskResult as TaskResult,
+        all_values as all_values,
         run_tasks as run_tasks,
     )
 
@@ -21,6 +22,7 @@ _FILES = {
     "pool_protocol": ("WorkerPool",),
     "task_loop": (
         "TaskResult",
+        "all_values",
         "run_tasks",
     ),
 }
