@@ -69,6 +69,13 @@ def test_a_task_whose_worker_is_killed_once_succeeds(pool, tmp_path):
     assert sorted(r.value for r in found) == list(range(11))
 
 
+def test_two_workers_may_not_take_three_quarters_of_the_memory_each(pool):
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    found = {r.index: r for r in run_tasks(tasks.allocate, [1000, 3 * whole // 4], pool)}
+    assert found[0].value == 1000
+    assert "out of memory" in found[1].failure
+
+
 def test_items_are_read_as_they_are_needed(pool):
     read = []
     results = run_tasks(tasks.add, (read.append(k) or k for k in range(1000)), pool, 0)
