@@ -7,7 +7,7 @@ import pytest
 
 from optics import sweeps
 from optics.commands import main
-from optics.sweeps.running import run_sweep
+from optics.sweeps import run_sweep
 from tests.cases import EXAMPLES
 from tests.optics.sweeps.cases import picky, quick, thread_pool
 
