@@ -80,13 +80,7 @@ def _overhead() -> list[Row]:
         Row(f"{MANY} variants of {PAUSE:g} s on {WORKERS} workers", seconds, "s", "checks and tables too"),
         Row("   overhead of each", 1e3 * each, "ms", "beyond the time of the workers", 5),
         Row(f"   growth of the client behind the first {early}", memory[-1] - memory[early], "MB", "", 20),
-        Row(
-            f"   growth of a worker behind the first {early}",
-            max(workers) - max(workers[:early]),
-            "MB",
-            "",
-            20,
-        ),
+        Row(f"   growth of the workers behind the first {early}", grown, "MB", "", 20),
     ]
 
 

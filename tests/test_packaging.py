@@ -33,6 +33,7 @@ ARGUMENTS = {
     "new": [],
     "relight": ["result", "--source", "sun"],
     "tolerance": ["result"],
+    "sweep": ["problem.toml", "--vary", "target.distance=200:400:5"],
     "trace": ["result"],
     "verify": ["result"],
 }

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optics.etendue import Approximation, Array, approximate_two_deltas
+from optics.workers import all_values
 from thbcad.checks import read_only
+
+if TYPE_CHECKING:
+    from optics.workers import WorkerPool
 
 PIXELS = 256  # on [-1, 1]: a step of 1/128 is one pixel
 SIDE, RADIUS = 0.5, 0.33
@@ -46,14 +51,27 @@ def two_sources(target: Array, m: int, n: int) -> Approximation:
     return approximate_two_deltas((n, m), (1.0, 1.0), target)
 
 
-def landscape(target: Array, steps: int = STEPS) -> Landscape:
-    """Return the landscape over m, n = 0 .. steps.  target : dark in a border of `steps` pixels."""
-    best = [[two_sources(target, m, n) for m in range(steps + 1)] for n in range(steps + 1)]
-    return Landscape(
-        residual=read_only([[one.residual for one in row] for row in best]),
-        lower_bound=read_only([[one.lower_bound for one in row] for row in best]),
-        kkt=read_only([[one.kkt for one in row] for row in best]),
-    )
+def landscape(target: Array, steps: int = STEPS, pool: WorkerPool | None = None) -> Landscape:
+    """Return the landscape over m, n = 0 .. steps.
+
+    target : dark in a border of `steps` pixels.  pool : computes the positions side by side, see
+        `optics.workers.worker_pool`; None computes them here.
+
+    Raises
+    ------
+    NumericalError : a worker could not compute a position.
+    """
+    places = list(np.ndindex(steps + 1, steps + 1))
+    best = np.array(all_values(_best, places, pool, target)).reshape(steps + 1, steps + 1, 3)
+    residual, lower_bound, kkt = np.moveaxis(best, 2, 0)
+    return Landscape(read_only(residual), read_only(lower_bound), read_only(kkt))
+
+
+def _best(target: Array, place: tuple[int, int]) -> tuple[float, float, float]:
+    """Return residual, lower bound and KKT error.  place : rows and columns to the second source."""
+    n, m = place
+    one = two_sources(target, m, n)
+    return one.residual, one.lower_bound, one.kkt
 
 
 def _middles(pixels: int) -> Array:

@@ -25,6 +25,7 @@ class Key:
 hints_of = cache(get_type_hints)  # names of types are looked up, which takes longer than all checks
 
 
+@cache
 def table_of(hint: Any) -> type[DataclassInstance] | None:
     """Return the record that a field holds, or None for a plain value."""
     for part in (hint, *get_args(hint)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,11 +25,11 @@ def fingerprint(problem: Problem) -> str:
     It does not depend on the paths of the files, nor on the number of threads and on what is kept of
     levels.
     """
-    parts = {
-        table: replace(part, **{part.data: hashlib.sha256(Path(path).read_bytes()).hexdigest()})
+    files = {
+        f"{table}.{part.data}": hashlib.sha256(Path(path).read_bytes()).hexdigest()
         for table, part, path in data_of(problem)
     }
-    return _sha256(_set_keys(replace(problem, run=replace(problem.run, threads=0, keep=KEPT), **parts)))
+    return _sha256(_set_keys(problem, {"run.threads": 0, "run.keep": KEPT, **files}))
 
 
 def run_id(problem: Problem, lens: Lens) -> str:
@@ -38,8 +38,8 @@ def run_id(problem: Problem, lens: Lens) -> str:
     Pictures and rays do not count: the run's record holds the hashes of the files.  Nor does the table
     export: the names in CAD files may be changed after a design.
     """
-    parts = {table: replace(part, **{part.data: table}) for table, part, _ in data_of(problem)}
-    return _sha256(_set_keys(replace(problem, export=Export(), **parts)) + json.dumps(lens_to_dict(lens)))
+    files = {f"{table}.{part.data}": table for table, part, _ in data_of(problem)}
+    return _sha256(_set_keys(replace(problem, export=Export()), files) + json.dumps(lens_to_dict(lens)))
 
 
 def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
@@ -52,19 +52,22 @@ def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:
             yield key
 
 
-def _set_keys(problem: Problem) -> str:
+def _set_keys(problem: Problem, others: Mapping[str, object] | None = None) -> str:
     """Return the keys that differ from their defaults, a line each.
 
     So keys that a later version knows too do not change what is known of a problem.
+
+    others : values in place of the problem's own, by dotted key.
     """
-    return "\n".join(f"{key} = {value!r}" for key, value in _set(problem))
+    return "\n".join(f"{key} = {value!r}" for key, value in _set(problem, others or {}))
 
 
-def _set(table: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
+def _set(table: Any, others: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, object]]:
     for field in fields(table):
-        key, value = f"{prefix}{field.name}", getattr(table, field.name)
+        key = f"{prefix}{field.name}"
+        value = others.get(key, getattr(table, field.name))
         if is_dataclass(value):
-            yield from _set(value, f"{key}.")
+            yield from _set(value, others, f"{key}.")
         elif value != field.default:
             yield key, value
 

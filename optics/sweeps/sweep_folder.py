@@ -38,14 +38,29 @@ def taken_folder(
     """
     if resume and not (folder / STORE).exists():
         raise UserError(f"nothing to resume: there is no {folder / STORE}; run without --resume")
+    new, empty = not folder.exists(), True
     writable_folder(folder)
-    with run_lock(folder, problem.title):
-        require_own(folder, FILES, RECORD, force)
-        if force and not resume:
-            for end in ("", "-wal", "-shm"):
-                (folder / f"{STORE}{end}").unlink(missing_ok=True)
-        with open_store(folder / STORE, {"problem": fingerprint(problem), "keys": ", ".join(keys)}) as store:
-            yield store
+    try:
+        with run_lock(folder, problem.title):
+            require_own(folder, FILES, RECORD, force)
+            if force and not resume:
+                _drop(folder)
+            own = {"problem": fingerprint(problem), "keys": ", ".join(keys)}
+            with open_store(folder / STORE, own) as store:
+                try:
+                    yield store
+                finally:
+                    empty = not store.problems() and not (folder / RECORD).exists()
+    finally:
+        if new and empty:
+            _drop(folder)
+            folder.rmdir()
+
+
+def _drop(folder: Path) -> None:
+    """Remove the store, and what SQLite keeps beside it."""
+    for end in ("", "-wal", "-shm"):
+        (folder / f"{STORE}{end}").unlink(missing_ok=True)
 
 
 def write_sweep(sweep: Sweep, title: str) -> None:

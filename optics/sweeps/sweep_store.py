@@ -116,8 +116,8 @@ def _require_same(path: Path, connection: sqlite3.Connection, sweep: Mapping[str
     """Write what the sweep is, or compare it with what the file says."""
     wanted = {"schema": SCHEMA, "version": str(VERSION), "thbcad": __version__, **sweep}
     held = dict(connection.execute("SELECT key, value FROM about"))
-    if not held:
-        connection.executemany("INSERT INTO about VALUES (?, ?)", wanted.items())
+    if not held or connection.execute("SELECT 1 FROM variants").fetchone() is None:
+        connection.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", wanted.items())
         connection.commit()
         return
     differing = [key for key in wanted if held.get(key) != wanted[key]]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     )
     from optics.workers.task_loop import (
         TaskResult as TaskResult,
+        all_values as all_values,
         run_tasks as run_tasks,
     )
 
@@ -25,6 +26,7 @@ _FILES = {
     ),
     "task_loop": (
         "TaskResult",
+        "all_values",
         "run_tasks",
     ),
 }

@@ -16,6 +16,8 @@ from thbcad.doors import loaded
 if TYPE_CHECKING:
     from distributed import Client
 
+# they would print tracebacks, until after the end, of a lost scheduler, which is told in one sentence
+LOGS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
 PATIENCE = 10.0  # seconds in which a scheduler answers: a busy one needs less than one
 
 
@@ -39,8 +41,8 @@ class DaskCluster:
             UnpreparedError,
         )
         self._scheduler, self._workers = scheduler, dict[str, Worker]()
-        # a lost scheduler is told in one sentence
-        logging.getLogger("distributed.client").setLevel(logging.CRITICAL + 1)
+        for name in LOGS:
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             self._client: Client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:

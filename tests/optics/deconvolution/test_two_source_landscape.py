@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from optics.deconvolution.two_source_landscape import MARKS, disk, landscape, square, two_sources
 from optics.etendue import Kernel, approximate
+from optics.workers import worker_pool
 
 
 @pytest.fixture(scope="module", params=[square, disk], ids=["square", "disk"])
@@ -57,3 +58,12 @@ def test_a_greater_distance_is_worse_for_the_disk():
     """What Figure 7.8 shows, at its marks."""
     near, middle, far = (two_sources(disk(), *mark).residual for mark in MARKS["disk"])
     assert near < middle < far
+
+
+@pytest.mark.slow
+def test_a_landscape_by_workers_is_the_same():
+    found = landscape(square(), 2)
+    with worker_pool(2) as pool:
+        by_workers = landscape(square(), 2, pool)
+    for name in ("residual", "lower_bound", "kkt"):
+        assert np.array_equal(getattr(by_workers, name), getattr(found, name))

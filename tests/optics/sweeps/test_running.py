@@ -118,6 +118,12 @@ def test_there_must_be_something_to_resume(by, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
+def test_a_sweep_that_cannot_begin_leaves_nothing_behind(design, tmp_path):
+    with pytest.raises(UserError, match="number of workers"):
+        running.sweep(problem(), DISTANCES, tmp_path / "none", workers=0)
+    assert not (tmp_path / "none").exists()
+
+
 def test_a_kept_lens_is_in_the_store(by, tmp_path):
     from optics.results import fingerprint
     from optics.sweeps.sweep_store import open_store

@@ -66,13 +66,19 @@ def test_a_killed_writer_leaves_every_committed_row_whole(tmp_path):
 
 @pytest.mark.parametrize("key", ["problem", "keys"])
 def test_the_store_of_another_sweep_is_refused(tmp_path, key):
-    with open_store(tmp_path / "s", ABOUT):
-        pass
+    with open_store(tmp_path / "s", ABOUT) as store:
+        store.add("a", {}, ROW)
     with (
         pytest.raises(UserError, match=f"holds another sweep .it differs in {key}.; choose another --out"),
         open_store(tmp_path / "s", ABOUT | {key: "other"}),
     ):
         pass
+
+
+def test_an_empty_store_may_become_that_of_another_sweep(tmp_path):
+    for key in ("a", "b"):
+        with open_store(tmp_path / "s", ABOUT | {"keys": key}) as store:
+            assert not store.problems()
 
 
 @pytest.mark.parametrize("content", [b"no database, but a text" * 200, b"SQLite format 3\0junk"])

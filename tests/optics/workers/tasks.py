@@ -48,3 +48,7 @@ def kill_once(common, item):
 def process_after(seconds, item):
     time.sleep(seconds)
     return os.getpid()
+
+
+def allocate(common, size):
+    return len(bytearray(size))

@@ -3,11 +3,12 @@
 import os
 import signal
 import time
+from contextlib import closing
 
 import pytest
 
-from optics.runtime import UserError
-from optics.workers import run_tasks, worker_pool
+from optics.runtime import NumericalError, UserError
+from optics.workers import all_values, run_tasks, worker_pool
 from optics.workers.task_loop import MOST_IN_FLIGHT
 from tests.optics.workers import tasks
 
@@ -24,8 +25,25 @@ def test_every_item_has_its_result(pool):
     assert all(r.seconds >= 0 and r.peak_mb > 1 and not r.failure for r in found)
 
 
+def test_all_values_are_those_of_a_loop_in_the_order_of_the_items(pool):
+    assert all_values(tasks.add, range(9), pool, 5) == all_values(tasks.add, range(9), None, 5)
+    with pytest.raises(NumericalError, match="task 2 of 3 failed: 1 is odd"):
+        all_values(tasks.fail_odd, range(3), pool)
+
+
+def workers_of(pool):
+    """Return the processes of two workers; on a busy machine one may be late."""
+    seen = set()
+    with closing(run_tasks(tasks.process_after, range(1000), pool, 0.01)) as results:
+        for result in results:
+            seen.add(result.value)
+            if len(seen) == 2:
+                return seen
+    raise AssertionError("one worker did everything")
+
+
 def test_both_workers_work(pool):
-    assert len({r.value for r in run_tasks(tasks.process_after, range(8), pool, 0.02)}) == 2
+    assert len(workers_of(pool)) == 2
 
 
 def test_a_task_that_raises_has_a_sentence_and_the_others_go_on(pool):
@@ -51,6 +69,13 @@ def test_a_task_whose_worker_is_killed_once_succeeds(pool, tmp_path):
     assert sorted(r.value for r in found) == list(range(11))
 
 
+def test_two_workers_may_not_take_three_quarters_of_the_memory_each(pool):
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    found = {r.index: r for r in run_tasks(tasks.allocate, [1000, 3 * whole // 4], pool)}
+    assert found[0].value == 1000
+    assert "out of memory" in found[1].failure
+
+
 def test_items_are_read_as_they_are_needed(pool):
     read = []
     results = run_tasks(tasks.add, (read.append(k) or k for k in range(1000)), pool, 0)
@@ -62,8 +87,7 @@ def test_items_are_read_as_they_are_needed(pool):
 
 def test_no_process_stays_behind():
     with worker_pool(2) as pool:
-        workers = {r.value for r in run_tasks(tasks.process_after, range(8), pool, 0.02)}
-    assert len(workers) == 2
+        workers = workers_of(pool)
     for process in workers:
         with pytest.raises(ProcessLookupError):
             os.kill(process, 0)
