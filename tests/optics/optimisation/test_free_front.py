@@ -42,7 +42,10 @@ def test_gradient_is_that_of_the_loss(tmp_path, rear, window):
 @pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
 @pytest.mark.parametrize("rear", REARS.values(), ids=REARS)
 def test_the_transport_map_shapes_the_front(tmp_path, backend, rear, source):
-    """The light of the start alone is the picture but for its edges, as that of a free rear (0.07 to 0.1)."""
+    """The light of the start alone is the picture but for its edges, as that of a free rear (0.07 to 0.1).
+
+    By front and rear: what a bent front sends into the lens's edges is no matter of the start.
+    """
     system = OpticalSystem(front_problem(tmp_path, rear | source))
     space = system.lens.sags[0].space
     for level in range(2):
