@@ -1,12 +1,19 @@
-"""Folders of the checkout that tests read, and folders that the workers of one test run share."""
+"""Folders of the checkout that tests read, folders that workers share, and cases that are seldom run."""
 
 import fcntl
 import os
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 DATA = ROOT / "tests" / "data"
+
+
+def slow_unless(often, cases):
+    """Return parameters of which those that `often` does not hold for are marked slow."""
+    return [pytest.param(case, marks=() if often(case) else pytest.mark.slow) for case in cases]
 
 
 def shared_folder(tmp_path_factory, name, make):

@@ -50,9 +50,9 @@ SUNFLOWER, SEVERAL = 2, 8
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
 CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
-# what takes that frequency away and leaves 63/64 of the coarse pixels' highest
-STILL = np.array([1, -6, 15, 44, 15, -6, 1]) / 64
 FINER = 3  # pixels of the sharp light in one of the screen, in each direction
+# a filter without the highest frequency of these finer pixels, which leaves 63/64 of the screen's highest
+STILL = np.array([1, -6, 15, 44, 15, -6, 1]) / 64
 LEAST_CELLS = 128
 AXIS = np.array([0.0, 0.0, 1.0])
 GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
@@ -129,7 +129,7 @@ class _Rest:
                 _cells(system, _beam_cells(screen), _Sample(middle, SMOOTH)),
             )
         )
-        return cls(blur.applied(fine, wide), coarse, blur, screen)
+        return cls(blur.convolution(wide, fine.shape)(fine), coarse, blur, screen)
 
     def beside(self, samples: Sequence[_Sample]) -> Floats:
         """Return k * S - k_N * S_N on the screen."""

@@ -79,7 +79,7 @@ def write_result(
     exported = figures.process.ask(
         "optics.verification", "exported_step", OpticalSystem(problem), lens, writer.staged_step
     )
-    figures.draw_lens(lens, design.history, stages(system, design.moved))
+    figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement

@@ -168,7 +168,7 @@ def _moved(system: OpticalSystem, history: Sequence[Row]) -> bool:
 
     Its stages then have other levels than those of a flat start.
     """
-    plan = stages(system, False)
+    plan = stages(system.shaping, False)
     return any(row.stage >= len(plan) or plan[row.stage].level != row.level for row in history)
 
 

@@ -7,6 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.blur.convolution import (
         Blur as Blur,
+        Convolution as Convolution,
         blur_of as blur_of,
     )
     from optics.blur.spot_matrices import (
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 _FILES = {
     "convolution": (
         "Blur",
+        "Convolution",
         "blur_of",
     ),
     "spot_matrices": (

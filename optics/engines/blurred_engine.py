@@ -8,7 +8,7 @@ little more.  The convolution is symmetric, so that its adjoint is the same.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from optics.blur import Blur
+    from optics.blur import Blur, Convolution
     from optics.engines.light_model import Engine, Film, Light, LightModel
     from optics.system import OpticalSystem
     from optics.target import Screen
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-ACROSS, FINEST = 16.0, 4  # pixels of the sharp light across the spot, and in one pixel, in each direction
+FINEST = 4  # parts of a pixel in each direction: more cost memory, and no design became better by them
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class BlurredEngine:
         the sharp light counts as lost from there on, and the blurred light is seen on the target alone.
         """
         narrow = replace(film.screen, margin=0)
-        times = int(np.clip(ceil(ACROSS * min(narrow.pitch) / self.blur.width), 1, FINEST))
+        times = self.blur.parts(narrow, FINEST)
         wide = narrow.widened(self.blur.reach(narrow)).finer(times)
         wide = replace(wide, margin=times * film.screen.margin)
         model = self.sharp.model(system, lens, replace(film, screen=wide), axes, fresh)
@@ -90,11 +90,15 @@ class BlurredModel:
 
     def blurred(self, image: Floats) -> Floats:
         """Return the blur of an image on the wide screen, on the narrow one."""
-        return self._narrow(self.blur.applied(image, self.sharp.screen))
+        return self._narrow(self._convolution(image))
 
     def blurred_back(self, image_bar: Floats) -> Floats:
         """Return the adjoint of `blurred`."""
-        return self.blur.applied(self._wide(image_bar), self.sharp.screen) / self._times**2
+        return self._convolution(self._wide(image_bar)) / self._times**2
+
+    @cached_property
+    def _convolution(self) -> Convolution:
+        return self.blur.convolution(self.sharp.screen, self.sharp.screen.padded)
 
     @property
     def _times(self) -> int:

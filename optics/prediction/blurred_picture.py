@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
 FINER = 7  # parts of a pixel in each direction: a narrower spot blurs the borders of lit pixels too
-MOST_PARTS = 2048  # in each direction: those of large pictures fill the memory, and their pixels are small
 KKT = 1e-5  # of the best light
 SMALL = 1e-3  # of rel_l2: less is none
 RIDGE = 4.0  # width of a long stroke, over the mean distance of its points to its border
@@ -74,9 +73,9 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
 def _blurred(blur: Blur, picture: NDArray[np.float64], screen: Screen) -> NDArray[np.float64]:
     """Return the means over pixels of a blurred picture that is constant on every pixel."""
     rows, columns = picture.shape
-    times = min(FINER, max(1, MOST_PARTS // max(rows, columns)))
+    times = blur.parts(screen, FINER)
     parts = picture.repeat(times, axis=0).repeat(times, axis=1)
-    fine = blur.applied(parts, screen.finer(times))
+    fine = blur.convolution(screen.finer(times), parts.shape)(parts)
     return np.asarray(fine.reshape(rows, times, columns, times).mean(axis=(1, 3)))
 
 

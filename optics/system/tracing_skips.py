@@ -105,7 +105,7 @@ def _of_light(problem: Problem) -> list[Skip]:
             "blur",
             "directions of the beam and errors of the slopes",
             not blurs,
-            "beams of many directions and errors are measured"
+            "many directions and errors are sampled"
             if blurs
             else "the light has no divergence, and the surfaces are smooth",
         ),

@@ -6,6 +6,7 @@ import json
 import re
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from optics.problem import load_problem
@@ -219,3 +220,22 @@ def grazing_rays(surface, count, seed=0, least=0.02):
 def front_problem(folder, changes=None):
     """Return the small problem with the front free in place of the rear."""
     return load_problem(write_problem(folder, FRONT | (changes or {}), drop=FREE_REAR))
+
+
+def assert_gradient_of_loss(system, rays, window="cells"):
+    """At rough surfaces of level 1, along the gradient, by central differences of 1e-6 mm."""
+    given = system.space(level=1)
+    several = isinstance(given, tuple)
+    spaces = given if several else (given,)
+    model = system.model(given, rays=rays, window=window)
+    at = np.concatenate([rough(space, 0.02, seed=k) for k, space in enumerate(spaces)])
+    cuts = np.cumsum([space.dim for space in spaces])[:-1]
+
+    def loss(c):
+        value, gradient = model.loss(tuple(np.split(c, cuts)) if several else c)
+        return value, np.concatenate(gradient) if several else gradient
+
+    _, gradient = loss(at)
+    along = gradient / np.linalg.norm(gradient)
+    ahead, behind = (loss(at + step * along)[0] for step in (1e-6, -1e-6))
+    assert (ahead - behind) / 2e-6 == pytest.approx(gradient @ along, rel=1e-8)

@@ -11,6 +11,7 @@ from oracles.exact_splines import ExactAxis, ExactTHB, roundings
 from oracles.kernel_accuracy import coarsened, deepest, measure, projection_defect, window
 from oracles.spline_definitions import DefinitionTHB, boehm, gamma
 from oracles.stresses import STRESSES, clamped, corner, random_breaks
+from tests.cases import slow_unless
 from tests.thbcad.cases import coefficients, hierarchies, knot_vectors, points, seeds
 from thbcad import KnotVector, THBSpace, THBSurface
 
@@ -41,7 +42,7 @@ def test_the_twin_is_the_spline_by_definition(data):
     assert abs(definition.collocation(u, v) @ surface.coefficients - exact).max() <= float(gamma(bound))
 
 
-# ---- the table of `thbcad bench stability`, every sixth case; every third is slow ----
+# ---- the table of `thbcad bench stability`, every ninth case; every third is slow ----
 
 
 @pytest.mark.parametrize(
@@ -49,7 +50,7 @@ def test_the_twin_is_the_spline_by_definition(data):
     [(name, cases) for name, cases, _ in STRESSES],
     ids=lambda x: x if isinstance(x, str) else "",
 )
-@pytest.mark.parametrize("every", [6, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", slow_unless((9,).__contains__, [9, 3]))
 def test_errors_stay_below_their_number_of_roundings(name, cases, every):
     rng = np.random.default_rng(7)
     for case in islice(cases(rng), 0, None, 2 * every + 1 if name.startswith("span") else every):
@@ -135,7 +136,7 @@ def test_short_walks(p, q, rng):
         surface = finer
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+@pytest.mark.parametrize("degree", slow_unless((2,).__contains__, [1, 2, 3, 5]))
 def test_a_long_walk_changes_the_surface_only_where_cells_are_made_whole(degree):
     """Thirty steps with new detail in each.  Refining changes it nowhere; coarsening only where one space has
     a function that the other lacks."""

@@ -71,8 +71,8 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
 def ears(polygon: Polygon) -> Integers:
     """Return the numbers of the corners of triangles that fill a polygon, (n - 2, 3), counter-clockwise.
 
-    A corner that rounding does not tell from the border of an ear lies in it: corners on a straight side would
-    otherwise be cut off from the rest, and leave a strip without area.
+    A corner that rounding does not tell from the border of an ear lies in it.  Corners on a straight side
+    would otherwise be cut off from the rest, and leave a strip without area.
 
     Raises
     ------

@@ -12,6 +12,7 @@ import pytest
 from optics.analysis import cell_irradiance, light_of_cells, measure, sequential
 from optics.problem import load_problem
 from optics.system import OpticalSystem
+from tests.cases import slow_unless
 from tests.optics.cases import HOLLOW, rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -185,7 +186,9 @@ def test_rays_land_where_the_light_of_cells_is(made, name):
         assert asdict(fates)[fate] == pytest.approx(flux, abs=4 / rays * case.system.problem.source.flux)
 
 
-@pytest.mark.parametrize("name", ["beam", "point", "wide cone", "small rear"])
+@pytest.mark.parametrize(
+    "name", slow_unless("wide cone".__ne__, ["beam", "point", "wide cone", "small rear"])
+)
 def test_strips_of_cells_make_up_the_image(made, monkeypatch, name):
     case = made(name)
     image, fates = case.light(41, 43)

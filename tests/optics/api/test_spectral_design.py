@@ -7,7 +7,7 @@ import pytest
 
 import optics
 from optics.problem import load_problem
-from tests.optics.cases import write_problem
+from tests.optics.cases import assert_gradient_of_loss, write_problem
 
 WHITE = {
     "target.kind": "tophat",
@@ -18,6 +18,12 @@ WHITE = {
     "source.spectrum": "LED-B3",
     "target.pixels": [16, 16],
 }
+
+
+@pytest.mark.parametrize("window", ["cells", "pixel"])
+def test_gradient_with_absorption_is_that_of_the_loss(tmp_path, window):
+    system = optics.System(load_problem(write_problem(tmp_path, {"lens.absorption": 0.02})))
+    assert_gradient_of_loss(system, (97, 97), window)
 
 
 @pytest.fixture(scope="module")

@@ -68,7 +68,7 @@ def test_the_blur_is_its_own_adjoint_and_keeps_the_flux(blur):
     rng = np.random.default_rng(3)
     reach = blur.reach(SCREEN)
     image, other = np.pad(rng.uniform(0, 1, (40, 64)), reach), np.pad(rng.uniform(0, 1, (40, 64)), reach)
-    there, back = blur.applied(image, SCREEN), blur.applied(other, SCREEN)
+    there, back = blur.convolution(SCREEN, image.shape)(image), blur.convolution(SCREEN, other.shape)(other)
     assert (there * other).sum() == pytest.approx((image * back).sum(), rel=1e-12)
     assert there.sum() == pytest.approx(image.sum(), rel=0.01)
 
@@ -78,7 +78,7 @@ def test_samples_that_are_the_blur_leave_nothing(tmp_path):
     blur = Blur(Divergence("uniform", 0.4), (0.0, 0.0), SHIFTS)
     image = np.pad(np.random.default_rng(4).uniform(0, 1, (40, 64)), blur.reach(SCREEN))
     moved = landings(blur, np.random.default_rng(5))[:20_000]
-    blurred = blur.applied(image, SCREEN)
+    blurred = blur.convolution(SCREEN, image.shape)(image)
     samples = moved, np.zeros((1, 2))
     filled, middle = (np.linalg.norm(blurred - blur.sampled(image, SCREEN, d)) for d in samples)
     assert filled < 0.03 * middle

@@ -41,6 +41,7 @@ def printed(capsys, *arguments):
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_trace_prints_lumens_and_writes_candela(capsys, stored):
     folder = stored(FAR)
     out = printed(capsys, "trace", folder, "--rays", 33)

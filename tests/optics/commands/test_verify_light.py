@@ -23,6 +23,7 @@ def result(tmp_path):
     return folder.path
 
 
+@pytest.mark.slow
 def test_the_light_of_the_file_is_checked_and_kept(capsys, result):
     arguments = ["--no-optiland", "--light", "occt", "--rays", "1e3", "--json"]
     assert main(["verify", str(result), *arguments]) == 0

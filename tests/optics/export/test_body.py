@@ -19,6 +19,7 @@ from optics.export.body import Body
 from optics.export.drawing_checks import drawing_checks
 from optics.export.formats import MESHES, SOLIDS, export
 from optics.export.read_back import mesh_checks
+from tests.cases import slow_unless
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad import write_lens
 from thbcad.cad.exchange import read_faces
@@ -54,7 +55,7 @@ def names(folder):
     return sorted(p.name for p in folder.iterdir())
 
 
-@pytest.fixture(params=LENSES)
+@pytest.fixture(params=slow_unless(lambda name: LENSES[name] is not HOLLOW, LENSES))
 def given(request, tmp_path):
     """Return the native file of a lens and the options of its bodies."""
     write_lens(LENSES[request.param], tmp_path / "lens.json")

@@ -12,7 +12,7 @@ from tests.optics.cases import rough, write_problem
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 20.0}
 
 
-@pytest.mark.parametrize("changes", [{}, LAMP], ids=["beam", "lamp"])
+@pytest.mark.parametrize("changes", [{}, pytest.param(LAMP, marks=pytest.mark.slow)], ids=["beam", "lamp"])
 def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes):
     system = optics.System(load_problem(write_problem(tmp_path, changes)))
     space = system.space()

@@ -17,6 +17,7 @@ from optics.tracing.sequential import Tracer
 from optics.verification import trace_step
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
 from oracles.tracing_accuracy import LIMIT, cases, measure
+from tests.cases import slow_unless
 from tests.optics.cases import coefficients, hollow_lens, rough
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, read_step, write_step
 
@@ -25,6 +26,7 @@ QUICK = ["degree 2", "degree 10", "lengths times 1e-06", "lengths times 1e+06"]
 QUICK += ["extended source in the far field", "parallel beam in the far field"]
 SOURCES = "point source", "extended source", "parallel beam"
 HARD = [name for name in CASES if not name.startswith(("degree", "lengths", *SOURCES))]
+SAMPLED = "light of the sun", "rays of a file"  # four dimensions: many exact rays
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +35,12 @@ def single():
     return load_backend("single", 1)
 
 
-@pytest.mark.parametrize("name", [*HARD, *QUICK])
+@pytest.mark.parametrize("name", slow_unless(lambda name: not name.startswith(SAMPLED), [*HARD, *QUICK]))
 def test_rays_are_exact_to_the_rounding_of_their_data(backend, name):
     require_exact(backend, name)
 
 
-@pytest.mark.parametrize("name", HARD)
+@pytest.mark.parametrize("name", slow_unless(lambda name: name in HARD[::3], HARD))
 def test_rays_in_single_precision_are_exact_to_its_rounding(single, name):
     require_exact(single, name)
 

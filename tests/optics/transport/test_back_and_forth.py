@@ -12,6 +12,7 @@ from optics.runtime import load_backend
 from optics.sources import Profile
 from optics.transport import transport_map
 from optics.transport.back_and_forth import _gradient
+from tests.cases import slow_unless
 
 
 def by_cells(cdf_x, cdf_y):
@@ -90,7 +91,7 @@ def test_product_densities_are_met_axis_by_axis_with_order_two(backend, aspect):
     assert -np.polyfit(np.log(sizes), np.log(errors), 1)[0] > 1.8
 
 
-@pytest.mark.parametrize("n", [128, 256])
+@pytest.mark.parametrize("n", slow_unless((128).__eq__, [128, 256]))
 def test_between_gaussians_the_map_is_affine(backend, n):
     """Also from a wide one to a narrow one beside it, and back; within two standard deviations, to a cell."""
     wide, narrow = ((0.2, 0.15), (0.0, 0.0)), ((0.1, 0.2), (0.3, -0.2))
@@ -103,7 +104,7 @@ def test_between_gaussians_the_map_is_affine(backend, n):
         assert np.abs(found.ty - ty)[near].max() < 2.5 / n
 
 
-@pytest.mark.parametrize("n", [128, 256])
+@pytest.mark.parametrize("n", slow_unless((128).__eq__, [128, 256]))
 def test_a_rectangle_in_the_dark_is_filled_by_an_affine_map(backend, n):
     """To a cell, 2 / n."""
     found = transport_map(backend, box(-0.5, 0.25, -0.75, 0.5), (n, n), 1.0)

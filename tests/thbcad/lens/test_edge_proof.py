@@ -205,6 +205,7 @@ def test_the_critical_thickness_of_a_bump(axis, wide, other):
         require_sound(Lens(*surfaces_of, 1.59, 1.5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("thickness", "crosses"), [(1.55, True), (1.7, False)])
 def test_occt_finds_the_same_solids_to_meet_themselves(thickness, crosses):
     """Its self-interference test of the six faces, on both sides of the critical thickness of 1.6 mm."""
