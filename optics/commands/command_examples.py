@@ -40,6 +40,10 @@ EXAMPLES = {
         "thbcad relight exports/pearl --source sun --out sun.png",
         "thbcad relight exports/pearl --source led:1mm@500mm",
     ),
+    "tool": (
+        "thbcad tool exports/pearl --ball 3 --step 0.02",
+        "thbcad tool exports/pearl --nose 1 --feed 0.005 --acceleration 10",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",
