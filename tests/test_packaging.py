@@ -32,6 +32,7 @@ ARGUMENTS = {
     "export": ["result", "--out", "lens.stl"],
     "new": [],
     "relight": ["result", "--source", "sun"],
+    "tool": ["result"],
     "trace": ["result"],
     "verify": ["result"],
 }

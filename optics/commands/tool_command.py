@@ -6,11 +6,11 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.api import Design
 from optics.commands.outcome import Outcome
-from optics.results import HASHES, hashes, require_own, writable_folder
-from optics.runtime import check_lines, verification
-from optics.toolpaths import ToolOrder, tool_data, tool_lines
+from optics.results import HASHES, ResultFolder, hashes, require_own, writable_folder
+from optics.runtime import check_lines, load_backend, verification
+from optics.system import OpticalSystem
+from optics.toolpaths import ToolOrder, tool_data, tool_findings, tool_lines
 
 if TYPE_CHECKING:
     from optics.toolpaths import ToolFindings
@@ -31,14 +31,15 @@ def tool(options: Namespace) -> Outcome:
         acceleration=options.acceleration,
         surface=options.surface,
     )
-    design = Design.load(options.result)
+    problem, lens, _ = ResultFolder(options.result).read()
     folder = Path(options.out or Path(options.result) / "tool")
     writable_folder(folder)
     require_own(folder, (RECORD, PAGE, *PICTURES), RECORD, options.force)
-    findings = design.tool(order)
+    backend = load_backend("double", problem.run.threads)
+    findings = tool_findings(OpticalSystem(problem), lens, order, backend)
     checked, lines = verification(findings.checks), tool_lines(findings)
     data = tool_data(findings) | checked
-    _write(folder, f"{design.problem.title}: tools", findings, data, lines)
+    _write(folder, f"{problem.title}: tools", findings, data, lines)
     return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], checked["ok"])
 
 
