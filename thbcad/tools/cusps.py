@@ -13,7 +13,7 @@ Nose of radius r on a spiral: with s = z_rho, w^2 = 1 + s^2, G = w^3 - r z_rho_r
 
     q = G / r,     contacts are feed * w^3 / G apart,     so that slopes range over feed * w^3 / r.
 
-Source: Faux and Pratt, Computational Geometry for Design and Manufacture, section 8.3.
+Source: Faux and Pratt, Computational Geometry for Design and Manufacture.
 """
 
 from __future__ import annotations
