@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from optics.toolpaths import CuspBlur, SpiralMotion, SurfaceFindings, ToolFindings
+    from optics.toolpaths import CuspBlur, CuspLight, SpiralMotion, SurfaceFindings, ToolFindings
 
     Floats = NDArray[np.float64]
 
@@ -32,7 +32,8 @@ def figures_of_tool(findings: ToolFindings) -> list[tuple[str, str, bytes]]:
 def _surface_figure(findings: ToolFindings, surface: SurfaceFindings) -> tuple[str, str, bytes]:
     order, motion, blur = findings.order, surface.motion, surface.blur
     pitch = surface.pitch if blur is not None else None
-    figure, axes = new_panels(1 + (pitch is not None) + (motion is not None), SIZE)
+    light = surface.light
+    figure, axes = new_panels(1 + sum(part is not None for part in (pitch, light, motion)), SIZE)
     panels = iter(axes)
     half_width = surface.graph.kv_u.stop, surface.graph.kv_v.stop
     _tightness(figure, next(panels), surface, order.spiral)
@@ -40,6 +41,9 @@ def _surface_figure(findings: ToolFindings, surface: SurfaceFindings) -> tuple[s
     if blur is not None and pitch is not None:
         _blur(figure, next(panels), blur, pitch, half_width)
         sentences.append("width of the blur that its cusps make, in pixels")
+    if light is not None:
+        _picture(figure, next(panels), light)
+        sentences.append("the picture with the cusps")
     if motion is not None:
         _acceleration(figure, next(panels), surface, motion)
         sentences.append("acceleration over the square of the angular speed, beside the lens too")
@@ -72,6 +76,13 @@ def _blur(figure: Figure, axes: Axes, blur: CuspBlur, pitch: float, half_width: 
     _, x, y = blur.worst()
     _finish(axes, (x, y))
     axes.set_title("blur by cusps", fontsize=10)
+
+
+def _picture(figure: Figure, axes: Axes, light: CuspLight) -> None:
+    shown = axes.imshow(light.picture, "gray", vmin=0)
+    figure.colorbar(shown, ax=axes, label="irradiance / mean", shrink=0.8)
+    axes.set_title(f"light with cusps: rel_l2 {light.with_cusps:.3g}", fontsize=10)
+    axes.set_axis_off()
 
 
 def _acceleration(figure: Figure, axes: Axes, surface: SurfaceFindings, motion: SpiralMotion) -> None:

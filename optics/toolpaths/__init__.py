@@ -9,6 +9,10 @@ if TYPE_CHECKING:
         CuspBlur as CuspBlur,
         cusp_blur as cusp_blur,
     )
+    from optics.toolpaths.cusp_light import (
+        CuspLight as CuspLight,
+        light_with_cusps as light_with_cusps,
+    )
     from optics.toolpaths.findings import (
         SpiralMotion as SpiralMotion,
         SurfaceFindings as SurfaceFindings,
@@ -17,6 +21,7 @@ if TYPE_CHECKING:
     )
     from optics.toolpaths.response_to_slopes import (
         LandingResponse as LandingResponse,
+        crossings as crossings,
         landing_response as landing_response,
         traced_points as traced_points,
     )
@@ -34,6 +39,10 @@ _FILES = {
         "CuspBlur",
         "cusp_blur",
     ),
+    "cusp_light": (
+        "CuspLight",
+        "light_with_cusps",
+    ),
     "findings": (
         "SpiralMotion",
         "SurfaceFindings",
@@ -42,6 +51,7 @@ _FILES = {
     ),
     "response_to_slopes": (
         "LandingResponse",
+        "crossings",
         "landing_response",
         "traced_points",
     ),

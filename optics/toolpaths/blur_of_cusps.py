@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thbcad.tools import ball_cusps, nose_cusps
+from thbcad.tools import Cusps, ball_cusps, nose_cusps
 
 if TYPE_CHECKING:
     from optics.target import Screen
@@ -64,11 +64,15 @@ def cusp_blur(graph: BSplineSurface, response: LandingResponse, screen: Screen, 
     the step, heights with its square.
     """
     x, y = response.x, response.y
-    if order.ball is not None:
-        cusps = ball_cusps(graph, x, y, order.ball, 1.0, order.rows)
-    else:
-        assert order.nose is not None  # an order names one of both
-        cusps = nose_cusps(graph, x, y, order.nose, 1.0)
+    cusps = cusps_of(graph, x, y, order, 1.0)
     moved = np.einsum("ijn,jn->in", response.jacobian, cusps.slopes)
     pitch = np.array([2 * h / n for h, n in zip(screen.half_width, screen.pixels)])
     return CuspBlur(x, y, response.flux, np.hypot(*(moved / pitch[:, None])), cusps.height)
+
+
+def cusps_of(graph: BSplineSurface, x: Floats, y: Floats, order: ToolOrder, pitch: float) -> Cusps:
+    """Return the cusps of an ordered tool at positions (n,) for a step or feed, mm."""
+    if order.ball is not None:
+        return ball_cusps(graph, x, y, order.ball, pitch, order.rows)
+    assert order.nose is not None  # cusps are asked for of a tool
+    return nose_cusps(graph, x, y, order.nose, pitch)

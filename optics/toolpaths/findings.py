@@ -7,9 +7,11 @@ from math import atan, degrees
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.runtime import Check
-from optics.toolpaths.blur_of_cusps import CuspBlur, cusp_blur
+from optics.toolpaths.blur_of_cusps import CuspBlur, cusp_blur, cusps_of
+from optics.toolpaths.cusp_light import CuspLight, light_with_cusps
 from optics.toolpaths.response_to_slopes import landing_response
 from thbcad.tools import (
     SURFACES,
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
     from thbcad.splines import BSplineSurface
     from thbcad.tools import Gaps
+
+Floats = NDArray[np.float64]
 
 RAYS = 257  # in each direction: a map finer than a picture shows
 ROUND_DOWN = 1 - 1e-14  # below the roundings of an arctangent and a product
@@ -72,7 +76,7 @@ class SurfaceFindings:
     """A tool on one surface.
 
     graph : with air above it.  blur : None where the tool fits nowhere.  pitch : mm, step or feed
-    motion : of a nose that fits, else None
+    light : with the cusps; None where it is unknown.  motion : of a nose that fits, else None
     """
 
     name: str
@@ -80,6 +84,7 @@ class SurfaceFindings:
     fit: Fit
     blur: CuspBlur | None
     pitch: float | None
+    light: CuspLight | None
     motion: SpiralMotion | None
 
     @property
@@ -144,10 +149,17 @@ def _surface(
     pitch = order.pitch
     if pitch is None and blur is not None:
         pitch = 1 / blur.worst()[0]
+    light = None
+    if blur is not None and pitch is not None and not blur.unknown:
+
+        def slopes(x: Floats, y: Floats) -> Floats:
+            return np.nan_to_num(cusps_of(graph, x, y, order, pitch).slopes)
+
+        light = light_with_cusps(system, lens, backend, name, slopes, pitch * blur.worst()[0])
     motion = None
     if order.spiral and fit.proven and pitch is not None:
         motion = spiral_motion(graph, radius, pitch)
-    return SurfaceFindings(name, graph, fit, blur, pitch, motion)
+    return SurfaceFindings(name, graph, fit, blur, pitch, light, motion)
 
 
 def spiral_motion(graph: BSplineSurface, nose: float, feed: float) -> SpiralMotion:

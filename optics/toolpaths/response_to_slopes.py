@@ -46,9 +46,7 @@ def landing_response(
     Central differences of the exact trace; the surfaces stay where they are.
     """
     rays = system.source.rays((side, side))
-    if name == "front":
-        lens = _with_front_sag(lens)
-    x, y = _crossings(system, lens, backend, name, rays)
+    x, y = crossings(system, lens, backend, name, rays)
     columns, alive = [], np.ones(len(x), bool)
     flux = np.zeros(len(x))
     for tilt in np.eye(2) * TILT:
@@ -81,10 +79,12 @@ def traced_points(
     return np.stack([x, y]), flux
 
 
-def _crossings(
+def crossings(
     system: OpticalSystem, lens: Lens, backend: Backend, name: str, rays: RayGrid | Rays
 ) -> tuple[Floats, Floats]:
     """Return x and y, (n,) each, where rays cross a surface, inside it."""
+    if name == "front":
+        lens = _with_front_sag(lens)
     tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():

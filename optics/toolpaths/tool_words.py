@@ -80,6 +80,11 @@ def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
     )
     what = "feed" if order.spiral else "step"
     yield f"the largest {what} on the {surface.name} that blurs by one pixel at most is {1 / worst:.4g} mm"
+    if surface.light is not None:
+        yield (
+            f"with these cusps rel_l2 of the picture is {surface.light.with_cusps:.4f}, without them "
+            f"{surface.light.without:.4f}"
+        )
     if blur.unknown:
         yield (
             f"{blur.unknown:.2%} of the light crosses places of the {surface.name} where the tool does not "
@@ -143,6 +148,9 @@ def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
             "blur_pixels": {"greatest": worst * pitch, "rms": blur.rms * pitch, "x": x, "y": y},
             "one_pixel_mm": 1 / worst,
             "left_out": blur.unknown,
+            "rel_l2": None
+            if surface.light is None
+            else {"with": surface.light.with_cusps, "without": surface.light.without},
         }
     return {
         "fit": fit_word(surface.fit),

@@ -5,7 +5,7 @@ import pytest
 
 from optics.problem import load_problem
 from optics.system import OpticalSystem
-from optics.toolpaths import ToolOrder, cusp_blur, landing_response, traced_points
+from optics.toolpaths import ToolOrder, cusp_blur, landing_response, light_with_cusps, traced_points
 from optics.tracing import SlopeErrors
 from tests.optics.cases import small_lens, write_problem
 from tests.optics.toolpaths.cases import bowl_lens
@@ -76,6 +76,37 @@ def test_scallops_at_every_ray_move_light_within_the_blur_and_fill_it(tmp_path, 
     assert moved.max() > 0.49
     # evenly spread over a whole width: rms 1 / sqrt(12); 16641 rays, whose phases are no lattice of the rows
     assert np.sqrt((moved**2).mean()) == pytest.approx(12**-0.5, rel=0.02)
+
+
+def test_the_picture_with_cusps_is_the_sharp_one_spread_by_the_blur(tmp_path, backend):
+    """Behind a plane the square beam is spread in y over a width b: variances add up, a^2 / 3 + b^2 / 12."""
+    system, lens, step = (
+        system_of(tmp_path, {"target.half_width": [19.0, 19.0]}),
+        small_lens(rear=Conic()),
+        1.0,
+    )
+    pixel = 38 / 48  # the beam ends between two pixels
+    width = LENGTH * 0.5 * step / 6
+
+    def slopes(x, y):
+        return ball_cusps(air_side(lens, "rear"), x, y, 6.0, step, "x").slopes
+
+    light = light_with_cusps(system, lens, backend, "rear", slopes, width / pixel)
+    phases = max(4, int(np.ceil(2 * width / pixel)))  # finitely many leave 1 - 1 / phases^2 of the variance
+    spread = width**2 / 12 * (1 - 1 / phases**2)
+    at = (2 * np.arange(48) + 1) / 48 * 19 - 19
+    # pixels take h^2 / 12 from the variance of an even beam, and give as much to one that fades (Sheppard)
+    for axis, added in ((0, -(pixel**2) / 12), (1, spread + pixel**2 / 12)):
+        profile = light.picture.sum(axis=axis)
+        variance = profile @ at**2 / profile.sum()
+        assert variance == pytest.approx(9.5**2 / 3 + added, rel=1e-3)
+    assert light.without != light.with_cusps
+
+
+def test_the_picture_of_an_extended_source_is_not_told(tmp_path, backend):
+    changes = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 20.0}
+    system = system_of(tmp_path, changes)
+    assert light_with_cusps(system, bowl_lens(), backend, "rear", lambda x, y: x, 1.0) is None
 
 
 def test_where_the_tool_does_not_fit_the_blur_is_left_out_and_counted(tmp_path, backend):
