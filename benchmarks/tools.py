@@ -133,7 +133,8 @@ def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> Iterator[Row]:
 def _light(system: OpticalSystem, lens: Lens, backend: Backend) -> Iterator[Row]:
     """Yield rel_l2 of the lens with cusps."""
     graph, blur = air_side(lens, "rear"), _blur_of(system, lens, backend, SMALL_BALL)
-    for step in (1 / blur.worst()[0], 0.02, STEP):
+    steps = {"the largest step for one pixel": 1 / blur.worst()[0], "step 0.02 mm": 0.02, "step 0.1 mm": STEP}
+    for name, step in steps.items():
         start = perf_counter()
 
         def slopes(x: Floats, y: Floats, step: float = step) -> Floats:
@@ -142,7 +143,7 @@ def _light(system: OpticalSystem, lens: Lens, backend: Backend) -> Iterator[Row]
         light = light_with_cusps(system, lens, backend, "rear", slopes, step * blur.worst()[0])
         assert light is not None  # the pearl's source has no extent
         yield Row(
-            f"rel_l2 of the pearl cut by a ball of 3 mm, step {step:.2g} mm",
+            f"rel_l2 of the pearl cut by a ball of 3 mm, {name}",
             light.with_cusps,
             reference=f"without cusps {light.without:.4f}",
             quantity="irradiance, box pixels, unit mean",

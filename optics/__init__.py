@@ -50,6 +50,9 @@ if TYPE_CHECKING:
         NumericalError as NumericalError,
         UserError as UserError,
     )
+    from optics.toolpaths import (
+        ToolOrder as ToolOrder,
+    )
 
 _FILES = {
     "api": (
@@ -90,5 +93,6 @@ _FILES = {
         "NumericalError",
         "UserError",
     ),
+    "toolpaths": ("ToolOrder",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

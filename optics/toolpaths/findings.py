@@ -143,8 +143,8 @@ def _surface(
     assert radius is not None  # surfaces are looked at for a tool
     fit = nose_fit(graph, radius) if order.spiral else ball_fit(graph, radius)
     response = landing_response(system, lens, backend, name, rays)
-    blur: CuspBlur | None = cusp_blur(graph, response, system.target.screen(), order)
-    if blur is not None and blur.unknown == 1.0:
+    blur = cusp_blur(graph, response, system.target.screen(), order) if len(response.x) else None
+    if blur is not None and blur.unknown == 1:
         blur = None
     pitch = order.pitch
     if pitch is None and blur is not None:

@@ -28,14 +28,14 @@ from thbcad.tools.polar_cells import polar_cells
 from thbcad.tools.polar_ranges import SAFE, errors, ranges, values
 from thbcad.tools.spiral_motion import RoundAxis, tool_acceleration
 
-TOLERANCE = 1e-3  # relative, finer than machines keep accelerations and clearance angles
+TOLERANCE = 1e-3  # relative, finer than noses are measured, and machines keep accelerations
 # what is less is told no better: radii of a kilometre, slopes of a microradian, and 1e-3 mm of
 # |z''| / omega^2, which is 4e-3 m/s^2 at 600 revolutions for each minute
 STRAIGHT, LEVEL, STILL = 1e-6, 1e-6, 1e-3
 SECOND_ORDER = 2  # times the first-order bound of an error of 1e-9 covers what is of higher order
 
 
-def greatest_section_curvature(graph: BSplineSurface, tolerance: float = 1e-4) -> Enclosure:
+def greatest_section_curvature(graph: BSplineSurface, tolerance: float = TOLERANCE) -> Enclosure:
     """Return certified bounds of the greatest curvature of sections through the axis, z_rho_rho / w^3, 1/mm.
 
     A nose of radius r cuts a spiral without cutting into the graph exactly where r z_rho_rho / w^3 <= 1

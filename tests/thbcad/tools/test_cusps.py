@@ -1,5 +1,7 @@
 """Cusps against tools that are pressed onto spheres and planes, pass beside pass; draft against angles."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,19 @@ def test_cusps_of_a_ball_are_those_of_the_envelope_of_its_positions(rows):
     assert np.hypot(*cusps.slopes)[0] == pytest.approx(bend * step, rel=0.01)
     assert cusps.height[0] == pytest.approx(max(left[0], left[-1]), rel=0.03)
     assert cusps.slopes[0 if rows == "x" else 1, 0] == 0
+
+
+def test_what_the_formula_leaves_out_falls_with_the_step():
+    """The next term of the height is of third order, the rate is 1 or better."""
+    graph, centre = rough(np.random.default_rng(3), 0.05), np.array([1.3, -0.7])
+    off = []
+    for step in (0.16, 0.08, 0.04, 0.02):
+        _, left = envelope(graph, 2.0, centre, step, "x", reach=0.1)
+        cusps = ball_cusps(graph, *centre[:, None], 2.0, step, "x")
+        bend = 4 * (left[0] + left[-1]) / step**2  # the mean of both sides of the pass
+        off.append(abs(bend * step / np.hypot(*cusps.slopes)[0] - 1))
+    assert off[0] < 0.05
+    assert all(fine < 0.6 * coarse for coarse, fine in pairwise(off))
 
 
 def test_the_effective_radius_is_that_against_the_curvature():

@@ -6,6 +6,8 @@ from hypothesis import given, settings, strategies as st
 from scipy.optimize import minimize_scalar
 
 from tests.thbcad.tools.cases import cylinder, paraboloid, plane, rough, saddle
+from thbcad.lens import FreeformSurface
+from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.tools import (
     SpiralCut,
@@ -81,6 +83,16 @@ def test_the_tool_of_a_contact_is_the_one_pressed_onto_the_section(nose):
     t = graph(*POINTS) + lift
     wanted = [pressed(graph, nose, r, a) for r, a in zip(rho, at.theta)]
     assert t == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_tool_over_a_sphere_moves_on_the_sphere_of_its_centres():
+    """The offset of a sphere is a sphere: the nose's centre lies R - r from the sphere's centre."""
+    radius, nose = 20.0, 3.0
+    bowl = FreeformSurface((5.0, 5.0), Conic(radius)).graph()
+    x, y = np.array([0.5, 3.0, -5.0]), np.array([1.0, -4.0, 5.0])
+    rho, lift = round_axis(bowl, x, y).nose(nose)
+    z = bowl(x, y) + lift + nose
+    assert np.hypot(rho, z - radius) == pytest.approx(radius - nose, abs=1e-8)
 
 
 def test_the_acceleration_is_that_of_the_pressed_tool_by_differences():

@@ -7,6 +7,7 @@ from hypothesis import given, settings, strategies as st
 from tests.thbcad.tools.cases import cylinder, paraboloid, rough
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
+from thbcad.splines import KnotVector, interpolate
 from thbcad.tools import air_side, ball_fit, concavity, nose_fit
 
 
@@ -47,6 +48,17 @@ def test_a_nose_fits_a_cylinder_by_its_section_through_the_axis():
     fit = nose_fit(cylinder(9.0), 1.0)
     assert fit.least.lower <= 9.0 <= fit.least.upper * (1 + 1e-12)
     assert fit.least.upper / fit.least.lower < 1.001
+
+
+def test_a_toroid_is_fitted_by_its_lesser_radius():
+    """A circle of radius b turned round an axis a above its vertex: radii a along x and b along y there."""
+    a, b = 30.0, 12.0
+    kv = KnotVector.uniform(5, 12, -5.0, 5.0)
+    toroid = interpolate(kv, kv, lambda x, y: a - np.sqrt((a - b + np.sqrt(b * b - y * y)) ** 2 - x * x))
+    for fit in (ball_fit, nose_fit):
+        least = fit(toroid, 1.0).least
+        assert least.value == pytest.approx(b, rel=1e-3)
+    assert ball_fit(toroid, 11.9).proven
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
