@@ -29,9 +29,15 @@ def test_a_nose_that_fits_leaves_record_page_and_picture(capsys, result):
     assert kept["surfaces"]["rear"]["least_concave_radius_mm"]["value"] == pytest.approx(40, rel=1e-3)
     assert "draft angle" in (folder / "tool.html").read_text("utf-8")
     assert sha256_of(result / "result.json") == before
-    first = {p.name: p.read_bytes() for p in folder.iterdir()}
-    assert main(words) == 0
-    assert first == {p.name: p.read_bytes() for p in folder.iterdir()}
+
+
+@pytest.mark.slow
+def test_the_same_tool_leaves_the_same_bytes(result):
+    kept = []
+    for _ in range(2):
+        assert main(["tool", str(result), "--nose", "2"]) == 0
+        kept.append({p.name: p.read_bytes() for p in (result / "tool").iterdir()})
+    assert kept[0] == kept[1]
 
 
 def test_a_ball_that_does_not_fit_is_a_failed_check(capsys, result, tmp_path):
