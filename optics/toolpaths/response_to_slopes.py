@@ -26,7 +26,7 @@ TILT = 1e-5  # of the central differences: their error is its square, 1e-10, tim
 
 @dataclass(frozen=True, eq=False)
 class LandingResponse:
-    """Rays that arrive, where they cross a surface, and how their landing points follow its slope.
+    """Rays that land on the target: where they cross a surface, how they follow its slope.
 
     x, y : (n,) mm, on the surface.  flux : (n,)
     jacobian : (2, 2, n), d(landing x, y) / d(dz/dx, dz/dy): mm, in the far field degrees
@@ -47,6 +47,7 @@ def landing_response(
     """
     rays = system.source.rays((side, side))
     x, y = crossings(system, lens, backend, name, rays)
+    half_width = system.target.screen().half_width
     columns, alive = [], np.ones(len(x), bool)
     flux = np.zeros(len(x))
     for tilt in np.eye(2) * TILT:
@@ -54,7 +55,8 @@ def landing_response(
         for sign in (1.0, -1.0):
             errors = SlopeErrors(**{name: sign * tilt[:, None]})
             points, flux = traced_points(system, lens, backend, rays, errors)
-            alive &= flux > 0
+            # light off the target blurs no picture; near total reflection it would outweigh all other
+            alive &= (flux > 0) & (np.abs(points) <= np.array(half_width)[:, None]).all(axis=0)
             ends.append(points)
         columns.append((ends[0] - ends[1]) / (2 * TILT))
     jacobian = np.stack(columns, axis=1)
@@ -102,7 +104,7 @@ def _with_front_sag(lens: Lens) -> Lens:
     """Return the lens with a sag of zeros on a front without one; the tracer then tells its hits."""
     if lens.front.sag is not None:
         return lens
-    line = KnotVector.uniform(1, 1)
+    line = KnotVector.uniform(3, 1)
     space = THBSpace(line, line)
     return Lens(
         lens.front.with_sag(THBSurface(space, np.zeros(space.dim))), lens.rear, lens.thickness, lens.index

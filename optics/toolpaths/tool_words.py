@@ -69,7 +69,8 @@ def fit_word(fit: Fit) -> str:
 def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
     blur, pitch = surface.blur, surface.pitch
     if blur is None or pitch is None:
-        yield f"cusps on the {surface.name} are unknown: the tool fits nowhere that light crosses"
+        sentence = "are unknown: no light for the target crosses it where the tool fits"
+        yield f"cusps on the {surface.name} {sentence}"
         return
     worst, x, y = blur.worst()
     path = f"a feed of {pitch:.4g} mm" if order.spiral else f"rows along {order.rows}, {pitch:.4g} mm apart"
@@ -116,7 +117,8 @@ def _motion_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
     rpm = order.rpm
     if order.acceleration is not None:
         highest = motion.highest_rpm(order.acceleration)
-        yield f"{order.acceleration:g} m/s^2 allow at most {highest:.4g} revolutions for each minute"
+        most = f"at most {highest:.4g}" if isfinite(highest) else "any number of"
+        yield f"{order.acceleration:g} m/s^2 allow {most} revolutions for each minute"
         rpm = highest if rpm is None else rpm
     if rpm is not None and isfinite(rpm):
         yield (

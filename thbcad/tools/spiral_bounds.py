@@ -29,9 +29,9 @@ from thbcad.tools.polar_ranges import SAFE, errors, ranges, values
 from thbcad.tools.spiral_motion import RoundAxis, tool_acceleration
 
 TOLERANCE = 1e-3  # relative, finer than noses are measured, and machines keep accelerations
-# what is less is told no better: radii of a kilometre, slopes of a microradian, and 1e-3 mm of
-# |z''| / omega^2, which is 4e-3 m/s^2 at 600 revolutions for each minute
-STRAIGHT, LEVEL, STILL = 1e-6, 1e-6, 1e-3
+# what is less is told no better, to TOLERANCE of this: radii of a kilometre, slopes of a milliradian, and
+# 0.1 mm of |z''| / omega^2, of which the thousandth is 4e-4 m/s^2 at 600 revolutions for each minute
+STRAIGHT, LEVEL, STILL = 1e-6, 1e-3, 0.1
 SECOND_ORDER = 2  # times the first-order bound of an error of 1e-9 covers what is of higher order
 
 

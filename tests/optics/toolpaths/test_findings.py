@@ -67,7 +67,7 @@ def test_what_is_not_known_is_a_sentence(found):
     assert lines[0].startswith(
         "a nose of 60 mm does not fit the rear for certain: the least concave radius of"
     )
-    assert "cusps on the rear are unknown: the tool fits nowhere that light crosses" in lines
+    assert "cusps on the rear are unknown: no light for the target crosses it where the tool fits" in lines
     assert "how a tool turns the rear is unknown: it is not proven to fit" in lines
     data = tool_data(findings)["surfaces"]["rear"]
     assert data["cusps"] is None

@@ -50,7 +50,7 @@ def test_a_tilted_plane_moves_the_tool_as_a_sine():
 def test_a_bowl_round_the_axis_needs_no_motion_but_the_feed():
     """t_rho_rho = z_rho_rho / (1 - r curvature), greatest at the bottom where it is 1 / (R - r)."""
     still = greatest_acceleration(paraboloid(12.0), nose=2.0)
-    assert still.upper < 1e-6  # mm, below which nothing is told
+    assert still.upper < 1e-4  # mm, below which nothing is told
     assert highest_rpm(1.0, 0.0) == np.inf
     fed = greatest_acceleration(paraboloid(12.0), nose=2.0, advance=0.5)
     assert fed.upper == pytest.approx(0.25 / 10.0, rel=0.01)
