@@ -23,13 +23,14 @@ SAFE = 1 + 64 * EPS  # more than the roundings of any product here
 class Ranges:
     """What bounds the derivatives on n cells, (n,) each, rounding included.
 
-    low, high : of z_theta_theta.  across : greatest |z_theta| / rho.  mixed : greatest |z_rho_theta|
+    low, high : of z_theta_theta.  across : greatest |z_theta| / rho.  mixed_low, mixed : of |z_rho_theta|
     bend_low, bend : of z_rho_rho.  flat : least |z_rho|.  steep : greatest |z_rho|
     """
 
     low: Floats
     high: Floats
     across: Floats
+    mixed_low: Floats
     mixed: Floats
     bend_low: Floats
     bend: Floats
@@ -50,12 +51,13 @@ def ranges(cells: Cells) -> Ranges:
         low=low,
         high=high,
         across=np.minimum(_over(_most(jet.round_slope, error.round_slope), near), gradient),
+        mixed_low=_least(jet.mixed, error.mixed) / far / SAFE,
         mixed=np.minimum(
             _over(_most(jet.mixed, error.mixed), near), ((most - least) / 2 * far + gradient) * SAFE
         ),
         bend_low=np.maximum(-_quotient(-bend_low, near**2, far**2), least),
         bend=np.minimum(_quotient(bend, near**2, far**2), most),
-        flat=np.maximum(np.maximum(slope_low, -slope), 0.0) / far / SAFE,
+        flat=_least(jet.radial_slope, error.radial_slope) / far / SAFE,
         steep=np.minimum(_over(np.maximum(slope, -slope_low), near), gradient),
     )
 
@@ -98,6 +100,12 @@ def _range(block: Floats, error: Floats) -> tuple[Floats, Floats]:
 
 def _most(block: Floats, error: Floats) -> Floats:
     return np.asarray(abs(block).max(axis=(0, 1)) + error)
+
+
+def _least(block: Floats, error: Floats) -> Floats:
+    """Return a lower bound of the magnitude."""
+    low, high = _range(block, error)
+    return np.maximum(np.maximum(low, -high), 0.0)
 
 
 def _distances(cells: Cells) -> tuple[Floats, Floats]:

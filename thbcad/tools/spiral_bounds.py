@@ -109,8 +109,9 @@ def _acceleration(cells: Cells, best: float, nose: float, advance: float, free: 
     # w^3 / G = 1 / (1 - r z_rho_rho / w^3)
     ratio = np.minimum(most / gap, 1 / free) * SAFE
     high = within.high + nose * within.mixed**2 / gap * SAFE
+    low = within.low + nose * within.mixed_low**2 / (most - nose * within.bend_low) / SAFE
     bend = np.maximum(abs(within.bend), abs(within.bend_low))
-    along = np.maximum(high, -within.low) + (2 * advance * within.mixed + advance**2 * bend) * ratio
+    along = np.maximum(high, -low) + (2 * advance * within.mixed + advance**2 * bend) * ratio
     error = SECOND_ORDER * _error(at, errors(cells), nose, advance, free)
     return Assessment(met, error, along * SAFE, max(best, float(met.max()), STILL))
 

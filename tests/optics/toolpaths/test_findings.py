@@ -54,7 +54,9 @@ def test_between_the_bounds_the_sentence_says_so_and_the_check_fails(found):
 def test_rpm_beyond_the_machine_fails_and_the_highest_rpm_passes(found):
     limit = 2.0
     order = ToolOrder(nose=1.0, feed=0.01, acceleration=limit)
-    highest = found(order).surfaces[0].motion.highest_rpm(limit)
+    motion = found(order).surfaces[0].motion
+    assert motion.greatest == max(motion.kernel.upper, motion.gaps.worst()[0])
+    highest = motion.highest_rpm(limit)
     for rpm, ok in ((0.999 * highest, True), (1.001 * highest, False)):
         checks = found(ToolOrder(nose=1.0, feed=0.01, acceleration=limit, rpm=rpm)).checks
         assert [c.ok for c in checks] == [True, ok]

@@ -35,9 +35,9 @@ def envelope(graph, ball, centre, step, rows, reach):
 
 
 @pytest.mark.parametrize("rows", ["x", "y"])
-def test_cusps_of_a_ball_are_those_of_the_envelope_of_its_positions(rows):
-    graph, ball, step = rough(np.random.default_rng(3), 0.02), 2.0, 0.02
-    centre = np.array([1.3, -0.7])
+@pytest.mark.parametrize("graph", [rough(np.random.default_rng(3), 0.02), plane(0.6, 0.8)])
+def test_cusps_of_a_ball_are_those_of_the_envelope_of_its_positions(graph, rows):
+    ball, step, centre = 2.0, 0.02, np.array([1.3, -0.7])
     across, left = envelope(graph, ball, centre, step, rows, reach=0.02)
     cusps = ball_cusps(graph, *centre[:, None], ball, step, rows)
     bend = np.polyfit(across, left, 2)[0] * 2

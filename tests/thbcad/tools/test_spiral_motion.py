@@ -20,6 +20,8 @@ from thbcad.tools import (
     round_axis,
     tool_acceleration,
 )
+from thbcad.tools.polar_cells import polar_cells
+from thbcad.tools.polar_ranges import ranges
 
 X, Y = (a.ravel() for a in np.meshgrid(*[np.linspace(-5, 5, 62)] * 2))  # none on the axis
 POINTS = np.array([2.0, -1.0, 0.5]), np.array([1.0, 2.5, -3.0])
@@ -109,9 +111,9 @@ def test_the_acceleration_is_that_of_the_pressed_tool_by_differences():
 
 
 @settings(deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.2]), st.sampled_from([0.0, 0.01]))
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 2.0]), st.sampled_from([0.0, 0.01]))
 def test_bounds_contain_dense_samples_and_are_met(seed, nose, advance):
-    graph = rough(np.random.default_rng(seed), 0.05)
+    graph = rough(np.random.default_rng(seed), 0.02)
     at = round_axis(graph, X, Y)
     bounds = (
         (greatest_acceleration(graph, nose, advance), tool_acceleration(at, nose, advance)),
@@ -122,6 +124,31 @@ def test_bounds_contain_dense_samples_and_are_met(seed, nose, advance):
         assert found.lower <= found.value <= found.upper
         assert found.upper >= sampled.max()
         assert found.upper <= found.lower * 1.02 + 1e-12
+
+
+def test_ranges_of_cells_contain_what_lies_in_them_also_round_the_axis():
+    """Cells of level 3 below those of the graph, with 7 x 7 positions each, and the axis within one."""
+    kv = KnotVector.uniform(3, 3, -5.0, 5.0)
+    graph = BSplineSurface(kv, kv, np.random.default_rng(8).standard_normal((kv.dim, kv.dim)))
+    for cells in polar_cells(graph):
+        for _ in range(3):
+            cells = cells.quartered()
+        share = np.stack([a.ravel() for a in np.meshgrid(*[np.linspace(0, 1, 7)] * 2)])[..., None]
+        x, y = cells.box[0][:, None] + share * (cells.box[1] - cells.box[0])[:, None]
+        at = round_axis(graph, x.ravel(), y.ravel())
+        within, slack = ranges(cells), 1e-9
+        turn, across, mixed, bend, slope = (
+            getattr(at, name).reshape(x.shape) for name in ("turn", "across", "mixed", "bend", "slope")
+        )
+        assert (within.low - slack <= turn).all()
+        assert (turn <= within.high + slack).all()
+        assert (abs(across) <= within.across + slack).all()
+        assert (within.mixed_low - slack <= abs(mixed)).all()
+        assert (abs(mixed) <= within.mixed + slack).all()
+        assert (within.bend_low - slack <= bend).all()
+        assert (bend <= within.bend + slack).all()
+        assert (within.flat - slack <= abs(slope)).all()
+        assert (abs(slope) <= within.steep + slack).all()
 
 
 def test_a_nose_that_does_not_fit_is_refused_with_the_radius():
@@ -157,19 +184,20 @@ def test_the_motion_across_a_gap_begins_and_ends_with_that_on_the_lens(nose):
     graph = rough(np.random.default_rng(7), 0.03)
     gaps = rim_gaps(graph, nose)
     row = 800
-    ends = [(gaps.x[row, k], gaps.y[row, k], gaps.t[row, k]) for k in (0, -1)]
-    for x, y, t in ends:
-        rho, theta = np.hypot(x, y), np.arctan2(y, x)
-        contact = pressed_inside(graph, nose, rho, theta)
-        assert t == pytest.approx(contact, abs=1e-4)  # linear between 1024 contacts
+    for k in (0, -1):
+        x, y = gaps.x[row, k], gaps.y[row, k]
+        at, z = contact_on_the_rim(graph, nose, np.hypot(x, y), np.arctan2(y, x))
+        # linear between 1024 contacts
+        assert gaps.t[row, k] == pytest.approx(z + at.nose(nose)[1][0], abs=1e-4)
+        assert gaps.kernel[row, k] == pytest.approx(tool_acceleration(at, nose, 0.0)[0], rel=1e-3)
 
 
-def pressed_inside(graph, nose, rho, theta):
-    """The nose touches the side itself: its contact lies on the rim."""
+def contact_on_the_rim(graph, nose, rho, theta):
+    """The contact of a nose on a side: (derivatives, z) there, by bisection of rho_t."""
     low, high = 0.9 * rho, 1.1 * rho
-    for _ in range(60):  # the contact on this ray, by bisection of rho_t
+    for _ in range(60):
         middle = (low + high) / 2
         x, y = (np.clip(middle * f(theta), -5, 5) for f in (np.cos, np.sin))
         at = round_axis(graph, np.array([x]), np.array([y]))
         low, high = (middle, high) if at.nose(nose)[0][0] < rho else (low, middle)
-    return graph([x], [y])[0] + at.nose(nose)[1][0]
+    return at, graph([x], [y])[0]

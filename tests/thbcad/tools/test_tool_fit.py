@@ -30,7 +30,7 @@ def test_between_the_bounds_nothing_is_said():
 def test_every_tool_fits_a_dome():
     for fit in (ball_fit(paraboloid(-12.0), 1e6), nose_fit(paraboloid(-12.0), 1e6)):
         assert fit.proven
-        assert fit.least.upper == np.inf
+        assert fit.least.lower == fit.least.upper == np.inf
 
 
 def test_the_air_of_a_front_lies_below_it():
@@ -50,6 +50,7 @@ def test_a_nose_fits_a_cylinder_by_its_section_through_the_axis():
     assert fit.least.upper / fit.least.lower < 1.001
 
 
+@pytest.mark.slow
 def test_a_toroid_is_fitted_by_its_lesser_radius():
     """A circle of radius b turned round an axis a above its vertex: radii a along x and b along y there."""
     a, b = 30.0, 12.0
