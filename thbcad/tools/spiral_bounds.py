@@ -81,7 +81,7 @@ def greatest_acceleration(
             f"a nose of {nose:g} mm is not proven to fit: the least concave radius of sections through the "
             f"axis is {1 / fit.upper:.6g} mm; take a smaller nose"
         )
-    assess = partial(_acceleration, nose=nose, advance=advance, free=1 - nose * fit.upper)
+    assess = partial(acceleration, nose=nose, advance=advance, free=1 - nose * fit.upper)
     return _not_below_zero(greatest(polar_cells(graph), assess, tolerance))
 
 
@@ -100,7 +100,7 @@ def _slope_along_cut(cells: Cells, best: float) -> Assessment:
     return Assessment(met, errors(cells)["across"], ranges(cells).across, max(best, float(met.max()), LEVEL))
 
 
-def _acceleration(cells: Cells, best: float, nose: float, advance: float, free: float) -> Assessment:
+def acceleration(cells: Cells, best: float, nose: float, advance: float, free: float) -> Assessment:
     """Assess |z''| / omega^2.  free : a bound of 1 - r z_rho_rho / w^3 from below, over the whole graph."""
     within, at = ranges(cells), values(cells)
     met = tool_acceleration(at, nose, advance)

@@ -22,6 +22,7 @@ from thbcad.tools import (
 )
 from thbcad.tools.polar_cells import polar_cells
 from thbcad.tools.polar_ranges import ranges
+from thbcad.tools.spiral_bounds import acceleration
 
 X, Y = (a.ravel() for a in np.meshgrid(*[np.linspace(-5, 5, 62)] * 2))  # none on the axis
 POINTS = np.array([2.0, -1.0, 0.5]), np.array([1.0, 2.5, -3.0])
@@ -129,7 +130,9 @@ def test_bounds_contain_dense_samples_and_are_met(seed, nose, advance):
 def test_ranges_of_cells_contain_what_lies_in_them_also_round_the_axis():
     """Cells of level 3 below those of the graph, with 7 x 7 positions each, and the axis within one."""
     kv = KnotVector.uniform(3, 3, -5.0, 5.0)
-    graph = BSplineSurface(kv, kv, np.random.default_rng(8).standard_normal((kv.dim, kv.dim)))
+    graph = BSplineSurface(kv, kv, 0.1 * np.random.default_rng(8).standard_normal((kv.dim, kv.dim)))
+    nose, advance = 3.0, 0.05
+    free = 1 - nose * greatest_section_curvature(graph).upper
     for cells in polar_cells(graph):
         for _ in range(3):
             cells = cells.quartered()
@@ -149,6 +152,8 @@ def test_ranges_of_cells_contain_what_lies_in_them_also_round_the_axis():
         assert (bend <= within.bend + slack).all()
         assert (within.flat - slack <= abs(slope)).all()
         assert (abs(slope) <= within.steep + slack).all()
+        moved = tool_acceleration(at, nose, advance).reshape(x.shape)
+        assert (moved <= acceleration(cells, 0.0, nose, advance, free).upper + slack).all()
 
 
 def test_a_nose_that_does_not_fit_is_refused_with_the_radius():
