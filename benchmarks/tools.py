@@ -119,11 +119,13 @@ def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> Iterator[Row]:
     for step in (0.02, STEP):
         cusps = ball_cusps(found.graph, response.x, response.y, SMALL_BALL, step, "x")
         rays = system.source.rays((RAYS, RAYS))
+        added = np.zeros((2, len(response.landed)))
+        added[:, response.landed] = cusps.slopes / 2
         ends = [
-            traced_points(system, lens, backend, rays, SlopeErrors(rear=sign * cusps.slopes / 2))[0]
+            traced_points(system, lens, backend, rays, SlopeErrors(rear=sign * added))[0]
             for sign in (-1.0, 1.0)
         ]
-        spread = np.hypot(*(ends[1] - ends[0])) / _pixel(system)
+        spread = np.hypot(*(ends[1] - ends[0])[:, response.landed]) / _pixel(system)
         wanted = step * _blur_of(system, lens, backend, SMALL_BALL).pixels
         off = float(np.abs(spread / wanted - 1).max())
         name = f"  blur by the Jacobian against the exact trace, step {step:g} mm, greatest relative error"

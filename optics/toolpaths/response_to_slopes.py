@@ -28,10 +28,12 @@ TILT = 1e-5  # of the central differences: their error is its square, 1e-10, tim
 class LandingResponse:
     """Rays that land on the target: where they cross a surface, how they follow its slope.
 
+    landed : which of the rays that were traced these are, (m,) bool
     x, y : (n,) mm, on the surface.  flux : (n,)
     jacobian : (2, 2, n), d(landing x, y) / d(dz/dx, dz/dy): mm, in the far field degrees
     """
 
+    landed: NDArray[np.bool_]
     x: Floats
     y: Floats
     flux: Floats
@@ -60,7 +62,7 @@ def landing_response(
             ends.append(points)
         columns.append((ends[0] - ends[1]) / (2 * TILT))
     jacobian = np.stack(columns, axis=1)
-    return LandingResponse(x[alive], y[alive], flux[alive], jacobian[..., alive])
+    return LandingResponse(alive, x[alive], y[alive], flux[alive], jacobian[..., alive])
 
 
 def traced_points(
