@@ -54,9 +54,9 @@ QUICK = \
 	tests/optics/figures/test_lens_and_light.py \
 	tests/optics/form_errors/test_height_errors.py \
 	tests/optics/luminaires \
-	tests/optics/making_figures/test_form_figures.py \
 	tests/optics/made_lenses/test_random_errors.py \
 	tests/optics/making/test_monte_carlo.py \
+	tests/optics/making_figures \
 	tests/optics/materials \
 	tests/optics/mitsuba/test_mesh.py \
 	tests/optics/optimisation/test_bounded_variables.py \
@@ -83,6 +83,7 @@ QUICK = \
 	tests/optics/target/test_picture.py \
 	tests/optics/target/test_regions.py \
 	tests/optics/target/test_windows.py \
+	tests/optics/toolpaths \
 	tests/optics/tracing/test_phase_space.py \
 	tests/optics/tracing/test_sequential.py \
 	tests/optics/tracing/test_span_search.py \
@@ -111,7 +112,8 @@ QUICK = \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \
 	tests/thbcad/splines/test_nurbs.py \
-	tests/thbcad/surfaces/test_priced_faces.py
+	tests/thbcad/surfaces/test_priced_faces.py \
+	tests/thbcad/tools/test_cusps.py
 
 quick: setup
 	@$(PYTEST) -m "not slow" $(QUICK)

@@ -60,6 +60,9 @@ if TYPE_CHECKING:
         SweepRow as SweepRow,
         sweep as sweep,
     )
+    from optics.toolpaths import (
+        ToolOrder as ToolOrder,
+    )
 
 _FILES = {
     "api": (
@@ -110,5 +113,6 @@ _FILES = {
         "SweepRow",
         "sweep",
     ),
+    "toolpaths": ("ToolOrder",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

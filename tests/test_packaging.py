@@ -34,6 +34,7 @@ ARGUMENTS = {
     "relight": ["result", "--source", "sun"],
     "tolerance": ["result"],
     "sweep": ["problem.toml", "--vary", "target.distance=200:400:5"],
+    "tool": ["result"],
     "trace": ["result"],
     "verify": ["result"],
 }

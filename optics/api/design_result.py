@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from optics.figures import OverviewFigure
     from optics.optimisation import Row, State
     from optics.problem import Problem, Source
+    from optics.toolpaths import ToolFindings, ToolOrder
 
 Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
@@ -135,6 +136,15 @@ class Design(DesignRecord):
             backend = load_backend("double", self.problem.run.threads)
             measurement = relit(self.problem, self.lens, light, backend)
         return measurement.in_unit(unit_of(self.system))
+
+    def tool(self, order: ToolOrder) -> ToolFindings:
+        """Return whether a tool fits the lens, how its cusps blur the light, and how it must move."""
+        from optics.runtime import load_backend
+        from optics.toolpaths import tool_findings
+
+        with DEVICE:
+            backend = load_backend("double", self.problem.run.threads)
+            return tool_findings(self.system, self.lens, order, backend)
 
     def plot(self) -> OverviewFigure:
         """Return a figure of target, irradiance and their difference."""

@@ -358,6 +358,39 @@ def _tolerance_options(command: argparse.ArgumentParser) -> None:
     _force_option(command)
 
 
+def _tool_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    kinds = command.add_mutually_exclusive_group()
+    kinds.add_argument("--ball", type=float, metavar="MM", help="radius of a ball end that cuts in rows")
+    kinds.add_argument(
+        "--nose", type=float, metavar="MM", help="radius of a nose that turns on a spiral (slow tool servo)"
+    )
+    command.add_argument(
+        "--step",
+        type=float,
+        metavar="MM",
+        help="with --ball: distance of rows (default: the largest that blurs by one pixel nowhere)",
+    )
+    command.add_argument(
+        "--rows", choices=("x", "y"), default="x", help="with --ball: along which rows run (default: x)"
+    )
+    command.add_argument(
+        "--feed",
+        type=float,
+        metavar="MM",
+        help="with --nose: for each revolution (default: the largest that blurs by one pixel nowhere)",
+    )
+    command.add_argument("--rpm", type=float, metavar="N", help="with --nose: revolutions for each minute")
+    command.add_argument(
+        "--acceleration", type=float, metavar="M/S2", help="with --nose: that the z axis can do, m/s^2"
+    )
+    command.add_argument(
+        "--surface", choices=("front", "rear"), help="to be cut (default: every one that is no plane)"
+    )
+    command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/tool)")
+    _force_option(command)
+
+
 def _bench_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
     command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
@@ -397,6 +430,10 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "tolerance": (
         "say what errors of lens, source and target do to the light, and what the shop must hold",
         _tolerance_options,
+    ),
+    "tool": (
+        "say whether a tool fits, how its cusps blur the light, and how its machine must move",
+        _tool_options,
     ),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),

@@ -50,6 +50,10 @@ EXAMPLES = {
         "thbcad tolerance exports/pearl --set lens.decentre=0.02 --set temperature=0 --limit 0.005",
         "thbcad tolerance exports/pearl --tolerances shop.toml --json",
     ),
+    "tool": (
+        "thbcad tool exports/pearl --ball 3 --step 0.02",
+        "thbcad tool exports/pearl --nose 1 --feed 0.005 --acceleration 10",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

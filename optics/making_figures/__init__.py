@@ -15,6 +15,9 @@ if TYPE_CHECKING:
         change_figure as change_figure,
         share_figure as share_figure,
     )
+    from optics.making_figures.tool_figures import (
+        figures_of_tool as figures_of_tool,
+    )
 
 _FILES = {
     "form_figures": ("form_figures_of",),
@@ -23,5 +26,6 @@ _FILES = {
         "change_figure",
         "share_figure",
     ),
+    "tool_figures": ("figures_of_tool",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from optics.problem.manufacture_text import (
         as_data as as_data,
         manufacture_rows as manufacture_rows,
+        position as position,
     )
     from optics.problem.manufacturing_limits import (
         Miss as Miss,
@@ -76,6 +77,7 @@ _FILES = {
     "manufacture_text": (
         "as_data",
         "manufacture_rows",
+        "position",
     ),
     "manufacturing_limits": (
         "Miss",

@@ -6,13 +6,17 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from thbcad.certified.bernstein_cells import (
+        Cells as Cells,
         Orders as Orders,
         bernstein as bernstein,
         cell_bounds as cell_bounds,
         rounding as rounding,
     )
     from thbcad.certified.extreme_values import (
+        Assessment as Assessment,
         Enclosure as Enclosure,
+        corners as corners,
+        greatest as greatest,
         minimum as minimum,
         value_range as value_range,
     )
@@ -29,13 +33,17 @@ if TYPE_CHECKING:
 
 _FILES = {
     "bernstein_cells": (
+        "Cells",
         "Orders",
         "bernstein",
         "cell_bounds",
         "rounding",
     ),
     "extreme_values": (
+        "Assessment",
         "Enclosure",
+        "corners",
+        "greatest",
         "minimum",
         "value_range",
     ),

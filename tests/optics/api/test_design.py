@@ -57,6 +57,12 @@ def test_a_saved_design_is_read_back_as_it_was(done):
     assert loaded.moved == design.moved
 
 
+def test_a_tool_is_tried_on_the_lens(done):
+    design, _, _ = done
+    (surface,) = design.tool(optics.ToolOrder(ball=5.0, step=0.1)).surfaces
+    assert (surface.name, surface.pitch) == ("rear", 0.1)
+
+
 def test_the_saved_folder_is_a_whole_result(done):
     _, _, folder = done
     record = json.loads((folder / "result.json").read_text())

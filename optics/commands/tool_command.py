@@ -1,0 +1,57 @@
+"""`thbcad tool`: whether a tool fits a lens, what its cusps do to the light, how its machine must move."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optics.commands.outcome import Outcome
+from optics.results import HASHES, ResultFolder, hashes, require_own, writable_folder
+from optics.runtime import check_lines, load_backend, verification
+from optics.system import OpticalSystem
+from optics.toolpaths import ToolOrder, tool_data, tool_findings, tool_lines
+
+if TYPE_CHECKING:
+    from optics.toolpaths import ToolFindings
+
+RECORD, PAGE = "tool.json", "tool.html"
+PICTURES = ("tool_front.png", "tool_rear.png")
+
+
+def tool(options: Namespace) -> Outcome:
+    """Try a tool on the lens of a result folder."""
+    order = ToolOrder(
+        ball=options.ball,
+        nose=options.nose,
+        step=options.step,
+        feed=options.feed,
+        rows=options.rows,
+        rpm=options.rpm,
+        acceleration=options.acceleration,
+        surface=options.surface,
+    )
+    problem, lens, _ = ResultFolder(options.result).read()
+    folder = Path(options.out or Path(options.result) / "tool")
+    writable_folder(folder)
+    require_own(folder, (RECORD, PAGE, *PICTURES), RECORD, options.force)
+    backend = load_backend("double", problem.run.threads)
+    findings = tool_findings(OpticalSystem(problem), lens, order, backend)
+    checked, lines = verification(findings.checks), tool_lines(findings)
+    data = tool_data(findings) | checked
+    _write(folder, f"{problem.title}: tools", findings, data, lines)
+    return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], checked["ok"])
+
+
+def _write(folder: Path, title: str, findings: ToolFindings, data: dict[str, Any], lines: list[str]) -> None:
+    """Write pictures, page and record, the record last."""
+    from optics.making_figures import figures_of_tool
+    from optics.report import check_page
+    from thbcad.io import json_text, write_bytes, write_text
+
+    figures = figures_of_tool(findings)
+    for name, _, picture in figures:
+        write_bytes(folder / name, picture)
+    write_text(folder / PAGE, check_page(title, data, lines, [(c, p) for _, c, p in figures]))
+    names = [PAGE, *(name for name, _, _ in figures)]
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, names)}))

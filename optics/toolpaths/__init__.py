@@ -1,0 +1,65 @@
+"""Tools on a lens: the blur of their cusps in pixels, what was found in words and data."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.toolpaths.blur_of_cusps import (
+        CuspBlur as CuspBlur,
+        cusp_blur as cusp_blur,
+    )
+    from optics.toolpaths.cusp_light import (
+        CuspLight as CuspLight,
+        light_with_cusps as light_with_cusps,
+    )
+    from optics.toolpaths.findings import (
+        SpiralMotion as SpiralMotion,
+        SurfaceFindings as SurfaceFindings,
+        ToolFindings as ToolFindings,
+        tool_findings as tool_findings,
+    )
+    from optics.toolpaths.response_to_slopes import (
+        LandingResponse as LandingResponse,
+        crossings as crossings,
+        landing_response as landing_response,
+        traced_points as traced_points,
+    )
+    from optics.toolpaths.tool_order import (
+        ToolOrder as ToolOrder,
+    )
+    from optics.toolpaths.tool_words import (
+        fit_word as fit_word,
+        tool_data as tool_data,
+        tool_lines as tool_lines,
+    )
+
+_FILES = {
+    "blur_of_cusps": (
+        "CuspBlur",
+        "cusp_blur",
+    ),
+    "cusp_light": (
+        "CuspLight",
+        "light_with_cusps",
+    ),
+    "findings": (
+        "SpiralMotion",
+        "SurfaceFindings",
+        "ToolFindings",
+        "tool_findings",
+    ),
+    "response_to_slopes": (
+        "LandingResponse",
+        "crossings",
+        "landing_response",
+        "traced_points",
+    ),
+    "tool_order": ("ToolOrder",),
+    "tool_words": (
+        "fit_word",
+        "tool_data",
+        "tool_lines",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -1,0 +1,113 @@
+"""How far light moves on the target where the slope of a surface is off: exact, at every ray."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.tracing import SMOOTH, SlopeErrors, Tracer
+from thbcad.hierarchy import THBSpace
+from thbcad.lens import Lens
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend
+    from optics.sources import RayGrid, Rays
+    from optics.system import OpticalSystem
+
+Floats = NDArray[np.float64]
+
+TILT = 1e-5  # of the central differences: their error is its square, 1e-10, times the third derivative
+
+
+@dataclass(frozen=True, eq=False)
+class LandingResponse:
+    """Rays that land on the target: where they cross a surface, how they follow its slope.
+
+    landed : which of the rays that were traced these are, (m,) bool
+    x, y : (n,) mm, on the surface.  flux : (n,)
+    jacobian : (2, 2, n), d(landing x, y) / d(dz/dx, dz/dy): mm, in the far field degrees
+    """
+
+    landed: NDArray[np.bool_]
+    x: Floats
+    y: Floats
+    flux: Floats
+    jacobian: Floats
+
+
+def landing_response(
+    system: OpticalSystem, lens: Lens, backend: Backend, name: str, side: int
+) -> LandingResponse:
+    """Return the response to slopes of the "front" or the "rear", for about side x side rays of the source.
+
+    Central differences of the exact trace; the surfaces stay where they are.
+    """
+    rays = system.source.rays((side, side))
+    x, y = crossings(system, lens, backend, name, rays)
+    half_width = system.target.screen().half_width
+    columns, alive = [], np.ones(len(x), bool)
+    flux = np.zeros(len(x))
+    for tilt in np.eye(2) * TILT:
+        ends = []
+        for sign in (1.0, -1.0):
+            errors = SlopeErrors(**{name: sign * tilt[:, None]})
+            points, flux = traced_points(system, lens, backend, rays, errors)
+            # light off the target blurs no picture; near total reflection it would outweigh all other
+            alive &= (flux > 0) & (np.abs(points) <= np.array(half_width)[:, None]).all(axis=0)
+            ends.append(points)
+        columns.append((ends[0] - ends[1]) / (2 * TILT))
+    jacobian = np.stack(columns, axis=1)
+    return LandingResponse(alive, x[alive], y[alive], flux[alive], jacobian[..., alive])
+
+
+def traced_points(
+    system: OpticalSystem,
+    lens: Lens,
+    backend: Backend,
+    rays: RayGrid | Rays,
+    errors: SlopeErrors = SMOOTH,
+) -> tuple[Floats, Floats]:
+    """Return (landing points (2, n), flux (n,)) of rays refracted by slopes with errors."""
+    tracer = Tracer(backend, lens, rays, system.target.z, errors=errors, absorption=system.absorption)
+    with backend.dr.suspend_grad():
+        _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+        every = backend.dr.zeros(backend.Float, rays.flux.size)
+        arrays = [landing.x + every, landing.y + every, landing.flux + every]
+        backend.dr.eval(arrays)
+    x, y, flux = (a.numpy().astype(np.float64) for a in arrays)
+    return np.stack([x, y]), flux
+
+
+def crossings(
+    system: OpticalSystem, lens: Lens, backend: Backend, name: str, rays: RayGrid | Rays
+) -> tuple[Floats, Floats]:
+    """Return x and y, (n,) each, where rays cross a surface, inside it."""
+    if name == "front":
+        lens = _with_front_sag(lens)
+    tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
+    coefficients = [sag.coefficients for sag in lens.sags]
+    with backend.dr.suspend_grad():
+        meet = tracer.at_front if name == "front" else tracer.at_rear
+        hits, _, _ = meet(coefficients)
+        every = backend.dr.zeros(backend.Float, rays.flux.size)
+        arrays = [hits.x + every, hits.y + every]
+        backend.dr.eval(arrays)
+    surface = lens.front if name == "front" else lens.rear
+    x, y = (np.clip(a.numpy(), -h, h) for a, h in zip(arrays, surface.half_width))
+    return x, y
+
+
+def _with_front_sag(lens: Lens) -> Lens:
+    """Return the lens with a sag of zeros on a front without one; the tracer then tells its hits."""
+    if lens.front.sag is not None:
+        return lens
+    line = KnotVector.uniform(3, 1)
+    space = THBSpace(line, line)
+    return Lens(
+        lens.front.with_sag(THBSurface(space, np.zeros(space.dim))), lens.rear, lens.thickness, lens.index
+    )

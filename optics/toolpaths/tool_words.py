@@ -1,0 +1,202 @@
+"""What was found of a tool, as sentences and as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from optics.problem import position
+
+if TYPE_CHECKING:
+    from optics.toolpaths.findings import SpiralMotion, SurfaceFindings, ToolFindings
+    from optics.toolpaths.tool_order import ToolOrder
+    from thbcad.certified import Enclosure
+    from thbcad.tools import Draft, Fit
+
+NM = 1e6  # of a mm
+VERDICTS = {
+    "fits": "{tool} fits the {name} for certain",
+    "does not fit": "{tool} does not fit the {name} for certain",
+    "undecided": "it is undecided whether {tool} fits the {name}",
+}
+EXTENSION = "a polynomial of degree 5 in the angle that continues height, velocity and acceleration"
+
+
+def tool_lines(findings: ToolFindings) -> list[str]:
+    """Return what was found as sentences with units and positions."""
+    lines = []
+    for surface in findings.surfaces:
+        lines.append(_fit_line(findings.order, surface))
+        lines += _cusp_lines(findings.order, surface)
+        lines += _motion_lines(findings.order, surface)
+    return [*lines, *_draft_lines(findings.draft)]
+
+
+def tool_data(findings: ToolFindings) -> dict[str, Any]:
+    """Return what was found as plain data for JSON; an infinite or unknown number is None."""
+    order = findings.order
+    asked = {
+        "ball_mm": order.ball,
+        "nose_mm": order.nose,
+        "step_mm": order.step,
+        "feed_mm": order.feed,
+        "rows": order.rows,
+        "rpm": order.rpm,
+        "acceleration_m_s2": order.acceleration,
+    }
+    surfaces = {s.name: _surface_data(order, s) for s in findings.surfaces}
+    return {"order": asked, "surfaces": surfaces, "draft": _draft_data(findings.draft)}
+
+
+def _fit_line(order: ToolOrder, surface: SurfaceFindings) -> str:
+    least, what = surface.fit.least, "of sections through the axis " if order.spiral else ""
+    verdict = VERDICTS[fit_word(surface.fit)].format(tool=order.words, name=surface.name)
+    if not isfinite(least.lower):
+        return f"{verdict}: nothing is concave"
+    where = f", {position(least)}" if isfinite(least.value) else ""
+    return (
+        f"{verdict}: the least concave radius {what}lies between {least.lower:.6g} and {least.upper:.6g} mm"
+        f"{where}"
+    )
+
+
+def fit_word(fit: Fit) -> str:
+    """Return "fits", "does not fit" or "undecided"."""
+    return "fits" if fit.proven else "does not fit" if fit.refuted else "undecided"
+
+
+def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
+    blur, pitch = surface.blur, surface.pitch
+    if blur is None or pitch is None:
+        sentence = "are unknown: no light for the target crosses it where the tool fits"
+        yield f"cusps on the {surface.name} {sentence}"
+        return
+    worst, x, y = blur.worst()
+    path = f"a feed of {pitch:.4g} mm" if order.spiral else f"rows along {order.rows}, {pitch:.4g} mm apart"
+    yield (
+        f"cusps of {path} on the {surface.name} are up to {surface.cusp_height * NM:.3g} nm high and blur "
+        f"the light by up to {worst * pitch:.3g} pixels (rms {blur.rms * pitch:.3g}), most at x = {x:.4g}, "
+        f"y = {y:.4g} mm"
+    )
+    what = "feed" if order.spiral else "step"
+    yield f"the largest {what} on the {surface.name} that blurs by one pixel at most is {1 / worst:.4g} mm"
+    if surface.light is not None:
+        yield (
+            f"with these cusps rel_l2 of the picture is {surface.light.with_cusps:.4f}, without them "
+            f"{surface.light.without:.4f}"
+        )
+    if blur.unknown:
+        yield (
+            f"{blur.unknown:.2%} of the light crosses places of the {surface.name} where the tool does not "
+            "fit; they are left out of the blur"
+        )
+
+
+def _motion_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
+    if not order.spiral:
+        return
+    motion = surface.motion
+    if motion is None:
+        yield f"how a tool turns the {surface.name} is unknown: it is not proven to fit"
+        return
+    worst, x, y = motion.gaps.worst()
+    yield (
+        f"the tool on the {surface.name} accelerates by up to {motion.kernel.upper:.5g} mm times the square "
+        f"of the angular speed over the lens, most {position(motion.kernel)} (certified), and by "
+        f"{worst:.5g} mm beside it, at x = {x:.4g}, y = {y:.4g} mm (sampled)"
+    )
+    yield (
+        f"beside the lens, up to the corners' radius of {motion.cut.radius:.4g} mm, the tool follows "
+        f"{EXTENSION}; there its height goes from {motion.gaps.t.min():.4g} to {motion.gaps.t.max():.4g} mm"
+    )
+    yield (
+        f"the clearance angle behind the edge must be at least {motion.clearance.upper:.4g} degrees, "
+        f"{position(motion.clearance)}"
+    )
+    rpm = order.rpm
+    if order.acceleration is not None:
+        highest = motion.highest_rpm(order.acceleration)
+        most = f"at most {highest:.4g}" if isfinite(highest) else "any number of"
+        yield f"{order.acceleration:g} m/s^2 allow {most} revolutions for each minute"
+        rpm = highest if rpm is None else rpm
+    if rpm is not None and isfinite(rpm):
+        yield (
+            f"at {rpm:.4g} revolutions for each minute the tool accelerates by up to "
+            f"{motion.acceleration(rpm):.4g} m/s^2; one pass of {motion.cut.turns:.5g} turns, "
+            f"{motion.cut.length:.4g} m long, takes {motion.cut.hours(rpm):.4g} hours"
+        )
+
+
+def _draft_lines(draft: Draft) -> Iterator[str]:
+    for name, face in (("front", draft.front), ("rear", draft.rear)):
+        where = "" if face.value == 90 else f", {position(face)}"
+        yield f"the draft angle of the {name} against z is at least {face.lower:.4g} degrees{where}"
+    least = min(draft.walls, key=lambda wall: wall.angle)
+    if least.angle:
+        yield f"the draft angle of the walls is at least {least.angle:.4g} degrees, on {least.name}"
+    else:
+        yield f"the walls have no draft: {least.name} is parallel to z; make one of the rims smaller"
+
+
+def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
+    blur, pitch = surface.blur, surface.pitch
+    cusps = None
+    if blur is not None and pitch is not None:
+        worst, x, y = blur.worst()
+        cusps = {
+            "pitch_mm": pitch,
+            "height_mm": surface.cusp_height,
+            "blur_pixels": {"greatest": worst * pitch, "rms": blur.rms * pitch, "x": x, "y": y},
+            "one_pixel_mm": 1 / worst,
+            "left_out": blur.unknown,
+            "rel_l2": None
+            if surface.light is None
+            else {"with": surface.light.with_cusps, "without": surface.light.without},
+        }
+    return {
+        "fit": fit_word(surface.fit),
+        "least_concave_radius_mm": _bounds(surface.fit.least),
+        "cusps": cusps,
+        "spiral": None if surface.motion is None else _motion_data(order, surface.motion),
+    }
+
+
+def _motion_data(order: ToolOrder, motion: SpiralMotion) -> dict[str, Any]:
+    worst, x, y = motion.gaps.worst()
+    rpm = order.rpm
+    highest = None if order.acceleration is None else motion.highest_rpm(order.acceleration)
+    if rpm is None and highest is not None and isfinite(highest):
+        rpm = highest
+    return {
+        "radius_mm": motion.cut.radius,
+        "turns": motion.cut.turns,
+        "length_m": motion.cut.length,
+        "acceleration_over_omega2_mm": _bounds(motion.kernel),
+        "beside_the_lens": {
+            "extension": EXTENSION,
+            "acceleration_over_omega2_mm": {"measured": worst, "x": x, "y": y},
+            "height_mm": [float(motion.gaps.t.min()), float(motion.gaps.t.max())],
+        },
+        "clearance_degrees": _bounds(motion.clearance),
+        "rpm": rpm,
+        "highest_rpm": highest if highest is None or isfinite(highest) else None,
+        "acceleration_m_s2": None if rpm is None else motion.acceleration(rpm),
+        "hours": None if rpm is None else motion.cut.hours(rpm),
+    }
+
+
+def _draft_data(draft: Draft) -> dict[str, Any]:
+    walls = {w.name: {"measured": w.angle, "x": w.x, "y": w.y} for w in draft.walls}
+    return {
+        "front_degrees": _bounds(draft.front),
+        "rear_degrees": _bounds(draft.rear),
+        "walls_degrees": walls,
+    }
+
+
+def _bounds(found: Enclosure) -> dict[str, float | None]:
+    numbers = {name: getattr(found, name) for name in ("value", "lower", "upper")}
+    numbers = {name: number if isfinite(number) else None for name, number in numbers.items()}
+    met = numbers["value"] is not None
+    return numbers | {"x": found.u if met else None, "y": found.v if met else None}

@@ -1,0 +1,125 @@
+"""Derivatives of a graph z(x, y) along and round the axis of a spindle, as Bernstein coefficients.
+
+With the position X = (x, y) = rho (cos theta, sin theta), T = (-y, x), the gradient g and the Hessian H,
+
+    z_theta = T . g,                    rho z_rho = X . g,
+    z_theta_theta = T H T - X . g,      rho^2 z_rho_rho = X H X,
+    rho z_rho_theta = T H X + T . g.
+
+These are polynomials on every cell, two degrees above z, and stay so at the axis.
+
+Source: G. Farin, Curves and Surfaces for CAGD, chapter 5 (products of Bernstein polynomials).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+
+from thbcad.certified import Cells, bernstein, rounding
+from thbcad.checks import Floats
+from thbcad.splines import BSplineSurface
+from thbcad.tools.spiral_motion import DERIVATIVES
+
+Z_X, Z_Y, Z_XX, Z_XY, Z_YY = range(5)
+PASSES = 4  # linear factors of a product: two in x, two in y
+ROUNDINGS = 5  # of one factor: a weight, two products with it, and their sum
+
+# a polynomial as terms (factor, power of x, power of y, derivative)
+Term = tuple[int, int, int, int]
+ROUND_SLOPE: tuple[Term, ...] = ((-1, 0, 1, Z_X), (1, 1, 0, Z_Y))  # z_theta
+RADIAL_SLOPE: tuple[Term, ...] = ((1, 1, 0, Z_X), (1, 0, 1, Z_Y))  # rho z_rho
+ROUND: tuple[Term, ...] = (  # z_theta_theta
+    *((1, 0, 2, Z_XX), (-2, 1, 1, Z_XY), (1, 2, 0, Z_YY)),
+    *((-1, 1, 0, Z_X), (-1, 0, 1, Z_Y)),
+)
+RADIAL: tuple[Term, ...] = ((1, 2, 0, Z_XX), (2, 1, 1, Z_XY), (1, 0, 2, Z_YY))  # rho^2 z_rho_rho
+MIXED: tuple[Term, ...] = (  # rho z_rho_theta
+    *((-1, 1, 1, Z_XX), (1, 2, 0, Z_XY), (-1, 0, 2, Z_XY), (1, 1, 1, Z_YY)),
+    *((-1, 0, 1, Z_X), (1, 1, 0, Z_Y)),
+)
+PLAIN: tuple[tuple[Term, ...], ...] = tuple(((1, 0, 0, k),) for k in range(5))
+ROWS = (*PLAIN, ROUND_SLOPE, RADIAL_SLOPE, ROUND, RADIAL, MIXED)
+
+
+@dataclass(frozen=True, eq=False)
+class PolarJet:
+    """Rows of polar cells by name, (..., n) each; `plain` holds z_x, z_y, z_xx, z_xy, z_yy."""
+
+    plain: Floats
+    round_slope: Floats
+    radial_slope: Floats
+    round: Floats
+    radial: Floats
+    mixed: Floats
+
+    @classmethod
+    def of(cls, rows: Floats) -> PolarJet:
+        """Return the rows (10, ...) by name."""
+        return cls(rows[:5], *rows[5:])
+
+
+def polar_cells(graph: BSplineSurface) -> Iterator[Cells]:
+    """Yield the derivatives of a scalar graph in x, y and round the axis as polynomials on its cells.
+
+    The axis is x = y = 0.  The rows are those of `PolarJet`.
+
+    Raises
+    ------
+    ValueError : a graph that is not scalar, derivatives above 1e40.
+    """
+    reach = [max(abs(kv.start), abs(kv.stop)) for kv in (graph.kv_u, graph.kv_v)]
+    for cells in bernstein(graph, DERIVATIVES):
+        made: dict[Term, Floats] = {}
+        rows = [_polynomial(cells, reach, terms, made) for terms in ROWS]
+        coefficients, magnitude, error = zip(*rows)
+        yield Cells(np.stack(coefficients), cells.box, np.array(magnitude), np.array(error))
+
+
+def _polynomial(
+    cells: Cells, reach: list[float], terms: tuple[Term, ...], made: dict[Term, Floats]
+) -> tuple[Floats, float, float]:
+    """Return (coefficients, a bound of them, a bound of their rounding errors) of a sum of terms.
+
+    made : products that were formed before, by (1, power of x, power of y, derivative).
+    """
+    total = np.zeros(1)
+    magnitude = error = 0.0
+    for factor, a, b, k in terms:
+        key = (1, a, b, k)
+        if key not in made:
+            made[key] = _product(cells, a, b, k)
+        total = total + factor * made[key]
+        size = abs(factor) * prod(r**n for r, n in zip(reach, (a, b)))
+        magnitude += size * float(cells.magnitude[k])
+        own = rounding(PASSES * ROUNDINGS, float(cells.magnitude[k]))
+        error += size * (float(cells.error[k]) + own)
+    return total, magnitude, error + rounding(2 * len(terms), magnitude)
+
+
+def _product(cells: Cells, a: int, b: int, k: int) -> Floats:
+    """Return the Bernstein coefficients of x^a y^b times a derivative, two degrees higher in x and in y."""
+    block: Floats = cells.coefficients[k]
+    for axis, power in ((0, a), (1, b)):
+        ones = np.ones_like(cells.box[:, axis])
+        for count in range(2):
+            block = _times(axis, block, cells.box[:, axis] if count < power else ones)
+    return block
+
+
+def _times(axis: int, block: Floats, ends: Floats) -> Floats:
+    """Return the product with a linear polynomial: ((n + 1 - k) a c_k + k b c_(k-1)) / (n + 1).
+
+    ends : (2, n) float, the values a and b of the linear polynomial at both ends of every cell.
+    """
+    block = np.asarray(np.moveaxis(block, axis, 0))
+    degree = len(block)
+    weight = (np.arange(degree) + 1.0)[:, None, None] / degree
+    result = np.zeros((degree + 1, *block.shape[1:]))
+    result[:-1] += weight[::-1] * ends[0] * block
+    result[1:] += weight * ends[1] * block
+    moved: Floats = np.moveaxis(result, 0, axis)
+    return moved
