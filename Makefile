@@ -42,6 +42,7 @@ QUICK = \
 	tests/optics/api/test_minimisation.py \
 	tests/optics/api/test_model.py \
 	tests/optics/colour \
+	tests/optics/as_built/test_measured_points.py \
 	tests/optics/commands/test_limits.py \
 	tests/optics/commands/test_new.py \
 	tests/optics/deconvolution/test_analytic.py \
@@ -53,6 +54,7 @@ QUICK = \
 	tests/optics/external/test_file_tracers.py \
 	tests/optics/figures/test_lens_and_light.py \
 	tests/optics/luminaires \
+	tests/optics/making_figures/test_as_built_figures.py \
 	tests/optics/materials \
 	tests/optics/mitsuba/test_mesh.py \
 	tests/optics/optimisation/test_bounded_variables.py \

@@ -54,7 +54,7 @@ FLOORS = [
         "optics.relighting",
         "optics.verification",
     ],
-    ["optics.progress", "optics.results", "optics.view"],
+    ["optics.as_built", "optics.progress", "optics.results", "optics.view"],
     [
         "optics.deconvolution",
         "optics.export",
@@ -63,7 +63,7 @@ FLOORS = [
         "optics.prediction",
         "optics.report",
     ],
-    ["optics.api", "optics.external", "optics.parts"],
+    ["optics.api", "optics.external", "optics.making_figures", "optics.parts"],
     ["optics.commands"],
     ["optics"],
     ["oracles"],

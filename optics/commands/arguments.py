@@ -12,6 +12,8 @@ from optics.problem import ENGINES, STARTS
 from optics.runtime import UserError
 from thbcad import __version__
 
+UNITS = ("m", "mm", "um", "nm")
+
 
 class CommandParser(argparse.ArgumentParser):
     """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
@@ -286,6 +288,33 @@ def _relight_options(command: argparse.ArgumentParser) -> None:
     _force_option(command)
 
 
+def _asbuilt_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("result", metavar="RESULT", help="result folder of a design")
+    command.add_argument(
+        "--measured", metavar="FILE", required=True, help="rows x y z (XYZ, .dat, .csv), or a grid sag .dat"
+    )
+    command.add_argument("--surface", choices=("front", "rear"), help="default: the one that is freeform")
+    command.add_argument("--unit", choices=UNITS, default="mm", help="of x and y (default: mm)")
+    command.add_argument(
+        "--height-unit", choices=UNITS, help="of heights or errors (default: that of --unit)"
+    )
+    command.add_argument("--errors", action="store_true", help="the third column is made - designed height")
+    command.add_argument("--mirror", action="store_true", help="x is turned over, as measured from behind")
+    command.add_argument(
+        "--turn", type=int, choices=(0, 90, 180, 270), default=0, help="degrees from +x to +y (default: 0)"
+    )
+    command.add_argument("--down", action="store_true", help="heights are positive against the light")
+    command.add_argument(
+        "--align",
+        choices=("datums", "best-fit"),
+        default="datums",
+        help="which frame the made lens gets; both are reported (default: datums)",
+    )
+    command.add_argument("--step", action="store_true", help="also write lens.step of the made lens")
+    command.add_argument("--out", metavar="FOLDER", help="where to write (default: RESULT/asbuilt)")
+    _force_option(command)
+
+
 def _bench_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
     command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
@@ -321,6 +350,10 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
         _etendue_options,
     ),
     "relight": ("show a finished design in other light", _relight_options),
+    "asbuilt": (
+        "show the light of a lens as it was made, from measured points of its surface",
+        _asbuilt_options,
+    ),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),
 }

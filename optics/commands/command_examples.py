@@ -40,6 +40,10 @@ EXAMPLES = {
         "thbcad relight exports/pearl --source sun --out sun.png",
         "thbcad relight exports/pearl --source led:1mm@500mm",
     ),
+    "asbuilt": (
+        "thbcad asbuilt exports/pearl --measured rear.xyz",
+        "thbcad asbuilt exports/pearl --measured errors.csv --errors --height-unit nm --align best-fit",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

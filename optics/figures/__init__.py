@@ -5,6 +5,12 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.figures.canvas import (
+        new_figure as new_figure,
+        new_panels as new_panels,
+        plane_figure as plane_figure,
+        png_bytes as png_bytes,
+    )
     from optics.figures.colours_of_light import (
         colour_figures as colour_figures,
     )
@@ -48,6 +54,12 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "canvas": (
+        "new_figure",
+        "new_panels",
+        "plane_figure",
+        "png_bytes",
+    ),
     "colours_of_light": ("colour_figures",),
     "fresnel_curves": ("fresnel_figure",),
     "intensity_diagrams": ("intensity_figures",),

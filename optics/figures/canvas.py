@@ -55,6 +55,15 @@ def new_figure() -> tuple[Figure, Axes]:
     return figure, axes
 
 
+def new_panels(count: int, size: tuple[float, float] = SIZE) -> tuple[Figure, list[Axes]]:
+    """Return a figure with so many panels side by side, each of a size in inches."""
+    width, height = size
+    figure, axes = plt.subplots(
+        1, count, figsize=(count * width, height), layout="constrained", squeeze=False
+    )
+    return figure, list(axes[0])
+
+
 def block(shape: tuple[int, ...]) -> int:
     """Return how many pixels in each direction a picture of this shape shows as one."""
     return -(-max(shape) // WIDEST)
