@@ -49,7 +49,7 @@ def test_a_motion_is_undone_by_its_inverse() -> None:
 )
 def test_motions_along_a_symmetric_surface_are_named(conic: Conic, hidden: set[str]) -> None:
     surface = FreeformSurface((10.0, 8.0), conic)
-    found = best_fit(surface, points_of(surface) + [[0.0], [0.0], [0.05]])
+    found = best_fit(surface, points_of(surface) + np.array([[0.0], [0.0], [0.05]]))
     assert set(found.undetermined) == hidden
     assert found.rms < 1e-12
 
@@ -67,4 +67,4 @@ def test_the_best_fit_hides_a_tilt_that_datums_show() -> None:
 
 def test_points_that_leave_the_surface_are_refused() -> None:
     with pytest.raises(UserError, match="beside the surface"):
-        best_fit(freeform(), points_of(freeform()) + [[30.0], [0.0], [0.0]])
+        best_fit(freeform(), points_of(freeform()) + np.array([[30.0], [0.0], [0.0]]))
