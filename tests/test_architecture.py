@@ -52,6 +52,7 @@ FLOORS = [
         "optics.etendue",
         "optics.outgoing",
         "optics.relighting",
+        "optics.tolerancing",
         "optics.verification",
     ],
     ["optics.as_built", "optics.progress", "optics.results", "optics.view"],

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     )
     from optics.analysis.light_of_cells import (
         cell_irradiance as cell_irradiance,
+        traced_cells as traced_cells,
     )
     from optics.analysis.light_of_rays import (
         ray_irradiance as ray_irradiance,
@@ -66,7 +67,10 @@ _FILES = {
         "ROULETTE",
         "light_by_other_ways",
     ),
-    "light_of_cells": ("cell_irradiance",),
+    "light_of_cells": (
+        "cell_irradiance",
+        "traced_cells",
+    ),
     "light_of_rays": ("ray_irradiance",),
     "light_of_wavelengths": ("fringe",),
     "metrics": (

@@ -8,6 +8,7 @@ are cut along it (`border_triangles`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, log2
@@ -36,6 +37,7 @@ BORDER_CELLS = (
 )
 
 Floats = NDArray[np.float64]
+Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +51,11 @@ class _Light:
 
 @dataclass(frozen=True, eq=False)
 class _CellTracer:
-    """A lens that cells are traced through, to a screen."""
+    """Cells are traced with their corners, to a screen."""
 
-    system: OpticalSystem
-    lens: Lens
+    trace: Trace
     screen: Screen
     backend: Backend
-    errors: SlopeErrors
 
     def light(self, rays: RayGrid | Rays, emitted: Floats) -> _Light:
         """Return the light of cells that are not cut, from the rays at their corners."""
@@ -88,10 +88,7 @@ class _CellTracer:
     def _trace(self, rays: RayGrid | Rays) -> tuple[Tracer, Landing, DrArray]:
         """Return the tracer of rays, their Landing, and which of them arrive."""
         dr = self.backend.dr
-        system, lost = self.system, self.system.absorption
-        tracer = Tracer(self.backend, self.lens, rays, system.target.z, errors=self.errors, absorption=lost)
-        with dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in self.lens.sags])
+        tracer, landing = self.trace(rays)
         every = dr.ones(dr.mask_t(self.backend.Float), rays.flux.size)
         return tracer, landing, every & landing.definite & landing.met & landing.hit
 
@@ -108,7 +105,25 @@ def cell_irradiance(
 
     backend : of double precision.  errors : of the slopes, the same for all rays.
     """
-    tracer = _CellTracer(system, lens, screen, backend, errors)
+
+    def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
+        lost = system.absorption
+        tracer = Tracer(backend, lens, rays, system.target.z, errors=errors, absorption=lost)
+        with backend.dr.suspend_grad():
+            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+        return tracer, landing
+
+    return traced_cells(trace, screen, cells, backend)
+
+
+def traced_cells(
+    trace: Trace, screen: Screen, cells: SourceCells, backend: Backend
+) -> tuple[Floats, SequentialFates]:
+    """Return what `cell_irradiance` does, of light that is traced in any way.
+
+    trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
+    """
+    tracer = _CellTracer(trace, screen, backend)
     parts, pieces = [], []
     for strip in cells.slices(CORNERS_AT_ONCE):
         part = tracer.light(strip.rays(), strip.emitted)

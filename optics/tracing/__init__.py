@@ -13,9 +13,11 @@ if TYPE_CHECKING:
         flux_by_fate as flux_by_fate,
     )
     from optics.tracing.intersections import (
+        HeightError as HeightError,
         Hits as Hits,
         KnownHits as KnownHits,
         device_flux as device_flux,
+        rim_fade as rim_fade,
     )
     from optics.tracing.landings import (
         Landing as Landing,
@@ -48,7 +50,6 @@ if TYPE_CHECKING:
     )
     from optics.tracing.sequential import (
         Tracer as Tracer,
-        rim_fade as rim_fade,
     )
 
 _FILES = {
@@ -60,9 +61,11 @@ _FILES = {
         "flux_by_fate",
     ),
     "intersections": (
+        "HeightError",
         "Hits",
         "KnownHits",
         "device_flux",
+        "rim_fade",
     ),
     "landings": (
         "Landing",
@@ -91,9 +94,6 @@ _FILES = {
         "transmittances",
     ),
     "searched_intersections": ("SearchedHits",),
-    "sequential": (
-        "Tracer",
-        "rim_fade",
-    ),
+    "sequential": ("Tracer",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -12,10 +12,10 @@ that in, so that no derivative passes through the iterations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,14 @@ if TYPE_CHECKING:
     from thbcad.splines import KnotVector
 
 Vector: TypeAlias = "tuple[DrArray, DrArray, DrArray]"
+
+
+class HeightError(Protocol):
+    """What is added to the height z of a surface, mm, in the frame of the surface's own x and y."""
+
+    def jet(self, x: NDArray[np.float64], y: NDArray[np.float64], /) -> NDArray[np.float64]:
+        """Return dh and its derivatives by x and by y, (3, n): mm, 1, 1."""
+        ...
 
 
 @dataclass(eq=False)
@@ -88,6 +96,40 @@ class Hits:
         gradients = [leaf.grad for leaf in self.leaves]
         self.dr.eval(gradients)  # together: one kernel
         return [g.numpy() for g in gradients]
+
+
+def raised_hits(
+    backend: Backend, error: HeightError, meet: Callable[[DrArray | float], Hits], steps: int
+) -> Hits:
+    """Return the Hits of a surface to whose height an error is added.
+
+    A ray meets z = f + dh where the ray that is lowered by dh meets f.  Every step evaluates dh where the ray
+    met the surface before.  It leaves an error of (dh' tan)^(steps + 1) dh, tan the slope of the ray to z; no
+    step is needed for rays along z.
+
+    meet : called with a height, mm, returns the Hits with f of rays that are lowered by it.
+    """
+    hits, height = meet(0.0), 0.0
+    for _ in range(steps):
+        height = backend.array(error.jet(hits.x.numpy(), hits.y.numpy())[0])
+        hits = meet(height)
+    jet = [backend.array(row) for row in error.jet(hits.x.numpy(), hits.y.numpy())]
+    lifted = jet[0] if steps == 0 else height
+    return replace(hits, z=hits.z + lifted, zx=hits.zx + jet[1], zy=hits.zy + jet[2])
+
+
+def rim_fade(
+    backend: Backend, point: Sequence[DrArray], half_width: Sequence[float], width: float
+) -> DrArray:
+    """Return 1 inside a rectangle, falling to 0 at its rim by 3 s^2 - 2 s^3 in each direction.
+
+    point : x and y, mm.  width : of the fall, a fraction of the half-width.
+    """
+    dr, factor = backend.dr, 1.0
+    for a, h in zip(point, half_width):
+        s = dr.clip((h - dr.abs(a)) * (1 / (width * h)), 0, 1)
+        factor = factor * (s * s * (3 - 2 * s))
+    return factor
 
 
 class KnownHits:

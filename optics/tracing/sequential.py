@@ -16,16 +16,27 @@ from numpy.typing import NDArray
 
 from optics.sources import RayGrid, Rays, single_rays
 from optics.tracing.fates import SequentialFates
-from optics.tracing.intersections import DeviceRays, Hits, KnownHits, device_flux, on_device
+from optics.tracing.intersections import (
+    DeviceRays,
+    Hits,
+    KnownHits,
+    device_flux,
+    on_device,
+    raised_hits,
+    rim_fade,
+)
 from optics.tracing.landings import Landing
 from optics.tracing.refraction import SMOOTH, SlopeErrors, refract
 from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import Vector
+    from optics.tracing.intersections import HeightError, Vector
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector
+
+
+RAISING_STEPS = 2  # leave what is of third order in an error of height: 1e-12 mm for 1 um and slopes of 1e-3
 
 
 class Tracer:
@@ -39,6 +50,7 @@ class Tracer:
     fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
     errors : of the slopes, by which rays are refracted; the surfaces stay where they are.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t from front to rear.
+    heights : errors of the heights of front and rear, see `raised_hits`; traces carry no derivatives then.
     """
 
     def __init__(
@@ -52,8 +64,10 @@ class Tracer:
         fresnel: bool = True,
         errors: SlopeErrors = SMOOTH,
         absorption: float = 0.0,
+        heights: tuple[HeightError | None, HeightError | None] = (None, None),
     ) -> None:
         self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
+        self._heights = heights
         dr, Float = backend.dr, backend.Float
         self._emitted = rays.total
         self._missed = rays.missed if isinstance(rays, RayGrid) else 0.0
@@ -68,7 +82,7 @@ class Tracer:
         self._behind: tuple[Hits | None, DeviceRays] | None = None  # of a front that never changes
         knots = _knots(lens.rear)
         self._errors = [e if e is None else [*map(backend.array, e)] for e in (errors.front, errors.rear)]
-        plane = lens.front.is_plane and errors.front is None
+        plane = lens.front.is_plane and errors.front is None and heights[0] is None
         if isinstance(rays, RayGrid) and plane and knots is not None:
             self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, knots)
             self._behind = None, self._parallel(self._rear)
@@ -109,10 +123,23 @@ class Tracer:
         """Return (Hits of the front, None where they are known, the rays behind it, Hits of the rear)."""
         nets = [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
         front, behind = self._behind or self._through_front(nets[0])
-        if isinstance(self._rear, KnownHits):
-            return front, behind, self._rear.meet(nets[-1])
         net = None if self._lens.rear.sag is None else nets[-1]
-        return front, behind, self._rear.meet(behind.origin, behind.direction, net)
+        return front, behind, self._met(1, behind, net)
+
+    def _met(self, surface: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> Hits:
+        """Return the Hits of rays with a surface.  surface : 0 is the front, 1 the rear."""
+        hits, error = (self._rear if surface else self._front), self._heights[surface]
+
+        def meet(height: DrArray | float) -> Hits:
+            if isinstance(hits, KnownHits):
+                assert net is not None
+                return hits.meet(net)
+            x, y, z = rays.origin
+            return hits.meet((x, y, z - height), rays.direction, net)
+
+        if error is None:
+            return meet(0.0)
+        return raised_hits(self._backend, error, meet, 0 if isinstance(hits, KnownHits) else RAISING_STEPS)
 
     def pull_back(
         self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
@@ -211,7 +238,7 @@ class Tracer:
     def _through_front(self, net: NDArray[np.float64] | None) -> tuple[Hits, DeviceRays]:
         """Return the front's Hits and the rays behind it, in the frame of the rear's vertex."""
         rays = self._source
-        hits = self._front.meet(rays.origin, rays.direction, net)
+        hits = self._met(0, rays, net)
         dr = self._backend.dr
         direction, transmittance, _ = self._refracted(rays.direction, self._slopes(hits, 0), self._inverse)
         passing = rays.flux * transmittance * self._rim(hits, self._lens.front)
@@ -277,20 +304,6 @@ class Tracer:
         if not self._soft_rim or fixed or isinstance(self._rear, KnownHits):
             return 1.0
         return rim_fade(self._backend, (hits.x, hits.y), surface.half_width, self._soft_rim)
-
-
-def rim_fade(
-    backend: Backend, point: Sequence[DrArray], half_width: Sequence[float], width: float
-) -> DrArray:
-    """Return 1 inside a rectangle, falling to 0 at its rim by 3 s^2 - 2 s^3 in each direction.
-
-    point : x and y, mm.  width : of the fall, a fraction of the half-width.
-    """
-    dr, factor = backend.dr, 1.0
-    for a, h in zip(point, half_width):
-        s = dr.clip((h - dr.abs(a)) * (1 / (width * h)), 0, 1)
-        factor = factor * (s * s * (3 - 2 * s))
-    return factor
 
 
 def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:

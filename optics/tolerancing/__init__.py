@@ -1,0 +1,63 @@
+"""What becomes of the light where lens, source or target are not quite what was designed."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.tolerancing.linear_light import (
+        LightChange as LightChange,
+        LinearLight as LinearLight,
+    )
+    from optics.tolerancing.perturbation import (
+        NOMINAL as NOMINAL,
+        HeightSum as HeightSum,
+        Perturbation as Perturbation,
+    )
+    from optics.tolerancing.perturbed_parts import (
+        perturbed_lens as perturbed_lens,
+    )
+    from optics.tolerancing.rigid_motion import (
+        RigidMotion as RigidMotion,
+    )
+    from optics.tolerancing.tolerance_effects import (
+        ToleranceBudget as ToleranceBudget,
+        ToleranceEffect as ToleranceEffect,
+        tolerance_budget as tolerance_budget,
+    )
+    from optics.tolerancing.tolerance_names import (
+        Tolerance as Tolerance,
+        tolerances_of as tolerances_of,
+    )
+    from optics.tolerancing.traced_light import (
+        PerturbedLight as PerturbedLight,
+        perturbed_light as perturbed_light,
+    )
+
+_FILES = {
+    "linear_light": (
+        "LightChange",
+        "LinearLight",
+    ),
+    "perturbation": (
+        "NOMINAL",
+        "HeightSum",
+        "Perturbation",
+    ),
+    "perturbed_parts": ("perturbed_lens",),
+    "rigid_motion": ("RigidMotion",),
+    "tolerance_effects": (
+        "ToleranceBudget",
+        "ToleranceEffect",
+        "tolerance_budget",
+    ),
+    "tolerance_names": (
+        "Tolerance",
+        "tolerances_of",
+    ),
+    "traced_light": (
+        "PerturbedLight",
+        "perturbed_light",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

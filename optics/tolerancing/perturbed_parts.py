@@ -1,0 +1,131 @@
+"""The parts of a perturbed system, in the frame of its lens.
+
+The lens stays where it is: its motion is the inverse motion of source and target.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.sources import RayGrid, Rays, SourceCells
+from optics.tolerancing.rigid_motion import RigidMotion
+from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import Conic
+from thbcad.surfaces import THBSurface
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend, DrArray
+    from optics.system import OpticalSystem
+    from optics.tolerancing.perturbation import Floats, Perturbation
+    from optics.tracing import Landing
+
+DEGREES = 180 / np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class PerturbedParts:
+    """Lens, and motions of source and target in the lens's frame.
+
+    size : factor on the source's width.  height : z of the target plane in its own frame, mm; inf is the far
+    field.
+    """
+
+    lens: Lens
+    source: RigidMotion
+    target: RigidMotion
+    size: float
+    height: float
+
+    @classmethod
+    def of(cls, system: OpticalSystem, lens: Lens, p: Perturbation) -> PerturbedParts:
+        """Return the parts of a system whose lens, source and target a perturbation changes."""
+        z = system.target.z
+        moved = RigidMotion.about((0.0, 0.0, 0.0), p.lens_tilt, p.lens_shift).inverse()
+        source = RigidMotion.about((0.0, 0.0, -system.problem.source.distance), p.source_tilt, p.source_shift)
+        middle = (0.0, 0.0, 0.0 if system.target.far_field else z)
+        target = RigidMotion.about(middle, p.target_tilt, p.target_shift)
+        made = perturbed_lens(system, lens, p)
+        return cls(made, moved.after(source), moved.after(target), 1 + p.source_size, z)
+
+    def cells(self, cells: SourceCells) -> SourceCells:
+        """Return moved cells.  Parallel ones stay a grid where they only shift, within the front."""
+        source, size = self.source, self.size
+        if source.rests and size == 1.0:
+            return cells if self._within(cells.s, cells.t) else replace(cells, parallel=False)
+        if cells.parallel and not source.turns:
+            dx, dy = source.shift[:2]
+            s, t = size * cells.s + dx, size * cells.t + dy
+
+            def density(x: Floats, y: Floats) -> Floats:
+                return cells.density((x - dx) / size, (y - dy) / size)
+
+            return replace(cells, s=s, t=t, density=density, parallel=self._within(s, t))
+
+        def at(s: Floats, t: Floats, flux: Floats) -> Rays:
+            return self.rays(cells.at(s, t, flux))
+
+        return replace(cells, at=at, parallel=False)
+
+    def rays(self, rays: Rays | RayGrid) -> Rays:
+        """Return moved rays."""
+        assert isinstance(rays, Rays)
+        width = np.array([[self.size], [self.size], [1.0]])
+        return self.source.rays(replace(rays, origin=width * rays.origin) if self.size != 1.0 else rays)
+
+    def placed(self, backend: Backend, landing: Landing) -> Landing:
+        """Return a landing in the plane where the target would be, in the frame of the moved target."""
+        if self.target.rests:
+            return landing
+        dr, frame = backend.dr, self.target.inverse()
+        forward = dr.sqrt(dr.maximum(1 - landing.p * landing.p - landing.q * landing.q, 0))
+        p, q, r = frame.turned((landing.p, landing.q, forward))
+        arrives = r > 0
+        rate = dr.select(arrives, r, 1)
+        x: DrArray
+        if np.isinf(self.height):
+            x, y = (DEGREES * dr.atan(d / rate) for d in (p, q))
+        else:
+            x, y, z = frame.points((landing.x, landing.y, self.height))
+            travel = (self.height - z) / rate
+            x, y = x + travel * p, y + travel * q
+        return replace(landing, x=x, y=y, p=p, q=q)
+
+    def _within(self, s: Floats, t: Floats) -> bool:
+        """Whether all of a grid of parallel rays meets the front."""
+        return all(np.abs(row).max() <= h * (1 + 1e-12) for row, h in zip((s, t), self.lens.front.half_width))
+
+
+def perturbed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
+    """Return the lens with other thickness, index, powers and temperature; its front vertex stays.
+
+    It expands uniformly, so that z(x, y) becomes s z(x / s, y / s) with s = 1 + expansion temperature.
+    """
+    front, rear = _bent(lens.front, p.front_power), _bent(lens.rear, p.rear_power)
+    thickness, index = lens.thickness + p.thickness, lens.index + p.index
+    material = system.material
+    if p.temperature and material is not None:
+        index += (material.dn_dt or 0.0) * p.temperature
+        factor = 1 + (material.expansion or 0.0) * p.temperature
+        front, rear, thickness = _scaled(front, factor), _scaled(rear, factor), factor * thickness
+    return Lens(front, rear, thickness, index)
+
+
+def _bent(surface: FreeformSurface, power: float) -> FreeformSurface:
+    """Return the surface on a base conic of another curvature."""
+    if not power:
+        return surface
+    conic = Conic(surface.conic.radius / (1 + power), surface.conic.constant)
+    return FreeformSurface(surface.half_width, conic, surface.sag)
+
+
+def _scaled(surface: FreeformSurface, factor: float) -> FreeformSurface:
+    """Return the surface made larger in all directions."""
+    sag = surface.sag
+    if sag is not None:
+        sag = THBSurface(sag.space, factor * sag.coefficients)
+    hx, hy = surface.half_width
+    conic = Conic(factor * surface.conic.radius, surface.conic.constant)
+    return FreeformSurface((factor * hx, factor * hy), conic, sag)
