@@ -34,6 +34,11 @@ if TYPE_CHECKING:
         MeasuredPoints as MeasuredPoints,
         read_measured as read_measured,
     )
+    from optics.as_built.rigid_corrections import (
+        Move as Move,
+        RigidCorrection as RigidCorrection,
+        rigid_correction as rigid_correction,
+    )
 
 _FILES = {
     "alignment": (
@@ -64,6 +69,11 @@ _FILES = {
         "FileFrame",
         "MeasuredPoints",
         "read_measured",
+    ),
+    "rigid_corrections": (
+        "Move",
+        "RigidCorrection",
+        "rigid_correction",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

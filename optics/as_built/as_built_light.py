@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from optics.analysis import Measurement, measure
 from optics.as_built.alignment import Alignment, best_fit, by_datums
 from optics.as_built.corrected_surface import MadeSurface, made_surface
+from optics.as_built.rigid_corrections import RigidCorrection, rigid_correction
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ class AsBuilt:
     """A lens as it was made.
 
     lens : with the made surface.  way : the alignment that it belongs to.
+    correction : the re-positioning that gets most of the light back, if asked for.
     datums, fitted : both alignments.  rel_l2_of : of the fitted lens by either.
     """
 
@@ -63,6 +65,7 @@ class AsBuilt:
     measurement: Measurement
     rel_l2_of: Mapping[Way, float]
     light_error: LightError
+    correction: RigidCorrection | None
 
     @property
     def change(self) -> Floats:
@@ -100,12 +103,14 @@ def light_as_built(
     side: Side,
     way: Way = "datums",
     nominal: Measurement | None = None,
+    correct: bool = True,
 ) -> AsBuilt:
     """Return a lens as it was made, traced.
 
     measured : points of the front or the rear, in its frame.  way : "datums", the file's frame is the lens's,
         or "best fit", the frame that brings the points nearest to the design.
     backend : of double precision.  nominal : what the designed lens delivers, where it is known.
+    correct : also look for the re-positioning that gets most of the light back.
 
     Raises
     ------
@@ -140,6 +145,7 @@ def light_as_built(
         measurement=measurement,
         rel_l2_of={way: measurement.metrics["rel_l2"], hidden: rel_l2(other.surface)},
         light_error=_light_error(chosen, points, measurement.metrics["rel_l2"], rel_l2),
+        correction=rigid_correction(system, made, measurement.target, backend) if correct else None,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from optics.as_built.alignment import Alignment
     from optics.as_built.as_built_light import AsBuilt, Way
+    from optics.as_built.rigid_corrections import Move, RigidCorrection
 
 MICROMETRES, NANOMETRES = 1e3, 1e6  # of a millimetre
 COVERED = 0.5  # of the cells hold a point: with fewer the fit bridges gaps
@@ -38,8 +39,28 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
             "fitted_lens": built.measurement.metrics["rel_l2"],
             "noise_floor": light.floor,
         },
+        "re_positioning": _correction(built.correction),
         "change": float(np.linalg.norm(built.change) / np.linalg.norm(built.nominal.irradiance)),
         "efficiency": built.measurement.metrics["efficiency"],
+    }
+
+
+def _correction(correction: RigidCorrection | None) -> dict[str, Any] | None:
+    if correction is None:
+        return None
+    return {
+        "rel_l2_before": correction.before,
+        "rel_l2_after": correction.after,
+        "moves": {m.name: _move(m) for m in correction.moves},
+    }
+
+
+def _move(move: Move) -> dict[str, Any]:
+    return {
+        "unit": move.unit,
+        "amount": move.amount,
+        "alone": move.alone,
+        "rel_l2_alone": move.rel_l2_alone,
     }
 
 
@@ -80,7 +101,22 @@ def as_built_lines(built: AsBuilt) -> list[str]:
         f"{light.rel_l2:.4f} +- {light.error:.4f} as made, aligned by {built.way}; "
         f"the noise adds {light.floor:.4f} in squares to the fitted lens"
     )
-    return lines + _notes(built)
+    return [*lines, *_correction_lines(built.correction), *_notes(built)]
+
+
+def _correction_lines(correction: RigidCorrection | None) -> list[str]:
+    """Return what re-positioning does, the best motion first."""
+    if correction is None:
+        return []
+    if correction.after >= correction.before:
+        return ["no re-positioning of the lens or the target brings light back"]
+    lines = [f"re-positioned: rel_l2 {correction.before:.4f} -> {correction.after:.4f}, all motions together"]
+    for m in correction.moves:
+        lines.append(
+            f"  {m.name:16} {m.amount:+9.4f} {m.unit:8} "
+            f"(alone {m.alone:+9.4f}: {m.rel_l2_alone:.4f} predicted)"
+        )
+    return lines
 
 
 def _notes(built: AsBuilt) -> list[str]:

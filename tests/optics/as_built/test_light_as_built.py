@@ -79,7 +79,7 @@ def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, no
     bare = replace(lens, rear=FreeformSurface((hx, hy), lens.rear.conic, exact))
     true = measure(system, bare, backend).metrics["rel_l2"]
     points = measured(lens.rear, 20_000, noise)
-    built = light_as_built(system, lens, points, backend, "rear")
+    built = light_as_built(system, lens, points, backend, "rear", correct=False)
     assert abs(built.light_error.rel_l2 - true) < max(0.02 * true, built.light_error.error)
     assert built.light_error.error < 0.1 * true
     assert built.made.fit.noise == pytest.approx(noise, rel=0.05)
