@@ -28,6 +28,7 @@ from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
 
 FINE = 1e-9  # mm, of a measurement that hardly has noise
 
@@ -96,3 +97,15 @@ def test_other_words_are_refused(system, backend) -> None:
         light_as_built(
             system, system.lens, measured(system.lens.rear, 500), backend, "rear", way="three points"
         )
+
+
+def test_a_design_that_is_finer_than_its_correction_keeps_its_cells() -> None:
+    plain = freeform()
+    fine = plain.sag.refine({1: [(0, 0), (1, 0), (0, 1)]})
+    wavy = fine.coefficients + 0.1 * np.cos(np.arange(fine.space.dim))
+    designed = plain.with_sag(THBSurface(fine.space, wavy))
+    x, y = scattered(120)
+    made = made_surface(designed, by_datums(designed, np.stack([x, y, designed(x, y) + 1e-3 + 1e-5 * x])))
+    assert made.surface.sag.space.levels == 3 > made.fit.surface.space.levels
+    u, v = scattered(400, seed=8)
+    assert np.allclose(made.correction(u, v), 1e-3 + 1e-5 * u, rtol=0, atol=1e-11)
