@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from optics.as_built.rigid_corrections import Move, RigidCorrection
 
 MICROMETRES, NANOMETRES = 1e3, 1e6  # of a millimetre
+GAIN = 0.01  # of rel_l2: what a re-positioning must bring to be worth the work
 COVERED = 0.5  # of the cells hold a point: with fewer the fit bridges gaps
 
 
@@ -108,7 +109,7 @@ def _correction_lines(correction: RigidCorrection | None) -> list[str]:
     """Return what re-positioning does, the best motion first."""
     if correction is None:
         return []
-    if correction.after >= correction.before:
+    if correction.after > (1 - GAIN) * correction.before:
         return ["no re-positioning of the lens or the target brings light back"]
     lines = [f"re-positioned: rel_l2 {correction.before:.4f} -> {correction.after:.4f}, all motions together"]
     for m in correction.moves:

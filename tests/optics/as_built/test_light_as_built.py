@@ -17,10 +17,12 @@ from optics.as_built import (
     light_as_built,
     made_surface,
     surface_of,
+    with_surface,
 )
 from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.system import OpticalSystem
+from optics.tolerancing import Perturbation, PerturbedLight
 from tests.optics.as_built.cases import freeform, ripple, scattered
 from tests.optics.cases import write_problem
 from thbcad.fitting import quasi_interpolate
@@ -109,3 +111,22 @@ def test_a_design_that_is_finer_than_its_correction_keeps_its_cells() -> None:
     assert made.surface.sag.space.levels == 3 > made.fit.surface.space.levels
     u, v = scattered(400, seed=8)
     assert np.allclose(made.correction(u, v), 1e-3 + 1e-5 * u, rtol=0, atol=1e-11)
+
+
+class RippleError:
+    """The error of height that is measured here, as the tracer takes it at every ray."""
+
+    def jet(self, x, y):
+        step = 1e-5
+        slopes = [ripple(x + step, y) - ripple(x - step, y), ripple(x, y + step) - ripple(x, y - step)]
+        return np.stack([ripple(x, y), *(s / (2 * step) for s in slopes)])
+
+
+@pytest.mark.parametrize("side", ["front", "rear"])
+def test_the_light_of_a_made_lens_is_that_of_its_error_at_the_rays(system, backend, side: str) -> None:
+    designed = surface_of(system.lens, side)
+    made = made_surface(designed, by_datums(designed, measured(designed, 8000, FINE).points))
+    light = PerturbedLight(system, system.lens, backend)
+    (before, _), (exact, _) = light(), light(Perturbation(**{f"{side}_error": RippleError()}))
+    after, _ = PerturbedLight(system, with_surface(system.lens, side, made.surface), backend)()
+    assert np.linalg.norm(after - exact) < 0.02 * np.linalg.norm(exact - before)
