@@ -29,7 +29,8 @@ from thbcad.surfaces import THBSurface
 
 LEAST_SAMPLES = 16  # as many as a bicubic has coefficients
 PASSES = 4  # of waves of 2.5 mm among noise as high two lose 11 % of the light's error, four 7, eight 5
-PROBES = 2  # the traces of 10^5 samples are then known to 0.3 %
+PROBES = 4  # the traces of 10^5 samples are then known to 0.2 %
+SEED = 0x5EED516  # of the signs: samples drawn with a usual seed must not share their bits with them
 WEAKEST = -1  # power of ten below the smoothing that halves a wave of two cells: less makes no difference
 HALF_OF_DOMAIN = 500.0  # side^4 over the smoothing that halves a wave of the domain's length, (2 pi)^4 / 3
 
@@ -166,7 +167,7 @@ def _score(equations: NormalEquations, smoothing: float, passes: _Passes | None 
     """Return V, the noise and tr H of a smoothing."""
     passes = passes or _Passes(equations, equations.factors(smoothing))
     n = len(equations.values)
-    probes = np.random.default_rng(0).choice([-1.0, 1.0], (n, PROBES))
+    probes = np.random.default_rng(SEED).choice([-1.0, 1.0], (n, PROBES))
     values = np.column_stack([equations.values, probes])
     coefficients = passes.coefficients(values)
     left = values - equations.collocation @ coefficients
