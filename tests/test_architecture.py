@@ -58,7 +58,7 @@ FLOORS = [
         "optics.toolpaths",
         "optics.verification",
     ],
-    ["optics.made_lenses", "optics.progress", "optics.results", "optics.view"],
+    ["optics.as_built", "optics.made_lenses", "optics.progress", "optics.results", "optics.view"],
     [
         "optics.deconvolution",
         "optics.export",

@@ -25,6 +25,7 @@ from optics.system import OpticalSystem
 if TYPE_CHECKING:
     from optics.analysis import Measurement
     from optics.api.level_records import LevelRecord
+    from optics.as_built import AsBuilt, FileFrame, Side, Way
     from optics.figures import OverviewFigure
     from optics.optimisation import Row, State
     from optics.problem import Problem, Source
@@ -145,6 +146,34 @@ class Design(DesignRecord):
         with DEVICE:
             backend = load_backend("double", self.problem.run.threads)
             return tool_findings(self.system, self.lens, order, backend)
+
+    def as_built(
+        self,
+        file: str | Path,
+        frame: FileFrame | None = None,
+        surface: Side | None = None,
+        align: Way = "datums",
+    ) -> AsBuilt:
+        """Return the lens as it was made, from measured points of its front or rear, and its light.
+
+        file : rows x y z, or a grid sag file.  frame : units and orientation of its numbers.
+        surface : "front" or "rear"; by default the one that is freeform.
+        align : "datums", the file's frame is the lens's, or "best fit".
+
+        Raises
+        ------
+        UserError : a file that cannot be read, is cut off, or does not fit the surface.
+        """
+        from optics.as_built import default_side, light_as_built, read_measured, surface_of
+        from optics.runtime import load_backend
+
+        side = surface or default_side(self.lens)
+        measured = read_measured(file, surface_of(self.lens, side), frame)
+        with DEVICE:
+            backend = load_backend("double", self.problem.run.threads)
+            return light_as_built(
+                self.system, self.lens, measured, backend, side, align, nominal=self.measurement
+            )
 
     def plot(self) -> OverviewFigure:
         """Return a figure of target, irradiance and their difference."""

@@ -8,6 +8,8 @@ from typing import NoReturn
 
 from optics.commands.command_examples import examples_text
 from optics.commands.known_words import require_known
+from optics.commands.making_options import asbuilt_options, sweep_options, tolerance_options, tool_options
+from optics.commands.shared_options import force_option, problem_options
 from optics.problem import ENGINES, STARTS
 from optics.runtime import UserError
 from thbcad import __version__
@@ -74,41 +76,12 @@ def _common_options(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _problem_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("problem", metavar="PROBLEM.toml", help="problem file")
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="change a key of the problem file, such as target.distance=400; VALUE is TOML, quotes around "
-        "a text may be left out; may be repeated",
-    )
-
-
-def _force_option(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--force", action="store_true", help="replace files that another problem or program wrote"
-    )
-
-
-def _worker_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--workers", type=int, metavar="N", help="processes of this machine (default: as many as cores)"
-    )
-    command.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="of a dask cluster whose workers are taken instead, such as tcp://host:8786",
-    )
-
-
 def _design_options(command: argparse.ArgumentParser) -> None:
-    _problem_options(command)
+    problem_options(command)
     command.add_argument(
         "--out", metavar="DIR", help="result folder (default: exports/NAME of the problem file)"
     )
-    _force_option(command)
+    force_option(command)
     command.add_argument(
         "--engine",
         choices=ENGINES,
@@ -136,7 +109,7 @@ def _design_options(command: argparse.ArgumentParser) -> None:
 
 
 def _check_options(command: argparse.ArgumentParser) -> None:
-    _problem_options(command)
+    problem_options(command)
     command.add_argument(
         "--explain", action="store_true", help="also list what tracing skips on this problem, and why"
     )
@@ -182,7 +155,7 @@ def _verify_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out", metavar="DIR", help="with --light: folder to write (default: RESULT/verify_light)"
     )
-    _force_option(command)
+    force_option(command)
 
 
 def _export_options(command: argparse.ArgumentParser) -> None:
@@ -250,7 +223,7 @@ def _export_options(command: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="error that meshes and drawings may have, in mm (default: 1e-3)",
     )
-    _force_option(command)
+    force_option(command)
 
 
 def _trace_options(command: argparse.ArgumentParser) -> None:
@@ -263,11 +236,11 @@ def _trace_options(command: argparse.ArgumentParser) -> None:
         help="of the sequential trace (default: double)",
     )
     command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/trace)")
-    _force_option(command)
+    force_option(command)
 
 
 def _etendue_options(command: argparse.ArgumentParser) -> None:
-    _problem_options(command)
+    problem_options(command)
     command.add_argument(
         "--efficiency",
         type=float,
@@ -282,7 +255,7 @@ def _etendue_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out", metavar="FILE.png", help="picture of target, both rungs and the source's image"
     )
-    _force_option(command)
+    force_option(command)
 
 
 def _relight_options(command: argparse.ArgumentParser) -> None:
@@ -294,101 +267,7 @@ def _relight_options(command: argparse.ArgumentParser) -> None:
         help="sun, led:SIZEmm, FILE.ies, FILE.ldt (these also with @DISTANCEmm), or a problem file",
     )
     command.add_argument("--out", metavar="FILE.png", help="picture: asked for, as designed, in other light")
-    _force_option(command)
-
-
-def _sweep_options(command: argparse.ArgumentParser) -> None:
-    _problem_options(command)
-    command.add_argument(
-        "--vary",
-        action="append",
-        required=True,
-        metavar="KEY=VALUES",
-        help="values of a key: START:STOP:COUNT with both ends, or a list such as [1, 2, 5]; may be "
-        "repeated, every combination is designed",
-    )
-    command.add_argument(
-        "--out", metavar="DIR", help="folder to write (default: exports/NAME_sweep of the problem file)"
-    )
-    _worker_options(command)
-    command.add_argument(
-        "--resume",
-        action="store_true",
-        help="the folder must hold this sweep; what it holds is never computed again, with or without this",
-    )
-    command.add_argument("--lenses", action="store_true", help="also keep the lens of every variant")
-    _force_option(command)
-
-
-def _tolerance_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=AMOUNT",
-        help="another amount, such as lens.decentre=0.02 (mm); 0 leaves the tolerance out; may be repeated",
-    )
-    command.add_argument(
-        "--tolerances", metavar="FILE.toml", help="amounts in a file, in tables such as [lens]"
-    )
-    command.add_argument(
-        "--limit",
-        type=float,
-        default=0.01,
-        metavar="RISE",
-        help="of rel_l2, for which the amount of each tolerance is looked for (default: 0.01)",
-    )
-    command.add_argument(
-        "--samples",
-        type=int,
-        default=0,
-        metavar="N",
-        help="also trace so many lenses with all errors at once, 8 times a power of two such as 512; "
-        "front.form and rear.form are amounts then, nm rms of random form errors (default: 50 where free)",
-    )
-    command.add_argument(
-        "--periods",
-        default="2:20",
-        metavar="SHORTEST:LONGEST",
-        help="of these form errors, mm (default: 2:20)",
-    )
-    _worker_options(command)
-    command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT)")
-    _force_option(command)
-
-
-def _tool_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    kinds = command.add_mutually_exclusive_group()
-    kinds.add_argument("--ball", type=float, metavar="MM", help="radius of a ball end that cuts in rows")
-    kinds.add_argument(
-        "--nose", type=float, metavar="MM", help="radius of a nose that turns on a spiral (slow tool servo)"
-    )
-    command.add_argument(
-        "--step",
-        type=float,
-        metavar="MM",
-        help="with --ball: distance of rows (default: the largest that blurs by one pixel nowhere)",
-    )
-    command.add_argument(
-        "--rows", choices=("x", "y"), default="x", help="with --ball: along which rows run (default: x)"
-    )
-    command.add_argument(
-        "--feed",
-        type=float,
-        metavar="MM",
-        help="with --nose: for each revolution (default: the largest that blurs by one pixel nowhere)",
-    )
-    command.add_argument("--rpm", type=float, metavar="N", help="with --nose: revolutions for each minute")
-    command.add_argument(
-        "--acceleration", type=float, metavar="M/S2", help="with --nose: that the z axis can do, m/s^2"
-    )
-    command.add_argument(
-        "--surface", choices=("front", "rear"), help="to be cut (default: every one that is no plane)"
-    )
-    command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/tool)")
-    _force_option(command)
+    force_option(command)
 
 
 def _bench_options(command: argparse.ArgumentParser) -> None:
@@ -426,14 +305,18 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
         _etendue_options,
     ),
     "relight": ("show a finished design in other light", _relight_options),
-    "sweep": ("design every combination of the values of some keys, side by side", _sweep_options),
+    "sweep": ("design every combination of the values of some keys, side by side", sweep_options),
     "tolerance": (
         "say what errors of lens, source and target do to the light, and what the shop must hold",
-        _tolerance_options,
+        tolerance_options,
     ),
     "tool": (
         "say whether a tool fits, how its cusps blur the light, and how its machine must move",
-        _tool_options,
+        tool_options,
+    ),
+    "asbuilt": (
+        "show the light of a lens as it was made, from measured points of its surface",
+        asbuilt_options,
     ),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", _bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),

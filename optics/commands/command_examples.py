@@ -54,6 +54,10 @@ EXAMPLES = {
         "thbcad tool exports/pearl --ball 3 --step 0.02",
         "thbcad tool exports/pearl --nose 1 --feed 0.005 --acceleration 10",
     ),
+    "asbuilt": (
+        "thbcad asbuilt exports/pearl --measured rear.xyz",
+        "thbcad asbuilt exports/pearl --measured errors.csv --errors --height-unit nm --align best-fit",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

@@ -5,6 +5,10 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.making_figures.as_built_figures import (
+        height_error_figure as height_error_figure,
+        made_light_figure as made_light_figure,
+    )
     from optics.making_figures.form_figures import (
         form_figures_of as form_figures_of,
     )
@@ -20,6 +24,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "as_built_figures": (
+        "height_error_figure",
+        "made_light_figure",
+    ),
     "form_figures": ("form_figures_of",),
     "made_lens_figures": ("made_lens_figures_of",),
     "tolerance_figures": (

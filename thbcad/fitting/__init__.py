@@ -17,6 +17,10 @@ if TYPE_CHECKING:
         least_squares as least_squares,
         robust_weights as robust_weights,
     )
+    from thbcad.fitting.noisy_fit import (
+        NoisyFit as NoisyFit,
+        fit_noisy as fit_noisy,
+    )
     from thbcad.fitting.normal_equations import (
         Underdetermined as Underdetermined,
     )
@@ -40,6 +44,10 @@ _FILES = {
         "Samples",
         "least_squares",
         "robust_weights",
+    ),
+    "noisy_fit": (
+        "NoisyFit",
+        "fit_noisy",
     ),
     "normal_equations": ("Underdetermined",),
     "quasi_interpolant": (

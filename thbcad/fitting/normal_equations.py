@@ -15,14 +15,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, diags_array, eye_array
+from scipy.sparse import csc_array, csr_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import SuperLU, splu
 
 from thbcad.checks import EPS, Floats
 from thbcad.fitting.cell_samples import gauss_points
 from thbcad.hierarchy import THBSpace
+from thbcad.splines import KnotVector, gauss_rule
 
 MOST_SOLVES = 6  # two are enough for degree 3, degree 10 takes five
+THIN_PLATE = ((2, 0), 1), ((1, 1), 2), ((0, 2), 1)  # derivatives by u and v, and factors of their squares
 LEAST_EXPONENT = -511  # of four, among float64 numbers with all their digits
 
 
@@ -125,14 +127,30 @@ def thin_plate(space: THBSpace) -> csr_array:
     """Return the energy matrix E, csr_array (dim, dim), with c^T E c = integral of (s_uu^2 + 2 s_uv^2 +
     s_vv^2) du dv.
 
-    Gauss quadrature with p + 1 and q + 1 points on every leaf cell, which is exact.
+    Gauss quadrature with p + 1 and q + 1 points on every leaf cell, which is exact.  Of cells of one level
+    the integrals are products of those in u and in v.
     """
+    if len(np.unique(space.cells[:, 0])) == 1:
+        return _tensor_energy(space.embedding.kv_u, space.embedding.kv_v)
     u, v, weights = gauss_points(space)
     total = csr_array((space.dim, space.dim))
-    for derivative, factor in (((2, 0), 1), ((1, 1), 2), ((0, 2), 1)):
+    for derivative, factor in THIN_PLATE:
         d = space.collocation(u, v, derivative)
         total = total + d.T @ (diags_array(factor * weights) @ d)
     return csr_array(total)
+
+
+def _tensor_energy(kv_u: KnotVector, kv_v: KnotVector) -> csr_array:
+    """Return the energy matrix of the tensor-product splines of two knot vectors, functions in u first."""
+    by_u, by_v = (_integrals(kv) for kv in (kv_u, kv_v))
+    return csr_array(sum(factor * kron(by_u[a], by_v[b]) for (a, b), factor in THIN_PLATE))
+
+
+def _integrals(kv: KnotVector) -> list[csr_array]:
+    """Return the integrals of products of two basis functions, and of their first and second derivatives."""
+    points, weights = gauss_rule(kv.breaks, kv.degree + 1)
+    slopes = [kv.collocation(points, order) for order in range(3)]
+    return [csr_array(d.T @ (diags_array(weights) @ d)) for d in slopes]
 
 
 def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> Factors:

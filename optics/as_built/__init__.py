@@ -1,0 +1,79 @@
+"""Lenses as they were made: measured files, alignment, the made surface, and its light."""
+
+from typing import TYPE_CHECKING
+
+from thbcad.doors import lazy_door
+
+if TYPE_CHECKING:
+    from optics.as_built.alignment import (
+        Alignment as Alignment,
+        Motion as Motion,
+        best_fit as best_fit,
+        by_datums as by_datums,
+    )
+    from optics.as_built.as_built_light import (
+        AsBuilt as AsBuilt,
+        LightError as LightError,
+        Side as Side,
+        Way as Way,
+        default_side as default_side,
+        light_as_built as light_as_built,
+        surface_of as surface_of,
+        with_surface as with_surface,
+    )
+    from optics.as_built.as_built_text import (
+        as_built_data as as_built_data,
+        as_built_lines as as_built_lines,
+    )
+    from optics.as_built.corrected_surface import (
+        MadeSurface as MadeSurface,
+        made_surface as made_surface,
+    )
+    from optics.as_built.measured_points import (
+        FileFrame as FileFrame,
+        MeasuredPoints as MeasuredPoints,
+        read_measured as read_measured,
+    )
+    from optics.as_built.rigid_corrections import (
+        Move as Move,
+        RigidCorrection as RigidCorrection,
+        rigid_correction as rigid_correction,
+    )
+
+_FILES = {
+    "alignment": (
+        "Alignment",
+        "Motion",
+        "best_fit",
+        "by_datums",
+    ),
+    "as_built_light": (
+        "AsBuilt",
+        "LightError",
+        "Side",
+        "Way",
+        "light_as_built",
+        "default_side",
+        "surface_of",
+        "with_surface",
+    ),
+    "as_built_text": (
+        "as_built_data",
+        "as_built_lines",
+    ),
+    "corrected_surface": (
+        "MadeSurface",
+        "made_surface",
+    ),
+    "measured_points": (
+        "FileFrame",
+        "MeasuredPoints",
+        "read_measured",
+    ),
+    "rigid_corrections": (
+        "Move",
+        "RigidCorrection",
+        "rigid_correction",
+    ),
+}
+__getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

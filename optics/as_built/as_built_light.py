@@ -1,0 +1,184 @@
+"""The light of a lens as it was made, and what the noise of the measurement leaves unknown of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.analysis import Measurement, measure
+from optics.as_built.alignment import Alignment, best_fit, by_datums
+from optics.as_built.corrected_surface import MadeSurface, made_surface
+from optics.as_built.rigid_corrections import RigidCorrection, rigid_correction
+from optics.runtime import UserError
+
+if TYPE_CHECKING:
+    from optics.as_built.measured_points import MeasuredPoints
+    from optics.runtime import Backend
+    from optics.system import OpticalSystem
+    from thbcad.lens import FreeformSurface, Lens
+
+Floats = NDArray[np.float64]
+Side = Literal["front", "rear"]
+Way = Literal["datums", "best fit"]
+RelL2 = Callable[["FreeformSurface"], float]
+
+DRAWS = 3  # pairs of noise: one alone gives f to 1 %, three the size of the change of first order to 40 %
+SEED = 0x5EED7  # simulated points drawn with a usual seed must not share their noise with it
+WEAKER = 30.0  # what bends light is finer than heights: a smoothing that leaves more of it, and more noise
+
+
+@dataclass(frozen=True)
+class LightError:
+    """What noise and smoothing do to rel_l2 of a made lens.
+
+    rel_l2 : without what the noise adds to it on average.  error : its standard deviation.
+    floor : f, what the noise adds to the fitted lens: rel_l2^2 of that is larger by f^2.
+    """
+
+    rel_l2: float
+    error: float
+    floor: float
+
+
+@dataclass(frozen=True, eq=False)
+class AsBuilt:
+    """A lens as it was made.
+
+    lens : with the made surface.  way : the alignment that it belongs to.
+    correction : the re-positioning that gets most of the light back, if asked for.
+    datums, fitted : both alignments.  rel_l2_of : of the fitted lens by either.
+    """
+
+    designed: Lens
+    lens: Lens
+    measured: MeasuredPoints
+    side: Side
+    way: Way
+    made: MadeSurface
+    datums: Alignment
+    fitted: Alignment
+    nominal: Measurement
+    measurement: Measurement
+    rel_l2_of: Mapping[Way, float]
+    light_error: LightError
+    correction: RigidCorrection | None
+
+    @property
+    def change(self) -> Floats:
+        """dE = made - designed irradiance, (rows, columns), W/mm^2."""
+        return self.measurement.irradiance - self.nominal.irradiance
+
+
+def default_side(lens: Lens) -> Side:
+    """Return the surface that carries a freeform sag, the rear where both do or none."""
+    return "front" if lens.front.sag is not None and lens.rear.sag is None else "rear"
+
+
+def surface_of(lens: Lens, side: Side) -> FreeformSurface:
+    """Return the front or the rear of a lens.
+
+    Raises
+    ------
+    UserError : another word.
+    """
+    if side not in ("front", "rear"):
+        raise UserError(f"surface must be front or rear, got {side!r}")
+    return lens.front if side == "front" else lens.rear
+
+
+def with_surface(lens: Lens, side: Side, surface: FreeformSurface) -> Lens:
+    """Return the lens with another front or rear."""
+    return replace(lens, front=surface) if side == "front" else replace(lens, rear=surface)
+
+
+def light_as_built(
+    system: OpticalSystem,
+    lens: Lens,
+    measured: MeasuredPoints,
+    backend: Backend,
+    side: Side,
+    way: Way = "datums",
+    nominal: Measurement | None = None,
+    correct: bool = True,
+) -> AsBuilt:
+    """Return a lens as it was made, traced.
+
+    measured : points of the front or the rear, in its frame.  way : "datums", the file's frame is the lens's,
+        or "best fit", the frame that brings the points nearest to the design.
+    backend : of double precision.  nominal : what the designed lens delivers, where it is known.
+    correct : also look for the re-positioning that gets most of the light back.
+
+    Raises
+    ------
+    UserError : another surface or alignment, points that do not determine the surface.
+    """
+    designed = surface_of(lens, side)
+    datums, fitted = by_datums(designed, measured.points), best_fit(designed, measured.points)
+    aligned = {"datums": datums, "best fit": fitted}
+    if way not in aligned:
+        raise UserError(f"align must be datums or best fit, got {way!r}")
+    hidden: Way = "datums" if way == "best fit" else "best fit"
+    points = aligned[way]
+    chosen = made_surface(designed, points)
+    other = made_surface(designed, aligned[hidden], chosen.fit.smoothing)
+
+    def rel_l2(surface: FreeformSurface) -> float:
+        made = with_surface(lens, side, surface)
+        return float(measure(system, made, backend).metrics["rel_l2"])
+
+    made = with_surface(lens, side, chosen.surface)
+    measurement = measure(system, made, backend)
+    return AsBuilt(
+        designed=lens,
+        lens=made,
+        measured=measured,
+        side=side,
+        way=way,
+        made=chosen,
+        datums=datums,
+        fitted=fitted,
+        nominal=nominal or measure(system, lens, backend),
+        measurement=measurement,
+        rel_l2_of={way: measurement.metrics["rel_l2"], hidden: rel_l2(other.surface)},
+        light_error=_light_error(chosen, points, measurement.metrics["rel_l2"], rel_l2),
+        correction=rigid_correction(system, made, measurement.target, backend) if correct else None,
+    )
+
+
+def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: RelL2) -> LightError:
+    """Return what noise and smoothing do to rel_l2, from a second fit that smooths less.
+
+    What smoothing takes from the light hardly matters there, and the noise that it leaves is taken off.
+    How much the two fits then differ is part of the error.
+
+    fitted : rel_l2 of the made surface.
+    """
+    floor, _ = _noise(made, fitted, rel_l2, 1)
+    finer = made_surface(made.designed, points, made.fit.smoothing / WEAKER)
+    rough = rel_l2(finer.surface)
+    added, spread = _noise(finer, rough, rel_l2, DRAWS)
+    value, smooth = sqrt(max(rough**2 - added, 0.0)), sqrt(max(fitted**2 - floor, 0.0))
+    return LightError(value, hypot(spread / (value or 1.0), value - smooth), sqrt(max(floor, 0.0)))
+
+
+def _noise(made: MadeSurface, here: float, rel_l2: RelL2, draws: int) -> tuple[float, float]:
+    """Return (f^2, the standard deviation of rel_l2^2 / 2) that noise like the measured one brings.
+
+    Noise n and -n are traced in pairs: the mean of rel_l2^2 exceeds that of the fit by f^2, where the change
+    of first order cancels, and half the difference is that change.
+
+    here : rel_l2 of the made surface.
+    """
+    rng = np.random.default_rng(SEED)
+    squares, changes = [], []
+    for _ in range(draws):
+        noise = made.fit.noise * rng.standard_normal(len(made.fit.residuals))
+        up, down = (rel_l2(made.with_noise(noise, sign)) ** 2 for sign in (1.0, -1.0))
+        squares.append((up + down) / 2 - here**2)
+        changes.append((up - down) / 4)
+    return float(np.mean(squares)), float(np.sqrt(np.mean(np.square(changes))))

@@ -1,0 +1,70 @@
+"""`thbcad asbuilt`: the light of a lens as it was made, beside that of its design."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from optics.api import Design
+from optics.as_built import FileFrame, as_built_data, as_built_lines
+from optics.commands.outcome import Outcome
+from optics.results import HASHES, hashes, require_own, writable_folder
+
+if TYPE_CHECKING:
+    from optics.as_built import AsBuilt, Way
+
+RECORD = "asbuilt.json"
+FILES = ("lens.json", "light.png", "errors.png", "irradiance.npz")
+STEP = "lens.step"
+
+
+def asbuilt(options: Namespace) -> Outcome:
+    """Measure the light of a made lens."""
+    folder = Path(options.out or Path(options.result) / "asbuilt")
+    files = (*FILES, STEP) if options.step else FILES
+    design = Design.load(options.result)
+    writable_folder(folder)
+    require_own(folder, (*files, RECORD), RECORD, options.force)
+    frame = FileFrame(
+        unit=options.unit,
+        height_unit=options.height_unit,
+        kind="errors" if options.errors else "heights",
+        mirror=options.mirror,
+        turn=options.turn,
+        down=options.down,
+    )
+    way: Way = "best fit" if options.align == "best-fit" else "datums"
+    built = design.as_built(options.measured, frame, options.surface, way)
+    _write(folder, design, built, options.step)
+    from thbcad.io import json_text, write_text
+
+    data = as_built_data(built)
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
+    return Outcome(data, [*as_built_lines(built), f"wrote {folder}"])
+
+
+def _write(folder: Path, design: Design, built: AsBuilt, step: bool) -> None:
+    """Write the made lens, its light, and pictures of both."""
+    from io import BytesIO
+
+    from optics.making_figures import height_error_figure, made_light_figure
+    from thbcad.io import write_bytes, write_lens
+
+    arrays: dict[str, Any] = {
+        "made": built.measurement.irradiance,
+        "designed": built.nominal.irradiance,
+        "target": built.measurement.target,
+    }
+    packed = BytesIO()
+    np.savez_compressed(packed, **arrays)
+    write_bytes(folder / "irradiance.npz", packed.getvalue())
+    write_bytes(folder / "light.png", made_light_figure(built, design.system.target.screen()))
+    write_bytes(folder / "errors.png", height_error_figure(built))
+    write_lens(built.lens, folder / "lens.json")
+    if step:
+        from thbcad.cad import write_step
+
+        write_step(built.lens, folder / STEP, design.system.product, design.problem.export.schema)
