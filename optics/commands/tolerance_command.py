@@ -29,8 +29,8 @@ RECORD, PAGE = "tolerance.json", "tolerance.html"
 WORST = 3  # tolerances whose change of the light is drawn
 INTRODUCTION = (
     "What errors of making and mounting do to the light of this design. Every number is of an exact trace of "
-    "the perturbed lens by front and rear; 'predicted' is a quadratic model through traces that move the "
-    "light by a tenth of a pixel. The design itself is in report.html."
+    "the perturbed lens by front and rear; 'predicted' is by the derivatives of the landing points. "
+    "The design itself is in report.html."
 )
 
 

@@ -6,7 +6,6 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.tolerancing.linear_light import (
-        LightChange as LightChange,
         LinearLight as LinearLight,
     )
     from optics.tolerancing.perturbation import (
@@ -41,10 +40,7 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "linear_light": (
-        "LightChange",
-        "LinearLight",
-    ),
+    "linear_light": ("LinearLight",),
     "perturbation": (
         "NOMINAL",
         "HeightSum",

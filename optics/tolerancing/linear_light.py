@@ -1,16 +1,23 @@
-"""How light changes with a perturbation, to first and second order in its amount.
+"""What a perturbation does to the light, from the derivatives of the landing points.
 
-Light of cells: the landing points and the flux of the corners change by L' and L'' along a perturbation,
-which symmetric differences of exact traces give.  The irradiance of mapped cells carries them on exactly, as
-its own derivative T along directions:
+Landing points and flux of the corners of cells are smooth in the amount a of a perturbation,
 
-    dE = T(L; L'),      d2E = [T(L + L' + L''/2; L' + L'') - T(L - L' + L''/2; L' - L'')] / 2.
+    L(a) = L + a L' + a^2 L'' / 2 + O(a^3),
 
-Cells that a rim cuts, and rays, have no such derivative; there both are differences of exact light.
+with L' and L'' by symmetric differences of exact traces.  Mapped cells carry them to exact irradiance.
+Irradiance itself is not smooth in a: bright lines that are finer than a pixel pass the borders of pixels.
+Its derivative, which mapped cells have too,
+
+    dE = J p = T(L; L'),
+
+is right for amounts that move light by hundredths of a pixel, where the light has such lines.
+
+Cells that a rim cuts, and rays, have neither.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,26 +35,11 @@ if TYPE_CHECKING:
     from optics.tolerancing.traced_light import PerturbedLight, Trace
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
-HALF = 0.5  # of the amount, at which light is compared where cells have no derivative
-
-
-@dataclass(frozen=True, eq=False)
-class LightChange:
-    """The change of light E(a p) = E(0) + a first + a^2 second, in the units of the light.
-
-    first, second : (rows, columns), for the amount a = 1.
-    """
-
-    first: Floats
-    second: Floats
-
-    def at(self, amount: float) -> Floats:
-        """Return the change for an amount."""
-        return amount * self.first + amount**2 * self.second
+STEP = 0.5  # of the perturbation, for differences: as far as that, third derivatives jump between knot spans
 
 
 class LinearLight:
-    """Changes of the light of one lens.
+    """What perturbations do to the light of one lens, by derivatives of the landing points.
 
     irradiance : (rows, columns), of the design.
     """
@@ -57,53 +49,58 @@ class LinearLight:
         self.irradiance, self.fates = light(NOMINAL)
         self._here = list(self._corners(NOMINAL)) if light.by_cells else []
 
-    def along(self, perturbation: Perturbation) -> LightChange:
-        """Return the LightChange along a perturbation, whose amount is 1 there.
+    def derivative(self, perturbation: Perturbation) -> Floats | None:
+        """Return dE = J p, (rows, columns); None of rays, and where a rim cuts cells."""
+        return self._of_moves(perturbation, self._pushed)
 
-        It should move light by less than a pixel.
-        """
-        return self.derivative(perturbation) or self._by_differences(perturbation)
+    def moved(self, perturbation: Perturbation) -> Floats | None:
+        """Return the light of landing points L + L' + L''/2, (rows, columns); None as of `derivative`."""
+        return self._of_moves(perturbation, self._pictured)
 
-    def derivative(self, perturbation: Perturbation) -> LightChange | None:
-        """Return the change by the derivative of mapped cells; None of rays, and where a rim cuts cells."""
-        return self._of_cells(perturbation) if self._light.by_cells else None
-
-    def _by_differences(self, perturbation: Perturbation) -> LightChange:
-        ahead, behind = (self._light(sign * HALF * perturbation)[0] for sign in (1, -1))
-        first = (ahead - behind) / (2 * HALF)
-        return LightChange(first, (ahead + behind - 2 * self.irradiance) / (2 * HALF**2))
-
-    def _of_cells(self, perturbation: Perturbation) -> LightChange | None:
+    def _of_moves(
+        self,
+        perturbation: Perturbation,
+        image: Callable[[_Corners, Floats, Floats, NDArray[np.bool_]], Floats],
+    ) -> Floats | None:
+        """Return the sum of images of corners with L' and L'', where no cell is cut."""
         light = self._light
-        first, second = np.zeros(light.screen.shape), np.zeros(light.screen.shape)
-        corners = zip(self._here, self._corners(perturbation), self._corners(-perturbation))
-        for here, ahead, behind in corners:
-            if here is None or ahead is None or behind is None:
-                return None
+        if not light.by_cells:
+            return None
+        total = np.zeros(light.screen.shape)
+        steps = (self._corners(sign * STEP * perturbation) for sign in (1, -1))
+        for here, ahead, behind in zip(self._here, *steps):
             sound = here.sound & ahead.sound & behind.sound
             if _cut(sound, here.cells.emitted):
                 return None
-            rate, bend = (ahead.jet - behind.jet) / 2, ahead.jet + behind.jet - 2 * here.jet
-            scale = here.weight / light.screen.projection()
-            first += scale * self._pushed(here, here.jet, rate, sound)
-            turn = self._pushed(here, ahead.jet, rate + bend, sound)
-            second += scale / 4 * (turn - self._pushed(here, behind.jet, rate - bend, sound))
-        return LightChange(first, second)
+            rate = (ahead.jet - behind.jet) / (2 * STEP)
+            bend = (ahead.jet + behind.jet - 2 * here.jet) / STEP**2
+            total += here.weight / light.screen.projection() * image(here, rate, bend, sound)
+        return total
 
-    def _corners(self, perturbation: Perturbation) -> Iterator[_Corners | None]:
+    def _corners(self, perturbation: Perturbation) -> Iterator[_Corners]:
         """Yield the corners of strips of cells where they land."""
         for weight, cells, trace in self._light.colours(perturbation):
             for strip in cells.slices(CORNERS_AT_ONCE):
                 yield _landed(self._light, weight, strip, trace)
 
-    def _pushed(self, corners: _Corners, jet: Floats, rate: Floats, sound: NDArray[np.bool_]) -> Floats:
-        """Return the derivative of the irradiance for corners at `jet` that change at a rate."""
-        light = self._light
-        backend, dr = light.backend, light.backend.dr
+    def _mapped(self, corners: _Corners) -> MappedCells:
         emitted = corners.cells.emitted
-        mapped = MappedCells(backend, light.screen, emitted, corner_flux(emitted))
+        return MappedCells(self._light.backend, self._light.screen, emitted, corner_flux(emitted))
+
+    def _pictured(self, corners: _Corners, rate: Floats, bend: Floats, sound: NDArray[np.bool_]) -> Floats:
+        """Return the irradiance of corners that have moved."""
+        backend, mapped = self._light.backend, self._mapped(corners)
+        x, y, flux = (backend.array(row) for row in corners.jet + rate + bend / 2)
+        with backend.dr.suspend_grad():
+            image = mapped(x, y, flux, backend.array(sound) > 0).numpy()
+        return np.asarray(image.reshape(self._light.screen.shape, order="F"))
+
+    def _pushed(self, corners: _Corners, rate: Floats, _: Floats, sound: NDArray[np.bool_]) -> Floats:
+        """Return the derivative of the irradiance of corners that move at a rate."""
+        backend, mapped = self._light.backend, self._mapped(corners)
+        dr = backend.dr
         with dr.resume_grad():
-            x, y, flux = (backend.array(row) for row in jet)
+            x, y, flux = (backend.array(row) for row in corners.jet)
             leaves = x, y, flux
             dr.enable_grad(*leaves)
             image = mapped(x, y, flux, backend.array(sound) > 0)
@@ -112,7 +109,7 @@ class LinearLight:
             dr.enqueue(dr.ADMode.Forward, *leaves)
             dr.traverse(dr.ADMode.Forward)
             slope = dr.grad(image) + dr.zeros(backend.Float, dr.width(image))
-        return slope.numpy().reshape(light.screen.shape, order="F")
+        return np.asarray(slope.numpy().reshape(self._light.screen.shape, order="F"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,7 @@
-"""What each tolerance costs: traced exactly, and by a quadratic model of the change of light.
+"""What each tolerance costs, traced exactly at plus and minus its amount.
 
-E, scaled to unit mean, changes by a J + a^2 S with the amount a.  With the present residual r = E - T
-
-    rel_l2^2 = (||r||^2 + 2 a <r, J> + a^2 (||J||^2 + 2 <r, S>)) / ||T||^2.
-
-J and S are those of two exact traces, at plus and minus an amount: light of sharp pictures has corners in its
-course that a derivative does not see, such as edges along the borders of pixels.
+Beside it stands what the derivatives of the landing points predict (`LinearLight.moved`).  Irradiance itself
+is no good for a prediction: its derivative holds for hundredths of a pixel only, see there.
 """
 
 from __future__ import annotations
@@ -19,14 +15,14 @@ import numpy as np
 
 from optics.analysis import rel_l2
 from optics.runtime import UserError
-from optics.tolerancing.linear_light import LightChange, LinearLight
+from optics.tolerancing.linear_light import LinearLight
 from optics.tolerancing.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.traced_light import PerturbedLight
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
     from optics.system import OpticalSystem
-    from optics.tolerancing.perturbation import Floats
+    from optics.tolerancing.perturbation import Floats, Perturbation
     from thbcad.lens import Lens
 
 TENTH = 0.1  # of a pixel: what light moves by where model and trace are compared
@@ -39,13 +35,29 @@ STILL = 1e-9  # of a pixel per amount: what moves no light
 
 
 @dataclass(frozen=True, eq=False)
+class LightChange:
+    """The change of light E(a p) = E(0) + a first + a^2 second, in the units of the light.
+
+    first, second : (rows, columns), through the light at the amounts a = -1 and a = 1.
+    """
+
+    first: Floats
+    second: Floats
+
+    def at(self, amount: float) -> Floats:
+        """Return the change for an amount."""
+        return amount * self.first + amount**2 * self.second
+
+
+@dataclass(frozen=True, eq=False)
 class ToleranceEffect:
     """What one tolerance does.
 
     moves : how far its amount moves the light, mm (degrees in the far field), and pixels.
-    rel_l2, efficiency : traced at - amount and + amount.  predicted : rel_l2 there by the model of a tenth of
-        a pixel.  tenth : the amount that moves light by that; None where it moves none.
-    derivative_error : of dE = J p by the derivative of the light, at a tenth of a pixel, relative to the
+    rel_l2, efficiency : traced at - amount and + amount.
+    predicted : rel_l2 there by `LinearLight.moved`; None of rays and cut cells.
+    tenth : the amount that moves light by a tenth of a pixel; None where it moves none.
+    prediction_error, derivative_error : of the predicted dE, and of dE = J p, at that amount, relative to the
         traced dE; None of rays and cut cells.
     allowed : the amount at which rel_l2 rises by the limit, with what is traced there; None where no amount
         was found.
@@ -59,6 +71,7 @@ class ToleranceEffect:
     predicted: tuple[float, float] | None
     efficiency: tuple[float, float]
     tenth: float | None
+    prediction_error: float | None
     derivative_error: float | None
     allowed: tuple[float, float] | None
     change: LightChange
@@ -129,6 +142,7 @@ def _data(effect: ToleranceEffect, shares: Mapping[str, float], unit: str) -> di
         "rel_l2_predicted": None if effect.predicted is None else list(effect.predicted),
         "efficiency": list(effect.efficiency),
         "tenth_of_a_pixel": effect.tenth,
+        "prediction_error": effect.prediction_error,
         "derivative_error": effect.derivative_error,
         "allowed": None if allowed is None else allowed[0],
         "rel_l2_at_allowed": None if allowed is None else allowed[1],
@@ -197,20 +211,20 @@ class _Trial:
         images, efficiency = zip(*(self._traced(tolerance.at(sign * amount)) for sign in (-1, 1)))
         change = self._change(*images)
         behind, ahead = (rel_l2(image, self.target) for image in images)
-        tenth = derivative_error = predicted = None
+        tenth = None
+        errors: tuple[float | None, float | None] = None, None
         if moves > STILL * self._pixel:
             tenth = TENTH * self._pixel / moves * amount
-            near = self._change(*(self._traced(tolerance.at(sign * tenth))[0] for sign in (-1, 1)))
-            predicted = self._predicted(near, -amount / tenth), self._predicted(near, amount / tenth)
-            derivative_error = self._derivative_error(tolerance.at(tenth), near)
+            errors = self._prediction_errors(tolerance.at(tenth))
         return ToleranceEffect(
             tolerance=tolerance,
             moves=(moves, moves / self._pixel),
             rel_l2=(behind, ahead),
-            predicted=predicted,
+            predicted=self._predicted(tolerance),
             efficiency=(efficiency[0], efficiency[1]),
             tenth=tenth,
-            derivative_error=derivative_error,
+            prediction_error=errors[0],
+            derivative_error=errors[1],
             allowed=self._allowed(tolerance, max(behind, ahead)),
             change=change,
             rise=(behind**2 + ahead**2) / 2 - self.rel_l2**2,
@@ -225,22 +239,23 @@ class _Trial:
         """Return the change through the light at minus and at plus an amount, which is 1 for it."""
         return LightChange((ahead - behind) / 2, (ahead + behind) / 2 - self.scaled)
 
-    def _predicted(self, change: LightChange, amount: float) -> float:
-        """Return rel_l2 for an amount by the quadratic model."""
-        residual, j, s = self.scaled - self.target, change.first, change.second
-        square = np.sum(residual**2) + 2 * amount * np.sum(residual * j)
-        square += amount**2 * (np.sum(j**2) + 2 * np.sum(residual * s))
-        return sqrt(max(float(square), 0.0)) / float(np.linalg.norm(self.target))
-
-    def _derivative_error(self, perturbation: Any, near: LightChange) -> float | None:
-        """Return the error of J p, relative to the traced change, where light has a derivative."""
-        derivative = self._linear.derivative(perturbation)
-        if derivative is None:
+    def _predicted(self, tolerance: Tolerance) -> tuple[float, float] | None:
+        """Return rel_l2 at - amount and + amount by landing points that move in proportion."""
+        behind, ahead = (self._linear.moved(tolerance.at(sign * tolerance.amount)) for sign in (-1, 1))
+        if behind is None or ahead is None:
             return None
-        mean = self._linear.irradiance.mean()
-        scaled = (derivative.first - self.scaled * derivative.first.mean()) / mean
-        traced = near.at(1.0)
-        return float(np.linalg.norm(scaled - traced) / (np.linalg.norm(traced) or 1.0))
+        return rel_l2(behind, self.target), rel_l2(ahead, self.target)
+
+    def _prediction_errors(self, perturbation: Perturbation) -> tuple[float | None, float | None]:
+        """Return the errors of the predicted change and of J p, relative to the traced change."""
+        before = self._linear.irradiance
+        moved, slope = self._linear.moved(perturbation), self._linear.derivative(perturbation)
+        if moved is None or slope is None:
+            return None, None
+        traced = self._light(perturbation)[0] - before
+        scale = float(np.linalg.norm(traced)) or 1.0
+        by_moves, by_slope = (float(np.linalg.norm(c - traced)) / scale for c in (moved - before, slope))
+        return by_moves, by_slope
 
     def _allowed(self, tolerance: Tolerance, worst: float) -> tuple[float, float] | None:
         """Return the amount at which the worse sign raises rel_l2 by the limit, and rel_l2 there.

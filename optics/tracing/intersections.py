@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 Vector: TypeAlias = "tuple[DrArray, DrArray, DrArray]"
 
+SETTLED = 1e-9  # mm: what is looked for in landing points is thousands of it
+
 
 class HeightError(Protocol):
     """What is added to the height z of a surface, mm, in the frame of the surface's own x and y."""
@@ -99,23 +101,28 @@ class Hits:
 
 
 def raised_hits(
-    backend: Backend, error: HeightError, meet: Callable[[DrArray | float], Hits], steps: int
+    backend: Backend, error: HeightError, meet: Callable[[DrArray | float], Hits], most: int
 ) -> Hits:
     """Return the Hits of a surface to whose height an error is added.
 
     A ray meets z = f + dh where the ray that is lowered by dh meets f.  Every step evaluates dh where the ray
-    met the surface before.  It leaves an error of (dh' tan)^(steps + 1) dh, tan the slope of the ray to z; no
-    step is needed for rays along z.
+    met the surface before, until it changes by less than SETTLED.  A step takes the error times dh' tan, tan
+    the slope of the ray to z.
 
     meet : called with a height, mm, returns the Hits with f of rays that are lowered by it.
+    most : steps; 0 for rays along z, which meet both surfaces at the same x and y.
     """
-    hits, height = meet(0.0), 0.0
-    for _ in range(steps):
-        height = backend.array(error.jet(hits.x.numpy(), hits.y.numpy())[0])
-        hits = meet(height)
-    jet = [backend.array(row) for row in error.jet(hits.x.numpy(), hits.y.numpy())]
-    lifted = jet[0] if steps == 0 else height
-    return replace(hits, z=hits.z + lifted, zx=hits.zx + jet[1], zy=hits.zy + jet[2])
+    hits = meet(0.0)
+    jet = error.jet(hits.x.numpy(), hits.y.numpy())
+    height = np.zeros_like(jet[0]) if most else jet[0]
+    for _ in range(most):
+        if np.abs(jet[0] - height).max() <= SETTLED:
+            break
+        height = jet[0]
+        hits = meet(backend.array(height))
+        jet = error.jet(hits.x.numpy(), hits.y.numpy())
+    lifted, zx, zy = (backend.array(row) for row in (height, *jet[1:]))
+    return replace(hits, z=hits.z + lifted, zx=hits.zx + zx, zy=hits.zy + zy)
 
 
 def rim_fade(

@@ -14,13 +14,6 @@ from optics.tolerancing import (
 )
 from tests.optics.tolerancing.cases import small_light, small_system
 
-# light without edges: a Gaussian beam of 4 pixels on the target that fades before its rim, a smooth lens
-SMOOTH = {
-    "source.profile": "gaussian",
-    "source.sigma": [0.25, 0.25],
-    "source.half_width": [6.5, 6.5],
-    "target.half_width": [15.0, 15.0],
-}
 MOVING = [  # tolerances that move round light in proportion to their amount
     "lens.decentre_x",
     "lens.defocus",
@@ -54,18 +47,16 @@ def named(system, names):
     return [t for t in tolerances_of(system) if t.name in names]
 
 
-@pytest.mark.slow
-def test_smooth_light_is_predicted_within_2_per_cent_of_its_change(tmp_path, backend):
-    # 8 cells in a pixel leave 5 per cent, 16 leave 1
-    light = small_light(tmp_path, backend, SMOOTH, height=0.0, per_pixel=16)
+def test_moved_landing_points_predict_the_change_of_rough_light(tmp_path, backend):
+    """Within 2 % of the change at a tenth of a pixel; most of the rest is where corners pass knots."""
+    light = small_light(tmp_path, backend)
     linear = LinearLight(light)
     chosen = named(light.system, MOVING)
     assert len(chosen) == len(MOVING)
     for tolerance in chosen:
         p = of_a_tenth(light, tolerance)
-        change = linear.derivative(p)
         traced = light(p)[0] - linear.irradiance
-        assert norm_error(change.at(1.0), traced) < 0.02, tolerance.name
+        assert norm_error(linear.moved(p) - linear.irradiance, traced) < 0.02, tolerance.name
 
 
 def test_the_derivative_is_that_of_exact_traces(tmp_path, backend):
@@ -74,18 +65,15 @@ def test_the_derivative_is_that_of_exact_traces(tmp_path, backend):
     for tolerance in named(light.system, ["lens.tilt_x", "index", "target.decentre_x"]):
         p = of_a_tenth(light, tolerance) * 1e-4  # no cell's edge passes many borders of pixels
         difference = (light(p)[0] - light(-p)[0]) / 2
-        assert norm_error(linear.derivative(p).first, difference) < 1e-3, tolerance.name
+        assert norm_error(linear.derivative(p), difference) < 1e-3, tolerance.name
 
 
 @pytest.mark.slow
-def test_light_that_a_rim_cuts_has_differences_for_derivatives(tmp_path, backend):
-    light = small_light(tmp_path, backend, WIDE, per_pixel=2)
-    linear = LinearLight(light)
+def test_light_that_a_rim_cuts_has_no_derivative(tmp_path, backend):
+    linear = LinearLight(small_light(tmp_path, backend, WIDE, per_pixel=2))
     p = Perturbation(lens_shift=(0.2, 0.0, 0.0))
     assert linear.derivative(p) is None
-    change, (ahead, _), (behind, _) = linear.along(p), light(0.5 * p), light(-0.5 * p)
-    assert np.allclose(change.at(0.5), ahead - linear.irradiance, atol=1e-12)
-    assert np.allclose(change.at(-0.5), behind - linear.irradiance, atol=1e-12)
+    assert linear.moved(p) is None
 
 
 def few(system, **amounts):
