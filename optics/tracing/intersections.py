@@ -116,7 +116,7 @@ def raised_hits(
     jet = error.jet(hits.x.numpy(), hits.y.numpy())
     height = np.zeros_like(jet[0]) if most else jet[0]
     for _ in range(most):
-        if np.abs(jet[0] - height).max() <= SETTLED:
+        if np.abs(jet[0] - height).max(where=hits.hit.numpy(), initial=0.0) <= SETTLED:
             break
         height = jet[0]
         hits = meet(backend.array(height))
