@@ -38,6 +38,7 @@ coverage: setup
 QUICK = \
 	tests/test_architecture.py \
 	tests/test_bench_error.py \
+	tests/test_docs_site.py \
 	tests/optics/analysis/test_judgement.py \
 	tests/optics/blur \
 	tests/optics/api/test_minimisation.py \
@@ -115,10 +116,10 @@ lint: setup
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
 
-# The pages have no warning: a link, an anchor or a name that leads nowhere ends the build.
+# A warning (a link, an anchor or a name that leads nowhere) ends the build: --quiet would not see it.
 docs:
 	@scripts/setup docs
-	@NO_MKDOCS_2_WARNING=true .venv/bin/python -m mkdocs build --quiet
+	@NO_MKDOCS_2_WARNING=true .venv/bin/python -m mkdocs build
 	@echo "Done. Open build/site/index.html."
 
 setup:

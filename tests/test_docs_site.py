@@ -8,14 +8,15 @@ import re
 import pytest
 
 from optics.commands import parsers
-from optics.problem import Problem, keys_of, table_of
+from optics.problem import Problem, keys_of, load_problem, table_of
 from optics.runtime import read_rows
 from scripts.docs_site import api_pages
 from scripts.docs_site.benchmark_pages import benchmark_pages
 from scripts.docs_site.command_page import with_help
+from scripts.docs_site.docstring_text import as_markdown
 from scripts.docs_site.outside_files import CODE_OR_LINK, with_links
 from scripts.docs_site.problem_page import MARK, keys_text
-from tests.cases import ROOT
+from tests.cases import EXAMPLES, ROOT
 
 DOCS = ROOT / "docs"
 REQUIRED = {"source.kind", "lens.thickness", "lens.front.half_width", "target.distance"}
@@ -89,6 +90,26 @@ def test_every_benchmark_has_a_page_with_its_own_rows():
     assert split == rows
 
 
+def test_docstrings_keep_their_signs_formulas_and_sections():
+    text = """Return a_i * b < c of `x_i`.
+
+    z = a * b_i
+
+a : rows, (n,).  b : columns,
+    which go on here.
+
+Raises
+------
+ValueError : a_i of another shape,
+    or not finite.
+"""
+    assert as_markdown(text) == (
+        "Return a\\_i \\* b \\< c of `x_i`.\n\n    z = a * b_i\n\n"
+        "a : rows, (n,).  b : columns,\n    which go on here.\n\n"
+        "**Raises**\n\n- `ValueError`: a\\_i of another shape, or not finite."
+    )
+
+
 def test_links_out_of_docs_lead_to_places_of_the_site():
     text = "[a](../README.md) [b](benchmarks.md#error) [c](../CONTRIBUTING.md#words) `[d](../x)` [e](https://f.g)"
     wanted = "[a](repository/README.md) [b](benchmarks/error.md) [c](contributing.md#words) `[d](../x)` [e](https://f.g)"
@@ -100,6 +121,14 @@ def test_links_out_of_docs_lead_to_places_of_the_site():
         "[c](../repository/examples/scripts/index.md)"
     )
     assert [found[1] for found in CODE_OR_LINK.finditer("```\n[a](b)\n```\n")] == [None]
+
+
+def test_the_problem_of_the_first_lens_is_that_of_the_pearl(tmp_path):
+    (text,) = re.findall(
+        r"^```toml\n(.*?)^```", (DOCS / "first_lens.md").read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
+    (tmp_path / "my.toml").write_text(text.replace("pearl.png", str(EXAMPLES / "pearl.png")), "utf-8")
+    assert load_problem(tmp_path / "my.toml") == load_problem(EXAMPLES / "pearl.toml")
 
 
 def test_the_navigation_names_every_page_of_docs():

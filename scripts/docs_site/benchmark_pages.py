@@ -16,4 +16,6 @@ def benchmark_pages(text: str) -> dict[str, str]:
     overview = "\n".join(
         [introduction.rstrip(), "", "| benchmark | what it measures |", "|---|---|", *rows, ""]
     )
-    return {"": overview} | {name: f"# {name}\n{body}" for name, body in sections.items()}
+    return {"": overview} | {
+        name: f"---\nhide: [toc]\n---\n# {name}\n{body}" for name, body in sections.items()
+    }

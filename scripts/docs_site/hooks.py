@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,9 @@ from scripts.docs_site.command_page import with_help
 from scripts.docs_site.equations import with_equations
 from scripts.docs_site.outside_files import DOCS, LANGUAGES, PAGES, code_page, folder_files, folder_page
 
+os.environ["COLUMNS"] = "100"  # of help: pages do not depend on the terminal
 BENCHMARKS = benchmark_pages((DOCS / "benchmarks.md").read_text("utf-8"))
+FENCE = re.compile(r"^(```\w+) .*$", re.MULTILINE)  # what stands behind a language is for the tests
 ORIGINS = {place: path for path, place in PAGES.items()}  # of pages that lie outside docs/
 
 
@@ -21,7 +25,9 @@ def on_config(config: Any) -> None:
     """Name the made pages in the navigation."""
     reference = next(section["Reference"] for section in config["nav"] if "Reference" in section)
     api = next(entry for entry in reference if "API" in entry)
-    api["API"] = [api["API"], *({room.module: room.page} for room in api_pages.rooms())]
+    rooms = [{room.module: room.page} for room in api_pages.rooms()]
+    split = next(k for k, entry in enumerate(rooms) if "optics" in entry)
+    api["API"] = [api["API"], {"thbcad": rooms[:split]}, {"optics": rooms[split:]}]
     benchmarks = next(section["Benchmarks"] for section in config["nav"] if "Benchmarks" in section)
     benchmarks += [{name: f"benchmarks/{name}.md"} for name in BENCHMARKS if name]
 
@@ -79,6 +85,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         markdown = problem_page.with_keys(markdown)
     elif place == "api.md":
         markdown = markdown.replace(api_pages.MARK, api_pages.overview())
+    markdown = FENCE.sub(r"\1", markdown)
     return outside_files.with_links(markdown, ORIGINS.get(place, DOCS / place), place)
 
 
