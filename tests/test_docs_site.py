@@ -95,7 +95,7 @@ def test_docstrings_keep_their_signs_formulas_and_sections():
 
     z = a * b_i
 
-a : rows, (n,).  b : columns,
+a : rows, (n,).  b_2, c : columns,
     which go on here.
 
 Raises
@@ -104,8 +104,8 @@ ValueError : a_i of another shape,
     or not finite.
 """
     assert as_markdown(text) == (
-        "Return a\\_i \\* b \\< c of `x_i`.\n\n    z = a * b_i\n\n"
-        "a : rows, (n,).  b : columns,\n    which go on here.\n\n"
+        "Return a\\_i \\* b &lt; c of `x_i`.\n\n    z = a * b_i\n\n"
+        "- `a`: rows, (n,).\n- `b_2, c`: columns, which go on here.\n\n"
         "**Raises**\n\n- `ValueError`: a\\_i of another shape, or not finite."
     )
 
