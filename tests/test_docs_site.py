@@ -38,6 +38,7 @@ def test_every_key_of_the_schema_has_a_row_with_six_cells():
     }
     assert set(rows) == wanted
     assert {len(cells) for cells in rows.values()} == {6}
+    assert [name for name, cells in rows.items() if not cells[5]] == []  # every key has a meaning
 
 
 def test_rows_of_keys_tell_type_unit_default_and_range():
@@ -112,7 +113,7 @@ ValueError : a_i of another shape,
 
 def test_links_out_of_docs_lead_to_places_of_the_site():
     text = "[a](../README.md) [b](benchmarks.md#error) [c](../CONTRIBUTING.md#words) `[d](../x)` [e](https://f.g)"
-    wanted = "[a](repository/README.md) [b](benchmarks/error.md) [c](contributing.md#words) `[d](../x)` [e](https://f.g)"
+    wanted = "[a](README.md) [b](benchmarks/error.md) [c](contributing.md#words) `[d](../x)` [e](https://f.g)"
     assert with_links(text, DOCS / "page.md", "page.md") == wanted
     assert with_links("[a](docs/thb.md#cost)", ROOT / "CHANGELOG.md", "changelog.md") == "[a](thb.md#cost)"
     code = "[a](../../examples/pearl.toml) ![b](../../exports/curated/error.png) [c](../../examples/scripts)"

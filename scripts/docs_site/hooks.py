@@ -54,12 +54,7 @@ def on_files(files: Files, config: Any) -> Files:
 def _add_outside(files: Files, config: Any, target: Path) -> None:
     """Add a file or folder of the checkout that lies outside docs/."""
     place = outside_files.site_place(target, "")[0]
-    if (
-        target.is_relative_to(DOCS)
-        or target in PAGES
-        or not target.exists()
-        or files.get_file_from_path(place)
-    ):
+    if not place.startswith(outside_files.FOLDER) or not target.exists() or files.get_file_from_path(place):
         return
     kind = {"inclusion": InclusionLevel.NOT_IN_NAV}
     if target.is_dir():
@@ -75,6 +70,8 @@ def _add_outside(files: Files, config: Any, target: Path) -> None:
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Return a page with what is made at build time, and with links that hold in the site."""
     place = page.file.src_uri
+    if place == outside_files.HOME:
+        page.meta["hide"] = ["navigation"]  # it has nothing beside it
     if place == "benchmarks.md":
         return BENCHMARKS[""]
     if page.file.generated_by and place not in ORIGINS:

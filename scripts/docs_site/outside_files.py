@@ -12,6 +12,7 @@ DOCS = ROOT / "docs"
 FOLDER = "repository"  # of the site, for what is copied
 LANGUAGES = {".py": "python", ".toml": "toml"}
 PAGES = {ROOT / "CONTRIBUTING.md": "contributing.md", ROOT / "CHANGELOG.md": "changelog.md"}
+HOME = "README.md"  # of docs/; links to the README of the checkout lead there too
 CODE_OR_LINK = re.compile(
     r"^```.*?^```|`[^`\n]*`|\]\((?!https?:|#)([^)#\s]+)([^)]*)\)", re.DOTALL | re.MULTILINE
 )
@@ -41,6 +42,8 @@ def site_place(target: Path, anchor: str) -> tuple[str, str]:
     """Return where a file of the checkout lies in the site, and the anchor there."""
     if target in PAGES:
         return PAGES[target], anchor
+    if target in (ROOT, ROOT / HOME):
+        return HOME, ""
     if target == DOCS / "benchmarks.md" and anchor:
         return f"benchmarks/{anchor}.md", ""
     if target.is_relative_to(DOCS):
