@@ -40,7 +40,8 @@ def _plain(text: str) -> str:
 
 def _escaped(text: str) -> str:
     """Return text whose signs mean themselves in Markdown, but in code and in blocks that are indented."""
-    lines, block = [], False
+    lines: list[str] = []
+    block = False
     for line in text.split("\n"):
         block = line.startswith("    ") and (block or not lines)
         lines.append(line if block or not line.strip() else _escaped_line(line))
