@@ -5,12 +5,13 @@
 #             property tests once more, with more examples
 # make coverage  runs the tests and prints what they cover
 # make lint   ruff and mypy
+# make docs   sets everything up and builds the documentation site into build/site; it needs no network
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=
 export PYTHON
 
-.PHONY: demo test quick slow coverage lint setup clean
+.PHONY: demo test quick slow coverage lint docs setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -37,6 +38,7 @@ coverage: setup
 QUICK = \
 	tests/test_architecture.py \
 	tests/test_bench_error.py \
+	tests/test_docs_site.py \
 	tests/optics/analysis/test_judgement.py \
 	tests/optics/blur \
 	tests/optics/api/test_minimisation.py \
@@ -123,6 +125,12 @@ lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
 	@.venv/bin/mypy
+
+# A warning (a link, an anchor or a name that leads nowhere) ends the build: --quiet would not see it.
+docs:
+	@scripts/setup docs
+	@NO_MKDOCS_2_WARNING=true .venv/bin/python -m mkdocs build
+	@echo "Done. Open build/site/index.html."
 
 setup:
 	@scripts/setup

@@ -246,7 +246,7 @@ def test_the_metadata_say_whose_it_is_and_what_it_needs(built):
     assert metadata["Keywords"]
     assert "Typing :: Typed" in metadata.get_all("Classifier")
     assert metadata.get_all("Project-URL") is metadata["Home-page"] is None
-    assert set(metadata.get_all("Provides-Extra")) == {*EXTRAS, "peers", "all", "notebook", "test"}
+    assert set(metadata.get_all("Provides-Extra")) == {*EXTRAS, "peers", "all", "docs", "notebook", "test"}
     base = [r for r in metadata.get_all("Requires-Dist") if "extra ==" not in r]
     assert {distribution(r) for r in base} == {"numpy", "scipy"}
 

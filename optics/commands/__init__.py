@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.commands.arguments import (
+        parsers as parsers,
+    )
     from optics.commands.bench_command import (
         benchmark_page as benchmark_page,
         own_pages as own_pages,
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "arguments": ("parsers",),
     "bench_command": (
         "benchmark_page",
         "own_pages",

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-BEAM, FIELD = 0.5, 0.1  # of the greatest intensity in a plane: where the IES ends beam angle and field angle
+BEAM = 0.5  # of the greatest intensity in a plane: where the IES ends the beam angle
+FIELD = 0.1  # and where it ends the field angle
 
 Floats = NDArray[np.float64]
 

@@ -9,6 +9,11 @@ if TYPE_CHECKING:
         ENGINES as ENGINES,
         STARTS as STARTS,
     )
+    from optics.problem.dotted_keys import (
+        Key as Key,
+        keys_of as keys_of,
+        table_of as table_of,
+    )
     from optics.problem.key_changes import (
         assignment as assignment,
     )
@@ -71,6 +76,11 @@ _FILES = {
     "choices": (
         "ENGINES",
         "STARTS",
+    ),
+    "dotted_keys": (
+        "Key",
+        "keys_of",
+        "table_of",
     ),
     "key_changes": ("assignment",),
     "limit_remedies": ("limit_sentences",),

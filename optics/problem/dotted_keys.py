@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
@@ -15,11 +15,15 @@ MOST = 3  # keys that are proposed
 
 @dataclass(frozen=True)
 class Key:
-    """One key: its dotted name, the type of its value, and its limits; a table is a key too."""
+    """One key: its dotted name, the type of its value, its limits, and its default; a table is a key too.
+
+    default : MISSING where the key is required.
+    """
 
     name: str
     hint: Any
     limits: Mapping[str, Any]
+    default: Any = MISSING
 
 
 hints_of = cache(get_type_hints)  # names of types are looked up, which takes longer than all checks
@@ -41,7 +45,7 @@ def keys_of(kind: type[DataclassInstance], prefix: str = "") -> Iterator[Key]:
     """
     for f in fields(kind):
         hint = hints_of(kind)[f.name]
-        yield Key(prefix + f.name, hint, f.metadata)
+        yield Key(prefix + f.name, hint, f.metadata, f.default)
         table = table_of(hint)
         if table is not None:
             yield from keys_of(table, f"{prefix}{f.name}.")

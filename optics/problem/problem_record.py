@@ -35,7 +35,7 @@ class Problem:
         together; it names the key.
     """
 
-    title: str = option("lens")
+    title: str = option("lens", note="of the report, and the name of the solid where export.product is empty")
     source: Source = option()
     lens: LensSpec = option()
     target: Target = option()

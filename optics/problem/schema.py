@@ -154,7 +154,9 @@ def _slope_rms() -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Front:
-    half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
+    half_width: tuple[float, float] = option(
+        low=SHORTEST, high=LONGEST, note="mm in x and y, from the axis to the rim"
+    )
     radius: float | str = _radius("auto is a plane too")
     conic: float | str = _conic()
     slope_rms: float = _slope_rms()
@@ -163,7 +165,9 @@ class Front:
 
 @dataclass(frozen=True, kw_only=True)
 class Rear:
-    half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm")
+    half_width: tuple[float, float] = option(
+        low=SHORTEST, high=LONGEST, note="mm in x and y, from the axis to the rim"
+    )
     freeform: Freeform | None = option(
         Freeform(), note="false in place of this table is the conic alone, behind a free front"
     )
@@ -247,7 +251,11 @@ class Target:
         infinite=True,
         note="mm from the rear vertex to the target plane; inf is the far field",
     )
-    half_width: tuple[float, float] = option(low=SHORTEST, high=FARTHEST, note="mm; degrees in the far field")
+    half_width: tuple[float, float] = option(
+        low=SHORTEST,
+        high=FARTHEST,
+        note="mm in x and y, from the axis to the border; degrees in the far field",
+    )
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
     fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")

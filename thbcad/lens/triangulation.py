@@ -33,7 +33,9 @@ from thbcad.splines import BSplineSurface
 MOST_TRIANGLES = 20_000_000
 LEAST_CHORD = 1e-8  # mm
 ALLOWANCE = 1e-10  # mm; what conics as splines (1e-11 mm) and the rounding of vertices within 10 m add
-FRONT, REAR, EDGES = 0, 1, (2, 3, 4, 5)  # edges in the order of SIDES
+FRONT = 0
+REAR = 1
+EDGES = (2, 3, 4, 5)  # in the order of SIDES
 LENS_FACES = ("front", "rear", *(side.name for side in SIDES))
 
 
