@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     )
     from optics.made_lenses.sampling import (
         ErrorModel as ErrorModel,
-        form_rise as form_rise,
+        Sampled as Sampled,
         sample_lenses as sample_lenses,
     )
 
@@ -36,7 +36,7 @@ _FILES = {
     ),
     "sampling": (
         "ErrorModel",
-        "form_rise",
+        "Sampled",
         "sample_lenses",
     ),
 }

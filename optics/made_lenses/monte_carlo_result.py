@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING, Any
@@ -13,8 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from optics.made_lenses.made_batch import MadeBatch
-    from optics.made_lenses.random_errors import Draw
-    from optics.made_lenses.sampling import ErrorModel
+    from optics.made_lenses.sampling import ErrorModel, Sampled
     from optics.tolerancing import ToleranceBudget
 
 
@@ -22,22 +20,29 @@ if TYPE_CHECKING:
 class MonteCarlo:
     """Made lenses of a design.
 
-    batch : what they deliver.  sets : their errors, in the same order.  model : how these are drawn.
-    budget : of the same tolerances, one at a time.  form_rise : of rel_l2^2 by the forms alone.
-    limit : of rel_l2, that a good lens keeps.
+    sampled : what they deliver, and their errors.  model : how these are drawn.
+    budget : of the same tolerances, one at a time.  limit : of rel_l2, that a good lens keeps.
     """
 
-    batch: MadeBatch
-    sets: Sequence[Sequence[Draw]]
+    sampled: Sampled
     model: ErrorModel
     budget: ToleranceBudget
-    form_rise: float
     limit: float
+
+    @property
+    def batch(self) -> MadeBatch:
+        return self.sampled.batch
+
+    @property
+    def form_rise(self) -> float:
+        """The mean rise of rel_l2^2 by the forms alone."""
+        square = self.sampled.by_form
+        return 0.0 if square is None else max(square - self.budget.rel_l2**2, 0.0)
 
     def irradiance(self, part: float) -> NDArray[Any]:
         """Return the light of the lens that a part of all lenses is better than, (rows, columns)."""
         row, column = self.batch.nearest(part)
-        return self.model.irradiance(self.sets[row][column])
+        return self.model.irradiance(self.sampled.sets[row][column])
 
     def shares(self) -> dict[str, float]:
         """Return the share of each tolerance, and of the forms, in the expected rise of rel_l2^2.
@@ -46,7 +51,7 @@ class MonteCarlo:
         """
         rises = {e.tolerance.name: max(e.rise, 0.0) / 3 for e in self.budget.effects}
         if self.model.forms:
-            rises[" and ".join(form.name for form in self.model.forms)] = max(self.form_rise, 0.0)
+            rises[" and ".join(form.name for form in self.model.forms)] = self.form_rise
         total = sum(rises.values()) or 1.0
         return dict(sorted(((n, r / total) for n, r in rises.items()), key=lambda row: -row[1]))
 

@@ -65,10 +65,12 @@ class Draw:
     """The errors of one lens.
 
     amounts : of every tolerance, as a part of its amount, -1 to 1.  seed : of the forms.
+    sign : by which the forms are multiplied.
     """
 
     amounts: tuple[float, ...]
     seed: int
+    sign: float = 1.0
 
 
 def draws(tolerances: int, samples: int, seed: int) -> list[list[Draw]]:

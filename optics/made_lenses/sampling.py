@@ -60,7 +60,7 @@ class ErrorModel:
         UserError : see `FormTolerance.drawn`.
         """
         moved = (t.at(a * t.amount) for t, a in zip(self.tolerances, draw.amounts, strict=True))
-        return reduce(add, chain(moved, self.form(draw.seed)), NOMINAL)
+        return reduce(add, chain(moved, (draw.sign * form for form in self.form(draw.seed))), NOMINAL)
 
     def form(self, seed: int) -> list[Perturbation]:
         """Return random form errors of the surfaces.  seed : of all of them."""
@@ -80,9 +80,22 @@ class Traced(NamedTuple):
     efficiency: float
 
 
+class Sampled(NamedTuple):
+    """The light of made lenses.
+
+    sets : their errors, in the order of the batch.
+    by_form : rel_l2^2, mean of lenses with nothing but form errors; None without such errors.
+    """
+
+    batch: MadeBatch
+    sets: list[list[Draw]]
+    by_form: float | None
+
+
 def traced(model: ErrorModel, draw: Draw) -> Traced:
     """Return the quality of the light of one lens."""
-    return _quality(model, model.errors(draw))
+    image, fates = model.light(model.errors(draw))
+    return Traced(rel_l2(image, model.target), fates.on_target / model.system.problem.source.flux)
 
 
 def sample_lenses(
@@ -90,8 +103,8 @@ def sample_lenses(
     samples: int,
     pool: WorkerPool,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[MadeBatch, list[list[Draw]]]:
-    """Return the light of `samples` made lenses, and their errors in the same order.
+) -> Sampled:
+    """Return the light of `samples` made lenses.
 
     samples : see `draws`.  progress : called with the number of lenses that are done, and of all.
 
@@ -101,10 +114,12 @@ def sample_lenses(
     """
     sets = draws(len(model.tolerances), samples, model.system.problem.run.seed)
     model.form(0)  # refuses bands before any worker starts
-    found = np.full((samples, 2), (np.inf, 0.0))
+    alone = _forms_alone(model)
+    items = [*alone, *chain.from_iterable(sets)]
+    found = np.full((len(items), 2), (np.inf, 0.0))
     failures: dict[str, None] = {}
     seconds = peak = 0.0
-    with closing(run_tasks(traced, list(chain.from_iterable(sets)), pool, model)) as results:
+    with closing(run_tasks(traced, items, pool, model)) as results:
         for done, result in enumerate(results, 1):
             if result.failure:
                 failures[result.failure] = None
@@ -112,23 +127,15 @@ def sample_lenses(
                 found[result.index] = result.value
             seconds, peak = seconds + result.seconds, max(peak, result.peak_mb)
             if progress:
-                progress(done, samples)
-    rel, efficiency = found.T.reshape(2, REPLICATES, -1)
-    return MadeBatch(rel, efficiency, tuple(failures), seconds, peak), sets
+                progress(done, len(items))
+    rel, efficiency = found[len(alone) :].T.reshape(2, REPLICATES, -1)
+    by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
+    return Sampled(MadeBatch(rel, efficiency, tuple(failures), seconds, peak), sets, by_form)
 
 
-def form_rise(model: ErrorModel) -> float:
-    """Return the mean rise of rel_l2^2 by the form errors alone.
-
-    Each is taken with both signs: what changes sign with the error has no mean.
-    """
+def _forms_alone(model: ErrorModel) -> list[Draw]:
+    """Return lenses with nothing but form errors, each with both signs: what changes sign has no mean."""
     if not model.forms:
-        return 0.0
-    fields = [reduce(add, model.form(seed)) for seed in range(FIELDS)]
-    squares = [_quality(model, sign * field).rel_l2 ** 2 for field in fields for sign in (1, -1)]
-    return float(np.mean(squares)) - _quality(model, NOMINAL).rel_l2 ** 2
-
-
-def _quality(model: ErrorModel, errors: Perturbation) -> Traced:
-    image, fates = model.light(errors)
-    return Traced(rel_l2(image, model.target), fates.on_target / model.system.problem.source.flux)
+        return []
+    right = (0.0,) * len(model.tolerances)
+    return [Draw(right, seed, sign) for seed in range(FIELDS) for sign in (1.0, -1.0)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from optics.api import DEVICE
 from optics.form_errors import form_errors_of
-from optics.made_lenses import ErrorModel, FormTolerance, MonteCarlo, form_rise, sample_lenses
+from optics.made_lenses import ErrorModel, FormTolerance, MonteCarlo, sample_lenses
 from optics.runtime import UserError
 from optics.tolerancing import LIMIT, tolerance_budget
 from optics.workers import worker_pool
@@ -94,11 +94,9 @@ def monte_carlo(
         tuple(effect.tolerance for effect in budget.effects),
         _forms(design, forms, periods),
     )
-    with DEVICE:
-        rise = form_rise(model)
-        with worker_pool(workers, scheduler) as pool:
-            batch, sets = sample_lenses(model, samples, pool, progress)
-    return MonteCarlo(batch, sets, model, budget, rise, budget.rel_l2 + budget.limit)
+    with DEVICE, worker_pool(workers, scheduler) as pool:
+        sampled = sample_lenses(model, samples, pool, progress)
+    return MonteCarlo(sampled, model, budget, budget.rel_l2 + budget.limit)
 
 
 def _forms(

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from optics.sources import corner_flux
 from optics.target import MappedCells
 from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
+from optics.tolerancing.traced_light import CORNERS_AT_ONCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from optics.sources import SourceCells
     from optics.tolerancing.traced_light import PerturbedLight, Trace
 
-CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 STEP = 0.5  # of the perturbation, for differences: as far as that, third derivatives jump between knot spans
 
 

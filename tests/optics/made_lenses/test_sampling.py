@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from optics.analysis import rel_l2
-from optics.made_lenses import Draw, ErrorModel, FormTolerance, form_rise, sample_lenses
+from optics.made_lenses import Draw, ErrorModel, FormTolerance, sample_lenses
+from optics.made_lenses.sampling import FIELDS
 from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.system import OpticalSystem
@@ -50,7 +51,7 @@ def model_of(folder, forms=(RIPPLES,)):
 def test_a_made_lens_is_the_lens_with_all_of_its_errors(tmp_path, backend):
     model = model_of(tmp_path)
     seen = []
-    made, sets = sample_lenses(model, 16, Here(), lambda done, of: seen.append((done, of)))
+    made, sets, _ = sample_lenses(model, 16, Here(), lambda done, of: seen.append((done, of)))
     draw = sets[3][1]
     errors = model.errors(draw)
     x, y, _ = errors.lens_shift
@@ -60,31 +61,28 @@ def test_a_made_lens_is_the_lens_with_all_of_its_errors(tmp_path, backend):
     image, fates = perturbed_light(model.system, model.lens, errors, backend)
     assert made.rel_l2[3, 1] == pytest.approx(rel_l2(image, model.target), rel=1e-9)
     assert made.efficiency[3, 1] == pytest.approx(fates.on_target, rel=1e-9)
-    assert seen[-1] == (16, 16)
+    assert seen[-1] == (16 + 2 * FIELDS, 16 + 2 * FIELDS)
     assert made.failures == ()
 
 
-def test_the_rise_by_forms_is_quadratic_and_that_of_other_fields(tmp_path):
-    """Twice the rms costs four times as much; four fields of 16 cells differ from sixteen by a third."""
+def test_forms_alone_are_traced_with_both_signs(tmp_path):
+    """Their mean rise of rel_l2^2 is quadratic in the rms: what changes sign has cancelled."""
     model = model_of(tmp_path)
-    double = model_of(tmp_path, (replace(RIPPLES, rms=2 * RIPPLES.rms),))
-    rise = form_rise(model)
-    assert form_rise(double) == pytest.approx(4 * rise, rel=0.05)
-    assert form_rise(model_of(tmp_path, ())) == 0
-    alone = ErrorModel(model.system, model.lens, model.target, (), model.forms)
-    fields = [alone.form(seed)[0] for seed in range(100, 116)]
-    squares = [
-        rel_l2(alone.light(sign * field)[0], model.target) ** 2 for field in fields for sign in (1, -1)
-    ]
-    nominal = rel_l2(alone.light()[0], alone.target)
-    assert np.mean(squares) - nominal**2 == pytest.approx(rise, rel=0.33)
+    double = replace(model, forms=(replace(RIPPLES, rms=2 * RIPPLES.rms),))
+    nominal = rel_l2(model.light()[0], model.target) ** 2
+    rise, more = (sample_lenses(m, 16, Here()).by_form - nominal for m in (model, double))
+    assert more == pytest.approx(4 * rise, rel=0.05)
+    fields = [model.form(seed)[0] for seed in range(FIELDS)]
+    squares = [rel_l2(model.light(s * field)[0], model.target) ** 2 for field in fields for s in (1, -1)]
+    assert np.mean(squares) - nominal == pytest.approx(rise, rel=1e-9)
+    assert sample_lenses(replace(model, forms=()), 16, Here()).by_form is None
 
 
 def test_a_lens_that_cannot_be_traced_is_a_failed_lens(tmp_path):
     """An index error that leaves air fails in every lens where it is drawn so low."""
     model = model_of(tmp_path)
     bad = tuple(t for t in tolerances_of(model.system, {"index": 0.9}) if t.name == "index")
-    made, sets = sample_lenses(ErrorModel(model.system, model.lens, model.target, bad), 16, Here())
+    made, sets, _ = sample_lenses(ErrorModel(model.system, model.lens, model.target, bad), 16, Here())
     low = np.array([[draw.amounts[0] * 0.9 <= -0.5 for draw in lenses] for lenses in sets])
     np.testing.assert_array_equal(np.isinf(made.rel_l2), low)
     assert low.any()
@@ -106,7 +104,7 @@ def test_the_same_seed_draws_the_same_form(tmp_path):
 @pytest.mark.slow
 def test_processes_change_no_bit(tmp_path):
     model = model_of(tmp_path)
-    here, _ = sample_lenses(model, 16, Here())
+    here = sample_lenses(model, 16, Here())
     with worker_pool(2) as pool:
-        there, _ = sample_lenses(model, 16, pool)
-    np.testing.assert_array_equal(here.rel_l2, there.rel_l2)
+        there = sample_lenses(model, 16, pool)
+    np.testing.assert_array_equal(here.batch.rel_l2, there.batch.rel_l2)

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import optics
-from optics.made_lenses import Draw, ErrorModel, FormTolerance, MadeBatch, MonteCarlo
+from optics.made_lenses import Draw, ErrorModel, FormTolerance, MadeBatch, MonteCarlo, Sampled
 from optics.making_figures import made_lens_figures_of
 from optics.problem import load_problem
 from optics.system import OpticalSystem
@@ -36,7 +36,8 @@ def made(tmp_path_factory, backend):
     rel = budget.rel_l2 + 0.02 * rng.random((8, 16))
     sets = [[Draw((0.1, -0.2), int(n)) for n in rng.integers(1000, size=16)] for _ in range(8)]
     batch = MadeBatch(rel, np.full(rel.shape, 0.9))
-    return MonteCarlo(batch, sets, model, budget, 4e-4, budget.rel_l2 + 0.01)
+    sampled = Sampled(batch, sets, budget.rel_l2**2 + 4e-4)
+    return MonteCarlo(sampled, model, budget, budget.rel_l2 + 0.01)
 
 
 def test_rises_of_single_errors_and_forms_add_up(made):
@@ -58,7 +59,7 @@ def test_the_sentences_tell_the_numbers_of_the_record(made):
 
 def test_the_median_lens_is_one_of_the_lenses(made):
     row, column = made.batch.nearest(0.5)
-    np.testing.assert_array_equal(made.irradiance(0.5), made.model.irradiance(made.sets[row][column]))
+    np.testing.assert_array_equal(made.irradiance(0.5), made.model.irradiance(made.sampled.sets[row][column]))
     assert (np.sort(made.batch.rel_l2.ravel()) <= made.batch.rel_l2[row, column]).sum() == 65
 
 
