@@ -22,6 +22,7 @@ REMARK = re.compile(r"[#%!].*$")
 MISSING = re.compile(r"\*+|\bno[ _]?data\b|\bn/?a\b|\bbad\b|(?<![\w.])-{2,}(?![\w.])", re.IGNORECASE)
 DECIMAL_COMMA = re.compile(r"\d,\d+\s*;|;\s*[-+]?\d+,\d")
 EMPTY_FIELD = re.compile(r"([,;])(?=\s*([,;]|$))")
+SEPARATORS = str.maketrans(",;\t", "   ")
 
 
 def read_text(path: str | Path) -> str:
@@ -131,9 +132,6 @@ def _rows(text: str, most: int | None = None) -> list[tuple[int, str]]:
             if len(rows) == most:
                 break
     return rows
-
-
-SEPARATORS = str.maketrans(",;\t", "   ")
 
 
 def _numbers(row: str, columns: int) -> list[float] | None:
