@@ -49,6 +49,7 @@ def test_a_sweep_has_a_row_for_every_variant_and_files_that_show_them(by, tmp_pa
     for name in ("contact_sheet.png", "figures/rel_l2.png", "figures/dof.png"):
         assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
     assert not (tmp_path / "out" / "figures" / "estimator.png").exists()
+    assert not (tmp_path / "out" / "figures" / "rounded.png").exists()
 
 
 def test_the_page_is_one_file_that_loads_nothing(by, tmp_path):
