@@ -13,10 +13,10 @@ from optics.api import Design
 from optics.commands.outcome import Outcome
 from optics.commands.tolerance_amounts import Amounts, amounts_of, periods_of
 from optics.form_errors import FORM_HEAD, form_obstacle, form_rows, form_sentences
-from optics.making import form_tolerances, monte_carlo, tolerances
+from optics.making import form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.progress import drawing
 from optics.results import HASHES, hashes, require_own, run_id, writable_folder
-from optics.runtime import Phase, Progress
+from optics.runtime import Phase, Progress, UserError, note
 from optics.tolerancing import HEAD, effect_rows, shop_sentences
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ def tolerance(options: Namespace) -> Outcome:
     """Trace the lens of a result folder with everything a little wrong, and say what the shop must hold."""
     amounts, periods = amounts_of(options), periods_of(options.periods)
     design = Design.load(options.result)
+    _require_samples(design, amounts, periods, options)
     folder = Path(options.out or options.result)
     writable_folder(folder)
     require_own(folder, (PAGE, RECORD), RECORD, options.force)
@@ -74,6 +75,19 @@ def tolerance(options: Namespace) -> Outcome:
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
     lines = [*_lines(study.budget), *study.of_made(), *study.of_form()]
     return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"])
+
+
+def _require_samples(
+    design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace
+) -> None:
+    """Raise UserError where made lenses are asked for that cannot be, or where their options stand alone."""
+    workers, scheduler = options.workers, options.scheduler
+    if options.samples:
+        require_monte_carlo(design, options.samples, amounts.forms, periods, workers, scheduler)
+    elif workers is not None or scheduler is not None:
+        raise UserError("--workers and --scheduler go with --samples: single tolerances are traced here")
+    elif amounts.forms:
+        note(f"{', '.join(amounts.forms)}.form: random form errors are for --samples alone")
 
 
 def _study(design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace) -> _Study:
