@@ -107,8 +107,11 @@ def test_another_sweep_and_files_of_others_are_refused_unless_forced(by, tmp_pat
         with pytest.raises(UserError, match="holds another sweep"):
             optics.sweep(other, ranges, tmp_path, workers=1)
     (tmp_path / "sweep.csv").write_text("mine")
-    with pytest.raises(UserError, match=r"sweep\.csv would be replaced"):
+    with pytest.raises(UserError, match=r"sweep\.csv would be replaced.*what is computed stays"):
         optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
+    by(None)  # nothing is computed again
+    assert len(optics.sweep(problem(), DISTANCES, tmp_path, workers=1, resume=True, force=True).rows) == 3
+    by(quick)
     found = optics.sweep(problem(), {"target.distance": [500]}, tmp_path, workers=1, force=True)
     assert len(rows(tmp_path)) == len(found.rows) == 1
 
