@@ -52,6 +52,16 @@ class _Study:
         data["form_error"] = {"sentences": self.of_form()} | ({} if self.form is None else self.form.data())
         return data | ({} if self.made is None else {"monte_carlo": self.made.data()})
 
+    def of_reflections(self) -> list[str]:
+        """Return how the light that is traced here differs from that of the report, where it does."""
+        metrics = self.design.metrics
+        if metrics["paths"] != "all":
+            return []
+        return [
+            f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "
+            f"{metrics['rel_l2']:.2%}, by front and rear alone {self.budget.rel_l2:.2%}."
+        ]
+
     def of_form(self) -> list[str]:
         return [self.obstacle] if self.form is None else form_sentences(self.form)
 
@@ -73,7 +83,7 @@ def tolerance(options: Namespace) -> Outcome:
     data = study.data()
     write_text(folder / PAGE, _page(study))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
-    lines = [*_lines(study.budget), *study.of_made(), *study.of_form()]
+    lines = [*_lines(study.budget), *study.of_reflections(), *study.of_made(), *study.of_form()]
     return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"])
 
 
@@ -123,8 +133,9 @@ def _page(study: _Study) -> str:
     pictures = [("shares in the expected rise of rel_l2^2", share_figure(budget))]
     for name in [*budget.shares()][:WORST]:
         pictures.append((f"change of the light by {name}", change_figure(effects[name], screen)))
+    sentences = [*study.of_reflections(), *shop_sentences(budget)]
     sections = [
-        PageSection("What the shop must hold", shop_sentences(budget), pictures=pictures),
+        PageSection("What the shop must hold", sentences, pictures=pictures),
         *_of_lenses(study),
         PageSection("Every tolerance by itself", head=HEAD, rows=effect_rows(budget)),
         _of_form(study),
