@@ -9,7 +9,9 @@ import pytest
 import optics
 from optics.runtime import UserError
 from optics.sweeps import metric_plots, running, sweep_folder
+from optics.sweeps.contact_sheet import _texts
 from optics.sweeps.running import run_sweep
+from optics.sweeps.sweep_rows import SweepRow
 from tests.optics.sweeps.cases import DISTANCES, picky, problem, quick, thread_pool
 
 
@@ -50,6 +52,15 @@ def test_a_sweep_has_a_row_for_every_variant_and_files_that_show_them(by, tmp_pa
         assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
     assert not (tmp_path / "out" / "figures" / "estimator.png").exists()
     assert not (tmp_path / "out" / "figures" / "rounded.png").exists()
+
+
+def test_values_below_a_picture_are_whole():
+    row = SweepRow((209.0909090909091, 3, [30.5, 30.5, 1.25, 7.125]), "done")
+    assert _texts(["distance", "level_of_refinement", "half_width"], row) == [
+        "distance 209.091",
+        "level_of_refinem 3",
+        "[30.5, 30.5, 1.25,",
+    ]
 
 
 def test_the_page_is_one_file_that_loads_nothing(by, tmp_path):
