@@ -34,14 +34,12 @@ def read_text(path: str | Path) -> str:
     """
     path = Path(path)
     try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise UserError(
-                f"{path} has {size:,} bytes, more than {MOST_BYTES:,}; measure fewer points, or thin it out"
-            )
-        data = path.read_bytes()
+        with path.open("rb") as file:  # a device has no size, and no end
+            data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror or error}") from None
+    if len(data) > MOST_BYTES:
+        raise UserError(f"{path} has more than {MOST_BYTES:,} bytes; measure fewer points, or thin it out")
     if not data.strip():
         raise UserError(f"{path} is empty")
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
@@ -100,7 +98,7 @@ def grid_rows(text: str, name: str, count: int) -> Floats:
     UserError : more or fewer rows, or one that is none.
     """
     if count > MOST_POINTS:
-        raise UserError(f"{name} announces {count:,} points, more than {MOST_POINTS:,}")
+        raise UserError(f"{name} announces more than {MOST_POINTS:,} points; thin it out")
     rows = _rows(text)[1:]
     if len(rows) != count:
         raise UserError(

@@ -60,6 +60,7 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
         (["--set", "index"], "NAME=AMOUNT"),
         (["--limit", "-1"], "limit must be"),
         (["--tolerances", "none.toml"], "none.toml"),
+        (["--tolerances", "/dev/zero"], "larger than a file of amounts"),
         (["--samples", "100"], "8 times a power of two"),
         (["--samples", "-8"], "the number of samples"),
         (["--samples", "16", "--periods", "5:2"], "band of periods must rise"),
