@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,11 +100,11 @@ def _require_samples(
 
 
 def _study(design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace) -> _Study:
-    with closing(_Shown()) as shown:
+    with _Shown() as shown:
         budget = tolerances(design, amounts.tolerances, options.limit, shown)
     made = form = None
     if options.samples:
-        with closing(_Shown()) as shown:
+        with _Shown() as shown:
             made = monte_carlo(
                 design,
                 budget,
@@ -118,7 +117,7 @@ def _study(design: Design, amounts: Amounts, periods: tuple[float, float], optio
             )
     obstacle = form_obstacle(design.system) or ""
     if not obstacle:
-        with closing(_Shown()) as shown:
+        with _Shown() as shown:
             form = form_tolerances(design, options.limit, shown)
     return _Study(design, budget, form, obstacle, made)
 
@@ -186,7 +185,10 @@ class _Shown:
         self._progress.begin(names[number])
         self._progress.advance(0.0, name)
 
-    def close(self) -> None:
-        if self._progress is not None:
+    def __enter__(self) -> _Shown:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._progress is not None and error[0] is None:
             self._progress.finish()
         self._bar.close()

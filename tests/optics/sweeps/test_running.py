@@ -76,6 +76,8 @@ def test_what_is_stored_is_not_computed_again_and_more_values_are_added(by, tmp_
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
     before = rows(tmp_path)
     by(picky)
+    with pytest.raises(UserError, match="number of workers"):
+        optics.sweep(problem(), DISTANCES, tmp_path, workers=0)
     again = optics.sweep(problem(), DISTANCES, tmp_path, workers=1, resume=True)
     assert rows(tmp_path) == before
     assert again.counts()["done"] == 3
