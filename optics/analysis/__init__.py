@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         dark_fraction as dark_fraction,
         measure as measure,
         rel_l2 as rel_l2,
+        unit_mean as unit_mean,
     )
     from optics.analysis.photometric_metrics import (
         photometric_lines as photometric_lines,
@@ -78,6 +79,7 @@ _FILES = {
         "dark_fraction",
         "measure",
         "rel_l2",
+        "unit_mean",
     ),
     "photometric_metrics": ("photometric_lines",),
     "ray_fans": ("fans",),

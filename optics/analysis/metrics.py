@@ -212,8 +212,13 @@ def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> floa
     """Return ||E - T|| / ||T|| of two images, both scaled to unit mean; 1 of a dark one."""
     if irradiance.sum() <= 0:
         return 1.0
-    e, t = irradiance / irradiance.mean(), target / target.mean()
+    e, t = unit_mean(irradiance), unit_mean(target)
     return float(np.linalg.norm(e - t) / np.linalg.norm(t))
+
+
+def unit_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an image scaled to a mean of one; a dark one as it is."""
+    return image / (float(image.mean()) or 1.0)
 
 
 def dark_fraction(target: NDArray[np.float64]) -> float:

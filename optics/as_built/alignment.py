@@ -26,6 +26,7 @@ MOST_STEPS = 50  # five are usual; more where the form error is large beside the
 SETTLED = 1e-13  # of the half-width
 BLIND = 1e-6  # of the greatest singular value: what moves points by less is not determined
 NAMED = 0.05  # of a direction of length 1: a motion that has a part in it
+ANOTHER = "were they measured on this surface of this lens?"
 MOTIONS = ("shift in x", "shift in y", "shift in z", "tilt about x", "tilt about y", "rotation about z")
 
 
@@ -109,7 +110,7 @@ def best_fit(surface: FreeformSurface, points: Floats) -> Alignment:
             break
     last = _aligned(surface, points, motion)
     if last.points.shape[1] * 2 < points.shape[1]:
-        raise UserError("the best fit moves half of the points beside the surface; align them by datums")
+        raise UserError(f"the best fit moves half of the points beside the surface; {ANOTHER}")
     return Alignment(motion, last.points, last.heights, last.normal, undetermined, last.beside)
 
 
@@ -119,7 +120,7 @@ def _aligned(surface: FreeformSurface, points: Floats, motion: Motion) -> Alignm
     on = (np.abs(x) <= hx) & (np.abs(y) <= hy)
     x, y, z = x[on], y[on], z[on]
     if not len(x):
-        raise UserError("the best fit moves all points beside the surface; align them by datums")
+        raise UserError(f"the best fit moves all points beside the surface; {ANOTHER}")
     heights = z - surface(x, y)
     normal = heights / _stretch(surface, x, y)
     return Alignment(motion, np.stack([x, y, z]), heights, normal, beside=int((~on).sum()))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 MICROMETRES, NANOMETRES = 1e3, 1e6  # of a millimetre
 GAIN = 0.01  # of rel_l2: what a re-positioning must bring to be worth the work
+LIKE = 0.25  # correlation of neighbouring residuals: that of 100 points of pure noise is below 0.1
 COVERED = 0.5  # of the cells hold a point: with fewer the fit bridges gaps
 
 
@@ -33,6 +34,7 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
         "noise_mm": fit.noise,
         "fitted_degrees_of_freedom": fit.freedom,
         "covered": built.made.covered,
+        "correlation_of_residuals": built.made.unresolved,
         "rel_l2": {
             "designed": built.nominal.metrics["rel_l2"],
             "made": light.rel_l2,
@@ -111,7 +113,10 @@ def _correction_lines(correction: RigidCorrection | None) -> list[str]:
         return []
     if correction.after > (1 - GAIN) * correction.before:
         return ["no re-positioning of the lens or the target brings light back"]
-    lines = [f"re-positioned: rel_l2 {correction.before:.4f} -> {correction.after:.4f}, all motions together"]
+    lines = [
+        f"re-positioned: rel_l2 {correction.before:.4f} -> {correction.after:.4f}, all motions together, by "
+        "light through front and rear alone"
+    ]
     for m in correction.moves:
         lines.append(
             f"  {m.name:16} {m.amount:+9.4f} {m.unit:8} "
@@ -130,6 +135,12 @@ def _notes(built: AsBuilt) -> list[str]:
         notes.append(
             f"only {100 * built.made.covered:.0f} % of the surface's cells hold a point: "
             "in gaps the light is that of a smooth correction, not of the lens"
+        )
+    if built.made.unresolved > LIKE:
+        notes.append(
+            "what the fit leaves is no noise, since neighbouring points agree in it: errors of the surface "
+            "are finer than the points resolve, and rel_l2 may be off by more than is said here; "
+            "measure more points"
         )
     if built.way == "best fit":
         notes.append("the best fit hides tilt and decentre; datums show what they do to the light")

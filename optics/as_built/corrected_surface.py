@@ -12,6 +12,7 @@ from math import floor, log2, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from optics.as_built.alignment import Alignment
 from thbcad.fitting import NoisyFit, Samples, fit_noisy
@@ -33,12 +34,14 @@ class MadeSurface:
     """A surface as it was made.
 
     surface : FreeformSurface.  fit : of the correction.  covered : fraction of its cells that hold a point.
+    unresolved : correlation of the fit's residuals between neighbouring points; that of noise is 0.
     """
 
     designed: FreeformSurface
     surface: FreeformSurface
     fit: NoisyFit
     covered: float
+    unresolved: float
 
     def correction(self, x: Floats, y: Floats) -> Floats:
         """Return made - designed at points, mm."""
@@ -65,7 +68,19 @@ def made_surface(
     u, v = whole.to_parameters(x, y)
     fit = fit_noisy(space, Samples(u, v, aligned.heights), smoothing)
     cells = len(np.unique(space.locate(u, v)))
-    return MadeSurface(designed, _made(designed, fit.surface), fit, cells / len(space.cells))
+    return MadeSurface(
+        designed=designed,
+        surface=_made(designed, fit.surface),
+        fit=fit,
+        covered=cells / len(space.cells),
+        unresolved=_likeness(x, y, fit.residuals),
+    )
+
+
+def _likeness(x: Floats, y: Floats, residuals: Floats) -> float:
+    """Return the mean product of each residual with that of the nearest other point, over the mean square."""
+    _, nearest = cKDTree(np.stack([x, y], axis=1)).query(np.stack([x, y], axis=1), k=2)
+    return float(np.mean(residuals * residuals[nearest[:, 1]]) / (np.mean(residuals**2) or 1.0))
 
 
 def _base(designed: FreeformSurface) -> THBSpace:

@@ -22,6 +22,7 @@ REMARK = re.compile(r"[#%!].*$")
 MISSING = re.compile(r"\*+|\bno[ _]?data\b|\bn/?a\b|\bbad\b|(?<![\w.])-{2,}(?![\w.])", re.IGNORECASE)
 DECIMAL_COMMA = re.compile(r"\d,\d+\s*;|;\s*[-+]?\d+,\d")
 EMPTY_FIELD = re.compile(r"([,;])(?=\s*([,;]|$))")
+SEPARATORS = str.maketrans(",;\t", "   ")
 
 
 def read_text(path: str | Path) -> str:
@@ -33,14 +34,12 @@ def read_text(path: str | Path) -> str:
     """
     path = Path(path)
     try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise UserError(
-                f"{path} has {size:,} bytes, more than {MOST_BYTES:,}; measure fewer points, or thin it out"
-            )
-        data = path.read_bytes()
+        with path.open("rb") as file:  # a device has no size, and no end
+            data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror or error}") from None
+    if len(data) > MOST_BYTES:
+        raise UserError(f"{path} has more than {MOST_BYTES:,} bytes; measure fewer points, or thin it out")
     if not data.strip():
         raise UserError(f"{path} is empty")
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
@@ -99,7 +98,7 @@ def grid_rows(text: str, name: str, count: int) -> Floats:
     UserError : more or fewer rows, or one that is none.
     """
     if count > MOST_POINTS:
-        raise UserError(f"{name} announces {count:,} points, more than {MOST_POINTS:,}")
+        raise UserError(f"{name} announces more than {MOST_POINTS:,} points; thin it out")
     rows = _rows(text)[1:]
     if len(rows) != count:
         raise UserError(
@@ -131,9 +130,6 @@ def _rows(text: str, most: int | None = None) -> list[tuple[int, str]]:
             if len(rows) == most:
                 break
     return rows
-
-
-SEPARATORS = str.maketrans(",;\t", "   ")
 
 
 def _numbers(row: str, columns: int) -> list[float] | None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.analysis import rel_l2
+from optics.analysis import rel_l2, unit_mean
 from optics.tolerancing import NOMINAL, Perturbation, PerturbedLight, Tolerance, tolerances_of
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def rigid_correction(system: OpticalSystem, lens: Lens, target: Floats, backend:
     target : the light asked for, (rows, columns), at any scale.  backend : of double precision.
     """
     light = PerturbedLight(system, lens, backend)
-    trial = _Trial(light, target / target.mean())
+    trial = _Trial(light, unit_mean(target))
     motions = _motions(light)
     total, here = NOMINAL, trial.image(NOMINAL)
     before = now = rel_l2(here, target)
@@ -137,9 +137,7 @@ class _Trial:
 
     def image(self, perturbation: Perturbation) -> Floats:
         """Return the light, scaled to unit mean."""
-        irradiance, _ = self.light(perturbation)
-        result: Floats = irradiance / (irradiance.mean() or 1.0)
-        return result
+        return unit_mean(self.light(perturbation)[0])
 
     def derivative(self, motions: list[tuple[Tolerance, float]], here: Perturbation) -> Floats:
         """Return J, (pixels, motions), by the amounts of the motions."""

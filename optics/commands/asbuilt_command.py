@@ -11,23 +11,22 @@ import numpy as np
 from optics.api import Design
 from optics.as_built import FileFrame, as_built_data, as_built_lines
 from optics.commands.outcome import Outcome
-from optics.results import HASHES, hashes, require_own, writable_folder
+from optics.results import HASHES, hashes, remove_files, require_own, writable_folder
 
 if TYPE_CHECKING:
     from optics.as_built import AsBuilt, Way
 
 RECORD = "asbuilt.json"
 FILES = ("lens.json", "light.png", "errors.png", "irradiance.npz")
-STEP = "lens.step"
+STEP = "lens.step"  # where it is asked for
 
 
 def asbuilt(options: Namespace) -> Outcome:
     """Measure the light of a made lens."""
     folder = Path(options.out or Path(options.result) / "asbuilt")
-    files = (*FILES, STEP) if options.step else FILES
     design = Design.load(options.result)
     writable_folder(folder)
-    require_own(folder, (*files, RECORD), RECORD, options.force)
+    require_own(folder, (*FILES, STEP, RECORD), RECORD, options.force)
     frame = FileFrame(
         unit=options.unit,
         height_unit=options.height_unit,
@@ -42,6 +41,7 @@ def asbuilt(options: Namespace) -> Outcome:
     from thbcad.io import json_text, write_text
 
     data = as_built_data(built)
+    files = (*FILES, STEP) if options.step else FILES
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
     return Outcome(data, [*as_built_lines(built), f"wrote {folder}"])
 
@@ -51,7 +51,7 @@ def _write(folder: Path, design: Design, built: AsBuilt, step: bool) -> None:
     from io import BytesIO
 
     from optics.making_figures import height_error_figure, made_light_figure
-    from thbcad.io import write_bytes, write_lens
+    from thbcad.io import write_files, write_lens
 
     arrays: dict[str, Any] = {
         "made": built.measurement.irradiance,
@@ -60,10 +60,14 @@ def _write(folder: Path, design: Design, built: AsBuilt, step: bool) -> None:
     }
     packed = BytesIO()
     np.savez_compressed(packed, **arrays)
-    write_bytes(folder / "irradiance.npz", packed.getvalue())
-    write_bytes(folder / "light.png", made_light_figure(built, design.system.target.screen()))
-    write_bytes(folder / "errors.png", height_error_figure(built))
+    contents = {
+        "irradiance.npz": packed.getvalue(),
+        "light.png": made_light_figure(built, design.system.target.screen()),
+        "errors.png": height_error_figure(built),
+    }
     write_lens(built.lens, folder / "lens.json")
+    write_files({folder / name: content for name, content in contents.items()})
+    remove_files(folder, [STEP])
     if step:
         from thbcad.cad import write_step
 

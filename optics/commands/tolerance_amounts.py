@@ -66,9 +66,11 @@ def _of_file(path: str | None) -> dict[str, Any]:
         return {}
     file = Path(path)
     try:
-        if file.stat().st_size > LARGEST_FILE:
+        with file.open("rb") as opened:  # a device has no size, and no end
+            data = opened.read(LARGEST_FILE + 1)
+        if len(data) > LARGEST_FILE:
             raise UserError(f"{file} is larger than a file of amounts may be, {LARGEST_FILE} bytes")
-        return dict(_flat(tomllib.loads(file.read_text("utf-8"))))
+        return dict(_flat(tomllib.loads(data.decode("utf-8"))))
     except OSError as error:
         raise UserError(f"cannot read {file}: {error.strerror}") from None
     except (ValueError, RecursionError) as error:

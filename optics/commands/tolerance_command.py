@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +12,10 @@ from optics.api import Design
 from optics.commands.outcome import Outcome
 from optics.commands.tolerance_amounts import Amounts, amounts_of, periods_of
 from optics.form_errors import FORM_HEAD, form_obstacle, form_rows, form_sentences
-from optics.making import form_tolerances, monte_carlo, tolerances
+from optics.making import form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.progress import drawing
 from optics.results import HASHES, hashes, require_own, run_id, writable_folder
-from optics.runtime import Phase, Progress
+from optics.runtime import Phase, Progress, UserError, note
 from optics.tolerancing import HEAD, effect_rows, shop_sentences
 
 if TYPE_CHECKING:
@@ -52,6 +51,16 @@ class _Study:
         data["form_error"] = {"sentences": self.of_form()} | ({} if self.form is None else self.form.data())
         return data | ({} if self.made is None else {"monte_carlo": self.made.data()})
 
+    def of_reflections(self) -> list[str]:
+        """Return how the light that is traced here differs from that of the report, where it does."""
+        metrics = self.design.metrics
+        if metrics["paths"] != "all":
+            return []
+        return [
+            f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "
+            f"{metrics['rel_l2']:.2%}, by front and rear alone {self.budget.rel_l2:.2%}."
+        ]
+
     def of_form(self) -> list[str]:
         return [self.obstacle] if self.form is None else form_sentences(self.form)
 
@@ -63,6 +72,7 @@ def tolerance(options: Namespace) -> Outcome:
     """Trace the lens of a result folder with everything a little wrong, and say what the shop must hold."""
     amounts, periods = amounts_of(options), periods_of(options.periods)
     design = Design.load(options.result)
+    _require_samples(design, amounts, periods, options)
     folder = Path(options.out or options.result)
     writable_folder(folder)
     require_own(folder, (PAGE, RECORD), RECORD, options.force)
@@ -72,16 +82,29 @@ def tolerance(options: Namespace) -> Outcome:
     data = study.data()
     write_text(folder / PAGE, _page(study))
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, (PAGE,))}))
-    lines = [*_lines(study.budget), *study.of_made(), *study.of_form()]
+    lines = [*_lines(study.budget), *study.of_reflections(), *study.of_made(), *study.of_form()]
     return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"])
 
 
+def _require_samples(
+    design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace
+) -> None:
+    """Raise UserError where made lenses are asked for that cannot be, or where their options stand alone."""
+    workers, scheduler = options.workers, options.scheduler
+    if options.samples:
+        require_monte_carlo(design, options.samples, amounts.forms, periods, workers, scheduler)
+    elif workers is not None or scheduler is not None:
+        raise UserError("--workers and --scheduler go with --samples: single tolerances are traced here")
+    elif amounts.forms:
+        note(f"{', '.join(amounts.forms)}.form: random form errors are for --samples alone")
+
+
 def _study(design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace) -> _Study:
-    with closing(_Shown()) as shown:
+    with _Shown() as shown:
         budget = tolerances(design, amounts.tolerances, options.limit, shown)
     made = form = None
     if options.samples:
-        with closing(_Shown()) as shown:
+        with _Shown() as shown:
             made = monte_carlo(
                 design,
                 budget,
@@ -94,7 +117,7 @@ def _study(design: Design, amounts: Amounts, periods: tuple[float, float], optio
             )
     obstacle = form_obstacle(design.system) or ""
     if not obstacle:
-        with closing(_Shown()) as shown:
+        with _Shown() as shown:
             form = form_tolerances(design, options.limit, shown)
     return _Study(design, budget, form, obstacle, made)
 
@@ -109,8 +132,9 @@ def _page(study: _Study) -> str:
     pictures = [("shares in the expected rise of rel_l2^2", share_figure(budget))]
     for name in [*budget.shares()][:WORST]:
         pictures.append((f"change of the light by {name}", change_figure(effects[name], screen)))
+    sentences = [*study.of_reflections(), *shop_sentences(budget)]
     sections = [
-        PageSection("What the shop must hold", shop_sentences(budget), pictures=pictures),
+        PageSection("What the shop must hold", sentences, pictures=pictures),
         *_of_lenses(study),
         PageSection("Every tolerance by itself", head=HEAD, rows=effect_rows(budget)),
         _of_form(study),
@@ -161,7 +185,10 @@ class _Shown:
         self._progress.begin(names[number])
         self._progress.advance(0.0, name)
 
-    def close(self) -> None:
-        if self._progress is not None:
+    def __enter__(self) -> _Shown:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._progress is not None and error[0] is None:
             self._progress.finish()
         self._bar.close()

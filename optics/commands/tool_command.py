@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.commands.outcome import Outcome
-from optics.results import HASHES, ResultFolder, hashes, require_own, writable_folder
+from optics.results import HASHES, ResultFolder, hashes, remove_files, require_own, writable_folder
 from optics.runtime import check_lines, load_backend, verification
 from optics.system import OpticalSystem
 from optics.toolpaths import ToolOrder, tool_data, tool_findings, tool_lines
@@ -47,11 +47,11 @@ def _write(folder: Path, title: str, findings: ToolFindings, data: dict[str, Any
     """Write pictures, page and record, the record last."""
     from optics.making_figures import figures_of_tool
     from optics.report import check_page
-    from thbcad.io import json_text, write_bytes, write_text
+    from thbcad.io import json_text, write_files, write_text
 
     figures = figures_of_tool(findings)
-    for name, _, picture in figures:
-        write_bytes(folder / name, picture)
-    write_text(folder / PAGE, check_page(title, data, lines, [(c, p) for _, c, p in figures]))
-    names = [PAGE, *(name for name, _, _ in figures)]
-    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, names)}))
+    page = check_page(title, data, lines, [(c, p) for _, c, p in figures])
+    files = {name: picture for name, _, picture in figures} | {PAGE: page.encode()}
+    write_files({folder / name: content for name, content in files.items()})
+    remove_files(folder, {*PICTURES} - {*files})
+    write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))

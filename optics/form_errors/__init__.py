@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         FORM_HEAD as FORM_HEAD,
         form_rows as form_rows,
         form_sentences as form_sentences,
+        height_text as height_text,
     )
     from optics.form_errors.height_errors import (
         Power as Power,
@@ -53,6 +54,7 @@ _FILES = {
         "FORM_HEAD",
         "form_rows",
         "form_sentences",
+        "height_text",
     ),
     "height_errors": (
         "Power",

@@ -90,7 +90,7 @@ class SideCost:
 class FormErrors:
     """What form errors of front and rear cost.
 
-    rel_l2 : without them.  rise : of rel_l2 that is allowed.  half_width : of the front and rear, mm.
+    rel_l2 : without them.  rise : of rel_l2 that each band alone may bring.
     """
 
     rel_l2: float

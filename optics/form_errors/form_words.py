@@ -17,7 +17,12 @@ FORM_HEAD = (
     "MTF",
     "rel_l2 traced",
 )
-NM = 1e6  # per mm
+NM, UM = 1e6, 1e3  # per mm
+
+
+def height_text(height: float) -> str:
+    """Return a height, mm, in nm, or in um from one on."""
+    return f"{NM * height:.3g} nm" if UM * height < 1 else f"{UM * height:.3g} um"
 
 
 def form_sentences(errors: FormErrors) -> list[str]:
@@ -32,9 +37,9 @@ def form_rows(errors: FormErrors) -> list[tuple[str, ...]]:
         (
             cost.side,
             f"{band.band[0]:g} to {band.band[1]:g} mm",
-            f"{NM * band.allowed_rms:.3g} nm",
-            f"{NM * band.allowed_pv_sine:.3g} nm",
-            f"{NM * band.allowed_pv_field:.3g} nm",
+            height_text(band.allowed_rms),
+            height_text(band.allowed_pv_sine),
+            height_text(band.allowed_pv_field),
             f"{band.by_formula / band.change_per_mm:.2f}",
             f"{band.mtf:.2f}",
             f"{band.traced_rel_l2:.2%}",
@@ -49,8 +54,8 @@ def _danger(cost: SideCost) -> str:
     (short, long), band = cost.danger.band, cost.danger
     return (
         f"Ripples of the {cost.side} with periods from {short:g} to {long:g} mm are the most dangerous: "
-        f"there an error of given slope costs most. Hold {1e6 * band.allowed_rms:.3g} nm rms in this band; "
-        f"a regular ripple then has {1e6 * band.allowed_pv_sine:.3g} nm peak to valley."
+        f"there an error of given slope costs most. Hold {height_text(band.allowed_rms)} rms in this band; "
+        f"a regular ripple then has {height_text(band.allowed_pv_sine)} peak to valley."
     )
 
 

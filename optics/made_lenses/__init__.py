@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         Draw as Draw,
         FormTolerance as FormTolerance,
         draws as draws,
+        each_set as each_set,
     )
     from optics.made_lenses.sampling import (
         ErrorModel as ErrorModel,
@@ -33,6 +34,7 @@ _FILES = {
         "Draw",
         "FormTolerance",
         "draws",
+        "each_set",
     ),
     "sampling": (
         "ErrorModel",

@@ -80,7 +80,24 @@ def draws(tolerances: int, samples: int, seed: int) -> list[list[Draw]]:
 
     Raises
     ------
-    UserError : another number of samples.
+    UserError : see `each_set`.
+    """
+    each = each_set(samples)
+    rng = np.random.default_rng(seed)
+    sets = []
+    for _ in range(REPLICATES):
+        cube = qmc.Sobol(tolerances, rng=rng).random(each) if tolerances else np.zeros((each, 0))
+        seeds = rng.integers(MOST_SEED, size=each)
+        sets.append([Draw(tuple(map(float, 2 * p - 1)), int(s)) for p, s in zip(cube, seeds)])
+    return sets
+
+
+def each_set(samples: int) -> int:
+    """Return the number of lenses of each set, of `samples` in all.
+
+    Raises
+    ------
+    UserError : a number that is not REPLICATES times a power of two.
     """
     try:
         require_integer("the number of samples", samples, 2 * REPLICATES, MOST_SAMPLES)
@@ -92,10 +109,4 @@ def draws(tolerances: int, samples: int, seed: int) -> list[list[Draw]]:
             f"the number of samples must be {REPLICATES} times a power of two, such as 128, 256 or 512, "
             f"got {samples}"
         )
-    rng = np.random.default_rng(seed)
-    sets = []
-    for _ in range(REPLICATES):
-        cube = qmc.Sobol(tolerances, rng=rng).random(each) if tolerances else np.zeros((each, 0))
-        seeds = rng.integers(MOST_SEED, size=each)
-        sets.append([Draw(tuple(map(float, 2 * p - 1)), int(s)) for p, s in zip(cube, seeds)])
-    return sets
+    return each

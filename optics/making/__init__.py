@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         SAMPLES as SAMPLES,
         form_tolerances as form_tolerances,
         monte_carlo as monte_carlo,
+        require_monte_carlo as require_monte_carlo,
         tolerances as tolerances,
     )
 
@@ -21,6 +22,7 @@ _FILES = {
         "SAMPLES",
         "form_tolerances",
         "monte_carlo",
+        "require_monte_carlo",
         "tolerances",
     ),
 }

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from optics.api import DEVICE
 from optics.form_errors import form_errors_of
-from optics.made_lenses import ErrorModel, FormTolerance, MonteCarlo, sample_lenses
+from optics.made_lenses import ErrorModel, FormTolerance, MonteCarlo, each_set, sample_lenses
 from optics.runtime import UserError
 from optics.tolerancing import LIMIT, tolerance_budget
-from optics.workers import worker_pool
+from optics.workers import require_workers, worker_pool
 
 if TYPE_CHECKING:
     from optics.api import Design
@@ -78,7 +78,7 @@ def monte_carlo(
 
     budget : of `tolerances`, whose amounts and limit hold here too.
     samples : lenses, 8 times a power of two.
-    forms : rms of the form of "front" and "rear" in nm; left out, that of free surfaces is FORM_NM.
+    forms : rms of the form of "front" and "rear" in nm; of a free surface that is left out it is FORM_NM.
     periods : shortest and longest period of the form errors, mm.
     workers, scheduler : see `optics.workers.worker_pool`.
     progress : called with the number of lenses that are done, and of all.
@@ -99,14 +99,31 @@ def monte_carlo(
     return MonteCarlo(sampled, model, budget, budget.rel_l2 + budget.limit)
 
 
+def require_monte_carlo(
+    design: Design,
+    samples: int = SAMPLES,
+    forms: Mapping[str, float] | None = None,
+    periods: tuple[float, float] = PERIODS,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> None:
+    """Raise UserError where `monte_carlo` would refuse these arguments, before any work is done."""
+    each_set(samples)
+    require_workers(workers, scheduler)
+    if scheduler is not None:
+        with worker_pool(scheduler=scheduler):
+            pass  # it answers
+    for form in _forms(design, forms, periods):
+        form.drawn(getattr(design.lens, form.surface).half_width, seed=0)
+
+
 def _forms(
     design: Design, forms: Mapping[str, float] | None, periods: tuple[float, float]
 ) -> tuple[FormTolerance, ...]:
     """Return the form tolerances of the surfaces, those of 0 left out."""
-    free = {name: FORM_NM for name in design.problem.lens.free}
-    chosen = free if forms is None else forms
+    chosen = dict.fromkeys(design.problem.lens.free, FORM_NM) | dict(forms or {})
     try:
         found = [FormTolerance(name, rms / 1e6, periods) for name, rms in chosen.items()]
     except TypeError:
-        raise UserError(f"a form error must be a number in nm, got {dict(chosen)}") from None
+        raise UserError(f"a form error must be a number in nm, got {chosen}") from None
     return tuple(form for form in found if form.rms)

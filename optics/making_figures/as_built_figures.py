@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.analysis import unit_mean
 from optics.figures import new_panels, plane_figure, png_bytes
 
 if TYPE_CHECKING:
-    from optics.analysis import Measurement
     from optics.as_built import AsBuilt
     from optics.target import Screen
 
@@ -37,12 +37,12 @@ def made_light_figure(built: AsBuilt, screen: Screen) -> bytes:
     """Draw the light asked for, as designed, as made, on one scale, and the change from design to made."""
     designed, made = built.nominal, built.measurement
     unit, (hx, hy) = "degrees" if screen.angular else "mm", screen.half_width
-    top = float((designed.target / designed.target.mean()).max())
+    mean, asked = float(designed.irradiance.mean()) or 1.0, unit_mean(designed.target)
     pictures = [
-        ("asked for", designed.target / designed.target.mean()),
-        (f"as designed: rel_l2 {designed.metrics['rel_l2']:.3f}", designed.irradiance / _mean(designed)),
-        (f"as made: rel_l2 {made.metrics['rel_l2']:.3f}", made.irradiance / _mean(designed)),
-        ("made - designed", built.change / _mean(designed)),
+        ("asked for", asked),
+        (f"as designed: rel_l2 {designed.metrics['rel_l2']:.3f}", designed.irradiance / mean),
+        (f"as made: rel_l2 {made.metrics['rel_l2']:.3f}", made.irradiance / mean),
+        ("made - designed", built.change / mean),
     ]
     most = float(np.percentile(np.abs(pictures[-1][1]), CUT)) or 1.0
     figure, axes = new_panels(len(pictures), PANEL)
@@ -52,7 +52,7 @@ def made_light_figure(built: AsBuilt, screen: Screen) -> bytes:
             image,
             cmap="RdBu_r" if change else "gray",
             vmin=-most if change else 0,
-            vmax=most if change else top,
+            vmax=most if change else float(asked.max()),
             extent=(-hx, hx, -hy, hy),
             interpolation="nearest",
         )
@@ -61,7 +61,3 @@ def made_light_figure(built: AsBuilt, screen: Screen) -> bytes:
         figure.colorbar(shown, ax=panel, location="bottom", label="light / mean")
     axes[0].set_ylabel(f"y / {unit}")
     return png_bytes(figure)
-
-
-def _mean(light: Measurement) -> float:
-    return float(light.irradiance.mean()) or 1.0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.figures import new_panels, png_bytes
+from optics.form_errors import height_text
 
 if TYPE_CHECKING:
     from optics.form_errors import FormErrors, SideCost
@@ -65,7 +66,7 @@ def band_maps_figure(cost: SideCost) -> bytes:
         shown = axes.pcolormesh(x, y, percent, vmin=0.0, vmax=top, cmap="magma", rasterized=True)
         axes.set_aspect("equal")
         axes.set_title(
-            f"{band.band[0]:g} to {band.band[1]:g} mm, {NM * band.allowed_rms:.3g} nm rms", fontsize=9
+            f"{band.band[0]:g} to {band.band[1]:g} mm, {height_text(band.allowed_rms)} rms", fontsize=9
         )
         axes.set_xlabel("x / mm")
         figure.colorbar(shown, ax=axes, label="dE / E in %", extend="max", shrink=0.8)

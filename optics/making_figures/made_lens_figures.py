@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.analysis import unit_mean
 from optics.figures import new_figure, new_panels, png_bytes
 
 if TYPE_CHECKING:
@@ -50,8 +51,9 @@ def lights_figure(made: MonteCarlo) -> bytes:
     """Draw the light asked for, of the design, and of the lenses of PARTS, at the same scale."""
     pictures = {"asked for": made.budget.target, "design": made.budget.irradiance}
     for name, part in PARTS.items():
-        image = made.irradiance(part)
-        pictures[name] = image / (image.mean() or 1.0)
+        if not np.isfinite(made.batch.quantile(part).value):  # a lens that cannot be traced has no light
+            continue
+        pictures[name] = unit_mean(made.irradiance(part))
     figure, panels = new_panels(len(pictures), PANEL)
     hx, hy = made.model.system.target.screen().half_width
     most = float(np.percentile(made.budget.target, WHITE))

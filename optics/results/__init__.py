@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from optics.results.owned_files import (
         HASHES as HASHES,
         hashes as hashes,
+        remove_files as remove_files,
         require_own as require_own,
         require_writable as require_writable,
         sha256_of as sha256_of,
@@ -54,6 +55,7 @@ _FILES = {
     "owned_files": (
         "HASHES",
         "hashes",
+        "remove_files",
         "require_own",
         "require_writable",
         "sha256_of",

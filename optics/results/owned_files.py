@@ -64,6 +64,12 @@ def require_own(folder: Path, names: Iterable[str], record: str, force: bool) ->
         )
 
 
+def remove_files(folder: Path, names: Iterable[str]) -> None:
+    """Remove what an earlier run left and this one does not write; no record would speak of it any more."""
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+
+
 def writable_folder(path: Path) -> None:
     """Make a folder and see that it can be written, before any work is done.
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 MOST = 400  # pictures: 20 x 20 still fit on a screen
 TILE, LINE, GAP = 96, 11, 6  # pixels: of a picture, of a line of text below it, between them
-SHORTEST = 18  # characters that a tile is wide
+MOST_LETTERS = 18  # of a line: a tile is no wider
 
 
 def contact_sheet(sweep: Sweep) -> bytes | None:
@@ -42,5 +42,6 @@ def contact_sheet(sweep: Sweep) -> bytes | None:
 
 
 def _texts(names: list[str], row: SweepRow) -> list[str]:
-    """Return a line for every varied key, cut to the width of a tile."""
-    return [f"{name} {cell(value)}"[:SHORTEST] for name, value in zip(names, row.values)]
+    """Return a line for every varied key: the value, numbers with six digits, and of its name what fits."""
+    values = [f"{v:.6g}" if isinstance(v, float) else str(cell(v))[:MOST_LETTERS] for v in row.values]
+    return [f"{name[: max(0, MOST_LETTERS - 1 - len(v))]} {v}".strip() for name, v in zip(names, values)]

@@ -35,7 +35,7 @@ def metric_plots(sweep: Sweep) -> dict[str, bytes]:
                 lines[_others(sweep.keys, row.values, along)].append(
                     (row.values[along], cast("float", value))
                 )
-        if len({value for line in lines.values() for _, value in line}) > 1:
+        if _varies([value for line in lines.values() for _, value in line]):
             plots[metric] = _plot(sweep.keys[along], metric, lines)
     return plots
 

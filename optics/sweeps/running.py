@@ -14,7 +14,7 @@ from optics.sweeps.sweep_folder import taken_folder, write_sweep
 from optics.sweeps.sweep_rows import INVALID, Sweep, SweepRow
 from optics.sweeps.variant_work import Designed, Shared, Work, designed
 from optics.sweeps.variants import Variant, all_variants, checked_ranges, files_of
-from optics.workers import worker_pool
+from optics.workers import require_workers, worker_pool
 
 if TYPE_CHECKING:
     from optics.sweeps.sweep_store import SweepStore
@@ -78,6 +78,7 @@ def run_sweep(
     function: Callable[[Shared, Work], Designed] = designed,
 ) -> Sweep:
     """Run a sweep and return it, see `sweep`.  function : what computes a variant."""
+    require_workers(plan.workers, plan.scheduler)
     problem, ranges, keys = plan.problem, checked_ranges(plan.ranges), tuple(plan.ranges)
     variants = all_variants(problem, ranges)
     with taken_folder(plan.folder, problem, keys, plan.resume, plan.force) as store:

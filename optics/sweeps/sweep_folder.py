@@ -42,7 +42,11 @@ def taken_folder(
     writable_folder(folder)
     try:
         with run_lock(folder, problem.title):
-            require_own(folder, FILES, RECORD, force)
+            try:
+                require_own(folder, FILES, RECORD, force)
+            except UserError as error:
+                kept = "; with --resume too, what is computed stays" if (folder / STORE).exists() else ""
+                raise UserError(f"{error}{kept}") from None
             if force and not resume:
                 _drop(folder)
             own = {"problem": fingerprint(problem), "keys": ", ".join(keys)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from decimal import Decimal, InvalidOperation
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,9 @@ def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
 
 def _range(name: str, start: Decimal, stop: Decimal, count: Decimal) -> list[Any]:
     """Return evenly spaced numbers, both ends included; whole ones where all of them are written so."""
-    if count != count.to_integral_value() or not 1 <= count <= MOST_VALUES:
+    if not count.is_finite() or count != count.to_integral_value() or not 1 <= count <= MOST_VALUES:
         raise UserError(f"{name}: the count of a range must be from 1 to {MOST_VALUES}, got {count}")
-    if not (start.is_finite() and stop.is_finite()):
+    if not all(end.is_finite() and isfinite(float(end)) for end in (start, stop)):
         raise UserError(f"{name}: both ends of a range must be finite, got {start}:{stop}")
     if count == 1 and start != stop:
         raise UserError(f"{name}: a range of one value must begin and end with it, got {start}:{stop}:1")

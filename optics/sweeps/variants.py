@@ -67,10 +67,11 @@ def all_variants(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> list[
         values = tuple(values[k] for values, k in zip(ranges.values(), place))
         found.append(_variant(problem, dict(zip(ranges, values))))
     for at, key in enumerate(ranges):
-        for k in range(len(ranges[key])):
-            of_value = [variant for variant, place in zip(found, places) if place[at] == k]
-            if all(variant.refusal for variant in of_value):
-                raise UserError(_alone(problem, key, ranges[key][k]) or of_value[0].refusal)
+        possible = {place[at] for variant, place in zip(found, places) if not variant.refusal}
+        for k, value in enumerate(ranges[key]):
+            if k not in possible:
+                why = next(variant.refusal for variant, place in zip(found, places) if place[at] == k)
+                raise UserError(_alone(problem, key, value) or why)
     return found
 
 

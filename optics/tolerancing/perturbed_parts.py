@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.runtime import UserError
 from optics.sources import RayGrid, Rays, SourceCells
 from optics.tolerancing.rigid_motion import RigidMotion
 from thbcad.lens import FreeformSurface, Lens
@@ -41,7 +42,14 @@ class PerturbedParts:
 
     @classmethod
     def of(cls, system: OpticalSystem, lens: Lens, p: Perturbation) -> PerturbedParts:
-        """Return the parts of a system whose lens, source and target a perturbation changes."""
+        """Return the parts of a system whose lens, source and target a perturbation changes.
+
+        Raises
+        ------
+        UserError : no lens or no source is so wrong.
+        """
+        if p.source_size <= -1:
+            raise UserError(f"a source whose size changes by {p.source_size:.0%} has none left")
         z = system.target.z
         moved = RigidMotion.about((0.0, 0.0, 0.0), p.lens_tilt, p.lens_shift).inverse()
         source = RigidMotion.about((0.0, 0.0, -system.problem.source.distance), p.source_tilt, p.source_shift)
@@ -102,7 +110,18 @@ def perturbed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
     """Return the lens with other thickness, index, powers and temperature; its front vertex stays.
 
     It expands uniformly, so that z(x, y) becomes s z(x / s, y / s) with s = 1 + expansion temperature.
+
+    Raises
+    ------
+    UserError : no lens is so wrong.
     """
+    try:
+        return _changed_lens(system, lens, p)
+    except ValueError as error:
+        raise UserError(f"no lens has such an error: {error}") from None
+
+
+def _changed_lens(system: OpticalSystem, lens: Lens, p: Perturbation) -> Lens:
     front, rear = _bent(lens.front, p.front_power), _bent(lens.rear, p.rear_power)
     thickness, index = lens.thickness + p.thickness, lens.index + p.index
     material = system.material
@@ -117,7 +136,8 @@ def _bent(surface: FreeformSurface, power: float) -> FreeformSurface:
     """Return the surface on a base conic of another curvature."""
     if not power:
         return surface
-    conic = Conic(surface.conic.radius / (1 + power), surface.conic.constant)
+    radius = np.inf if power == -1 else surface.conic.radius / (1 + power)
+    conic = Conic(radius, surface.conic.constant)
     return FreeformSurface(surface.half_width, conic, surface.sag)
 
 

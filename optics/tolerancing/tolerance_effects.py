@@ -6,15 +6,16 @@ is no good for a prediction: its derivative holds for hundredths of a pixel only
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optics.analysis import rel_l2
-from optics.runtime import UserError
+from optics.analysis import rel_l2, unit_mean
+from optics.runtime import UserError, speaking_of
+from optics.tolerancing.allowed_amount import amount_of
 from optics.tolerancing.linear_light import LinearLight
 from optics.tolerancing.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.traced_light import PerturbedLight
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
 
 TENTH = 0.1  # of a pixel: what light moves by where model and trace are compared
 LIMIT = 0.01  # what rel_l2 may rise by
-SEARCH = 4  # traces of both signs, at most, that look for the amount that is allowed
-ENOUGH = 0.02  # of the rise: so well is the amount known then
-MOST = 10.0  # times as large as the amount before, at most, is the next guess
 DIGITS = 8  # of numbers told: sums by several threads differ in later ones
 STILL = 1e-9  # of a pixel per amount: what moves no light
 
@@ -58,7 +56,7 @@ class ToleranceEffect:
     predicted : rel_l2 there by `LinearLight.moved`; None of rays and cut cells.
     tenth : the amount that moves light by a tenth of a pixel; None where it moves none.
     prediction_error, derivative_error : of the predicted dE, and of dE = J p, at that amount, relative to the
-        traced dE; None of rays and cut cells.
+        traced dE; None of rays and cut cells, and where no lens is so wrong.
     allowed : the amount at which rel_l2 rises by the limit, with what is traced there; None where no amount
         was found.
     change : of the scaled light; 1 stands for the amount.
@@ -179,7 +177,8 @@ def tolerance_budget(
     for k, tolerance in enumerate(chosen):
         if progress:
             progress(tolerance.name, k, len(chosen))
-        effects.append(trial.effect(tolerance))
+        with speaking_of(f"{tolerance.name} = {tolerance.words}"):
+            effects.append(trial.effect(tolerance))
     return ToleranceBudget(
         effects=tuple(effects),
         rel_l2=trial.rel_l2,
@@ -198,9 +197,9 @@ class _Trial:
         self._light, self._limit = light, limit
         self._flux = light.system.problem.source.flux
         self._linear = LinearLight(light)
-        self.target = target / target.mean()
+        self.target = unit_mean(target)
         irradiance, self.efficiency = self._linear.irradiance, self._linear.fates.on_target / self._flux
-        self.scaled = irradiance / (irradiance.mean() or 1.0)
+        self.scaled = unit_mean(irradiance)
         self.rel_l2 = rel_l2(irradiance, target)
         self._pixel = float(np.mean(light.screen.pitch))
 
@@ -208,12 +207,13 @@ class _Trial:
         """Return what a tolerance does."""
         amount = tolerance.amount
         moves = self._light.moved_by(tolerance.at(amount))
+        moves = moves if moves > STILL * self._pixel else 0.0
         images, efficiency = zip(*(self._traced(tolerance.at(sign * amount)) for sign in (-1, 1)))
         change = self._change(*images)
         behind, ahead = (rel_l2(image, self.target) for image in images)
         tenth = None
         errors: tuple[float | None, float | None] = None, None
-        if moves > STILL * self._pixel:
+        if moves:
             tenth = TENTH * self._pixel / moves * amount
             errors = self._prediction_errors(tolerance.at(tenth))
         return ToleranceEffect(
@@ -233,7 +233,7 @@ class _Trial:
     def _traced(self, perturbation: Any) -> tuple[Floats, float]:
         """Return light scaled to unit mean, and the efficiency."""
         image, fates = self._light(perturbation)
-        return image / (image.mean() or 1.0), fates.on_target / self._flux
+        return unit_mean(image), fates.on_target / self._flux
 
     def _change(self, behind: Floats, ahead: Floats) -> LightChange:
         """Return the change through the light at minus and at plus an amount, which is 1 for it."""
@@ -249,44 +249,25 @@ class _Trial:
     def _prediction_errors(self, perturbation: Perturbation) -> tuple[float | None, float | None]:
         """Return the errors of the predicted change and of J p, relative to the traced change."""
         before = self._linear.irradiance
-        moved, slope = self._linear.moved(perturbation), self._linear.derivative(perturbation)
-        if moved is None or slope is None:
+        try:
+            moved, slope = self._linear.moved(perturbation), self._linear.derivative(perturbation)
+            if moved is None or slope is None:
+                return None, None
+            traced = self._light(perturbation)[0] - before
+        except UserError:  # it hardly moves light, so that no lens is so wrong
             return None, None
-        traced = self._light(perturbation)[0] - before
         scale = float(np.linalg.norm(traced)) or 1.0
         by_moves, by_slope = (float(np.linalg.norm(c - traced)) / scale for c in (moved - before, slope))
         return by_moves, by_slope
 
     def _allowed(self, tolerance: Tolerance, worst: float) -> tuple[float, float] | None:
-        """Return the amount at which the worse sign raises rel_l2 by the limit, and rel_l2 there.
+        """Return the amount at which the worse sign raises rel_l2 by the limit, and rel_l2 there."""
+        square = self.rel_l2**2
 
-        Amounts are interpolated between (0, 0) and what was traced, as if rises of rel_l2^2 had a power of
-        the amount.
-        """
-        wanted = (self.rel_l2 + self._limit) ** 2 - self.rel_l2**2
-        points = [(tolerance.amount, worst**2 - self.rel_l2**2)]
-        for _ in range(SEARCH):
-            amount = _next(points, wanted)
-            if amount is None:
-                return None
-            found = max(rel_l2(self._traced(tolerance.at(s * amount))[0], self.target) for s in (-1, 1))
-            points.append((amount, found**2 - self.rel_l2**2))
-            if abs(points[-1][1] - wanted) < ENOUGH * wanted:
-                break
-        best = min(points[1:], key=lambda p: abs(p[1] - wanted))
-        return best[0], sqrt(max(best[1] + self.rel_l2**2, 0.0))
+        def rise(amount: float) -> float:
+            found = (rel_l2(self._traced(tolerance.at(s * amount))[0], self.target) for s in (-1, 1))
+            return max(found) ** 2 - square
 
-
-def _next(points: Iterable[tuple[float, float]], wanted: float) -> float | None:
-    """Return the amount to try next; None where no amount raises rel_l2 so far."""
-    rising = sorted(p for p in points if p[1] > 0)
-    if not rising:
-        return None
-    below = [p for p in rising if p[1] <= wanted]
-    above = [p for p in rising if p[1] > wanted]
-    if below and above:
-        (a, ra), (b, rb) = below[-1], above[0]
-        if rb > ra:
-            return float(a * (b / a) ** (np.log(wanted / ra) / np.log(rb / ra)))
-    amount, rise = (below or above)[-1 if below else 0]
-    return float(amount * np.clip(sqrt(wanted / rise), 1 / MOST, MOST))
+        wanted = (self.rel_l2 + self._limit) ** 2 - square
+        found = amount_of(rise, wanted, (tolerance.amount, worst**2 - square))
+        return None if found is None else (found[0], sqrt(max(found[1] + square, 0.0)))

@@ -17,11 +17,8 @@ if TYPE_CHECKING:
 # mm: a fine length of 0.5 to 6 mm, such as a lens's seat (ISO 2768-1, class f), and one of 6 to 30 mm, at
 # which a source is mounted; where the target is set up in a room with a ruler, and its distance with a tape
 SEAT, SOURCE_SEAT, ROOM, THROW = 0.05, 0.1, 0.5, 1.0
-TILT, SOURCE_TILT, ROOM_TILT = (
-    0.05,
-    0.1,
-    0.5,
-)  # degrees: such a seat's error over a lens of 57 mm; twice; a room
+# degrees: such a seat's error over a lens of 57 mm; twice; a room
+TILT, SOURCE_TILT, ROOM_TILT = 0.05, 0.1, 0.5
 THICKNESS, INDEX = 0.05, 0.0005  # mm, 1: Optimax's chart of manufacturing tolerances, its column "precision"
 POWER = 0.1  # %: of the vertex radius of an asphere, Optimax's chart of limits for aspheres
 SIZE = 2.0  # %: edges of an emitting area of 1 mm that are known within 10 um

@@ -99,7 +99,7 @@ class PerturbedLight:
         """Yield weight, moved cells, and what traces them, of every wavelength."""
         for colour in self._colours:
             parts = PerturbedParts.of(colour.system, colour.lens, perturbation)
-            yield colour.weight, parts.cells(self.cells), self._trace(parts, colour.system, perturbation)
+            yield colour.weight, parts.cells(self.cells), self.tracer_of(parts, colour.system, perturbation)
 
     def tracer_of(
         self,
@@ -127,9 +127,6 @@ class PerturbedLight:
 
         return trace
 
-    def _trace(self, parts: PerturbedParts, system: OpticalSystem, p: Perturbation) -> Trace:
-        return self.tracer_of(parts, system, p)
-
     def _light(self, colour: _Colour, p: Perturbation) -> tuple[Floats, SequentialFates]:
         """Return the light of one wavelength, as if it had all of the flux."""
         parts = PerturbedParts.of(colour.system, colour.lens, p)
@@ -137,7 +134,7 @@ class PerturbedLight:
             return self._light_of_rays(parts, colour.system, p)
         cells = parts.cells(self.cells)
         image, fates = traced_cells(
-            self._trace(parts, colour.system, p), self.screen, cells, self.backend, CORNERS_AT_ONCE
+            self.tracer_of(parts, colour.system, p), self.screen, cells, self.backend, CORNERS_AT_ONCE
         )
         if not cells.parallel:  # such rays do not know of the light that has none
             fates = replace(fates, beside_lens=fates.beside_lens + cells.missed)

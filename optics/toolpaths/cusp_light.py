@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.analysis import rel_l2
+from optics.analysis import rel_l2, unit_mean
 from optics.target import MappedCells
 from optics.toolpaths.response_to_slopes import crossings, traced_points
 from optics.tracing import SlopeErrors
@@ -72,5 +72,4 @@ def light_with_cusps(
     count = min(max(LEAST_PHASES, ceil(PHASES_PER_PIXEL * widest)), MOST_PHASES)
     picture = sum((light((k + 0.5) / count - 0.5) for k in range(count)), np.zeros(screen.shape))
     target = system.target.irradiance(screen, 1.0)
-    mean = float(picture.mean())
-    return CuspLight(picture / mean if mean else picture, rel_l2(light(0.0), target), rel_l2(picture, target))
+    return CuspLight(unit_mean(picture), rel_l2(light(0.0), target), rel_l2(picture, target))

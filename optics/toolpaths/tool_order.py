@@ -15,6 +15,7 @@ POSITIVE = {
     "rpm": "revolutions for each minute",
     "acceleration": "m/s^2",
 }
+LEAST, MOST = 1e-6, 1e6  # of any number: what is smaller or larger is a slip of the unit
 OF_BALL, OF_NOSE = ("step",), ("feed", "rpm", "acceleration")
 
 
@@ -54,6 +55,8 @@ class ToolOrder:
                 or not 0 < number < float("inf")
             ):
                 raise UserError(f"{name} must be a positive number of {unit}, got {number!r}")
+            if not LEAST <= number <= MOST:
+                raise UserError(f"{name} must be from {LEAST:g} to {MOST:g} {unit}, got {number!r}")
         if self.ball is not None and self.nose is not None:
             raise UserError("give a ball or a nose, not both: they are two tools")
         for tool, names in (("ball", OF_BALL), ("nose", OF_NOSE)):

@@ -6,6 +6,7 @@ from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
     from optics.workers.pool_choice import (
+        require_workers as require_workers,
         worker_pool as worker_pool,
     )
     from optics.workers.pool_protocol import (
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "pool_choice": ("worker_pool",),
+    "pool_choice": (
+        "require_workers",
+        "worker_pool",
+    ),
     "pool_protocol": (
         "Worker",
         "WorkerPool",

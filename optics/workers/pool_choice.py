@@ -23,11 +23,7 @@ def worker_pool(workers: int | None = None, scheduler: str | None = None) -> Ite
     ------
     UserError : a number of workers that cannot be, both arguments, or no scheduler answers.
     """
-    if scheduler is not None and workers is not None:
-        raise UserError("a scheduler has its own workers: give a number of workers or a scheduler, not both")
-    count = _cores() if workers is None else workers
-    if type(count) is not int or not 1 <= count <= MOST:
-        raise UserError(f"the number of workers must be a whole number from 1 to {MOST}, got {workers!r}")
+    require_workers(workers, scheduler)
     if scheduler is not None:
         from optics.workers.dask_cluster import DaskCluster
 
@@ -42,11 +38,19 @@ def worker_pool(workers: int | None = None, scheduler: str | None = None) -> Ite
         return
     from optics.workers.local_processes import LocalProcesses
 
-    processes = LocalProcesses(count)
+    processes = LocalProcesses(_cores() if workers is None else workers)
     try:
         yield processes
     finally:
         processes.close()
+
+
+def require_workers(workers: int | None, scheduler: str | None) -> None:
+    """Raise UserError for a number of workers that cannot be, or where both are given."""
+    if scheduler is not None and workers is not None:
+        raise UserError("a scheduler has its own workers: give a number of workers or a scheduler, not both")
+    if workers is not None and (type(workers) is not int or not 1 <= workers <= MOST):
+        raise UserError(f"the number of workers must be a whole number from 1 to {MOST}, got {workers!r}")
 
 
 def _cores() -> int:

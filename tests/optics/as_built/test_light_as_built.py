@@ -19,6 +19,7 @@ from optics.as_built import (
     surface_of,
     with_surface,
 )
+from optics.as_built.as_built_text import LIKE
 from optics.problem import load_problem
 from optics.runtime import UserError
 from optics.system import OpticalSystem
@@ -47,6 +48,16 @@ def test_the_made_surface_is_the_designed_one_and_the_error(designed: FreeformSu
     x, y = scattered(500, 0.95, seed=9)
     assert np.abs(made.correction(x, y) - ripple(x, y)).max() < 0.01 * 2e-4
     assert made.covered > 0.5
+
+
+def test_what_points_do_not_resolve_stands_in_the_residuals() -> None:
+    """The same ripple by many points leaves noise, by few points what neighbours agree in."""
+    designed = FreeformSurface((10.0, 8.0), Conic(60.0))
+    many, few = (
+        made_surface(designed, by_datums(designed, measured(designed, count, 1e-6).points))
+        for count in (6000, 150)
+    )
+    assert abs(many.unresolved) < LIKE < few.unresolved
 
 
 def test_a_correction_of_nothing_changes_no_bit_of_the_shape() -> None:

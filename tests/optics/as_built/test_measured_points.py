@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from optics.as_built import FileFrame, read_measured
+from optics.as_built import FileFrame, point_text, read_measured
 from optics.runtime import UserError
 from tests.optics.as_built.cases import HALF_WIDTH, freeform, ripple, scattered
 from thbcad.io import cloud_text, sag_text
@@ -100,7 +100,8 @@ def test_points_beside_the_surface_are_counted(tmp_path: Path) -> None:
         ("\0\1\2", "is no text"),
         ("5 5 1.0 1.0 0 0 0\n" + "0 0 0 0 0\n" * 24, "announces 25 points and holds 24"),
         ("5 5 1.0 1.0 7 0 0\n" + "0 0 0 0 0\n" * 25, "unit flag"),
-        ("99999 99999 1.0 1.0 0 0 0\n", "announces 9,999,800,001 points"),
+        ("99999 99999 1.0 1.0 0 0 0\n", "announces more than 2,000,000 points"),
+        ("1e300 1e300 1.0 1.0 0 0 0\n", "announces more than 2,000,000 points"),
     ],
 )
 def test_bad_files_are_refused_in_a_sentence(tmp_path: Path, content: str, words: str) -> None:
@@ -130,3 +131,9 @@ def test_a_missing_file_and_a_wrong_word_are_named(tmp_path: Path) -> None:
         read_measured(tmp_path / "none.xyz", SURFACE)
     with pytest.raises(UserError, match="unit must be one of m, mm, um, nm, got 'inch'"):
         FileFrame(unit="inch")
+
+
+def test_a_device_without_end_is_refused(monkeypatch) -> None:
+    monkeypatch.setattr(point_text, "MOST_BYTES", 1000)
+    with pytest.raises(UserError, match="more than 1,000 bytes"):
+        point_text.read_text("/dev/zero")

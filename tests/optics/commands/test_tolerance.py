@@ -60,6 +60,14 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
         (["--set", "index"], "NAME=AMOUNT"),
         (["--limit", "-1"], "limit must be"),
         (["--tolerances", "none.toml"], "none.toml"),
+        (["--tolerances", "/dev/zero"], "larger than a file of amounts"),
+        (["--samples", "100"], "8 times a power of two"),
+        (["--samples", "-8"], "the number of samples"),
+        (["--samples", "16", "--periods", "5:2"], "band of periods must rise"),
+        (["--samples", "16", "--set", "rear.form=-1"], "the rms of a form error"),
+        (["--samples", "16", "--set", "side.form=1"], '"front" or "rear"'),
+        (["--samples", "16", "--workers", "0"], "the number of workers"),
+        (["--workers", "2"], "go with --samples"),
     ],
 )
 def test_bad_amounts_are_one_sentence(capsys, golden, tmp_path, monkeypatch, arguments, words):

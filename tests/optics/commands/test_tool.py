@@ -2,6 +2,7 @@
 
 import pytest
 
+from optics import making_figures
 from optics.commands.cli import main
 from optics.problem import load_problem
 from optics.results import sha256_of
@@ -29,6 +30,21 @@ def test_a_nose_that_fits_leaves_record_page_and_picture(capsys, result):
     assert kept["surfaces"]["rear"]["least_concave_radius_mm"]["value"] == pytest.approx(40, rel=1e-3)
     assert "draft angle" in (folder / "tool.html").read_text("utf-8")
     assert sha256_of(result / "result.json") == before
+
+
+def test_a_picture_of_an_earlier_tool_does_not_stay(result, monkeypatch):
+    def figures(findings):
+        return [(f"tool_{surface.name}.png", "", b"png") for surface in findings.surfaces]
+
+    monkeypatch.setattr(making_figures, "figures_of_tool", figures, raising=False)
+    folder = result / "tool"
+    for words, shown in (
+        (["--ball", "2"], {"tool_rear.png"}),
+        ([], set()),
+        (["--ball", "2"], {"tool_rear.png"}),
+    ):
+        assert main(["tool", str(result), *words]) == 0
+        assert {p.name for p in folder.iterdir()} == {"tool.json", "tool.html", *shown}
 
 
 @pytest.mark.slow

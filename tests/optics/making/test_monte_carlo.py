@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import BytesIO
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,10 +12,12 @@ from PIL import Image
 
 import optics
 from optics.made_lenses import Draw, ErrorModel, FormTolerance, MadeBatch, MonteCarlo, Sampled
+from optics.making.design_errors import FORM_NM, _forms
 from optics.making_figures import made_lens_figures_of
 from optics.problem import load_problem
 from optics.system import OpticalSystem
 from optics.tolerancing import tolerance_budget, tolerances_of
+from tests.cases import EXAMPLES
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -67,6 +71,20 @@ def test_the_figures_are_pictures(made):
     for caption, png in made_lens_figures_of(made):
         assert caption
         assert np.ptp(np.asarray(Image.open(BytesIO(png)).convert("L"))) > 100
+
+
+def test_a_lens_that_cannot_be_traced_is_not_drawn(made):
+    rel = made.batch.rel_l2.copy()
+    rel[:, :4] = np.inf  # a quarter of all, so that the 95th percentile is one of them
+    broken = replace(made, sampled=made.sampled._replace(batch=replace(made.batch, rel_l2=rel)))
+    assert all(png.startswith(b"\x89PNG") for _, png in made_lens_figures_of(broken))
+
+
+def test_the_form_of_a_surface_that_is_not_named_keeps_its_usual_amount():
+    both = SimpleNamespace(problem=load_problem(EXAMPLES / "extended_two.toml"))
+    forms = {form.name: form.rms for form in _forms(both, {"rear": 30.0}, (2.0, 8.0))}
+    assert forms == pytest.approx({"front.form": 1e-6 * FORM_NM, "rear.form": 3e-5})
+    assert _forms(both, {"front": 0, "rear": 0}, (2.0, 8.0)) == ()
 
 
 @pytest.mark.slow

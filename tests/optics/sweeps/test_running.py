@@ -9,7 +9,9 @@ import pytest
 import optics
 from optics.runtime import UserError
 from optics.sweeps import metric_plots, running, sweep_folder
+from optics.sweeps.contact_sheet import _texts
 from optics.sweeps.running import run_sweep
+from optics.sweeps.sweep_rows import SweepRow
 from tests.optics.sweeps.cases import DISTANCES, picky, problem, quick, thread_pool
 
 
@@ -49,6 +51,16 @@ def test_a_sweep_has_a_row_for_every_variant_and_files_that_show_them(by, tmp_pa
     for name in ("contact_sheet.png", "figures/rel_l2.png", "figures/dof.png"):
         assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
     assert not (tmp_path / "out" / "figures" / "estimator.png").exists()
+    assert not (tmp_path / "out" / "figures" / "rounded.png").exists()
+
+
+def test_values_below_a_picture_are_whole():
+    row = SweepRow((209.0909090909091, 3, [30.5, 30.5, 1.25, 7.125]), "done")
+    assert _texts(["distance", "level_of_refinement", "half_width"], row) == [
+        "distance 209.091",
+        "level_of_refinem 3",
+        "[30.5, 30.5, 1.25,",
+    ]
 
 
 def test_the_page_is_one_file_that_loads_nothing(by, tmp_path):
@@ -64,6 +76,8 @@ def test_what_is_stored_is_not_computed_again_and_more_values_are_added(by, tmp_
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
     before = rows(tmp_path)
     by(picky)
+    with pytest.raises(UserError, match="number of workers"):
+        optics.sweep(problem(), DISTANCES, tmp_path, workers=0)
     again = optics.sweep(problem(), DISTANCES, tmp_path, workers=1, resume=True)
     assert rows(tmp_path) == before
     assert again.counts()["done"] == 3
@@ -106,8 +120,11 @@ def test_another_sweep_and_files_of_others_are_refused_unless_forced(by, tmp_pat
         with pytest.raises(UserError, match="holds another sweep"):
             optics.sweep(other, ranges, tmp_path, workers=1)
     (tmp_path / "sweep.csv").write_text("mine")
-    with pytest.raises(UserError, match=r"sweep\.csv would be replaced"):
+    with pytest.raises(UserError, match=r"sweep\.csv would be replaced.*what is computed stays"):
         optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
+    by(None)  # nothing is computed again
+    assert len(optics.sweep(problem(), DISTANCES, tmp_path, workers=1, resume=True, force=True).rows) == 3
+    by(quick)
     found = optics.sweep(problem(), {"target.distance": [500]}, tmp_path, workers=1, force=True)
     assert len(rows(tmp_path)) == len(found.rows) == 1
 

@@ -12,6 +12,7 @@ from optics.tolerancing import (
     tolerance_budget,
     tolerances_of,
 )
+from optics.tolerancing.allowed_amount import amount_of
 from tests.optics.tolerancing.cases import small_light, small_system
 
 MOVING = [  # tolerances that move round light in proportion to their amount
@@ -114,6 +115,34 @@ def test_at_the_amount_that_is_allowed_rel_l2_rises_by_the_limit(budget, backend
         lights = [perturbed_light(system, lens, effect.tolerance.at(s * amount), backend) for s in (-1, 1)]
         assert there == pytest.approx(max(rel_l2(light, target) for light, _ in lights), rel=1e-12)
         assert there == pytest.approx(found.rel_l2 + 0.002, abs=2e-4)
+
+
+def test_an_amount_that_never_reaches_the_rise_is_none():
+    """A rise by rounding alone, and one that ends where no lens is so wrong."""
+
+    def ends_at_two(amount):
+        if amount > 2:
+            raise UserError("no lens")
+        return 1e-3 * amount
+
+    assert amount_of(lambda amount: 1e-18, 1e-4, (0.05, 1e-18)) is None
+    assert amount_of(ends_at_two, 1.0, (0.5, 5e-4)) is None
+    amount, rise = amount_of(lambda amount: 3 * amount**2, 0.03, (5.0, 75.0))
+    assert (amount, rise) == pytest.approx((0.1, 0.03), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "amount", "words"),
+    [
+        ("thickness", 100.0, "thickness = 100 mm: no lens has such an error: thickness must be a positive"),
+        ("index", 1.0, "index = 1: no lens has such an error: index must be"),
+        ("source.size", 100.0, "source.size = 100 %: a source whose size changes by -100% has none left"),
+    ],
+)
+def test_what_no_lens_can_be_is_one_sentence(tmp_path, backend, name, amount, words):
+    system, lens = small_system(tmp_path)
+    with pytest.raises(UserError, match=words):
+        tolerance_budget(system, lens, np.ones((48, 48)), backend, few(system, **{name: amount}))
 
 
 def test_the_shop_is_told_amounts_with_units(budget):

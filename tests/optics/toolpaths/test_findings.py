@@ -103,6 +103,8 @@ def test_without_a_tool_draft_angles_are_left(found):
     [
         ({"ball": 0.0}, "ball must be a positive number of mm, got 0.0"),
         ({"nose": float("nan")}, "nose must be a positive number of mm, got nan"),
+        ({"nose": 1.0, "rpm": 1e300}, "rpm must be from 1e-06 to 1e\\+06 revolutions"),
+        ({"ball": 1e-300}, "ball must be from 1e-06"),
         ({"ball": "3"}, "ball must be a positive number of mm, got '3'"),
         ({"ball": 1.0, "step": float("inf")}, "step must be a positive number of mm"),
         ({"ball": 1.0, "nose": 1.0}, "give a ball or a nose, not both"),
