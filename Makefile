@@ -134,11 +134,13 @@ docs:
 	@NO_MKDOCS_2_WARNING=true .venv/bin/python -m mkdocs build
 	@echo "Done. Open build/site/index.html."
 
-dist:
-	@scripts/setup dist
-	@rm -rf dist
+# twine has an environment of its own, since it brings much else.
+dist: setup
+	@rm -rf dist build/twine
 	@.venv/bin/python -m build
-	@.venv/bin/python -m twine check --strict dist/*
+	@.venv/bin/python -m venv build/twine
+	@build/twine/bin/pip install -q --disable-pip-version-check -c constraints.txt twine
+	@build/twine/bin/twine check --strict dist/*
 
 licences: setup
 	@.venv/bin/python scripts/licences.py

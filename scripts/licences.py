@@ -34,11 +34,11 @@ ALLOWED = {
 def stated_licence(package: Distribution) -> str:
     """Return what the metadata say: the expression, else classifiers, else the first line of the text."""
     metadata = package.metadata
-    if metadata["License-Expression"]:
-        return str(metadata["License-Expression"])
+    if expression := metadata.get("License-Expression"):
+        return expression
     classifiers = [c for c in metadata.get_all("Classifier") or () if c.startswith("License")]
     names = [c.rpartition(" :: ")[2] for c in classifiers if c.count(" :: ") > 1]
-    text = str(metadata["License"] or "").strip().partition("\n")[0]
+    text = metadata.get("License", "").strip().partition("\n")[0]
     return " AND ".join(names) or ("" if text == "UNKNOWN" else text)
 
 
