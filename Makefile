@@ -6,12 +6,14 @@
 # make coverage  runs the tests and prints what they cover
 # make lint   ruff and mypy
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
+# make dist   sets everything up, builds sdist and wheel into dist, and checks their metadata
+# make licences  sets everything up and prints the licence of every package in .venv; fails at one that does not suit
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=
 export PYTHON
 
-.PHONY: demo test quick slow coverage lint docs setup clean
+.PHONY: demo test quick slow coverage lint docs dist licences setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -132,8 +134,19 @@ docs:
 	@NO_MKDOCS_2_WARNING=true .venv/bin/python -m mkdocs build
 	@echo "Done. Open build/site/index.html."
 
+# twine has an environment of its own, since it brings much else.
+dist: setup
+	@rm -rf dist build/twine
+	@.venv/bin/python -m build
+	@.venv/bin/python -m venv build/twine
+	@build/twine/bin/pip install -q --disable-pip-version-check -c constraints.txt twine
+	@build/twine/bin/twine check --strict dist/*
+
+licences: setup
+	@.venv/bin/python scripts/licences.py
+
 setup:
 	@scripts/setup
 
 clean:
-	rm -rf .venv build *.egg-info
+	rm -rf .venv build dist *.egg-info

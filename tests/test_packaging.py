@@ -10,7 +10,7 @@ import tomllib
 import zipfile
 from email import message_from_bytes
 from importlib.metadata import packages_distributions
-from shutil import copytree, ignore_patterns
+from shutil import copytree, ignore_patterns, which
 
 import pytest
 import yaml
@@ -22,6 +22,7 @@ from thbcad.doors import EXTRAS
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 FIRST_BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+OTHER_EXTRAS = ("all", "docs", "notebook", "peers", "test")  # of no door
 SENTENCE = 'thbcad: {} not installed; pip install "thbcad[optics]"\n'
 ARGUMENTS = {
     "asbuilt": ["result", "--measured", "points.xyz"],
@@ -74,8 +75,8 @@ BARE_OUTPUT = "148 (14, 14)\n6 faces True\n"
 
 
 def bare_program():
-    """Return the README's first Python block, then the text of its lens's STEP file read."""
-    return FIRST_BLOCK.search((ROOT / "README.md").read_text("utf-8"))[1] + READ_STEP_TEXT
+    """Return the first Python block of docs/README.md, then the text of its lens's STEP file read."""
+    return FIRST_BLOCK.search((ROOT / "docs" / "README.md").read_text("utf-8"))[1] + READ_STEP_TEXT
 
 
 def run(program, folder):
@@ -187,6 +188,25 @@ def test_a_commit_runs_what_make_lint_runs():
     assert {hook["language"] for hook in hooks} == {"system"}
 
 
+def test_the_workflow_runs_targets_of_the_makefile_by_every_python():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8"))
+    steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
+    runs = {step["run"] for step in steps if "run" in step}
+    targets = re.search(r"^\.PHONY: (.*)", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)[1].split()
+    assert runs == {f"make PYTHON=python {target}" for target in ("lint", "licences", "test", "docs", "dist")}
+    assert {run.split()[-1] for run in runs} <= set(targets)
+    versions = workflow["jobs"]["test"]["strategy"]["matrix"]["python"]
+    assert [f"Programming Language :: Python :: {v}" for v in versions] == [
+        line for line in PROJECT["classifiers"] if "Python :: 3." in line
+    ]
+
+
+def test_the_changelog_begins_with_this_version():
+    headings = re.findall(r"^## (.*)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert headings[:2] == ["Unreleased", f"{thbcad.__version__} - {citation['date-released']}"]
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """Sdist and wheel, built without a warning from a copy of the checkout."""
@@ -243,10 +263,12 @@ def test_the_metadata_say_whose_it_is_and_what_it_needs(built):
     assert metadata["License-File"] == "LICENSE"
     assert metadata["Requires-Python"] == "<3.14,>=3.11"
     assert metadata["Description-Content-Type"] == "text/markdown"
+    assert metadata.get_payload() == (ROOT / "README.md").read_text("utf-8")
+    assert metadata["Summary"] == PROJECT["description"]
     assert metadata["Keywords"]
     assert "Typing :: Typed" in metadata.get_all("Classifier")
     assert metadata.get_all("Project-URL") is metadata["Home-page"] is None
-    assert set(metadata.get_all("Provides-Extra")) == {*EXTRAS, "peers", "all", "docs", "notebook", "test"}
+    assert set(metadata.get_all("Provides-Extra")) == {*EXTRAS, *OTHER_EXTRAS}
     base = [r for r in metadata.get_all("Requires-Dist") if "extra ==" not in r]
     assert {distribution(r) for r in base} == {"numpy", "scipy"}
 
@@ -269,9 +291,11 @@ def test_the_wheel_works_in_a_fresh_environment(built, tmp_path, capsys):
     assert (done.stdout, done.stderr) == (BARE_OUTPUT, "")
     assert call(command, "--help").stdout.startswith("usage: thbcad")
     assert call(command, "--version").stdout == f"thbcad {thbcad.__version__}\n"
-    done = call(command, "design", "problem.toml")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == SENTENCE.format(", ".join(EXTRAS["optics"]) + " are")
+    assert call(python, "-I", "-c", "import thbcad, optics").returncode == 0
+    for arguments in (["design", "problem.toml"], ["new"]):
+        done = call(command, *arguments)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == SENTENCE.format(", ".join(EXTRAS["optics"]) + " are")
 
     (site,) = (tmp_path / "fresh" / "lib").glob("python*/site-packages")
     megabytes = {
@@ -281,3 +305,13 @@ def test_the_wheel_works_in_a_fresh_environment(built, tmp_path, capsys):
     with capsys.disabled():
         print(f"\ninstalled, MB: {megabytes}; wheel {built[1].stat().st_size / 1e6:.2f} MB")
     assert sum(megabytes.values()) < 400
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(which("uvx") is None, reason="uvx is not installed")
+def test_uvx_runs_the_program_of_the_wheel(built, tmp_path):
+    done = subprocess.run(
+        ["uvx", "--from", built[1], "thbcad", "--help"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage: thbcad")
