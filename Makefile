@@ -6,12 +6,13 @@
 # make coverage  runs the tests and prints what they cover
 # make lint   ruff and mypy
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
+# make gallery  designs the lenses of docs/gallery.md, some ten minutes, and writes that page with its pictures
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=
 export PYTHON
 
-.PHONY: demo test quick slow coverage lint docs setup clean
+.PHONY: demo test quick slow coverage lint docs gallery setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -131,6 +132,11 @@ docs:
 	@scripts/setup docs
 	@NO_MKDOCS_2_WARNING=true .venv/bin/python -m mkdocs build
 	@echo "Done. Open build/site/index.html."
+
+# Store the rows only on a quiet machine: they are the times of the page.
+gallery: setup
+	@.venv/bin/thbcad bench gallery --store
+	@.venv/bin/thbcad bench --markdown
 
 setup:
 	@scripts/setup

@@ -1,0 +1,147 @@
+"""The lenses of the gallery: over all sources and targets, each from a problem file of examples/."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A lens of the gallery.
+
+    problem : file below examples/.  source, target, free : words for the table.
+    words : what the lens is for, as sentences.
+    body : options of `thbcad export` that give the lens another outline, which the picture then shows.
+    """
+
+    name: str
+    problem: str
+    source: str
+    target: str
+    free: str
+    words: str
+    body: tuple[str, ...] = ()
+
+
+LENSES = (
+    Shown(
+        "pearl",
+        "pearl.toml",
+        "parallel beam",
+        "picture",
+        "rear",
+        "*Girl with a Pearl Earring* (J. Vermeer, c. 1665, public domain). The lens is 100 mm wide.",
+    ),
+    Shown(
+        "two_pictures",
+        "two_pictures.toml",
+        "beam that carries a picture",
+        "another picture",
+        "rear",
+        "The beam has the brightness of a photograph (an astronaut, NASA, public domain). The lens turns it "
+        "into another picture.",
+    ),
+    Shown(
+        "text",
+        "others/text_near.toml",
+        "parallel beam",
+        "text on black",
+        "rear",
+        "A lens of 4 mm writes a word. A smooth surface leaves faint light where black is wanted. "
+        "[Cases of others](others.md) compares it with published work.",
+    ),
+    Shown(
+        "point",
+        "point.toml",
+        "point, 30 degrees",
+        "picture",
+        "rear",
+        "A small lamp at 60 mm in place of the beam: its rays spread in the lens too.",
+    ),
+    Shown(
+        "flower",
+        "flower.toml",
+        "sun",
+        "formula",
+        "rear",
+        "The target is a formula of one line. The sun blurs every edge, and the design takes account of it.",
+    ),
+    Shown(
+        "tophat_square",
+        "tophat_square.toml",
+        "parallel beam, square",
+        "uniform square",
+        "rear",
+        "The beam of a laser or a collimator becomes larger and stays uniform.",
+    ),
+    Shown(
+        "tophat_circle",
+        "tophat_circle.toml",
+        "parallel beam, round",
+        "uniform disk",
+        "rear",
+        "A round beam becomes a larger disk. `--aperture` cuts the lens to an outline of 98 mm.",
+        ("--aperture", "49", "49"),
+    ),
+    Shown(
+        "disk",
+        "disk.toml",
+        "parallel beam, square",
+        "uniform disk",
+        "rear",
+        "A square beam becomes a disk. Detail is needed near the corners of the lens only, and the mesh is "
+        "refined there ([local refinement](method.md)).",
+    ),
+    Shown(
+        "far_field",
+        "far_field.toml",
+        "parallel beam",
+        "square of angles, far field",
+        "rear",
+        "Uniform intensity within 30 x 30 degrees. `--mount` adds a plate with four screws and two bosses "
+        "([mounts](parts.md)).",
+        ("--mount", "examples/mounts/wall_washer.toml"),
+    ),
+    Shown(
+        "white_square",
+        "white_square.toml",
+        "white LED, collimated",
+        "uniform square, in colour",
+        "rear",
+        "PMMA bends blue light more than red light. The picture shows the colours that remain at the edge.",
+    ),
+    Shown(
+        "flat_square",
+        "others/flat_square.toml",
+        "Gaussian beam",
+        "uniform square",
+        "front",
+        "The front is free and the rear is flat. [Cases of others](others.md) compares it with diffinytrace.",
+    ),
+    Shown(
+        "extended",
+        "extended.toml",
+        "LED of 1 mm, 2 mm away",
+        "curved uniform region",
+        "rear",
+        "The source is as large as a tenth of the front, and no lens can make a sharp edge of it "
+        "([etendue](etendue.md)). This result can be [opened](result/report.html).",
+    ),
+    Shown(
+        "street",
+        "street.toml",
+        "LED of 1 mm, 2 mm away",
+        "uniform road, 24 m x 8 m",
+        "front and rear",
+        "A lamp on a pole of 8 m. Both surfaces are free, and the light has two wings along the road.",
+    ),
+    Shown(
+        "lamp",
+        "lamp.toml",
+        "luminaire (IES file)",
+        "uniform ellipse",
+        "rear",
+        "The source is a file with the intensity of a lamp, as makers publish it "
+        "([luminaires](luminaires.md)).",
+    ),
+)
