@@ -16,14 +16,14 @@ from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.gallery.opened_result import write_opened
 from benchmarks.gallery.small_pictures import lens_picture, light_picture, mesh_picture, scene_picture
 from optics.export import read_mesh
-from optics.problem import load_problem
 from optics.runtime import Row, UserError, read_rows
 from thbcad import read_lens
 from thbcad.io import write_bytes
 
 BUILD = ROOT / "build" / "gallery"
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "gallery"
-OPENED = "extended"  # the lens whose result is kept as a whole
+OPENED = "street"  # the lens whose result is kept as a whole: two free surfaces, in few bytes
+CHORD = "0.05"  # mm, of meshes that are drawn: less than a pixel of their pictures
 
 
 def rows(only: int | None = None) -> list[Row]:
@@ -41,11 +41,13 @@ def rows(only: int | None = None) -> list[Row]:
 
 
 def _designed(lens: Shown) -> DesignRun:
-    """Design a lens, and export its body where it has another outline than the lens."""
+    """Design a lens; where its body is another, export that, and as a mesh that can be drawn."""
     out = BUILD / lens.name
     run = run_design(EXAMPLES / lens.problem, out)
     for arguments in commands(lens, str(out))[1:]:
-        subprocess.run([sys.executable, "-m", "optics", *arguments, "--force"], check=True, cwd=ROOT)
+        for options in ([], ["--out", f"{out}.stl", "--chord", CHORD]):  # the last --out counts
+            command = [sys.executable, "-m", "optics", *arguments, *options, "--force"]
+            subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
     return run
 
 
@@ -85,5 +87,4 @@ def _solid(lens: Shown, folder: Path) -> bytes:
 
 def pages() -> dict[Path, str]:
     """Return the text of the page by its path, from the stored rows."""
-    titles = {lens.name: load_problem(EXAMPLES / lens.problem).title for lens in LENSES}
-    return {PAGE: page_text(titles, read_rows(ROOT / "docs" / "data"))}
+    return {PAGE: page_text(read_rows(ROOT / "docs" / "data"))}

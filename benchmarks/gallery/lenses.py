@@ -15,6 +15,7 @@ class Shown:
     """
 
     name: str
+    title: str
     problem: str
     source: str
     target: str
@@ -26,14 +27,16 @@ class Shown:
 LENSES = (
     Shown(
         "pearl",
+        "Girl with a Pearl Earring",
         "pearl.toml",
         "parallel beam",
         "picture",
         "rear",
-        "*Girl with a Pearl Earring* (J. Vermeer, c. 1665, public domain). The lens is 100 mm wide.",
+        "The painting is by J. Vermeer (c. 1665, public domain). The lens is 100 mm wide.",
     ),
     Shown(
         "two_pictures",
+        "One picture into another",
         "two_pictures.toml",
         "beam that carries a picture",
         "another picture",
@@ -43,15 +46,17 @@ LENSES = (
     ),
     Shown(
         "text",
+        "Letters on black",
         "others/text_near.toml",
         "parallel beam",
         "text on black",
         "rear",
-        "A lens of 4 mm writes a word. A smooth surface leaves faint light where black is wanted. "
+        "A lens of 4 mm writes three letters. A smooth surface leaves faint light where black is wanted. "
         "[Cases of others](others.md) compares it with published work.",
     ),
     Shown(
         "point",
+        "A picture from a point source",
         "point.toml",
         "point, 30 degrees",
         "picture",
@@ -60,6 +65,7 @@ LENSES = (
     ),
     Shown(
         "flower",
+        "A flower in the sun",
         "flower.toml",
         "sun",
         "formula",
@@ -68,6 +74,7 @@ LENSES = (
     ),
     Shown(
         "tophat_square",
+        "Square beam, square top hat",
         "tophat_square.toml",
         "parallel beam, square",
         "uniform square",
@@ -76,6 +83,7 @@ LENSES = (
     ),
     Shown(
         "tophat_circle",
+        "Round beam, round top hat",
         "tophat_circle.toml",
         "parallel beam, round",
         "uniform disk",
@@ -85,6 +93,7 @@ LENSES = (
     ),
     Shown(
         "disk",
+        "Square beam, round top hat",
         "disk.toml",
         "parallel beam, square",
         "uniform disk",
@@ -94,16 +103,18 @@ LENSES = (
     ),
     Shown(
         "far_field",
+        "A square of angles",
         "far_field.toml",
         "parallel beam",
         "square of angles, far field",
         "rear",
-        "Uniform intensity within 30 x 30 degrees. `--mount` adds a plate with four screws and two bosses "
+        "Uniform intensity within 30 x 30 degrees. `--mount` adds a plate with four holes for screws "
         "([mounts](parts.md)).",
         ("--mount", "examples/mounts/wall_washer.toml"),
     ),
     Shown(
         "white_square",
+        "White light through PMMA",
         "white_square.toml",
         "white LED, collimated",
         "uniform square, in colour",
@@ -112,6 +123,7 @@ LENSES = (
     ),
     Shown(
         "flat_square",
+        "Gaussian beam, square top hat",
         "others/flat_square.toml",
         "Gaussian beam",
         "uniform square",
@@ -120,23 +132,27 @@ LENSES = (
     ),
     Shown(
         "extended",
+        "A curved region from an LED",
         "extended.toml",
         "LED of 1 mm, 2 mm away",
         "curved uniform region",
         "rear",
         "The source is as large as a tenth of the front, and no lens can make a sharp edge of it "
-        "([etendue](etendue.md)). This result can be [opened](result/report.html).",
+        "([etendue](etendue.md)).",
     ),
     Shown(
         "street",
+        "A road lamp",
         "street.toml",
         "LED of 1 mm, 2 mm away",
         "uniform road, 24 m x 8 m",
         "front and rear",
-        "A lamp on a pole of 8 m. Both surfaces are free, and the light has two wings along the road.",
+        "A lamp on a pole of 8 m. Both surfaces are free, and the light has two wings along the road. "
+        "Its result can be [opened](result/report.html).",
     ),
     Shown(
         "lamp",
+        "The lamp of an IES file",
         "lamp.toml",
         "luminaire (IES file)",
         "uniform ellipse",

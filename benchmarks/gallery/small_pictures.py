@@ -23,7 +23,7 @@ MARGIN = 12  # pixels around what is drawn
 BRIGHTEST = 0.999  # quantile of the light that is shown as white
 TURN, RISE = 32.0, 24.0  # degrees: from where the solid is seen
 ROOM = 0.55  # half-size of the view of the solid, in sizes of its picture
-GLASS, BODY = (0.86, 0.93, 1.0), (0.80, 0.85, 0.90)  # of the lens and of what holds it
+BODY = (0.80, 0.85, 0.90)  # colour of a lens with what holds it
 DENSE = 1.5  # points of a triangle per pixel of the view, in each direction
 
 
@@ -82,13 +82,16 @@ def light_picture(path: Path) -> bytes:
 
 
 def lens_picture(lens: Lens) -> bytes:
-    """Return the solid of a lens, seen obliquely from behind; the relief is shaded steeper than it is."""
+    """Return the solid of a lens, seen obliquely from behind, or from before where the front alone is free.
+
+    The relief is shaded steeper than it is.
+    """
     faces, _ = solid_faces(lens)
-    return _shaded(faces)
+    return _shaded(faces, oblique(TURN if lens.rear.sag or not lens.front.sag else TURN + 180, RISE))
 
 
 def mesh_picture(mesh: Any) -> bytes:
-    """Return a body seen in the same way.  mesh : a trimesh.Trimesh."""
+    """Return a body seen obliquely from behind.  mesh : a trimesh.Trimesh."""
     turn = oblique(TURN, RISE)
     seen = np.ptp((turn[:2] @ mesh.vertices.T), axis=1).max()
     pixel = 2 * ROOM * seen / SIDE
@@ -103,7 +106,7 @@ def mesh_picture(mesh: Any) -> bytes:
         normals.append(np.repeat(mesh.face_normals[chosen].T, len(weights), axis=1))
     cloud, outward = np.concatenate(points, axis=1), np.concatenate(normals, axis=1)
     body = Face("body", cloud[:, :, None], outward[:, :, None], BODY)
-    return _shaded([body])
+    return _shaded([body], turn)
 
 
 def barycentric(count: int) -> Floats:
@@ -112,8 +115,7 @@ def barycentric(count: int) -> Floats:
     return np.stack([i, j - i, count - 1 - j], axis=1) / (count - 1)
 
 
-def _shaded(faces: list[Face]) -> bytes:
-    turn = oblique(TURN, RISE)
+def _shaded(faces: list[Face], turn: Floats) -> bytes:
     seen = np.concatenate([turn[:2] @ face.points.reshape(3, -1) for face in faces], axis=1)
     low, high = seen.min(axis=1), seen.max(axis=1)
     view = View(turn, (low + high) / 2, ROOM * float((high - low).max()))
