@@ -35,14 +35,14 @@ LENSES = (
         "The painting is by J. Vermeer (c. 1665, public domain). The lens is 100 mm wide.",
     ),
     Shown(
-        "two_pictures",
-        "One picture into another",
-        "two_pictures.toml",
-        "beam that carries a picture",
-        "another picture",
+        "hobby",
+        "A photograph",
+        "others/hobby.toml",
+        "parallel beam",
+        "photograph",
         "rear",
-        "The beam has the brightness of a photograph (an astronaut, NASA, public domain). The lens turns it "
-        "into another picture.",
+        "An astronaut (NASA, public domain) through 8 inches of acrylic. "
+        "[Cases of others](others.md) compares it with a hobbyist's lens.",
     ),
     Shown(
         "text",
@@ -71,6 +71,15 @@ LENSES = (
         "formula",
         "rear",
         "The target is a formula of one line. The sun blurs every edge, and the design takes account of it.",
+    ),
+    Shown(
+        "two_pictures",
+        "One picture into another",
+        "two_pictures.toml",
+        "beam that carries a picture",
+        "another picture",
+        "rear",
+        "The beam carries the photograph above. The lens turns it into the painting.",
     ),
     Shown(
         "tophat_square",
