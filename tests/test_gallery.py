@@ -10,13 +10,14 @@ import pytest
 from PIL import Image
 from scipy.interpolate import NdBSpline
 
-from benchmarks.gallery import small_pictures
+from benchmarks.gallery import gallery, small_pictures
 from benchmarks.gallery.gallery_page import PICTURES, commands
 from benchmarks.gallery.lenses import LENSES
+from benchmarks.gallery.opened_result import write_opened
 from optics.api import Design
 from optics.commands import own_pages, parsers
 from optics.problem import load_problem
-from optics.results import sha256_of
+from optics.results import ResultFolder, sha256_of
 from tests.cases import EXAMPLES, ROOT
 from thbcad import Conic, FreeformSurface, Lens
 from thbcad.io import parse_brep
@@ -112,3 +113,20 @@ def test_the_kept_result_is_small_and_asks_no_network():
 def test_nothing_of_the_kept_result_tells_where_it_was_made():
     for path in RESULT.iterdir():
         assert str(ROOT) not in path.read_bytes().decode("latin-1")
+
+
+@pytest.mark.slow
+def test_a_lens_with_another_outline_is_designed_drawn_and_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(gallery, "BUILD", tmp_path)
+    names = [lens.name for lens in LENSES]
+    number = 1 + names.index("tophat_circle")
+    error, *_, total = gallery.rows(number)
+    assert error.value < 0.006
+    assert total.name == "all"
+    assert set(gallery.pictures_of(LENSES[number - 1])) == set(PICTURES)
+    write_opened(tmp_path / "tophat_circle", tmp_path / "kept")
+    assert not (tmp_path / "kept" / "figures").exists()
+    ResultFolder(tmp_path / "kept").require_recorded(["report.html", "lens.step", "irradiance.npz"])
+    assert (tmp_path / "kept" / "report.html").stat().st_size < (
+        tmp_path / "tophat_circle" / "report.html"
+    ).stat().st_size
