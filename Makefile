@@ -8,12 +8,13 @@
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
 # make dist   sets everything up, builds sdist and wheel into dist, and checks their metadata
 # make licences  sets everything up and prints the licence of every package in .venv; fails at one that does not suit
+# make gallery  designs the lenses of docs/gallery.md, some ten minutes, and writes that page with its pictures
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=
 export PYTHON
 
-.PHONY: demo test quick slow coverage lint docs dist licences setup clean
+.PHONY: demo test quick slow coverage lint docs dist licences gallery setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -144,6 +145,11 @@ dist: setup
 
 licences: setup
 	@.venv/bin/python scripts/licences.py
+
+# Store the rows only on a quiet machine: they are the times of the page.
+gallery: setup
+	@.venv/bin/thbcad bench gallery --store
+	@.venv/bin/thbcad bench --markdown
 
 setup:
 	@scripts/setup

@@ -1,0 +1,90 @@
+"""The lenses of the [gallery](gallery.md): each as a user designs it, with its time, its error and its light.
+
+Run: thbcad bench gallery; `make gallery` stores the rows, and writes the page and its pictures.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from benchmarks.checkout import EXAMPLES, ROOT
+from benchmarks.designs.design_run import DesignRun, rel_l2_row, run_design
+from benchmarks.gallery.gallery_page import ERROR, FUNCTIONS, LIGHT, SECONDS, commands, page_text
+from benchmarks.gallery.lenses import LENSES, Shown
+from benchmarks.gallery.opened_result import write_opened
+from benchmarks.gallery.small_pictures import lens_picture, light_picture, mesh_picture, scene_picture
+from optics.export import read_mesh
+from optics.runtime import Row, UserError, read_rows
+from thbcad import read_lens
+from thbcad.io import write_bytes
+
+BUILD = ROOT / "build" / "gallery"
+PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "gallery"
+OPENED = "street"  # the lens whose result is kept as a whole: two free surfaces, in few bytes
+CHORD = "0.05"  # mm, of meshes that are drawn: less than a pixel of their pictures
+
+
+def rows(only: int | None = None) -> list[Row]:
+    """Design the lenses into build/gallery, and return time, error, light and degrees of freedom of each.
+
+    only : the number of one lens, from 1.
+    """
+    if only is not None and not 1 <= only <= len(LENSES):
+        raise UserError(f"--only must be a number from 1 to {len(LENSES)}, got {only}")
+    BUILD.mkdir(parents=True, exist_ok=True)
+    chosen = LENSES if only is None else LENSES[only - 1 : only]
+    runs = {lens.name: _designed(lens) for lens in chosen}
+    table = [row for name, run in runs.items() for row in _rows(name, run)]
+    return [*table, Row("all", sum(run.seconds for run in runs.values()), "s")]
+
+
+def _designed(lens: Shown) -> DesignRun:
+    """Design a lens; where its body is another, export that, and as a mesh that can be drawn."""
+    out = BUILD / lens.name
+    run = run_design(EXAMPLES / lens.problem, out)
+    for arguments in commands(lens, str(out))[1:]:
+        for options in ([], ["--out", f"{out}.stl", "--chord", CHORD]):  # the last --out counts
+            command = [sys.executable, "-m", "optics", *arguments, *options, "--force"]
+            subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
+    return run
+
+
+def _rows(name: str, run: DesignRun) -> list[Row]:
+    return [
+        rel_l2_row(f"{name}: {ERROR}", run.metrics),
+        Row(f"{name}: {SECONDS}", run.seconds, "s"),
+        Row(f"{name}: {LIGHT}", run.metrics["efficiency"]),
+        Row(f"{name}: {FUNCTIONS}", run.metrics["dof"]),
+    ]
+
+
+def publish() -> None:
+    """Write the pictures into docs/gallery and one whole result into docs/result, from build/gallery."""
+    PICTURES.mkdir(exist_ok=True)
+    for lens in LENSES:
+        for kind, picture in pictures_of(lens).items():
+            write_bytes(PICTURES / f"{lens.name}_{kind}.webp", picture)
+    write_opened(BUILD / OPENED, ROOT / "docs" / "result")
+
+
+def pictures_of(lens: Shown) -> dict[str, bytes]:
+    """Return the pictures of a designed lens as WebP, by what they show."""
+    folder = BUILD / lens.name
+    return {
+        "scene": scene_picture(folder / "figures" / "scene.png"),
+        "light": light_picture(folder / "irradiance.npz"),
+        "solid": _solid(lens, folder),
+    }
+
+
+def _solid(lens: Shown, folder: Path) -> bytes:
+    if lens.body:
+        return mesh_picture(read_mesh(folder.with_suffix(".stl"), "stl"))
+    return lens_picture(read_lens(folder / "lens.json"))
+
+
+def pages() -> dict[Path, str]:
+    """Return the text of the page by its path, from the stored rows."""
+    return {PAGE: page_text(read_rows(ROOT / "docs" / "data"))}

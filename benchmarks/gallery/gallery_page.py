@@ -1,0 +1,105 @@
+"""The page of the gallery: a table of all lenses, and a section for each with its pictures and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from benchmarks.gallery.lenses import LENSES, Shown
+from optics.runtime import StoredRows, refreshed
+
+SECONDS, ERROR, LIGHT, FUNCTIONS = (
+    "process start to verified result",
+    "rel_l2",
+    "light on the target",
+    "degrees of freedom",
+)
+PICTURES = {"scene": "The scene", "light": "The light on the target", "solid": "The solid"}
+ACROSS = 5  # pictures of the contact sheet in a row
+INTRODUCTION = """\
+# Gallery
+
+Every lens here comes from one short problem file. `make gallery` designs all of them, and writes this page
+and its pictures.
+
+- The time is that of the whole command, from its start to the verified STEP file, on the machine that
+  [benchmarks](benchmarks.md#gallery) names.
+- The error is the relative difference from the light asked for (`rel_l2`, [results](results.md)), measured
+  with light that the optimiser has not seen. It includes the noise of that measurement.
+- The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
+  1.5 reflect 8 % or more.
+- Pictures of light look as a camera shows them. Long distances are drawn shorter than they are. Where a
+  surface is finely shaped, its relief is shaded steeper than it is.
+
+**One result to open, without installing anything:** the [report](result/report.html) of the road lamp below,
+the [view](result/view.html) that can be turned, the solid [lens.step](result/lens.step), and the exact
+surfaces [lens.json](result/lens.json). Code hosts show the text of HTML files: save such a file, and open
+it in a browser.
+"""
+
+
+def page_text(stored: Mapping[str, StoredRows]) -> str:
+    """Return the page as Markdown, with the numbers of the stored rows."""
+    head = ["lens", "source", "target", "free", "error", "time"]
+    rows = [[f"[{x.title}]({_anchor(x)})", x.source, x.target, x.free, _error(x), _time(x)] for x in LENSES]
+    table = _table([head, ["---"] * 4 + ["---:"] * 2, *rows])
+    return refreshed("\n".join([INTRODUCTION, _contact_sheet(), table, *map(_section, LENSES)]), stored)
+
+
+def _contact_sheet() -> str:
+    """Return the light of all lenses as small pictures that lead to their sections."""
+    cells = [f"[{_picture(lens, 'light')}]({_anchor(lens)})" for lens in LENSES]
+    cells += [""] * (-len(cells) % ACROSS)
+    rows = [cells[k : k + ACROSS] for k in range(0, len(cells), ACROSS)]
+    return _table([rows[0], ["---"] * ACROSS, *rows[1:]])
+
+
+def _table(rows: list[list[str]]) -> str:
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+
+
+def _picture(lens: Shown, kind: str) -> str:
+    return f"![{PICTURES[kind]}: {lens.title}](gallery/{lens.name}_{kind}.webp)"
+
+
+def commands(lens: Shown, out: str) -> list[list[str]]:
+    """Return the arguments of the program that make a lens and its body.  out : the result folder."""
+    design = ["design", f"examples/{lens.problem}", "--out", out]
+    return [design, *([["export", out, *lens.body, "--out", f"{out}.step"]] if lens.body else [])]
+
+
+def _section(lens: Shown) -> str:
+    pictures = _table([[*PICTURES.values()], ["---"] * 3, [_picture(lens, kind) for kind in PICTURES]])
+    code = "\n".join(f"thbcad {' '.join(one)}" for one in commands(lens, f"exports/{lens.name}"))
+    return f"""\
+## {lens.title}
+
+{lens.words}
+
+{pictures}
+Error {_error(lens)}, {_mark(lens, LIGHT, "0.0 %")} of the light arrives,
+{_mark(lens, FUNCTIONS, "0 000")} coefficients, {_time(lens)}.
+Problem file: [{lens.problem}](../examples/{lens.problem}).
+
+```
+{code}
+```
+"""
+
+
+def _error(lens: Shown) -> str:
+    return _mark(lens, ERROR, "0.00 %")
+
+
+def _time(lens: Shown) -> str:
+    return _mark(lens, SECONDS, "0.0 s")
+
+
+def _mark(lens: Shown, row: str, like: str) -> str:
+    """Return a number that `refreshed` fills in; like : its digits and unit."""
+    return f"{like}<!-- gallery: {lens.name}: {row} -->"
+
+
+def _anchor(lens: Shown) -> str:
+    """Return the anchor of a section, as code hosts make it."""
+    kept = "".join(c for c in lens.title.lower() if c.isalnum() or c in " -")
+    return f"#{kept.replace(' ', '-')}"
