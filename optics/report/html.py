@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -22,6 +23,8 @@ OF_THE_SPLINES = (
     "Heights, slopes and radii are those of the splines that the CAD files hold; a sphere differs from its "
     "spline by up to 1e-11 mm in height, and by more in its radii."
 )
+# in the name of a check of a limit of manufacturing; a note says more of what was missed
+LIMIT = re.compile(r" (?:beyond|short of) limits\.")
 FIRST = "photo"  # of the pictures
 OF_LENS = (
     "scene",
@@ -154,11 +157,15 @@ def page_head(title: str) -> str:
 
 
 def _banner(report: Report) -> str:
-    """Return the verdict, the checks that failed, and the notes; of missed limits a note says more."""
+    """Return the verdict, what is wrong, and the other notes."""
     colour = "good" if report.verification["ok"] else "bad"
     verdict = f'<p class="banner {colour}">{escape(report.verdict)}</p>' if report.verdict else ""
-    failed = [c for c in report.verification["checks"] if not c["ok"] and " limits." not in c["name"]]
-    return verdict + list_html(map(_failure, failed), "bad") + list_html(report.notes, "notes")
+    failed = [c for c in report.verification["checks"] if not c["ok"]]
+    missed = {LIMIT.split(c["name"])[0] for c in failed if LIMIT.search(c["name"])}
+    of_limits = [note for note in report.notes if note.split(": got ")[0] in missed]
+    problems = [*map(_failure, (c for c in failed if not LIMIT.search(c["name"]))), *of_limits]
+    notes = [note for note in report.notes if note not in of_limits]
+    return f"{verdict}{list_html(problems, 'bad')}{list_html(notes, 'notes')}"
 
 
 def _failure(check: dict[str, Any]) -> str:

@@ -43,6 +43,7 @@ figure{break-inside:avoid} figcaption{font-size:6pt;line-height:1.25}
 .numbers{columns:2;column-gap:5mm;margin-top:3mm} .numbers h2{margin-top:0}
 .table{overflow:visible} table{font-size:5.6pt;line-height:1.15;margin:0 0 2mm;width:100%}
 td,th{padding:.2mm .7mm} .numbers td:first-child{overflow-wrap:anywhere} tr{break-inside:avoid}
+.numbers tr:first-child{break-after:avoid}
 .numbers p{font-size:6pt}
 a{color:inherit;text-decoration:none}
 }

@@ -28,7 +28,10 @@ CLEAR = 1.08  # of what lens and screen take: the space between them in the pict
 SIDEWAYS = 1.6  # of the camera's distance from the screen: most that it stands beside the axis
 MARGIN, BELOW = 0.06, 0.16  # of the picture: free on all sides, and for the table
 LARGEST = 2.5  # half-widths of the lens: those of the screen; larger ones are drawn smaller and nearer
-FAR, WIDEST = 5.0, 45.0  # half-widths of the lens to the screen of a far field; degrees that it shows
+FAR, WIDEST = (
+    5.0,
+    45.0,
+)  # half-widths of the lens to a far field's screen, at most; degrees on it
 BESIDE = 0.04  # of the lens's half-width: half the width that a point of light is given
 CORNERS = 5  # points of the outline of a rectangle, the first twice; a circle has more
 TALLER = 1.06  # half-heights of the screen from its middle down to the table
@@ -109,8 +112,9 @@ def _screen(problem: Problem, size: float, top: float) -> tuple[float, float, fl
     """
     target = problem.target
     if isinf(problem.target_z):
-        hx, hy = (float(FAR * size * np.tan(np.radians(min(h, WIDEST)))) for h in target.half_width)
-        return hx, hy, FAR * size, 1.0
+        tangents = np.tan(np.radians(np.minimum(target.half_width, WIDEST)))
+        throw = size * min(FAR, LARGEST / float(tangents.max()))
+        return float(throw * tangents[0]), float(throw * tangents[1]), throw, 1.0
     hx, hy = target.half_width
     smaller = float(FACTORS[FACTORS * LARGEST * size >= max(hx, hy)].min(initial=FACTORS[-1]))
     return hx / smaller, hy / smaller, (problem.target_z - top) / smaller, smaller
