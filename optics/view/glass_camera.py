@@ -19,7 +19,7 @@ from optics.colour import encoded_srgb
 from optics.sources import Rays
 from optics.tracing import seen_branches
 from optics.view.photo_light import WARM, PhotoLight, interpolated
-from optics.view.photo_room import PIXELS, SAMPLES, WIDEST, PhotoRoom, photo_room
+from optics.view.photo_room import LINES, PIXELS, WIDEST, PhotoRoom, photo_room
 from optics.view.scene_layout import block_means
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-ROWS = 90  # of rays, at once: 0.2 million rays take 100 MB
+STRIP = 90  # lines at once: their rays take some 30 MB
 GLOSS = 0.04, 0.5  # what the table reflects of light from above, and at most
 MOST_PIXELS = 512  # of the picture on the screen, across: more are not seen
 BRIGHTEST = 0.998  # quantile of the light that is shown white
@@ -63,7 +63,7 @@ def lens_sight(problem: Problem, lens: Lens, backend: Backend) -> LensSight:
     """
     light = PhotoLight(photo_room(problem, lens), np.zeros((1, 1, 3)))
     found = []
-    for pixel, count, weight, ray in _camera_rays(light, every=2):
+    for pixel, count, weight, ray in _camera_rays(light):
         meets = _towards_lens(light, *ray)
         found.append((pixel[meets], count[meets], weight[meets], ray[:, :, meets]))
     pixel, count, weight, before = (np.concatenate(column, axis=-1) for column in zip(*found))
@@ -90,52 +90,48 @@ def photograph(problem: Problem, lens: Lens, irradiance: Array, sight: LensSight
     """
     room = photo_room(problem, lens)
     light = PhotoLight(room, _shown(irradiance, problem, room))
-    picture = np.zeros((SAMPLES**2 * PIXELS[0] * PIXELS[1], 3))
+    picture = np.zeros((LINES * PIXELS[0] * PIXELS[1], 3))
     for pixel, count, weight, ray in _camera_rays(light):
         _add(picture, pixel, count, weight[:, None] * light.along(*ray))
     through = light.along(*sight.behind.astype(np.float64)) * sight.flux[:, None]
     seen = np.stack([np.bincount(sight.ray, c, sight.pixel.size) for c in through.T], axis=1)
     change = sight.weight[:, None] * (seen - light.along(*sight.before.astype(np.float64)))
-    reflected = sight.count == SAMPLES**2
+    reflected = sight.count == LINES
     for some in (~reflected, reflected):  # a part of a pixel can have one ray of each
         _add(picture, sight.pixel[some], sight.count[some], change[some])
-    fine = np.clip(picture, 0.0, 1.0).reshape(PIXELS[1], SAMPLES, PIXELS[0], SAMPLES, 3)
-    grey = np.rint(255 * encoded_srgb(fine.mean(axis=(1, 3)))).astype(np.uint8)
+    fine = np.clip(picture, 0.0, 1.0).reshape(PIXELS[1], LINES, PIXELS[0], 3)
+    grey = np.rint(255 * encoded_srgb(fine.mean(axis=1))).astype(np.uint8)
     buffer = io.BytesIO()
     Image.fromarray(grey).save(buffer, "png", compress_level=COMPRESSION)
     return buffer.getvalue()
 
 
-def _camera_rays(light: PhotoLight, every: int = 1) -> Iterator[tuple[NDArray[Any], ...]]:
+def _camera_rays(light: PhotoLight) -> Iterator[tuple[NDArray[Any], ...]]:
     """Yield (pixel, count, weight, ray) of the camera's rays, and of their reflections in the table.
 
-    The first three are those of `LensSight`; ray : (2, 3, n), origin and direction.
-    every : 2 leaves out every second ray, as on a chessboard.  Of the reflections, which are dim, one in each
-        pixel is enough.
+    The first three are those of `LensSight`; ray : (2, 3, n), origin and direction.  Of the two parts
+    of a pixel one has a reflection, which is dim.
     """
-    room, columns = light.room, SAMPLES * PIXELS[0]
-    for start in range(0, SAMPLES * PIXELS[1], ROWS):
-        direction = room.directions(slice(start, start + ROWS))
+    room, columns = light.room, PIXELS[0]
+    for start in range(0, LINES * PIXELS[1], STRIP):
+        direction = room.directions(np.arange(start, start + STRIP))
         pixel = start * columns + np.arange(direction.shape[1])
-        column, row = pixel % columns, pixel // columns
-        chosen = np.flatnonzero((column + row) % every == 0)
-        ray = np.stack([np.broadcast_to(room.eye[:, None], (3, chosen.size)), direction[:, chosen]])
-        yield pixel[chosen], np.full(chosen.size, every), np.ones(chosen.size), ray
-        chosen = np.flatnonzero((column % SAMPLES == 0) & (row % SAMPLES == 0) & (direction[1] < 0))
-        eye, down = np.broadcast_to(room.eye[:, None], (3, chosen.size)), direction[:, chosen]
+        ray = np.stack([np.broadcast_to(room.eye[:, None], direction.shape), direction])
+        yield pixel, np.ones_like(pixel), np.ones(pixel.size), ray
+        first = np.flatnonzero((pixel // columns % LINES == 0) & (direction[1] < 0))
+        eye, down = ray[:, :, first]
         path = light.table_path(eye, down)
         on = np.flatnonzero(np.isfinite(path))
         weight = GLOSS[1] * (GLOSS[0] + (1 - GLOSS[0]) * (1 + down[1, on]) ** 5)
         ray = np.stack([eye[:, on] + path[on] * down[:, on], down[:, on] * MIRRORED])
-        yield pixel[chosen[on]], np.full(on.size, SAMPLES**2), weight, ray
+        yield first[on] + pixel[0], np.full(on.size, LINES), weight, ray
 
 
 def _add(picture: Array, pixel: NDArray[np.int64], count: NDArray[np.int64], colour: Array) -> None:
-    """Add colours (n, 3) to the parts of pixels that they stand for: one, two in a row, or all four."""
-    down = SAMPLES * PIXELS[0]
-    for k, part in enumerate((pixel, pixel ^ 1, pixel + down, (pixel ^ 1) + down)):
-        stands = count > k
-        picture[part[stands]] += colour[stands]
+    """Add colours (n, 3) to the parts of pixels that they stand for: one, or one and the one below."""
+    picture[pixel] += colour
+    both = count == LINES
+    picture[pixel[both] + PIXELS[0]] += colour[both]
 
 
 def _towards_lens(light: PhotoLight, origin: Array, direction: Array) -> NDArray[np.int64]:

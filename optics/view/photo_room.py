@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 PIXELS = (960, 540)  # columns and rows
 COARSE = 61  # samples across a face, for the box around it
 ROUNDING = 1e-9  # of a factor
-SAMPLES = 2  # rays per pixel, across and down
+LINES = 2  # of rays in a row of pixels: one ray above on the left, one below on the right
 BACK = 1.6  # of throw and half-width of the screen together: from the screen back to the camera
 ABOVE = 0.12  # of the camera's distance from the lens: its height over the axis
 CLEAR = 1.08  # of what lens and screen take: the space between them in the picture
@@ -63,14 +63,14 @@ class PhotoRoom:
     smaller: float
     stretch: float
 
-    def directions(self, rows: slice = slice(None)) -> Array:
-        """Return the unit directions of rays through the pixels of some rows, row by row, (3, n)."""
-        columns, lines = (SAMPLES * n for n in PIXELS)
+    def directions(self, lines: NDArray[np.int64]) -> Array:
+        """Return the unit directions of the rays of some lines, line by line, (3, n)."""
         left, right, bottom, top = self.window
-        x = left + (right - left) * (np.arange(columns) + 0.5) / columns
-        y = (top - (top - bottom) * (np.arange(lines) + 0.5) / lines)[rows]
+        beside = np.where(lines % LINES, 0.75, 0.25)[:, None]
+        x = left + (right - left) * (np.arange(PIXELS[0]) + beside) / PIXELS[0]
+        y = top - (top - bottom) * (lines + 0.5) / (LINES * PIXELS[1])
         across = np.array([-self.forward[2], 0.0, self.forward[0]])
-        rays = self.forward[:, None, None] + across[:, None, None] * x + 0.0 * y[:, None]
+        rays = self.forward[:, None, None] + across[:, None, None] * x
         rays[1] += y[:, None]
         return (rays / np.sqrt((rays * rays).sum(axis=0))).reshape(3, -1)
 

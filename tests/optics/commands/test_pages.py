@@ -1,4 +1,4 @@
-"""Pages in a real browser: nothing overflows or is missing, the console is empty; reports fit three sheets."""
+"""Pages in a real browser: nothing overflows or is missing, the console is empty; a report fits 3 sheets."""
 
 import shutil
 
