@@ -13,6 +13,7 @@ import time
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 LIMIT = 60.0  # seconds to wait for an answer
+SLOW_DRIVER = "GL Driver Message (OpenGL, Performance"  # graphics in software say that they are slow
 SETTLED = "document.readyState === 'complete' && Array.from(document.images).every(i => i.complete)"
 
 
@@ -102,7 +103,9 @@ class Browser:
         elif event.get("method") == "Runtime.exceptionThrown":
             self.console.append(event["params"]["exceptionDetails"])
         elif event.get("method") == "Log.entryAdded":
-            self.console.append(event["params"]["entry"])
+            entry = event["params"]["entry"]
+            if SLOW_DRIVER not in entry["text"]:
+                self.console.append(entry)
 
     def _read(self):
         """Return the next message."""

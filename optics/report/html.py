@@ -107,8 +107,8 @@ def _pictures(report: Report) -> str:
         for title, some in (("Light", of_light), ("Lens", of_lens))
         if some
     ]
-    levels = '<h2 class="of-levels">Levels</h2><div class="levels">'
-    kept = f"{levels}{figures_html(report.levels)}</div>" if report.levels else ""
+    levels = f'<h2>Levels</h2><div class="levels">{figures_html(report.levels)}</div>'
+    kept = f'<div class="of-levels">{levels}</div>' if report.levels else ""
     return f"{_frame(report.view)}{''.join(parts)}{kept}"
 
 

@@ -1,6 +1,8 @@
 """Pages in a real browser: nothing overflows or is missing, the console is empty; a report fits 3 sheets."""
 
+import re
 import shutil
+from html import unescape
 
 import numpy as np
 import pytest
@@ -66,6 +68,15 @@ def test_so_are_reports_of_a_far_field_and_of_failures(browser, tmp_path, capsys
     look_at(browser, page, sheets=3)
     failures = browser.value("document.querySelectorAll('.banner.bad').length")
     assert failures == ("limits.slope" in changes)
+
+
+def test_so_is_the_view_by_itself(browser, golden, tmp_path):
+    """In the report it is a page of its own, whose console is another one."""
+    (view,) = re.findall(r'srcdoc="([^"]*)"', (golden.path / "report.html").read_text("utf-8"))
+    page = tmp_path / "view.html"
+    page.write_text(unescape(view), "utf-8")
+    look_at(browser, page)
+    assert browser.value("document.querySelector('canvas').width") > 400
 
 
 def test_so_are_the_pages_of_tolerances_and_tools(browser, golden, tmp_path, capsys):
