@@ -40,15 +40,17 @@ class DesignFigures:
         """Draw what the lens delivers; `backend` traces the rays of the scene, and fans past the edges."""
         from optics.analysis import fans as ray_fans
         from optics.figures import scene_paths
+        from optics.view import lens_sight, photo_caption
 
         from_a_point = system.source.settings.kind in ("point", "lambertian") and system.path.by_edges
         fans = ray_fans(system, lens, backend) if from_a_point else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
+        irradiance, sight = measurement.irradiance, lens_sight(system.problem, lens, backend)
+        self._photo = self.process.ask("optics.view", "photograph", system.problem, lens, irradiance, sight)
+        self._photo_caption = photo_caption(system.problem, lens)
         self._light = self.process.ask("optics.figures", "light_figures", plain, lens, measurement, fans)
-        self._scene = self.process.ask(
-            "optics.figures", "scene_view", plain, lens, measurement.irradiance, paths
-        )
-        self._view = self.process.ask("optics.view", "scene_page", plain, lens, measurement.irradiance, paths)
+        self._scene = self.process.ask("optics.figures", "scene_view", plain, lens, irradiance, paths)
+        self._view = self.process.ask("optics.view", "scene_page", plain, lens, irradiance, paths)
 
     def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
         """Draw every level that was kept."""
@@ -78,6 +80,7 @@ class DesignFigures:
         }
         pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
         return {
+            "photo": (self._photo_caption, self._photo.result()),
             **self._light.result(),
             **self._lens.result(),
             **{name: (caption, pictures[name].result()) for name, caption in captions.items()},

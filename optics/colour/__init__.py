@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         white_of as white_of,
     )
     from optics.colour.srgb_pictures import (
+        encoded_srgb as encoded_srgb,
         srgb as srgb,
     )
 
@@ -40,6 +41,6 @@ _FILES = {
         "spectral_lines",
         "white_of",
     ),
-    "srgb_pictures": ("srgb",),
+    "srgb_pictures": ("encoded_srgb", "srgb"),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -29,7 +29,7 @@ def srgb(xyz: Floats, white: ArrayLike) -> Floats:
     gains = (BRADFORD @ screen_white) / (BRADFORD @ white)
     adapted = np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD)
     linear = np.tensordot(np.linalg.solve(from_rgb, adapted), colours, axes=1)
-    return _encoded(np.clip(_shown(linear, from_rgb[1]), 0.0, 1.0))
+    return encoded_srgb(np.clip(_shown(linear, from_rgb[1]), 0.0, 1.0))
 
 
 def _rgb_to_xyz() -> Floats:
@@ -51,6 +51,6 @@ def _shown(linear: Floats, luminances: Floats) -> Floats:
     return grey + kept * (linear - grey)
 
 
-def _encoded(linear: Floats) -> Floats:
+def encoded_srgb(linear: Floats) -> Floats:
     """Return sRGB's encoding of linear light."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -10,30 +11,32 @@ from typing import TYPE_CHECKING, Any
 
 from optics.analysis import NEGLIGIBLE, counted_ways, photometric_lines
 from optics.photometry import units_of
+from optics.report.key_numbers import key_list
 from optics.report.metric_words import PERCENT, metric_rows, number_text
+from optics.report.page_style import STYLE
 
 if TYPE_CHECKING:
     from optics.photometry import Units
     from optics.problem import Problem
 
-STYLE = """
-*{box-sizing:border-box}
-body{font:15px/1.5 system-ui,sans-serif;max-width:88rem;margin:2rem auto;padding:0 1rem;color:#222}
-h1{font-weight:600} p,li{max-width:70rem;overflow-wrap:anywhere}
-.table{overflow-x:auto} table{border-collapse:collapse;margin:1rem 0}
-td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left;vertical-align:top}
-td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
-.bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
-.banner{padding:.8rem 1rem;border-left:.4rem solid;font-weight:600;background:#f6f6f6}
-.view{display:block;width:100%;height:min(36rem,75vh);border:1px solid #ddd;margin:1rem 0}
-.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(26rem,100%),1fr));gap:1.5rem}
-figure{margin:0} img{max-width:100%;height:auto}
-figcaption{font-size:.9em;color:#555} pre{background:#f6f6f6;padding:1rem;overflow:auto}
-@media(max-width:40rem){td,th{padding:.2rem .4rem} body{margin:1rem auto}}
-"""
 OF_THE_SPLINES = (
     "Heights, slopes and radii are those of the splines that the CAD files hold; a sphere differs from its "
     "spline by up to 1e-11 mm in height, and by more in its radii."
+)
+# in the name of a check of a limit of manufacturing; a note says more of what was missed
+LIMIT = re.compile(r" (?:beyond|short of) limits\.")
+FIRST = "photo"  # of the pictures
+OF_LENS = (
+    "scene",
+    "solid",
+    "solid_before",
+    "sag",
+    "mesh",
+    "front_sag",
+    "front_mesh",
+    "loss",
+    "rays_1",
+    "rays_2",
 )
 FILES = {
     "lens.step": "the closed solid, for CAD",
@@ -75,26 +78,52 @@ class Report:
 
 def report_html(report: Report, problem_text: str) -> str:
     """Return the report as one HTML page, whose only references are names of files beside it."""
-    title, metrics, verification = escape(report.problem.title), report.metrics, report.verification
-    figures, units = figures_html(report.pictures.values()), units_of(report.problem.source.unit)
-    levels = (
-        f'<h2>Levels</h2><div class="levels">{figures_html(report.levels)}</div>' if report.levels else ""
-    )
-    verdict = (
-        '<span class="good">every check passed</span>'
-        if verification["ok"]
-        else '<span class="bad">a check failed</span>'
-    )
+    metrics, units = report.metrics, units_of(report.problem.source.unit)
     return (
-        f"{page_head(title)}{_banner(report)}"
+        f"{page_head(escape(report.problem.title))}{_banner(report)}{_first(report, units)}"
         f"<p>{_summary(metrics, units)}</p>"
         f"{list_html(photometric_lines(metrics, units), 'notes')}"
-        f'{_frame(report.view)}<div class="figures">{figures}</div>{levels}'
-        f"<h2>Files</h2>{_file_list()}{list_html(map(': '.join, report.run.items()), 'run')}"
-        f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), metric_rows(metrics, units))}"
+        f"{_pictures(report)}"
+        f'<div class="numbers">{_numbers(report, units)}</div>'
+        f'<div class="files"><h2>Files</h2>{_file_list()}'
+        f"{list_html(map(': '.join, report.run.items()), 'run')}</div>"
+        f'<div class="problem"><h2>Problem</h2><pre>{escape(problem_text)}</pre></div></html>\n'
+    )
+
+
+def _first(report: Report, units: Units) -> str:
+    """Return the first picture, where there is one, and beside it the main numbers."""
+    photo = [picture for name, picture in report.pictures.items() if name == FIRST]
+    return f'<div class="first">{figures_html(photo)}{key_list(report.metrics, units)}</div>'
+
+
+def _pictures(report: Report) -> str:
+    """Return the pictures of the light, then those of the lens and how it was found."""
+    pictures = report.pictures
+    of_lens = {name: pictures[name] for name in OF_LENS if name in pictures}
+    of_light = {name: pictures[name] for name in pictures if name not in (*OF_LENS, FIRST)}
+    parts = [
+        f'<h2>{title}</h2><div class="figures">{figures_html(some.values())}</div>'
+        for title, some in (("Light", of_light), ("Lens", of_lens))
+        if some
+    ]
+    levels = f'<h2>Levels</h2><div class="levels">{figures_html(report.levels)}</div>'
+    kept = f'<div class="of-levels">{levels}</div>' if report.levels else ""
+    return f"{_frame(report.view)}{''.join(parts)}{kept}"
+
+
+def _numbers(report: Report, units: Units) -> str:
+    """Return the tables."""
+    verdict = (
+        '<span class="good">every check passed</span>'
+        if report.verification["ok"]
+        else '<span class="bad">a check failed</span>'
+    )
+    rows = metric_rows(report.metrics, units)
+    return (
+        f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), rows)}"
         f"<h2>Manufacture</h2><p>{OF_THE_SPLINES}</p>{_manufacture_table(report.manufacture)}"
-        f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(verification)}"
-        f"<h2>Problem</h2><pre>{escape(problem_text)}</pre></html>\n"
+        f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(report.verification)}"
     )
 
 
@@ -128,11 +157,15 @@ def page_head(title: str) -> str:
 
 
 def _banner(report: Report) -> str:
-    """Return the verdict, the checks that failed, and the notes; of missed limits a note says more."""
+    """Return the verdict, what is wrong, and the other notes."""
     colour = "good" if report.verification["ok"] else "bad"
     verdict = f'<p class="banner {colour}">{escape(report.verdict)}</p>' if report.verdict else ""
-    failed = [c for c in report.verification["checks"] if not c["ok"] and " limits." not in c["name"]]
-    return verdict + list_html(map(_failure, failed), "bad") + list_html(report.notes, "notes")
+    failed = [c for c in report.verification["checks"] if not c["ok"]]
+    missed = {LIMIT.split(c["name"])[0] for c in failed if LIMIT.search(c["name"])}
+    of_limits = [note for note in report.notes if note.split(": got ")[0] in missed]
+    problems = [*map(_failure, (c for c in failed if not LIMIT.search(c["name"]))), *of_limits]
+    notes = [note for note in report.notes if note not in of_limits]
+    return f"{verdict}{list_html(problems, 'bad')}{list_html(notes, 'notes')}"
 
 
 def _failure(check: dict[str, Any]) -> str:

@@ -95,10 +95,10 @@ def number_text(value: Any, unit: str = "") -> str:
         return str(value)
     if isinf(value):
         return "infinite"
+    if unit in (PERCENT, *FLUXES) and abs(value) < NONE:
+        return "0"
     if unit == PERCENT:
         return f"{100 * value:.3g}"
-    if unit in FLUXES and abs(value) < NONE:
-        return "0"
     text = f"{value:.4g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < LONGEST else text
 

@@ -32,7 +32,7 @@ LIGHT = ("irradiance.npz", "irradiance_16bit.png")
 FIGURES = tuple(
     f"figures/{name}.png"
     for name in (
-        *("target", "irradiance", "error", "irradiance_02", "sharp", "colour", "fringe"),
+        *("photo", "target", "irradiance", "error", "irradiance_02", "sharp", "colour", "fringe"),
         *("polar", "isocandela", "rays_1", "rays_2"),
         *("sag", "mesh", "front_sag", "front_mesh", "loss", "scene", "solid_before", "solid"),
     )

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from optics.tracing.nonsequential import (
         RayPath as RayPath,
         TargetPlane as TargetPlane,
+        seen_branches as seen_branches,
         trace_nonsequential as trace_nonsequential,
         trace_paths as trace_paths,
     )
@@ -75,6 +76,7 @@ _FILES = {
     "nonsequential": (
         "RayPath",
         "TargetPlane",
+        "seen_branches",
         "trace_nonsequential",
         "trace_paths",
     ),

@@ -136,6 +136,30 @@ def trace_nonsequential(
     return NonsequentialResult(by_ray, LandingPoints(np.column_stack([x, y]), flux), ray, fate, direct, out)
 
 
+def seen_branches(backend: Backend, lens: Lens, rays: Rays, bounces: int = 6) -> Branches:
+    """Return what a camera sees along rays that come to the closed lens: branches that leave it.
+
+    These are the part that the outside of the lens reflects, and the stronger part at every later face.  Rays
+    that pass the lens by are among them.  What met `bounces` faces more and is still inside is dropped.
+    """
+    require_rays(rays)
+    solid, branches, gone = ClosedLens(backend, lens), Branches.start(rays), []
+    for generation in range(bounces + 1):
+        meetings = solid.meet(branches)
+        leaving = np.isin(meetings.face, (NEVER, UNDECIDED))
+        refracted, reflected = split(branches, meetings)
+        passes = meetings.transmittance >= 0.5 if generation else meetings.transmittance > 0
+        gone.append(branches[leaving & ~branches.inside])
+        if not generation:
+            gone.append(reflected[~leaving])
+        branches = refracted[~leaving & passes]
+        if generation:
+            branches = branches + reflected[~leaving & ~passes]
+        if not len(branches.ray):
+            break
+    return sum(gone[1:], start=gone[0])
+
+
 def _transmission(branches: Branches, meetings: Meetings, absorption: float) -> NDArray[np.float64]:
     """Return what absorption leaves of branches on their way to the next face, exp(-a t), (m,)."""
     path = np.linalg.norm(meetings.point - branches.origin, axis=0)

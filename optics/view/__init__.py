@@ -5,6 +5,14 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.view.glass_camera import (
+        LensSight as LensSight,
+        lens_sight as lens_sight,
+        photograph as photograph,
+    )
+    from optics.view.photo_room import (
+        photo_caption as photo_caption,
+    )
     from optics.view.scene_layout import (
         LONG as LONG,
         SHORT as SHORT,
@@ -26,6 +34,12 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "glass_camera": (
+        "LensSight",
+        "lens_sight",
+        "photograph",
+    ),
+    "photo_room": ("photo_caption",),
     "scene_layout": (
         "LONG",
         "SHORT",

@@ -14,6 +14,7 @@ from tests.cases import ROOT
 
 QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
 FIGURES = {
+    "photo",
     "target",
     "irradiance",
     "error",
