@@ -127,6 +127,7 @@ def test_light_that_may_meet_edges_before_a_plane_is_followed(tmp_path, changes,
     assert system_of(tmp_path, changes).path.by_edges is follows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("half", "paths"), [(4.5, "all"), (1.0, "sequential")])
 def test_a_beam_that_a_front_spreads_past_the_rear_counts_by_all_ways(tmp_path, backend, half, paths):
     """A wide beam meets the hollow front where that sends much of it into the edges, a narrow one nowhere."""

@@ -198,6 +198,7 @@ def test_strips_of_cells_make_up_the_image(made, monkeypatch, name):
     assert asdict(by_strips) == pytest.approx(asdict(fates), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "within"), [("beam", 0.2), ("curved front", 0.2), ("point", 0.3), ("far field", 0.3)]
 )

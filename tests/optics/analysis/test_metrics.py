@@ -83,6 +83,7 @@ def test_fluxes_by_fate_sum_to_the_source(tmp_path, backend):
     assert fates["beside_lens"] == pytest.approx(3.0 * (1 - 100 / 154), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_rays_are_fresh_and_their_error_is_the_error(tmp_path, backend, monkeypatch):
     """Against 16 times as many rays of another seed; the floor is right within 20 %.
 
@@ -136,6 +137,7 @@ def test_two_grids_of_cells_give_the_image_and_its_error(tmp_path, backend, monk
     assert result.metrics["estimator"] == "cells"
 
 
+@pytest.mark.slow
 def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
     whole = measured(tmp_path, backend, GLOWING)
     monkeypatch.setattr(light_of_rays, "RAYS_AT_ONCE", 1 << 12)

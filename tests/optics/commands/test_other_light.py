@@ -29,6 +29,7 @@ def run(capsys, *arguments):
     return SimpleNamespace(code=code, out=captured.out, err=captured.err)
 
 
+@pytest.mark.slow
 def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, golden, tmp_path):
     done = run(capsys, "relight", golden.path, "--source", "sun", "--out", tmp_path / "sun.png", "--json")
     assert done.code == 0

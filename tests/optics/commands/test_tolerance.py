@@ -20,6 +20,7 @@ def run(capsys, *arguments):
     return SimpleNamespace(code=code, out=captured.out, err=captured.err)
 
 
+@pytest.mark.slow
 def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
     names = [t.name for t in tolerances_of(Design.load(copy).system)]
     amounts = tmp_path / "shop.toml"

@@ -49,6 +49,7 @@ def test_the_objective_counts_the_background_as_light(tmp_path, backend):
     )
 
 
+@pytest.mark.slow
 def test_it_is_its_own_mirror_image_and_only_the_finish_has_one(tmp_path, backend, monkeypatch):
     monkeypatch.setattr("optics.analysis.closed_lens_light.RAYS", (64, 64))
     system = system_of(tmp_path)

@@ -27,6 +27,7 @@ def passed(theta, index):
     return 1 - (s**2 + p**2) / 2
 
 
+@pytest.mark.slow
 def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_path):
     """With t = 1 - r at each face, t^2 / (1 - r^2) goes on, and t^2 r / (1 - r^2) leaves by the front."""
     system = optics.System(load_problem(write_problem(tmp_path, PLATE))).optical

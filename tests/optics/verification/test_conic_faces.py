@@ -133,6 +133,7 @@ def test_a_rim_with_another_radius_is_caught(good, tmp_path, backend):
     assert "text of the file: rims and corners that differ from the lens in memory" in names
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     st.sampled_from([(np.inf, 0.0), (-30.0, 0.0), (25.0, 0.0), (-30.0, 0.7), (20.0, -2.5), (-25.0, -0.6)]),

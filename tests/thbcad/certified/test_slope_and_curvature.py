@@ -241,6 +241,7 @@ def test_bounds_tighten_with_the_square_of_the_cell_size(quantity):
     assert 1.7 < rate < 2.5
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.data())
 def test_thb_surfaces_and_their_patches_have_the_same_radii(data):

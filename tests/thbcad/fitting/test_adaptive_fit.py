@@ -221,6 +221,7 @@ def test_a_robust_fit_that_is_wild_in_a_gap_has_reached_nothing(spiked, toleranc
     assert truth <= found.error + 5e-3  # 5 standard deviations of the noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [2.0**-700, 2.0**600])
 def test_a_fit_of_great_values_is_the_fit_of_small_ones(size):
     """Squares of these are 0 or infinite in float64."""

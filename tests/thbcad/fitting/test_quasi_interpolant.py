@@ -49,6 +49,7 @@ def test_quasi_interpolation_is_a_projector_on_level_10(degree):
     assert_projector(corner(degree, 10))
 
 
+@pytest.mark.slow
 def test_quasi_interpolation_of_degree_10_is_as_stable_as_wide_supports_allow():
     """Samples in a single cell would give norms of 10^17: no digit left."""
     assert assert_projector(tensor(10, 12)).max() < 1e5

@@ -302,6 +302,7 @@ def test_a_file_cut_off_at_every_tenth_is_refused(tmp_path, text, tenth):
         parse_brep(path)
 
 
+@pytest.mark.slow
 @given(st.integers(0, len(TABLE63.rstrip()) - 1))
 def test_a_file_cut_off_anywhere_is_refused(end):
     with pytest.raises(ValueError, match=r"head|cut off"):

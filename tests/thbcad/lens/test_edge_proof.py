@@ -223,6 +223,7 @@ def test_occt_finds_the_same_solids_to_meet_themselves(thickness, crosses):
         require_sound(lens)
 
 
+@pytest.mark.slow
 def test_a_tangent_edge_is_undecided():
     """It neither crosses nor lies over the front: at T = 16 h / 3, rounded, no bound and no point tells."""
     with pytest.raises(
@@ -272,6 +273,7 @@ def test_surfaces_that_cross_at_equal_places_alone():
     assert require_sound(Lens(*pair, 2.1, 1.5)).least_thickness().lower > 0
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.data())
 def test_random_lenses(data):

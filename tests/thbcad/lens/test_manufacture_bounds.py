@@ -277,6 +277,7 @@ def test_the_places_hold_the_values():
     assert np.degrees(np.arctan(steep)) == pytest.approx(slope.value, rel=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(lenses())
 def test_the_sag_is_bounded_apart_from_its_conic(lens):

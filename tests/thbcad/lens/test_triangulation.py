@@ -58,6 +58,7 @@ def height_errors(lens, mesh, shares):
 LENSES_AND_CHORDS = lenses(conics=False), st.booleans(), st.sampled_from([1e-2, 3e-3]), seeds()
 
 
+@pytest.mark.slow
 @settings(BIG, max_examples=20)
 @given(*LENSES_AND_CHORDS)
 def test_the_mesh_is_closed_and_keeps_its_chord(lens, single, chord, rng):

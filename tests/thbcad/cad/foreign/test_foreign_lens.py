@@ -265,6 +265,7 @@ def test_a_ruled_spline_is_an_optical_face(tmp_path):
     assert refit.lens.rear(4, 1) == pytest.approx(-0.16, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_lofted_lens_is_fitted(tmp_path):
     """Sections x = -6, -2, 2, 6 with an arched upper line."""
 
