@@ -58,7 +58,8 @@ QUICK = \
 	tests/optics/export/test_formats.py \
 	tests/optics/external/test_file_tracers.py \
 	tests/optics/figures/test_lens_and_light.py \
-	tests/optics/form_errors/test_height_errors.py \
+	tests/optics/form_errors/test_period_bands.py \
+	tests/optics/heights \
 	tests/optics/luminaires \
 	tests/optics/made_lenses/test_random_errors.py \
 	tests/optics/making/test_monte_carlo.py \

@@ -20,13 +20,11 @@ from optics.api import Design
 from optics.form_errors import (
     BandFormula,
     LocalFormula,
-    Scaled,
-    Sine,
     form_errors_of,
     local_formula_of,
     pixel_mtf,
-    random_field,
 )
+from optics.heights import HeightSum, Sine, random_field
 from optics.runtime import Backend, Row, load_backend, median_seconds
 
 PERIODS = (25.0, 10.0, 5.0, 2.0, 1.0)  # mm
@@ -181,14 +179,14 @@ def _field_time() -> Row:
     )
 
 
-def _ripple(formula: LocalFormula, period: float, shift: float) -> Scaled:
+def _ripple(formula: LocalFormula, period: float, shift: float) -> HeightSum:
     """Return a ripple that moves the light by so many pixels, rms."""
     one = Sine(1e-3, period, DIRECTION, PHASE)
     moved = np.square(formula.displacement(one)).sum(axis=0).mean() / formula.screen.pixel_area
-    return Scaled(one, shift / sqrt(moved))
+    return HeightSum(((shift / sqrt(moved), one),))
 
 
-def _change(formula: LocalFormula, error: Scaled, method: str) -> Floats:
+def _change(formula: LocalFormula, error: HeightSum, method: str) -> Floats:
     if method == MOVED:
         return formula.moved_irradiance(error) - formula.irradiance
     return formula.linear_change(error) if method == LINEAR else formula.change(error)

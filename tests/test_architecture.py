@@ -46,7 +46,7 @@ FLOORS = [
         "optics.workers",
     ],
     ["optics.tracing", "optics.system", "optics.shape"],
-    ["optics.blur"],
+    ["optics.blur", "optics.heights"],
     ["optics.analysis", "optics.engines"],
     [
         "optics.optimisation",

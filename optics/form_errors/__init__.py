@@ -1,4 +1,4 @@
-"""Errors of the form of front and rear as functions dh(x, y), and what they do to the light."""
+"""What errors of the form of front and rear do to the light, and how large they may be."""
 
 from typing import TYPE_CHECKING
 
@@ -20,13 +20,6 @@ if TYPE_CHECKING:
         form_sentences as form_sentences,
         height_text as height_text,
     )
-    from optics.form_errors.height_errors import (
-        Power as Power,
-        Scaled as Scaled,
-        Sine as Sine,
-        SplineHeight as SplineHeight,
-        Sum as Sum,
-    )
     from optics.form_errors.local_formula import (
         LocalFormula as LocalFormula,
         local_formula_of as local_formula_of,
@@ -37,9 +30,6 @@ if TYPE_CHECKING:
     )
     from optics.form_errors.pixel_transfer import (
         pixel_mtf as pixel_mtf,
-    )
-    from optics.form_errors.random_fields import (
-        random_field as random_field,
     )
 
 _FILES = {
@@ -56,13 +46,6 @@ _FILES = {
         "form_sentences",
         "height_text",
     ),
-    "height_errors": (
-        "Power",
-        "Scaled",
-        "Sine",
-        "SplineHeight",
-        "Sum",
-    ),
     "local_formula": (
         "LocalFormula",
         "local_formula_of",
@@ -72,6 +55,5 @@ _FILES = {
         "period_bands_of",
     ),
     "pixel_transfer": ("pixel_mtf",),
-    "random_fields": ("random_field",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

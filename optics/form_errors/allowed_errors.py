@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis import rel_l2
-from optics.form_errors.height_errors import Scaled
 from optics.form_errors.local_formula import SIDES, LocalFormula, local_formula_of
 from optics.form_errors.period_bands import BandFormula, period_bands_of
-from optics.form_errors.random_fields import random_field
+from optics.heights import HeightSum, random_field
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
@@ -170,7 +169,7 @@ class _Probed:
         changes = [np.linalg.norm(formula.linear_change(probe)) for probe in probes]
         change = scale * float(np.sqrt(np.mean(np.square(changes)))) / PROBE_RMS
         allowed = sqrt((self.rel_l2 + rise) ** 2 - self.rel_l2**2) / change
-        field = Scaled(probes[0], allowed / PROBE_RMS)
+        field = HeightSum(((allowed / PROBE_RMS, probes[0]),))
         cost = BandCost(
             band=band,
             change_per_mm=change,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from optics.form_errors import random_field
+from optics.heights import random_field
 from optics.runtime import UserError
 from optics.tolerancing import Perturbation
 from thbcad.checks import require_integer, require_number

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     )
     from optics.tolerancing.perturbation import (
         NOMINAL as NOMINAL,
-        HeightSum as HeightSum,
         Perturbation as Perturbation,
     )
     from optics.tolerancing.perturbed_parts import (
@@ -43,7 +42,6 @@ _FILES = {
     "linear_light": ("LinearLight",),
     "perturbation": (
         "NOMINAL",
-        "HeightSum",
         "Perturbation",
     ),
     "perturbed_parts": ("perturbed_lens",),

@@ -8,29 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.heights import HeightSum
+
 if TYPE_CHECKING:
     from optics.tracing import HeightError
 
 Floats = NDArray[np.float64]
 Triple = tuple[float, float, float]
 ZERO: Triple = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class HeightSum:
-    """The sum of errors of height, each times a factor: itself a HeightError.
-
-    parts : (factor, HeightError).
-    """
-
-    parts: tuple[tuple[float, HeightError], ...]
-
-    def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh and its derivatives by x and by y, (3, n): mm, 1, 1."""
-        total = np.zeros((3, np.size(x)))
-        for factor, error in self.parts:
-            total += factor * error.jet(x, y)
-        return total
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from optics.form_errors import Power, Scaled, Sine, Sum, local_formula_of
+from optics.form_errors import local_formula_of
+from optics.heights import HeightSum, Power, Sine
 from optics.runtime import UserError
 from tests.optics.form_errors.cases import COUNTS, FAR, PLATE, POINT, relative_error, system_and_lens
 
@@ -103,7 +104,7 @@ def test_the_map_of_a_paraboloid_is_known_in_closed_form(tmp_path, backend):
 )
 def test_moved_cells_make_the_light_of_the_exact_trace(tmp_path, backend, side, changes):
     formula = formula_of(tmp_path, backend, side, changes, bumps=0.02)
-    error = Sum((Sine(2e-4, 4.0, 30.0, 0.3), Power(3e-6), Sine(1e-4, 1.5, 100.0)))
+    error = HeightSum(((1.0, Sine(2e-4, 4.0, 30.0, 0.3)), (1.0, Power(3e-6)), (1.0, Sine(1e-4, 1.5, 100.0))))
     exact = formula.traced_irradiance(error)
     assert relative_error(exact, formula.irradiance) > 0.01  # the error is seen
     assert (
@@ -116,7 +117,7 @@ def test_moved_cells_make_the_light_of_the_exact_trace(tmp_path, backend, side, 
 def test_the_linear_change_is_the_limit_of_small_errors(tmp_path, backend, side):
     formula = formula_of(tmp_path, backend, side, bumps=0.02)
     error = Sine(1e-6, 3.0, 60.0)
-    up, down = (formula.traced_irradiance(Scaled(error, sign)) for sign in (1, -1))
+    up, down = (formula.traced_irradiance(HeightSum(((sign, error),))) for sign in (1, -1))
     assert relative_error(formula.linear_change(error), (up - down) / 2) < 1e-2
 
 

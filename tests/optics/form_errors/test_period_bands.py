@@ -13,9 +13,9 @@ from optics.form_errors import (
     local_formula_of,
     period_bands_of,
     pixel_mtf,
-    random_field,
 )
 from optics.form_errors.pixel_transfer import on_target
+from optics.heights import random_field
 from optics.runtime import UserError
 from tests.optics.form_errors.cases import PLATE, system_and_lens
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from optics.form_errors import random_field
+from optics.heights import random_field
 from optics.runtime import UserError
 
 HALF = (30.0, 20.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from optics.form_errors.height_errors import SplineHeight
+from optics.heights.height_errors import SplineHeight
 from optics.runtime import UserError
 from thbcad.checks import half_widths, require_integer, require_number
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import NdBSpline
 
-from optics.form_errors import Power, Scaled, Sine, SplineHeight, Sum
+from optics.heights import HeightSum, Power, Sine, SplineHeight
 from optics.runtime import UserError
 
 HALF = (30.0, 20.0)
@@ -33,8 +33,8 @@ def test_beside_its_rectangle_a_spline_is_what_it_is_on_the_rim():
     [
         Sine(2e-4, 7.0, 33.0, 0.4),
         Power(-3e-6),
-        Scaled(Sine(1e-3, 5.0), -0.3),
-        Sum((Power(1e-6), Sine(1e-4, 3.0))),
+        HeightSum(((-0.3, Sine(1e-3, 5.0)),)),
+        HeightSum(((1.0, Power(1e-6)), (2.0, Sine(1e-4, 3.0)))),
     ],
     ids=lambda e: type(e).__name__,
 )
@@ -47,7 +47,7 @@ def test_derivatives_are_those_of_the_height(error):
 
 
 def test_a_sum_of_nothing_is_zero():
-    np.testing.assert_array_equal(Sum(()).jet(X[:3], Y[:3]), np.zeros((3, 3)))
+    np.testing.assert_array_equal(HeightSum(()).jet(X[:3], Y[:3]), np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_a_sum_of_nothing_is_zero():
         (lambda: Sine(np.nan, 3.0), "amplitude must be a finite number"),
         (lambda: Sine(1e-4, 0.0), "period must be a positive finite number"),
         (lambda: Power(np.inf), "curvature must be a finite number"),
-        (lambda: Scaled(Power(1.0), np.nan), "factor must be a finite number"),
+        (lambda: HeightSum(((np.nan, Power(1.0)),)), "factor must be a finite number"),
         (lambda: SplineHeight(np.zeros((3, 9)), HALF), "at least 4 x 4 control points, got .3, 9."),
         (lambda: SplineHeight(np.full((5, 9), np.nan), HALF), "must be finite"),
         (lambda: SplineHeight(NET, (1.0, 0.0)), "half_width must be two positive numbers"),

@@ -124,36 +124,27 @@ class SplineHeight:
 
 
 @dataclass(frozen=True)
-class Scaled:
-    """Another height error times a factor.
+class HeightSum:
+    """The sum of other height errors, each times a factor; zero of none.
+
+    parts : (factor, HeightError).
 
     Raises
     ------
     UserError : a factor that is not finite.
     """
 
-    error: HeightError
-    factor: float
+    parts: tuple[tuple[float, HeightError], ...]
 
     def __post_init__(self) -> None:
-        _require("factor", self.factor)
+        for factor, _ in self.parts:
+            _require("factor", factor)
 
     def jet(self, x: Floats, y: Floats) -> Floats:
         """Return dh and its derivatives, see `optics.tracing.HeightError`."""
-        return self.factor * self.error.jet(x, y)
-
-
-@dataclass(frozen=True)
-class Sum:
-    """The sum of other height errors; zero of none."""
-
-    parts: tuple[HeightError, ...]
-
-    def jet(self, x: Floats, y: Floats) -> Floats:
-        """Return dh and its derivatives, see `optics.tracing.HeightError`."""
-        out = np.zeros((3, len(x)))
-        for part in self.parts:
-            out += part.jet(x, y)
+        out = np.zeros((3, np.size(x)))
+        for factor, error in self.parts:
+            out += factor * error.jet(x, y)
         return out
 
 
