@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import resource
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 
 TENTH, THOUSANDTH = 0.1, 0.001  # of a pixel
 CLOSE = 0.02  # of the norm of a change: what a prediction may miss of it
+FINE = 12  # cells per pixel in each direction, which leave a hundredth of such a change open
 TRACES, TIMED, MOST_SECONDS, MOST_MB = 512, 64, 120.0, 1000.0
 SUMS = 8  # of all tolerances, with random signs
 
@@ -44,68 +45,91 @@ def _pearl_rows(design: Design, backend: Backend) -> list[Row]:
     error = abs(own - measured)
     out = [Row("pearl: rel_l2 without perturbation", own, "", f"measure() {measured:.5f}", error=error)]
     chosen = tolerances_of(system)
-    for tolerance in chosen:
-        out.append(_prediction_row(tolerance, light, linear))
+    out.extend(_prediction_row(tolerance, light, linear) for tolerance in chosen)
     small = _moving(light, chosen[0], THOUSANDTH)
     difference = (light(small)[0] - light(-small)[0]) / 2
-    derivative = linear.derivative(small)
-    assert derivative is not None
     out.append(
         Row(
             f"pearl: J p of {chosen[0].name} at a thousandth of a pixel",
-            _off(derivative, difference),
+            _off(linear.derivative(small), difference),
             "",
             "symmetric difference of exact traces",
             CLOSE,
             quantity="change of the image",
         )
     )
-    return [*out, *_sums(light, linear, chosen, target), *_times(light, chosen)]
+    sliding = [t for t in chosen if _slides(light, linear, t)]
+    return [*out, *_sums(light, linear, chosen, target), *_times(light, chosen), *_fine_rows(light, sliding)]
 
 
 def _prediction_row(tolerance: Tolerance, light: PerturbedLight, linear: LinearLight) -> Row:
     """Return the error of the predicted change of the image, relative to the traced change."""
     p = _moving(light, tolerance, TENTH)
-    moved, slope = linear.moved(p), linear.derivative(p)
-    assert moved is not None
-    assert slope is not None
-    traced = light(p)[0] - linear.irradiance
+    traced = _change(linear.traced(p), linear)
     return Row(
         f"pearl: change by {tolerance.name} at a tenth of a pixel",
-        _off(moved - linear.irradiance, traced),
+        _off(_change(linear.moved(p), linear), traced),
         "",
-        f"J p {_off(slope, traced):.3f}",
+        f"exact trace of the same cells; J p {_off(linear.derivative(p), traced):.3f}",
         CLOSE,
         quantity="change of the image, error relative to the traced change",
         estimator="landing points by their derivatives, exact pixels",
     )
 
 
+def _slides(light: PerturbedLight, linear: LinearLight, tolerance: Tolerance) -> bool:
+    """Whether cells that slide over the lens are too large to tell so small a change."""
+    p = _moving(light, tolerance, TENTH)
+    return _off(_change(linear.traced(p), linear), _change(light(p)[0], linear)) > CLOSE / 2
+
+
+def _fine_rows(usual: PerturbedLight, sliding: Sequence[Tolerance]) -> Iterator[Row]:
+    """Yield predictions beside exact traces of other cells, which are as many as such changes ask for."""
+    light = PerturbedLight(usual.system, usual.lens, load_backend("double", 2), FINE)
+    linear = LinearLight(light)
+    for tolerance in sliding:
+        p = _moving(light, tolerance, TENTH)
+        yield Row(
+            f"pearl: change by {tolerance.name} at a tenth of a pixel, {FINE} cells per pixel",
+            _off(_change(linear.moved(p), linear), _change(light(p)[0], linear)),
+            "",
+            "exact trace of cells that slide over the lens",
+            CLOSE,
+            quantity="change of the image, error relative to the traced change",
+            estimator="landing points by their derivatives, exact pixels",
+        )
+
+
+def _change(image: Floats | None, linear: LinearLight) -> Floats:
+    """Return what is added to the light of the design."""
+    assert image is not None
+    return image - linear.irradiance
+
+
 def _sums(
     light: PerturbedLight, linear: LinearLight, chosen: tuple[Tolerance, ...], target: Floats
 ) -> Iterator[Row]:
-    """Yield how well changes through finite traces add up to rel_l2 of lenses with everything wrong."""
+    """Yield how well rel_l2 of lenses with everything wrong is predicted."""
     scaled = linear.irradiance / linear.irradiance.mean()
     parts = []
     for tolerance in chosen:
         p = _moving(light, tolerance, TENTH)
         behind, ahead = ((e := light(s * p)[0]) / e.mean() - scaled for s in (-1, 1))
         parts.append((p, (ahead - behind) / 2, (ahead + behind) / 2))
-    fresh, errors = np.random.default_rng(1), []
+    fresh, added, moved = np.random.default_rng(1), [], []
     for _ in range(SUMS):
         amounts = fresh.uniform(-1, 1, len(parts))
         p = sum((a * part[0] for a, part in zip(amounts, parts)), Perturbation())
         predicted = scaled + sum(a * part[1] + a**2 * part[2] for a, part in zip(amounts, parts))
         traced = rel_l2(light(p)[0], target)
-        errors.append(abs(rel_l2(predicted, target) / traced - 1))
-    yield Row(
-        f"pearl: rel_l2 of {SUMS} random sums of all, each within a tenth of a pixel, greatest error",
-        max(errors),
-        "",
-        "exact traces",
-        quantity="rel_l2, relative",
-        estimator="changes through finite traces, added",
-    )
+        added.append(abs(rel_l2(predicted, target) / traced - 1))
+        moved.append(abs(rel_l2(_change(linear.moved(p), linear) + linear.irradiance, target) / traced - 1))
+    name = f"pearl: rel_l2 of {SUMS} random sums of all, each within a tenth of a pixel, greatest error"
+    for errors, estimator in (
+        (moved, "landing points by their derivatives, exact pixels"),
+        (added, "changes through finite traces, added"),
+    ):
+        yield Row(name, max(errors), "", "exact traces", quantity="rel_l2, relative", estimator=estimator)
 
 
 def _times(light: PerturbedLight, chosen: tuple[Tolerance, ...]) -> Iterator[Row]:
@@ -140,5 +164,6 @@ def _moving(light: PerturbedLight, tolerance: Tolerance, pixels: float) -> Pertu
     return p * (pixels * float(np.mean(light.screen.pitch)) / light.moved_by(p))
 
 
-def _off(found: Floats, traced: Floats) -> float:
+def _off(found: Floats | None, traced: Floats) -> float:
+    assert found is not None
     return float(np.linalg.norm(found - traced) / np.linalg.norm(traced))

@@ -56,7 +56,7 @@ class ToleranceEffect:
     predicted : rel_l2 there by `LinearLight.moved`; None of rays and cut cells.
     tenth : the amount that moves light by a tenth of a pixel; None where it moves none.
     prediction_error, derivative_error : of the predicted dE, and of dE = J p, at that amount, relative to the
-        traced dE; None of rays and cut cells, and where no lens is so wrong.
+        dE of `LinearLight.traced`; None of rays and cut cells, and where no lens is so wrong.
     allowed : the amount at which rel_l2 rises by the limit, with what is traced there; None where no amount
         was found.
     change : of the scaled light; 1 stands for the amount.
@@ -251,11 +251,12 @@ class _Trial:
         before = self._linear.irradiance
         try:
             moved, slope = self._linear.moved(perturbation), self._linear.derivative(perturbation)
-            if moved is None or slope is None:
-                return None, None
-            traced = self._light(perturbation)[0] - before
+            exact = self._linear.traced(perturbation)
         except UserError:  # it hardly moves light, so that no lens is so wrong
             return None, None
+        if moved is None or slope is None or exact is None:
+            return None, None
+        traced = exact - before
         scale = float(np.linalg.norm(traced)) or 1.0
         by_moves, by_slope = (float(np.linalg.norm(c - traced)) / scale for c in (moved - before, slope))
         return by_moves, by_slope

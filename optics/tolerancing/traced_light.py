@@ -95,11 +95,24 @@ class PerturbedLight:
         apart = np.where(flux > 0, np.hypot(*(behind[:2] - before[:2])), 0.0)
         return float((flux * apart).sum() / flux.sum())
 
-    def colours(self, perturbation: Perturbation) -> Iterator[tuple[float, SourceCells, Trace]]:
-        """Yield weight, moved cells, and what traces them, of every wavelength."""
+    def colours(self, perturbation: Perturbation) -> Iterator[tuple[float, PerturbedParts, Trace]]:
+        """Yield weight, parts, and what traces rays through them, of every wavelength."""
         for colour in self._colours:
             parts = PerturbedParts.of(colour.system, colour.lens, perturbation)
-            yield colour.weight, parts.cells(self.cells), self.tracer_of(parts, colour.system, perturbation)
+            yield colour.weight, parts, self.tracer_of(parts, colour.system, perturbation)
+
+    def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
+        """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet its last free
+        surface; NaN where they miss it."""
+        _, parts, trace = next(self.colours(perturbation))
+        every_s, every_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
+        rays = parts.rays(self.cells.at(every_s, every_t, np.ones(every_s.size)))
+        tracer, _ = trace(rays)
+        free = tracer.at_front if parts.lens.rear.sag is None else tracer.at_rear
+        with self.backend.dr.suspend_grad():
+            hits, _, flux = free([sag.coefficients for sag in parts.lens.sags])
+        at = [np.where(flux.numpy() > 0, v.numpy(), np.nan) for v in (hits.x, hits.y)]
+        return np.reshape(at, (2, len(s), len(t)))
 
     def tracer_of(
         self,

@@ -1,0 +1,106 @@
+"""Corners of a source's cells that stay on the lens while a perturbation makes light slide over it.
+
+At fixed (s, t) of the source, light meets the last free surface at u(s, t; a) for the amount a of a
+perturbation.  Corners that start at
+
+    (s, t) - a (du / d(s, t))^-1 du/da
+
+stay on the surface to first order.  Where they land is then as smooth in a as the rest of the system: knots,
+at which the surface has jumps of its third derivatives, do not move past them.
+
+Light keeps its border: there corners rest, and behind it they set off smoothly.  A cell whose corners move
+has the flux of what it covers then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+from scipy.ndimage import distance_transform_edt
+
+from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
+
+if TYPE_CHECKING:
+    from optics.sources import SourceCells
+    from optics.tolerancing.traced_light import PerturbedLight
+
+SAMPLES = 65  # in each direction: light slides over the whole lens in much the same way
+STEP = 0.5  # of the perturbation, for differences
+RESTING = 2  # cells at the border, which round light cuts
+GENTLE = 4.0  # cells become at most a quarter smaller where they set off
+
+
+@dataclass(frozen=True, eq=False)
+class LensPath:
+    """How far corners move with the lens for the amount 1 of a perturbation: ds, dt (nx + 1, ny + 1)."""
+
+    ds: Floats
+    dt: Floats
+
+    def rows(self, first: int, count: int) -> LensPath:
+        """Return the path of corners first, first + 1 ... along s."""
+        part = slice(first, first + count)
+        return LensPath(self.ds[part], self.dt[part])
+
+    def corners(self, cells: SourceCells, amount: float) -> tuple[Floats, Floats]:
+        """Return s and t of the corners of cells, (nx + 1, ny + 1) each."""
+        s, t = np.meshgrid(cells.s, cells.t, indexing="ij")
+        return s + amount * self.ds, t + amount * self.dt
+
+    def emitted(self, cells: SourceCells) -> Floats:
+        """Return the flux that cells emit where they are for the amount 1, (nx, ny)."""
+        areas, densities = [], []
+        for amount in (0.0, 1.0):
+            s, t = self.corners(cells, amount)
+            areas.append(_areas(s, t))
+            densities.append(cells.density(_middles(s).ravel(), _middles(t).ravel()).reshape(areas[0].shape))
+        lit = densities[0] > 0
+        brighter = np.divide(densities[1], densities[0], out=np.ones_like(densities[0]), where=lit)
+        return np.asarray(cells.emitted * np.maximum(areas[1] / areas[0], 0.0) * brighter)
+
+
+def lens_path(light: PerturbedLight, perturbation: Perturbation) -> LensPath:
+    """Return the path on which corners stay on the last free surface of a lens.
+
+    Those of a source with a picture for its light rest: what moved cells cover of it is not smooth.
+    """
+    cells = light.cells
+    if light.system.problem.source.profile == "image":
+        still = np.zeros([n + 1 for n in cells.emitted.shape])
+        return LensPath(still, still)
+    s, t = (np.linspace(border[0], border[-1], SAMPLES) for border in (cells.s, cells.t))
+    behind, here, ahead = (
+        light.on_lens(p, s, t) for p in (-STEP * perturbation, NOMINAL, STEP * perturbation)
+    )
+    slide = (ahead - behind) / (2 * STEP)
+    (xs, xt), (ys, yt) = (np.gradient(u, s, t) for u in here)
+    with np.errstate(divide="ignore", invalid="ignore"):  # where no light is
+        back = np.stack([xt * slide[1] - yt * slide[0], ys * slide[0] - xs * slide[1]]) / (xs * yt - xt * ys)
+    back = np.where(np.isfinite(back).all(axis=0), back, 0.0)
+    moves = [RectBivariateSpline(s, t, b)(cells.s, cells.t) for b in back]
+    setting_off = _setting_off(cells, max(np.abs(back[0]).max(), np.abs(back[1]).max()))
+    return LensPath(setting_off * moves[0], setting_off * moves[1])
+
+
+def _setting_off(cells: SourceCells, furthest: float) -> Floats:
+    """Return how much of its move every corner does, (nx + 1, ny + 1): none at the border of the light."""
+    steps = np.diff(cells.s).mean(), np.diff(cells.t).mean()
+    depth = distance_transform_edt(np.pad(cells.emitted > 0, 1), sampling=steps)
+    corners = np.minimum(depth[1:], depth[:-1])
+    corners = np.minimum(corners[:, 1:], corners[:, :-1])
+    rest = RESTING * max(steps)
+    return np.clip((corners - rest) / max(GENTLE * furthest, rest), 0.0, 1.0)
+
+
+def _areas(s: Floats, t: Floats) -> Floats:
+    """Return the areas of quadrilaterals, by their diagonals."""
+    s1, t1 = s[1:, 1:] - s[:-1, :-1], t[1:, 1:] - t[:-1, :-1]
+    s2, t2 = s[:-1, 1:] - s[1:, :-1], t[:-1, 1:] - t[1:, :-1]
+    return (s1 * t2 - s2 * t1) / 2
+
+
+def _middles(corners: Floats) -> Floats:
+    return (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1]) / 4
