@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from optics.blur import blur_of
+from optics.blur import aimed_through, blur_of
 from optics.engines import BlurredEngine, ExactEngine
 from optics.problem import ENGINES
 from optics.runtime import UserError
@@ -52,4 +52,5 @@ def shaping_by(
     chosen = engine_of(engine, sharp, backend)
     if sharp is system:
         return system, chosen
-    return sharp, BlurredEngine(chosen, blur_of(system, system.lens, backend))
+    blur = blur_of(system, system.lens, backend)
+    return aimed_through(system, blur), BlurredEngine(chosen, blur)

@@ -68,9 +68,8 @@ class LevelKeeper:
 
         indicators = Indicators(self._traced, self._engine, target, None)
         measurement = measure(self._system, lens, load_backend("double", self._system.problem.run.threads))
-        name = "finish" if stage.finish else f"level {stage.level}"
         gradients = tuple(indicators.vertex(lens, stage))
-        self.records.append(LevelRecord(name, lens, gradients, measurement, unit_of(self._system)))
+        self.records.append(LevelRecord(stage.name, lens, gradients, measurement, unit_of(self._system)))
 
 
 def level_contents(level: LevelRecord) -> tuple[bytes, bytes]:

@@ -10,6 +10,11 @@ if TYPE_CHECKING:
         Convolution as Convolution,
         blur_of as blur_of,
     )
+    from optics.blur.light_to_aim_at import (
+        aimed as aimed,
+        aimed_light as aimed_light,
+        aimed_through as aimed_through,
+    )
     from optics.blur.spot_matrices import (
         LandingShifts as LandingShifts,
         landing_shifts as landing_shifts,
@@ -20,6 +25,11 @@ _FILES = {
         "Blur",
         "Convolution",
         "blur_of",
+    ),
+    "light_to_aim_at": (
+        "aimed",
+        "aimed_light",
+        "aimed_through",
     ),
     "spot_matrices": (
         "LandingShifts",

@@ -7,6 +7,7 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.engines.blurred_engine import (
         BlurredEngine as BlurredEngine,
+        sharp_engine as sharp_engine,
     )
     from optics.engines.exact_engine import (
         SOFT_RIM as SOFT_RIM,
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
-    "blurred_engine": ("BlurredEngine",),
+    "blurred_engine": (
+        "BlurredEngine",
+        "sharp_engine",
+    ),
     "exact_engine": (
         "SOFT_RIM",
         "ExactEngine",

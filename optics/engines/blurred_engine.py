@@ -57,6 +57,11 @@ class BlurredEngine:
         return BlurredModel(model, self.blur, narrow)
 
 
+def sharp_engine(engine: Engine) -> Engine:
+    """Return the engine whose light another one blurs, or this one."""
+    return engine.sharp if isinstance(engine, BlurredEngine) else engine
+
+
 @dataclass(frozen=True, eq=False)
 class BlurredModel:
     """A `LightModel` of blurred light.

@@ -217,5 +217,4 @@ def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
 def _stage_words(stage: Stage) -> str:
     """Return the name of a stage with its pixels."""
     columns, rows = stage.screen.pixels
-    name = "finish" if stage.finish else f"level {stage.level}"
-    return f"{name}, {columns} x {rows} pixels"
+    return f"{stage.name}, {columns} x {rows} pixels"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis import light_by_other_ways
-from optics.engines import Film
+from optics.engines import Film, sharp_engine
 from optics.optimisation.indicators import (
     mark,
     promised_decrease,
@@ -103,6 +103,7 @@ def stage_objective(
     background : light of other ways, irradiance on the stage's pixels.
     """
     axes = [axis for axis in axes if all(Mirrors(sag.space, axes).keeps(axis) for sag in lens.sags)]
+    engine = sharp_engine(engine) if stage.aimed else engine
     model = engine.model(system, lens, stage_film(system, stage), axes, fresh)
     return charged_objective(system, lens, model, target, background)
 

@@ -159,14 +159,15 @@ def _asked(
 ) -> NDArray[np.float64]:
     """Return the target irradiance that a stage asks for.
 
-    Its flux is what the unoptimised lens sends on, W, but in the finish: there it is what the present lens
-    sends on, since asking for light that cannot arrive spoils what does.  The background's flux is added.
+    Of sharp light that will be blurred, that is the aim.  Its flux is what the unoptimised lens sends on, W,
+    but in the finish: there it is what the present lens sends on, since asking for light that cannot arrive
+    spoils what does.  The background's flux is added.
     """
     if stage.finish:
         flux = transmitted_flux(system, backend, lens)
     if around is not None:
         flux += float(around.sum()) * stage.screen.pixel_area
-    return system.target.irradiance(stage.screen, flux)
+    return (system.goal if stage.aimed else system.target).irradiance(stage.screen, flux)
 
 
 def _first_state(

@@ -37,6 +37,7 @@ class Stage:
         long distances.
     exact : the light of cells on the pixels themselves, not that of rays in a window.
     finish : on unmerged pixels, with a narrower window.
+    aimed : the sharp light is compared with the system's aim, before blurred light is with the target.
     """
 
     level: int
@@ -46,6 +47,14 @@ class Stage:
     final: bool
     exact: bool
     finish: bool = False
+    aimed: bool = False
+
+    @property
+    def name(self) -> str:
+        """In a word or three."""
+        if self.finish:
+            return "finish"
+        return f"sharp level {self.level}" if self.aimed else f"level {self.level}"
 
     @property
     def evaluations(self) -> int:
@@ -83,14 +92,21 @@ def last_level(problem: Problem) -> int:
 def stages(system: OpticalSystem, moved: bool) -> list[Stage]:
     """Return the Stage of every level that is optimised.
 
+    A blurred system that starts from transport optimises its sharp light before its blurred light: the loss
+    of blurred light alone falls slowly, since it hardly sees single pixels.
+
     moved : the design starts from an optimal-transport map
     """
+    system = system.shaping
     problem = system.problem
     last = last_level(problem)
     out = []
     for level in range(first_level(problem, moved), last + 1):
         iterations = 0 if moved and level < last else per_level(problem.optimizer.iterations, level)
         out.append(_stage(system, level, iterations, _coarsening(problem, level), level == last))
+    if moved and system.aim:
+        screen = system.aim.screen(margin=MARGIN)
+        out.insert(-1, replace(out[-1], screen=screen, final=False, aimed=True))
     if problem.optimizer.finish:
         out.append(replace(_stage(system, last, problem.optimizer.finish, 1, True), finish=True))
     return out

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.blur import aimed
 from optics.optimisation.indicators import summed_over_cells
 from optics.optimisation.rear_light import DARK, LEAST_WEIGHT, RearLight, centres, refraction_of, traced_light
 from optics.system import target_irradiance
@@ -66,7 +67,7 @@ class TransportStart:
     """Slopes of the rear, or of a front that alone is free, that send light without extent to the target.
 
     A Lambertian source is taken as a point in its centre.  `fit` gives the sag with these slopes in any THB
-    space.
+    space.  Where light is blurred, it is sent to the light that `optics.blur.aimed` aims at.
 
     traced : the fit on which rays that spread inside the lens were traced last, None where they are parallel
     bent : share of the light that a slope can send to where the map wants it
@@ -75,10 +76,10 @@ class TransportStart:
     """
 
     def __init__(self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS) -> None:
-        system = system.shaping
+        system = aimed(system, backend)
         self._system, self._lens, self._backend = system, system.lens, backend
-        screen = system.target.screen()
-        self.lit, self._centre, self.half_lit = lit_part(system.target.irradiance(screen, 1.0), screen, DARK)
+        screen = system.goal.screen()
+        self.lit, self._centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
         nx, ny = (int(np.clip(CELLS_PER_PIXEL * n, LEAST_CELLS, most)) for n in screen.pixels)
         self._cells = nx, ny
         self._surface: FreeformSurface = getattr(system.lens, system.shaped)

@@ -89,7 +89,7 @@ def expected(
     moved = _moves(system, start)
     traced = system.shaping
     plan = stages(traced, moved)
-    fates, error = _traced(traced, lens, backend)
+    fates, error = _traced(system, lens, backend)
     flux = system.problem.source.flux
     light, slopes = start.rear_slopes()
     density = system.problem.lens.density
@@ -138,8 +138,14 @@ def _moves(system: OpticalSystem, start: TransportStart) -> bool:
 
 
 def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[SequentialFates, float | None]:
-    """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent."""
-    screen = system.target.screen()
+    """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent.
+
+    The fates of blurred light are those of the sharp light on a target that is wider by the blur's reach.
+    """
+    screen, blur = system.target.screen(), None
+    if system.blurred:
+        blur, system = blur_of(system, lens, backend), system.sharp
+        screen = screen.widened(blur.reach(screen))
     if system.source.extended:
         side = round(sqrt(RAYS))
         rays = system.source.rays((side, side))
@@ -149,6 +155,11 @@ def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[Sequen
         return tracer.fates(landing, screen.half_width), None
     counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
     irradiance, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)
+    if blur:
+        beside = blur.reach(screen)
+        inner = slice(beside, -beside or None)
+        irradiance = blur.convolution(screen, screen.shape)(irradiance)[inner, inner]
+        screen = system.target.screen()
     shown = screen.projection()  # in the far field intensities are compared
     return fates, rel_l2(irradiance / shown, system.target.irradiance(screen, 1.0) / shown)
 

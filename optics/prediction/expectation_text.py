@@ -61,7 +61,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if system.source.extended and not system.blurred:
         return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
     if system.blurred:
-        return f"rel_l2: not predicted for blurred light; the sharp start has {expected.start_rel_l2:.2g}"
+        return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
     start = f"the start has {expected.start_rel_l2:.2g}"
     if not expected.moved:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"

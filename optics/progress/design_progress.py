@@ -125,9 +125,7 @@ class DesignProgress:
 
 
 def _name(stage: Stage) -> str:
-    if stage.finish:
-        return "finish"
-    return f"level {stage.level}" if stage.iterations else f"mesh of level {stage.level}"
+    return stage.name if stage.iterations else f"mesh of {stage.name}"
 
 
 def _stage_phases(stages: Sequence[Stage], dof: int) -> list[Phase]:

@@ -54,6 +54,8 @@ class OpticalSystem:
 
     Sources, wavelengths and targets are tuples; a problem file names one source and one target today.
     `problem` is the one given, with numbers for what it leaves to the material of the lens.
+    aim : what the light of a sharp system is to be that stands for a blurred one, see `optics.blur.aimed`;
+        None of other systems.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class OpticalSystem:
     """
 
     problem: Problem
+    aim: LightTarget | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "problem", with_material(self.problem))
@@ -122,11 +125,15 @@ class OpticalSystem:
 
     @cached_property
     def sharp(self) -> OpticalSystem:
-        """The system without the divergence of its beam and without roughness."""
+        """The system without the divergence of its beam and without roughness.
+
+        Where it stands for a blurred one, it aims at the target itself, as long as nothing is known of the
+        blur.
+        """
         changes: dict[str, object] = {"lens.front.slope_rms": 0.0, "lens.rear.slope_rms": 0.0}
         if self.source.diverging:
             changes |= {"source.divergence": 0.0, "source.divergence_profile": "uniform"}
-        return OpticalSystem(self.problem.with_(**changes))
+        return OpticalSystem(self.problem.with_(**changes), self.target if self.blurred else None)
 
     @cached_property
     def sources(self) -> tuple[LightSource, ...]:
@@ -196,6 +203,11 @@ class OpticalSystem:
         """The target, where there is one."""
         (target,) = self.targets
         return target
+
+    @property
+    def goal(self) -> LightTarget:
+        """What transport, and the first of two stages of a blurred system, shape light to."""
+        return self.aim or self.target
 
     @cached_property
     def path(self) -> LightPath:

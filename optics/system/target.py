@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isinf
 from typing import TYPE_CHECKING
@@ -67,6 +67,15 @@ class LightTarget:
         """
         columns, rows = (-(-n // coarsening) for n in self.settings.pixels)
         return Screen(self.settings.half_width, (columns, rows), margin, self.far_field)
+
+    def of_light(self, screen: Screen, irradiance: NDArray[np.float64]) -> LightTarget:
+        """Return a target in the same plane that asks for a given irradiance on a screen's pixels."""
+        settings = replace(
+            self.settings, kind="image", fit="stretch", half_width=screen.half_width, pixels=screen.pixels
+        )
+        target = LightTarget(settings, self.z)
+        target.__dict__["light"] = irradiance / screen.projection()  # in place of a picture that is read
+        return target
 
     def irradiance(self, screen: Screen, flux: float) -> NDArray[np.float64]:
         """Return the target irradiance on a screen's pixels, see `target_irradiance`."""

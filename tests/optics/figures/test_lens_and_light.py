@@ -15,8 +15,8 @@ from optics.figures.lens_and_light import lens_figures
 from tests.optics.verification.cases import shaped
 
 PLAN = [
-    SimpleNamespace(level=3, finish=False, screen=SimpleNamespace(pixels=(64, 32))),
-    SimpleNamespace(level=3, finish=True, screen=SimpleNamespace(pixels=(256, 128))),
+    SimpleNamespace(name="level 3", screen=SimpleNamespace(pixels=(64, 32))),
+    SimpleNamespace(name="finish", screen=SimpleNamespace(pixels=(256, 128))),
 ]
 
 
