@@ -15,6 +15,7 @@ at 0.110.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,7 @@ Floats = NDArray[np.float64]
 
 PEAK = 3.0  # of the brightest pixel: without a limit a few pixels would be 25 times as bright as the mean
 LOST = 0.01  # costs 1 % of rel_l2 and brings 5 % of the flux to the target that would miss it
+FARTHEST = 64  # pixels that a blur reaches: for wider ones pixels are merged
 STEPS = 200  # rel_l2 of the blurred light then falls by less than 1e-3 of itself
 
 
@@ -44,8 +46,8 @@ def aimed(system: OpticalSystem, backend: Backend) -> OpticalSystem:
 
 def aimed_through(system: OpticalSystem, blur: Blur) -> OpticalSystem:
     """Return the sharp system that stands for a blurred one, with the aim for a known blur."""
-    target = system.target
-    screen = target.screen(system.problem.optimizer.merge)
+    target, merge = system.target, system.problem.optimizer.merge
+    screen = target.screen(merge * max(1, ceil(blur.reach(target.screen(merge)) / FARTHEST)))
     wide, light = aimed_light(blur, screen, target.irradiance(screen, 1.0))
     return replace(system.sharp, aim=target.of_light(wide, light))
 

@@ -109,7 +109,11 @@ def test_white_light_without_dispersion_is_white(tmp_path, backend, name):
     assert measurement.metrics["rel_l2"] == pytest.approx(measurement.metrics["rel_l2_design_wavelength"])
 
 
-@pytest.mark.parametrize("changes", [{}, POINT, DIVERGING, GLOWING], ids=["cells", "point", "beams", "rays"])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, POINT, pytest.param(DIVERGING, marks=pytest.mark.slow), GLOWING],
+    ids=["cells", "point", "beams", "rays"],
+)
 def test_fates_of_all_wavelengths_sum_to_the_source_flux(tmp_path, backend, changes):
     wide = {"target.pixels": [8, 8], "lens.absorption": 0.01, "source.flux": 2.0}
     system = system_of(tmp_path, TWO | changes | wide)

@@ -93,6 +93,15 @@ def test_a_blurred_system_gets_an_aim_and_others_stay(tmp_path):
     assert plain.goal is plain.target
 
 
+def test_a_wide_blur_is_aimed_through_on_merged_pixels(tmp_path):
+    """It hides them anyway, and reaches far: 12 degrees over 60 mm are 16 pixels here, or a thousand."""
+    for pixels, most in ((48, 48 + 2 * 20), (2048, 2048 // 8 + 2 * 66)):
+        changes = {"source.divergence": 12.0, "target.pixels": [pixels, pixels]}
+        blurred = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+        screen = aimed(blurred, load_backend("double", 1)).goal.screen()
+        assert max(screen.pixels) <= most
+
+
 def test_the_far_field_has_an_aim_of_intensities(tmp_path):
     far = {"target.distance": float("inf"), "target.half_width": [15.0, 15.0], "target.kind": "tophat"}
     problem = load_problem(write_problem(tmp_path, SUN | far, drop=("target.image",)))

@@ -145,7 +145,7 @@ def test_all_paths_in_a_plate_are_dimmed(backend):
     "changes",
     [
         {},
-        {"source.divergence": 0.3},
+        pytest.param({"source.divergence": 0.3}, marks=pytest.mark.slow),
         {"source.kind": "point", "source.distance": 30.0, "source.half_angle": 12.0},
         {
             "source.kind": "lambertian",
@@ -153,7 +153,7 @@ def test_all_paths_in_a_plate_are_dimmed(backend):
             "source.distance": 8.0,
             "source.half_angle": 30.0,
         },
-        {"lens.rear.slope_rms": 0.002},
+        pytest.param({"lens.rear.slope_rms": 0.002}, marks=pytest.mark.slow),
     ],
     ids=["cells", "beams", "point", "rays", "rough"],
 )
