@@ -102,15 +102,16 @@ class PerturbedLight:
             yield colour.weight, parts, self.tracer_of(parts, colour.system, perturbation)
 
     def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
-        """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet its last free
-        surface; NaN where they miss it."""
+        """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet the rear, or a
+        front that alone is free; NaN where they miss it."""
         _, parts, trace = next(self.colours(perturbation))
         every_s, every_t = (v.ravel() for v in np.meshgrid(s, t, indexing="ij"))
         rays = parts.rays(self.cells.at(every_s, every_t, np.ones(every_s.size)))
         tracer, _ = trace(rays)
-        free = tracer.at_front if parts.lens.rear.sag is None else tracer.at_rear
+        front_alone = parts.lens.rear.sag is None and parts.lens.front.sag is not None
+        meet = tracer.at_front if front_alone else tracer.at_rear
         with self.backend.dr.suspend_grad():
-            hits, _, flux = free([sag.coefficients for sag in parts.lens.sags])
+            hits, _, flux = meet([sag.coefficients for sag in parts.lens.sags])
         at = [np.where(flux.numpy() > 0, v.numpy(), np.nan) for v in (hits.x, hits.y)]
         return np.reshape(at, (2, len(s), len(t)))
 

@@ -69,6 +69,7 @@ def test_a_sag_of_zeros_is_drawn_as_none():
     assert solid_views(none) == solid_views(zeros)
 
 
+@pytest.mark.slow
 def test_ripples_of_a_twentieth_of_a_millimetre_are_seen_on_100_mm():
     """They change grey levels by 10 and more, where eyes tell 2 apart; the view from the front stays as it
     was."""

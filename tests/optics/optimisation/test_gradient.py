@@ -205,6 +205,7 @@ def test_the_loss_is_the_formula(backend):
     assert found.loss == pytest.approx(fit + 7.0 * np.sum(flux * beside) / (14**2 * 0.92), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_loss_does_not_jump_where_a_ray_leaves_the_margin(backend):
     """Pushing one ray over the outer edge of the margin changes the loss as little as any other small
     step."""

@@ -129,6 +129,7 @@ def test_brackets_find_what_newtons_steps_from_the_conic_do_not(backend):
     np.testing.assert_allclose(z, surface(x, y), rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
     height=st.floats(0, 3),

@@ -134,6 +134,7 @@ def test_every_branch_in_a_frustum(backend, shape):
 # curved lenses
 
 
+@pytest.mark.slow
 @settings(
     max_examples=8, deadline=None, derandomize=True, phases=[Phase.generate]
 )  # every example compiles kernels

@@ -56,6 +56,7 @@ def paraboloid(x0, y0, height, kv):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(st.data(), st.sampled_from(ORDERS))
 def test_the_range_holds_exact_values(data, derivative):

@@ -24,6 +24,7 @@ def coarsest_above(space):
     return (space.cells[rows, 0] - space.functions[acting.indices, 0]).max()
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(tensor_spaces(max_degree=4), st.integers(2, 4), seeds())
 def test_the_class_is_kept(space, m, rng):

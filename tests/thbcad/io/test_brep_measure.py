@@ -44,6 +44,7 @@ def test_the_file_has_the_volume_of_the_lens(name):
     assert volume(of(LENSES[name])) == pytest.approx(LENSES[name].volume(), rel=1e-10)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(lenses(conics=False))
 def test_random_lenses(lens):

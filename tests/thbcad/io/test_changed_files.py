@@ -39,6 +39,7 @@ def refusal(read, text):
 # ---- STEP ----
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(lenses(conics=False))
 def test_a_step_file_holds_the_lens(lens):

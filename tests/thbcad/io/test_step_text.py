@@ -309,6 +309,7 @@ def test_a_file_cut_off_anywhere_is_refused(end):
         entities_of_text(TABLE63[:end])
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.integers(0, len(PLANO) - 1), st.sampled_from("#'();,.*$/0 9ETA-\n\0é")),

@@ -90,6 +90,7 @@ def test_a_flange_has_its_planes_and_its_outline():
             assert (np.hypot(points[:, 0] / 4.5, points[:, 1] / 3.5) >= 1 - CHORD / 3.5).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.floats(0.3, 5.0), st.floats(0.3, 4.0), st.floats(1e-3, 0.1))
 def test_any_ellipse_keeps_any_chord(a, b, chord):

@@ -93,6 +93,7 @@ def test_cell_maxima_count_shared_nodes_to_both_cells():
 # ---- bounds ----
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(conics(), st.integers(2, 10), st.integers(2, 10), seeds())
 def test_bounds_contain_the_error_of_any_spline(case, p, q, rng):

@@ -49,6 +49,7 @@ def curves(draw, **options):
     return kv, c if d else c[:, 0]
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(st.data())
 def test_what_was_inserted_is_removed_again(data):
