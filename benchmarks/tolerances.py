@@ -124,10 +124,13 @@ def _sums(
         traced = rel_l2(light(p)[0], target)
         added.append(abs(rel_l2(predicted, target) / traced - 1))
         moved.append(abs(rel_l2(_change(linear.moved(p), linear) + linear.irradiance, target) / traced - 1))
-    name = f"pearl: rel_l2 of {SUMS} random sums of all, each within a tenth of a pixel, greatest error"
-    for errors, estimator in (
-        (moved, "landing points by their derivatives, exact pixels"),
-        (added, "changes through finite traces, added"),
+    for name, errors, estimator in (
+        (
+            f"pearl: rel_l2 of {SUMS} random sums of all, each within a tenth of a pixel, greatest error",
+            moved,
+            "landing points by their derivatives, exact pixels",
+        ),
+        ("  by the changes of single tolerances, added", added, "changes through finite traces"),
     ):
         yield Row(name, max(errors), "", "exact traces", quantity="rel_l2, relative", estimator=estimator)
 

@@ -59,6 +59,28 @@ class Convolution:
 
 
 @dataclass(frozen=True, eq=False)
+class BlurOnto:
+    """The blur of light on a wide screen, as it is seen on a narrow one.
+
+    wide : wider than the narrow one by the reach of the blur.  reach : pixels.
+    """
+
+    wide: Screen
+    reach: int
+    convolution: Convolution
+
+    def __call__(self, image: Floats) -> Floats:
+        """Return what the narrow screen sees of the light of the wide one."""
+        rows, columns = image.shape
+        blurred = self.convolution(image)
+        return blurred[self.reach : rows - self.reach, self.reach : columns - self.reach]
+
+    def back(self, image: Floats) -> Floats:
+        """Return the adjoint: from the narrow screen to the wide one."""
+        return self.convolution(np.pad(image, self.reach))
+
+
+@dataclass(frozen=True, eq=False)
 class Blur:
     """The spot that all light of one point of the rear makes.
 
@@ -101,6 +123,12 @@ class Blur:
         """Return the convolution of images of a shape (rows, columns), on pixels as large as the screen's."""
         padded = self._padded(shape, screen)
         return Convolution(self.transfer(screen, padded), padded)
+
+    def onto(self, screen: Screen) -> BlurOnto:
+        """Return the blur as a screen sees it."""
+        reach = self.reach(screen)
+        wide = screen.widened(reach)
+        return BlurOnto(wide, reach, self.convolution(wide, wide.shape))
 
     def sampled(self, image: Floats, screen: Screen, shifts: Floats) -> Floats:
         """Return the mean of an image at shifted places: a convolution with samples of the spot.

@@ -142,10 +142,10 @@ def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[Sequen
 
     The fates of blurred light are those of the sharp light on a target that is wider by the blur's reach.
     """
-    screen, blur = system.target.screen(), None
+    screen, blurred = system.target.screen(), None
     if system.blurred:
-        blur, system = blur_of(system, lens, backend), system.sharp
-        screen = screen.widened(blur.reach(screen))
+        blurred, system = blur_of(system, lens, backend).onto(screen), system.sharp
+        screen = blurred.wide
     if system.source.extended:
         side = round(sqrt(RAYS))
         rays = system.source.rays((side, side))
@@ -155,11 +155,8 @@ def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[Sequen
         return tracer.fates(landing, screen.half_width), None
     counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
     irradiance, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)
-    if blur:
-        beside = blur.reach(screen)
-        inner = slice(beside, -beside or None)
-        irradiance = blur.convolution(screen, screen.shape)(irradiance)[inner, inner]
-        screen = system.target.screen()
+    if blurred:
+        irradiance, screen = blurred(irradiance), system.target.screen()
     shown = screen.projection()  # in the far field intensities are compared
     return fates, rel_l2(irradiance / shown, system.target.irradiance(screen, 1.0) / shown)
 

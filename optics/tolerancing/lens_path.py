@@ -1,7 +1,7 @@
 """Corners of a source's cells that stay on the lens while a perturbation makes light slide over it.
 
-At fixed (s, t) of the source, light meets the last free surface at u(s, t; a) for the amount a of a
-perturbation.  Corners that start at
+At fixed (s, t) of the source, light meets a free surface at u(s, t; a) for the amount a of a perturbation.
+Corners that start at
 
     (s, t) - a (du / d(s, t))^-1 du/da
 
@@ -15,6 +15,7 @@ has the flux of what it covers then.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,37 +63,53 @@ class LensPath:
         return np.asarray(cells.emitted * np.maximum(areas[1] / areas[0], 0.0) * brighter)
 
 
-def lens_path(light: PerturbedLight, perturbation: Perturbation) -> LensPath:
-    """Return the path on which corners stay on the last free surface of a lens.
+class LensPaths:
+    """The paths on which corners stay on the rear, or on a front that alone is free, by Perturbation.
 
     Those of a source with a picture for its light rest: what moved cells cover of it is not smooth.
     """
-    cells = light.cells
-    if light.system.problem.source.profile == "image":
-        still = np.zeros([n + 1 for n in cells.emitted.shape])
-        return LensPath(still, still)
-    s, t = (np.linspace(border[0], border[-1], SAMPLES) for border in (cells.s, cells.t))
-    behind, here, ahead = (
-        light.on_lens(p, s, t) for p in (-STEP * perturbation, NOMINAL, STEP * perturbation)
-    )
-    slide = (ahead - behind) / (2 * STEP)
-    (xs, xt), (ys, yt) = (np.gradient(u, s, t) for u in here)
-    with np.errstate(divide="ignore", invalid="ignore"):  # where no light is
-        back = np.stack([xt * slide[1] - yt * slide[0], ys * slide[0] - xs * slide[1]]) / (xs * yt - xt * ys)
-    back = np.where(np.isfinite(back).all(axis=0), back, 0.0)
-    moves = [RectBivariateSpline(s, t, b)(cells.s, cells.t) for b in back]
-    setting_off = _setting_off(cells, max(np.abs(back[0]).max(), np.abs(back[1]).max()))
-    return LensPath(setting_off * moves[0], setting_off * moves[1])
 
+    def __init__(self, light: PerturbedLight) -> None:
+        self._light, self._cells = light, light.cells
+        self._s, self._t = (np.linspace(v[0], v[-1], SAMPLES) for v in (light.cells.s, light.cells.t))
 
-def _setting_off(cells: SourceCells, furthest: float) -> Floats:
-    """Return how much of its move every corner does, (nx + 1, ny + 1): none at the border of the light."""
-    steps = np.diff(cells.s).mean(), np.diff(cells.t).mean()
-    depth = distance_transform_edt(np.pad(cells.emitted > 0, 1), sampling=steps)
-    corners = np.minimum(depth[1:], depth[:-1])
-    corners = np.minimum(corners[:, 1:], corners[:, :-1])
-    rest = RESTING * max(steps)
-    return np.clip((corners - rest) / max(GENTLE * furthest, rest), 0.0, 1.0)
+    def __call__(self, perturbation: Perturbation) -> LensPath:
+        if self._light.system.problem.source.profile == "image":
+            still = np.zeros([n + 1 for n in self._cells.emitted.shape])
+            return LensPath(still, still)
+        s, t = self._s, self._t
+        behind, ahead = (self._light.on_lens(a * perturbation, s, t) for a in (-STEP, STEP))
+        slide = (ahead - behind) / (2 * STEP)
+        (xs, xt), (ys, yt) = self._rates
+        with np.errstate(divide="ignore", invalid="ignore"):  # where no light is
+            back = np.stack([xt * slide[1] - yt * slide[0], ys * slide[0] - xs * slide[1]])
+            back /= xs * yt - xt * ys
+        back = np.where(np.isfinite(back).all(axis=0), back, 0.0)
+        setting_off = np.clip(self._depth / max(GENTLE * np.abs(back).max(), self._border), 0.0, 1.0)
+        ds, dt = (setting_off * RectBivariateSpline(s, t, b)(self._cells.s, self._cells.t) for b in back)
+        return LensPath(ds, dt)
+
+    @cached_property
+    def _rates(self) -> list[tuple[Floats, ...]]:
+        """du / d(s, t) of the design: rows x, y, columns s, t."""
+        return [np.gradient(u, self._s, self._t) for u in self._light.on_lens(NOMINAL, self._s, self._t)]
+
+    @property
+    def _border(self) -> float:
+        """Width of the border in which corners rest, in the unit of s and t."""
+        return RESTING * float(max(self._steps))
+
+    @property
+    def _steps(self) -> list[float]:
+        """Mean widths of the cells along s and t."""
+        return [float(np.diff(v).mean()) for v in (self._cells.s, self._cells.t)]
+
+    @cached_property
+    def _depth(self) -> Floats:
+        """How far corners lie behind the border in which they rest, (nx + 1, ny + 1)."""
+        depth = distance_transform_edt(np.pad(self._cells.emitted > 0, 1), sampling=self._steps)
+        corners = np.minimum(depth[1:], depth[:-1])
+        return np.asarray(np.minimum(corners[:, 1:], corners[:, :-1]) - self._border)
 
 
 def _areas(s: Floats, t: Floats) -> Floats:

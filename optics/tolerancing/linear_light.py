@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,12 +29,12 @@ from numpy.typing import NDArray
 
 from optics.sources import corner_flux
 from optics.target import MappedCells
-from optics.tolerancing.lens_path import STEP, lens_path
+from optics.tolerancing.lens_path import STEP, LensPaths
 from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
 from optics.tolerancing.traced_light import CORNERS_AT_ONCE
 
 if TYPE_CHECKING:
-    from optics.sources import RayGrid, Rays
+    from optics.sources import RayGrid, Rays, SourceCells
     from optics.tolerancing.lens_path import LensPath
     from optics.tolerancing.traced_light import PerturbedLight, Trace
 
@@ -47,7 +48,9 @@ class LinearLight:
     def __init__(self, light: PerturbedLight) -> None:
         self._light = light
         self.irradiance, self.fates = light(NOMINAL)
-        self._here = list(self._corners(NOMINAL)) if light.by_cells else []
+        self._here: list[_Corners] = []
+        if light.by_cells:
+            self._here, self._paths = list(self._corners(NOMINAL)), LensPaths(light)
 
     def derivative(self, perturbation: Perturbation) -> Floats | None:
         """Return dE = J p, (rows, columns); None of rays, and where a rim cuts cells."""
@@ -63,7 +66,7 @@ class LinearLight:
         """Return the light of landing points L + L' + L''/2, (rows, columns); None as of `derivative`."""
         if not self._light.by_cells:
             return None
-        path = lens_path(self._light, perturbation)
+        path = self._paths(perturbation)
         steps = (self._corners(a * perturbation, path, a) for a in (STEP, -STEP))
         return self._summed(
             self._pictured(ahead, _at_one(here, ahead, behind), _all_sound(here, ahead, behind))
@@ -78,7 +81,7 @@ class LinearLight:
         """
         if not self._light.by_cells:
             return None
-        there = self._corners(perturbation, lens_path(self._light, perturbation), 1.0)
+        there = self._corners(perturbation, self._paths(perturbation), 1.0)
         return self._summed(self._pictured(c, c.jet, _all_sound(h, c)) for h, c in zip(self._here, there))
 
     def _summed(self, images: Iterable[Floats | None]) -> Floats | None:
@@ -98,12 +101,12 @@ class LinearLight:
             first = 0
             for strip in self._light.cells.slices(CORNERS_AT_ONCE):
                 if path is None:
-                    yield _landed(self._light, weight, strip.emitted, trace, parts.cells(strip).rays())
+                    yield _landed(self._light, weight, strip, trace, parts.cells(strip).rays())
                 else:
                     part = path.rows(first, len(strip.s))
                     s, t = (v.ravel() for v in part.corners(strip, amount))
                     rays = parts.rays(strip.at(s, t, corner_flux(strip.emitted).ravel()))
-                    yield _landed(self._light, weight, part.emitted(strip), trace, rays)
+                    yield _landed(self._light, weight, strip, trace, rays, part)
                 first += len(strip.s) - 1
 
     def _pictured(self, corners: _Corners, jet: Floats, sound: NDArray[np.bool_]) -> Floats | None:
@@ -142,26 +145,37 @@ class LinearLight:
 class _Corners:
     """Corners of cells on the target.
 
-    weight : of their wavelength.  emitted : by the cells, W.  flux : that the corners stand for, W.
+    weight : of their wavelength.  cells, path : in the source.  flux : that the corners stand for, W.
     jet : x, y and flux that arrives, (3, n).  sound : which of them arrive, (n,).
     """
 
     weight: float
-    emitted: Floats
+    cells: SourceCells
+    path: LensPath | None
     flux: Floats
     jet: Floats
     sound: NDArray[np.bool_]
 
+    @cached_property
+    def emitted(self) -> Floats:
+        """What the cells emit at the end of the path, W."""
+        return self.path.emitted(self.cells) if self.path else self.cells.emitted
+
 
 def _landed(
-    light: PerturbedLight, weight: float, emitted: Floats, trace: Trace, rays: RayGrid | Rays
+    light: PerturbedLight,
+    weight: float,
+    cells: SourceCells,
+    trace: Trace,
+    rays: RayGrid | Rays,
+    path: LensPath | None = None,
 ) -> _Corners:
     dr = light.backend.dr
     _, landing = trace(rays)
     every = dr.ones(dr.mask_t(light.backend.Float), rays.flux.size)
     sound = (every & landing.definite & landing.met & landing.hit).numpy()
     jet = np.array([a.numpy() + np.zeros(rays.flux.size) for a in (landing.x, landing.y, landing.flux)])
-    return _Corners(weight, emitted, rays.flux, np.where(sound, jet, 0.0), sound)
+    return _Corners(weight, cells, path, rays.flux, np.where(sound, jet, 0.0), sound)
 
 
 def _at_one(here: _Corners, ahead: _Corners, behind: _Corners) -> Floats:

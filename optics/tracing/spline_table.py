@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from thbcad.lens import FreeformSurface
     from thbcad.sags import Conic
 
-RECENT = 2  # tables that are kept: of front and rear
 MOST_BINS = 1 << 16
 PLAIN = 16  # cells across a conic without a sag, on which its second derivative is bounded
 NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
 ROUNDING = 1e-9  # of a bin: breaks that lie so close to its ends are taken for the ends
 
 
-_recent: deque[tuple[Sequence[KnotVector], NDArray[np.float64], NDArray[np.float64]]] = deque(maxlen=RECENT)
+# knots, net and power coefficients of the last splines: of a front and a rear, traced again and again
+_RECENT: deque[tuple[Sequence[KnotVector], NDArray[np.float64], NDArray[np.float64]]] = deque(maxlen=2)
 
 
 class PolynomialTable:
@@ -50,11 +50,8 @@ class PolynomialTable:
         self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
 
     def power(self, net: NDArray[np.float64]) -> DrArray:
-        """Return the power coefficients of every cell, of the spline with the net (n_x, n_y).
-
-        What a measurement traces again and again is computed once.
-        """
-        for knots, known, table in _recent:
+        """Return the power coefficients of every cell, of the spline with the net (n_x, n_y)."""
+        for knots, known, table in tuple(_RECENT):  # other threads may add to it
             if np.array_equal(known, net) and all(map(_same, knots, self._knots)):
                 return self._backend.array(table)
         ax, ay = self._maps
@@ -62,7 +59,7 @@ class PolynomialTable:
         (nx, ny), (p, q) = self._cells, self._orders
         table = np.zeros((nx, ny, p, self._packets * PACKED))
         table[..., :q] = cells.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
-        _recent.append((self._knots, net.copy(), table))
+        _RECENT.append((self._knots, net.copy(), table))
         return self._backend.array(table)
 
     def moduli(self, power: DrArray) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optics.tolerancing import LinearLight, Perturbation, tolerances_of
-from optics.tolerancing.lens_path import RESTING, lens_path
+from optics.tolerancing.lens_path import RESTING, LensPaths
 from tests.optics.cases import FREE_REAR, FRONT
 from tests.optics.tolerancing.cases import small_light
 
@@ -35,12 +35,12 @@ def at_corners(light, perturbation, path):
 def test_corners_stay_on_the_lens_and_the_border_on_the_source(tmp_path, backend, source, motion):
     """To second order; without the path they slide by some 0.05 mm."""
     light, p = small_light(tmp_path, backend, SOURCES[source]), MOTIONS[motion]
-    path = lens_path(light, p)
+    path = LensPaths(light)(p)
     furthest = max(np.abs(path.ds).max(), np.abs(path.dt).max())
     assert furthest > 0.01
     n = light.cells.emitted.shape[0]
     inside = slice(3 * n // 8, 5 * n // 8)
-    apart = at_corners(light, p, path) - at_corners(light, Perturbation(), lens_path(light, Perturbation()))
+    apart = at_corners(light, p, path) - at_corners(light, Perturbation(), LensPaths(light)(Perturbation()))
     assert np.abs(apart[:, inside, inside]).max() < 4e-3 * furthest
     lit = light.cells.emitted > 0
     dark = ~np.pad(lit, 1)
@@ -55,7 +55,7 @@ def test_corners_stay_on_the_lens_and_the_border_on_the_source(tmp_path, backend
 )
 def test_moved_cells_emit_all_of_the_flux(tmp_path, backend, source, rounding):
     light = small_light(tmp_path, backend, SOURCES[source])
-    path = lens_path(light, SHIFT)
+    path = LensPaths(light)(SHIFT)
     emitted = path.emitted(light.cells)
     assert emitted.min() >= 0
     assert (
@@ -99,7 +99,7 @@ def test_the_front_is_followed_where_it_alone_is_free(tmp_path, backend):
 
     system = OpticalSystem(load_problem(write_problem(tmp_path, FRONT, drop=FREE_REAR)))
     light = PerturbedLight(system, system.lens, backend)
-    path = lens_path(light, SHIFT)
+    path = LensPaths(light)(SHIFT)
     middle = path.ds.shape[0] // 2
     # the beam is parallel, so that its points slide by the shift itself
     assert path.ds[middle, middle] == pytest.approx(0.05, rel=1e-3)
@@ -108,6 +108,6 @@ def test_the_front_is_followed_where_it_alone_is_free(tmp_path, backend):
 
 def test_light_of_a_picture_rests(tmp_path, backend):
     light = small_light(tmp_path, backend, {"source.profile": "image", "source.image": "picture.png"})
-    path = lens_path(light, SHIFT)
+    path = LensPaths(light)(SHIFT)
     assert not path.ds.any()
     assert (path.emitted(light.cells) == light.cells.emitted).all()
