@@ -116,9 +116,9 @@ def test_links_out_of_docs_lead_to_places_of_the_site():
     wanted = "[a](README.md) [b](benchmarks/error.md) [c](contributing.md#words) `[d](../x)` [e](https://f.g)"
     assert with_links(text, DOCS / "page.md", "page.md") == wanted
     assert with_links("[a](docs/thb.md#cost)", ROOT / "CHANGELOG.md", "changelog.md") == "[a](thb.md#cost)"
-    code = "[a](../../examples/pearl.toml) ![b](../../exports/curated/error.png) [c](../../examples/scripts)"
+    code = "[a](../../examples/pearl.toml) ![b](../../examples/pearl.png) [c](../../examples/scripts)"
     assert with_links(code, DOCS / "thesis" / "x.md", "thesis/x.md") == (
-        "[a](../repository/examples/pearl.toml.md) ![b](../repository/exports/curated/error.png) "
+        "[a](../repository/examples/pearl.toml.md) ![b](../repository/examples/pearl.png) "
         "[c](../repository/examples/scripts/index.md)"
     )
     assert [found[1] for found in CODE_OR_LINK.finditer("```\n[a](b)\n```\n")] == [None]

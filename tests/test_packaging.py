@@ -211,7 +211,7 @@ def test_the_changelog_begins_with_this_version():
 def built(tmp_path_factory):
     """Sdist and wheel, built without a warning from a copy of the checkout."""
     copy, out = tmp_path_factory.mktemp("checkout"), tmp_path_factory.mktemp("dist")
-    for folder in ("thbcad", "optics", "tests", "exports/curated"):
+    for folder in ("thbcad", "optics", "tests"):
         copytree(ROOT / folder, copy / folder, ignore=ignore_patterns("__pycache__"))
     for path in ROOT.iterdir():
         if path.is_file():

@@ -1,7 +1,7 @@
 """Relative error against the seconds of a whole design, for every start, every optimiser and every engine.
 
 Two problems: the square top hat, and the pearl on coarse levels.  A design runs in its own process, with a
-few iterations and with many; `exports/bench/designs.png` shows the curves.  The thesis's method optimises in
+few iterations and with many; its figure shows the curves.  The thesis's method optimises in
 this process, batch by batch; to its seconds are added those that a design takes beside its optimisation.
 Mitsuba's particle tracer takes 30 steps of Adam on its one level, the last.
 
@@ -19,14 +19,15 @@ from pathlib import Path
 from statistics import median
 from time import perf_counter
 
-from benchmarks.checkout import EXAMPLES, ROOT
+from benchmarks.checkout import BUILD, EXAMPLES
 from benchmarks.designs.design_run import DesignRun, run_design
+from benchmarks.page_picture import keep
 from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
 from optics.api import System
 from optics.problem import Problem, load_problem, problem_to_toml
 from optics.runtime import Row
 
-FIGURE = ROOT / "exports" / "bench" / "designs.png"
+FIGURE = BUILD / "designs.png"
 STARTS = ("transport", "flat")
 BUDGETS = (5, 20, 60)  # iterations of L-BFGS on every level that is optimised
 BATCHES = 2  # of the thesis's six: each takes longer than all other designs
@@ -112,6 +113,11 @@ def _run(problem: Problem, changes: dict[str, str], budget: int) -> DesignRun:
         path = Path(folder) / "problem.toml"
         path.write_text(problem_to_toml(replace(problem, optimizer=optimizer)), "utf-8")
         return run_design(path, Path(folder) / "result", must_pass=False)
+
+
+def publish() -> None:
+    """Keep the curves as docs/pictures/designs.webp."""
+    keep(FIGURE, "designs")
 
 
 def draw(points: Sequence[Point], path: Path) -> None:

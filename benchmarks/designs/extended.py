@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.checkout import EXAMPLES
+from benchmarks.checkout import BUILD, EXAMPLES
 from benchmarks.designs.design_run import IRRADIANCE, LANDING, rel_l2_row, run_design
+from benchmarks.page_picture import keep
 from benchmarks.thesis.chapter6.adam_batches import BOTH_FILTERED, adam_batches
 from optics.analysis import counted_ways, light_by_other_ways, ray_irradiance
 from optics.api import System
@@ -29,6 +30,7 @@ from optics.verification import StepFile, verify
 from oracles.source_image import Scene, SourceImage, pixel_irradiance
 from thbcad import write_step
 
+DESIGNS = BUILD / "extended"
 BLOCKS = 8  # of the target in each direction, with one pixel of each compared
 GAUSS = 4  # points of the source's image in each direction of a pixel
 THESIS_SECONDS, THESIS_FLUX = "thesis 1763 s", "thesis 0.74 W"
@@ -37,17 +39,25 @@ THESIS_SECONDS, THESIS_FLUX = "thesis 1763 s", "thesis 0.74 W"
 def rows() -> list[Row]:
     """Return the measured rows."""
     system, backend = OpticalSystem(load_problem(EXAMPLES / "extended.toml")), load_backend("double")
+    adam, other = _adam(System(system.problem))
+    result = DESIGNS / "extended"
+    one = [*_design(result, other), _other_ways(result), *_source_image(result)]
+    two = _design(DESIGNS / "extended_two", other)
     with tempfile.TemporaryDirectory() as folder:
-        adam, other = _adam(System(system.problem))
-        result = Path(folder) / "one"
-        one = [*_design("extended", result, other), _other_ways(result), *_source_image(result)]
-        two = _design("extended_two", Path(folder) / "two", other)
         batches = _batches(system, backend, Path(folder) / "batch.step")
         short = _without_finish(Path(folder))
     return [*one, *two, *short, *adam, *batches]
 
 
-def _design(name: str, folder: Path, other: dict[str, float]) -> list[Row]:
+def publish() -> None:
+    """Keep the light of both designs in docs/pictures."""
+    for name in ("extended", "extended_two"):
+        keep(DESIGNS / name / "figures" / "irradiance.png", f"{name}_irradiance")
+
+
+def _design(folder: Path, other: dict[str, float]) -> list[Row]:
+    """Return the rows of the example that has the name of the folder."""
+    name = folder.name
     run = run_design(EXAMPLES / f"{name}.toml", folder)
     metrics = run.metrics
     return [

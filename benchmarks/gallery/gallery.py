@@ -9,20 +9,22 @@ import subprocess
 import sys
 from pathlib import Path
 
-from benchmarks.checkout import EXAMPLES, ROOT
+from benchmarks.checkout import BUILD, EXAMPLES, ROOT
 from benchmarks.designs.design_run import DesignRun, rel_l2_row, run_design
 from benchmarks.gallery.gallery_page import ERROR, FUNCTIONS, LIGHT, SECONDS, commands, page_text
 from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.gallery.opened_result import write_opened
 from benchmarks.gallery.small_pictures import lens_picture, light_picture, mesh_picture, scene_picture
+from benchmarks.page_picture import keep
 from optics.export import read_mesh
 from optics.runtime import Row, UserError, read_rows
 from thbcad import read_lens
 from thbcad.io import write_bytes
 
-BUILD = ROOT / "build" / "gallery"
+DESIGNS = BUILD / "gallery"
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "gallery"
 OPENED = "street"  # the lens whose result is kept as a whole: two free surfaces, in few bytes
+LARGE = {"pearl": ("scene", "target", "irradiance", "solid"), "disk": ("mesh",)}  # figures of other pages
 CHORD = "0.05"  # mm, of meshes that are drawn: less than a pixel of their pictures
 
 
@@ -33,7 +35,7 @@ def rows(only: int | None = None) -> list[Row]:
     """
     if only is not None and not 1 <= only <= len(LENSES):
         raise UserError(f"--only must be a number from 1 to {len(LENSES)}, got {only}")
-    BUILD.mkdir(parents=True, exist_ok=True)
+    DESIGNS.mkdir(parents=True, exist_ok=True)
     chosen = LENSES if only is None else LENSES[only - 1 : only]
     runs = {lens.name: _designed(lens) for lens in chosen}
     table = [row for name, run in runs.items() for row in _rows(name, run)]
@@ -42,7 +44,7 @@ def rows(only: int | None = None) -> list[Row]:
 
 def _designed(lens: Shown) -> DesignRun:
     """Design a lens; where its body is another, export that, and as a mesh that can be drawn."""
-    out = BUILD / lens.name
+    out = DESIGNS / lens.name
     run = run_design(EXAMPLES / lens.problem, out)
     for arguments in commands(lens, str(out))[1:]:
         for options in ([], ["--out", f"{out}.stl", "--chord", CHORD]):  # the last --out counts
@@ -61,17 +63,20 @@ def _rows(name: str, run: DesignRun) -> list[Row]:
 
 
 def publish() -> None:
-    """Write the pictures into docs/gallery and one whole result into docs/result, from build/gallery."""
+    """Write the pictures into docs/gallery and docs/pictures, and one whole result into docs/result."""
     PICTURES.mkdir(exist_ok=True)
     for lens in LENSES:
         for kind, picture in pictures_of(lens).items():
             write_bytes(PICTURES / f"{lens.name}_{kind}.webp", picture)
-    write_opened(BUILD / OPENED, ROOT / "docs" / "result")
+    write_opened(DESIGNS / OPENED, ROOT / "docs" / "result")
+    for name, figures in LARGE.items():
+        for figure in figures:
+            keep(DESIGNS / name / "figures" / f"{figure}.png", f"{name}_{figure}")
 
 
 def pictures_of(lens: Shown) -> dict[str, bytes]:
     """Return the pictures of a designed lens as WebP, by what they show."""
-    folder = BUILD / lens.name
+    folder = DESIGNS / lens.name
     return {
         "scene": scene_picture(folder / "figures" / "scene.png"),
         "light": light_picture(folder / "irradiance.npz"),

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import cast
 
-from benchmarks.checkout import ROOT
+from benchmarks.checkout import BUILD, ROOT
 from benchmarks.thesis.pages import Section, choices_text, section_text, verdicts_text
 from benchmarks.thesis.records import Found, RunFolder, Study, completed
 from optics.runtime import Row, UserError
@@ -38,7 +38,7 @@ CHAPTERS = {  # number: title, studies
     7: ("Chapter 7: light from several sources", (10,)),
 }
 LIMITS = {True: 600, False: 7200}  # seconds of the quick set and of the full one
-BUILD = ROOT / "build" / "thesis"
+RUNS = BUILD / "thesis"
 PAGES = ROOT / "docs" / "thesis"
 STORED = "results.json"  # of PAGES: the numbers of all runs
 INTRODUCTION = """\
@@ -58,7 +58,7 @@ def rows(quick: bool = False, only: int | None = None, resume: bool = False) -> 
     """Run the studies, write their pages into build/thesis, and return times and verdicts."""
     if only is not None and only not in STUDIES:
         raise UserError(f"--only must be one of {', '.join(map(str, STUDIES))}, got {only}")
-    folder = BUILD / ("quick" if quick else "full")
+    folder = RUNS / ("quick" if quick else "full")
     chosen = STUDIES if only is None else (only,)
     table, sections = [], {}
     for number in chosen:
@@ -80,7 +80,7 @@ def rows(quick: bool = False, only: int | None = None, resume: bool = False) -> 
 
 def publish() -> list[Path]:
     """Write docs/thesis from the full set of runs, and return the paths."""
-    results = {n: completed(_study(n), False, RunFolder(BUILD / "full" / str(n))) for n in STUDIES}
+    results = {n: completed(_study(n), False, RunFolder(RUNS / "full" / str(n))) for n in STUDIES}
     numbers = {n: {name: found.numbers for name, found in runs.items()} for n, runs in results.items()}
     write_text(_made(PAGES) / STORED, json_text(numbers))
     for n, runs in results.items():

@@ -1,8 +1,8 @@
 """Run time against relative L2 error in a Gaussian window, of the irradiance and of the gradient: Mitsuba's
 methods and ours, on three lenses.
 
-Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; `exports/bench/error.png` shows
-the curves. The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.
+Everything is measured with a Gaussian window of sigma 1 pixel, on one thread; its figure shows the
+curves. The base and pearl lenses have parallel rays; the extended source needs points in four dimensions.
 Box pixels are measured by `thbcad bench pixels`.
 
 Run: thbcad bench error
@@ -14,6 +14,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from benchmarks.page_picture import keep
 from benchmarks.tracing.error_cases import STORE, Case, Reference, cases, reference
 from benchmarks.tracing.error_figure import draw
 from benchmarks.tracing.error_limits import limit_rows
@@ -55,6 +56,11 @@ def rows() -> list[Row]:
         out += _ratio_rows(case, own) if mitsuba else []
     draw(points, truths, FIGURE)
     return [*out, *limit_rows(backend, mitsuba)]
+
+
+def publish() -> None:
+    """Keep the curves as docs/pictures/error.webp."""
+    keep(FIGURE, "error")
 
 
 def methods(points: list[Point]) -> dict[str, list[Point]]:

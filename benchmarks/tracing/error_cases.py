@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.checkout import ROOT
+from benchmarks.checkout import BUILD, EXAMPLES
 from optics.engines import ExactEngine
 from optics.optimisation import design
 from optics.problem import load_problem
@@ -26,7 +26,7 @@ from oracles.error_measures import relative, slope_of_fit
 from oracles.ray_samplings import grid_points, sampled_rays
 from thbcad import Lens, read_lens, write_lens
 
-STORE = ROOT / "exports" / "bench"
+STORE = BUILD / "error"
 ITERATIONS = {"pearl": 10, "extended": 4, "extended_two": 4}  # of L-BFGS per level: enough for a rough lens
 WINDOW = GaussianWindow(1.0)
 REFERENCE_RAYS = 1 << 23  # of a set, half of the coarser grid: no grid that is measured has as many
@@ -67,8 +67,8 @@ class Reference:
 
 
 def designed(name: str, backend: Backend) -> tuple[OpticalSystem, Lens]:
-    """Return an example with a lens designed in few iterations; it is kept in exports/bench."""
-    problem = load_problem(ROOT / "examples" / f"{name}.toml")
+    """Return an example with a lens designed in few iterations; it is kept in build/error."""
+    problem = load_problem(EXAMPLES / f"{name}.toml")
     path = STORE / f"{name}.json"
     if not path.exists():
         options = replace(problem.optimizer, iterations=(ITERATIONS[name],), finish=0, rays_per_pixel=4.0)
