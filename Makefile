@@ -43,6 +43,8 @@ coverage: setup
 # tests/test_architecture.py compares the rooms.
 QUICK = \
 	tests/test_architecture.py \
+	tests/test_doors.py \
+	tests/test_loading.py \
 	tests/test_bench_error.py \
 	tests/test_docs_site.py \
 	tests/optics/analysis/test_judgement.py \

@@ -30,7 +30,10 @@ def lens_of(system):
     return system.lens.with_sags([THBSurface(space, rough(space, 0.5))])
 
 
-@pytest.fixture(scope="module", params=[{}, POINT], ids=["lambertian", "point"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param({}, id="lambertian", marks=pytest.mark.slow), pytest.param(POINT, id="point")],
+)
 def found(request, tmp_path_factory, backend):
     """Return (system, lens, OtherWays)."""
     system = system_of(tmp_path_factory.mktemp("ways"), request.param)

@@ -154,15 +154,8 @@ def test_help_of_the_command_loads_nothing_heavy():
 # ---- odd but good input ----
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"target.pixels": [2, 2]},
-        pytest.param({"target.pixels": [3, 3]}, marks=pytest.mark.slow),
-        pytest.param({}, marks=pytest.mark.slow),
-    ],
-    ids=str,
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("changes", [{"target.pixels": [2, 2]}, {"target.pixels": [3, 3]}, {}], ids=str)
 def test_a_picture_of_3_by_3_pixels_works(tmp_path, capsys, changes):
     image = np.array([[0, 90, 255], [10, 200, 30], [255, 0, 60]], dtype=np.uint8)
     problem = write_problem(tmp_path, QUICK | COARSE | changes, image)

@@ -30,6 +30,8 @@ from thbcad.lens import Flange, placed_surfaces
 EQUAL = small_lens(sag=rough(small_space()))
 HOLLOW = hollow_lens(rough, rough)
 LENSES = {"equal sizes": EQUAL, "Table 6.3, both free": HOLLOW}
+OFTEN = ("flange and aperture", "polygon")  # bodies of the tests that are not slow
+WALLED = ("aperture", "circle", "flange", *OFTEN)
 FLANGE, APERTURE = ["--flange", 2.0, 0.5, 1.0], ["--aperture", 4.5, 4.0]
 BODIES = {
     "solid": [],
@@ -87,7 +89,7 @@ def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_
 
 
 @pytest.mark.parametrize("name", ["stl", "3mf", "glb"])
-@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture", "polygon"])
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, WALLED))
 def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
     write_lens(EQUAL, tmp_path / "lens.json")
     out = tmp_path / f"body.{name}"
@@ -101,7 +103,7 @@ def test_meshes_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
-@pytest.mark.parametrize("word", ["aperture", "circle", "flange", "flange and aperture", "polygon"])
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, WALLED))
 def test_drawings_of_bodies_pass_and_repeat(capsys, tmp_path, word, name):
     write_lens(EQUAL, tmp_path / "lens.json")
     out = tmp_path / f"body.{name}"
@@ -175,7 +177,7 @@ def test_the_bare_step_file_of_every_body_is_sound(capsys, given, tmp_path, word
     assert "text of the file: unit of length that is not mm: 0" in done.out
 
 
-@pytest.mark.parametrize("word", BODIES)
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, BODIES))
 def test_a_bare_file_cut_off_or_in_another_unit_is_caught(capsys, tmp_path, word):
     """Without a lens at hand a unit shows in the text only: OCCT would scale the whole solid."""
     write_lens(EQUAL, tmp_path / "lens.json")
@@ -191,7 +193,7 @@ def test_a_bare_file_cut_off_or_in_another_unit_is_caught(capsys, tmp_path, word
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
 
 
-@pytest.mark.parametrize("word", [word for word in BODIES if word != "patches"])
+@pytest.mark.parametrize("word", slow_unless(OFTEN.__contains__, [w for w in BODIES if w != "patches"]))
 def test_a_face_missing_from_a_bare_file_is_caught(capsys, tmp_path, word):
     write_lens(EQUAL, tmp_path / "lens.json")
     out = tmp_path / "body.step"

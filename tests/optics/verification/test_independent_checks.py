@@ -40,7 +40,13 @@ UNPAIRED = "text of the file: edges that do not border two faces"
 RULED = SPLINES | {"lens.rear.half_width": [8.0, 9.0]}
 
 
-@pytest.fixture(scope="module", params=[SPLINES, RULED], ids=["plane edges", "ruled edges"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(SPLINES, id="plane edges", marks=pytest.mark.slow),
+        pytest.param(RULED, id="ruled edges"),
+    ],
+)
 def good(request, tmp_path_factory):
     """A lens with plane or with ruled edges, its problem, and the text of its STEP file."""
     folder = tmp_path_factory.mktemp("strangers")

@@ -1,0 +1,68 @@
+"""Doors: the `__init__` of a room offers what its table says, under the names that type checkers see."""
+
+import ast
+import importlib
+
+import pytest
+
+import thbcad
+from tests.source_tree import FILES, MODULES, door_table, module_of, name, tree
+
+DOORS = [p for p in FILES if door_table(p)]
+
+
+@pytest.mark.parametrize("path", DOORS, ids=name)
+def test_doors_offer_what_their_tables_say(path):
+    door = importlib.import_module(module_of(path))
+    names = [n for names in door_table(path).values() for n in names]
+    assert len(names) == len(set(names))
+    assert set(names) <= set(dir(door))
+    for file, offered in door_table(path).items():
+        home = importlib.import_module(f"{module_of(path)}.{file}")
+        assert all(getattr(door, n) is getattr(home, n) for n in offered)
+
+
+@pytest.mark.parametrize("path", DOORS, ids=name)
+def test_type_checkers_see_the_table_of_a_door(path):
+    blocks = [
+        n for n in tree(path).body if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"
+    ]
+    seen = {(node.module, alias.name, alias.asname) for node in blocks[0].body for alias in node.names}
+    table = {(f"{module_of(path)}.{file}", n, n) for file, names in door_table(path).items() for n in names}
+    assert seen == table
+
+
+@pytest.mark.parametrize("path", DOORS, ids=name)
+def test_a_door_says_in_one_sentence_what_its_room_is(path):
+    first = ast.get_docstring(tree(path)).split("\n\n")[0]
+    assert first.endswith(".")
+    assert first.count(". ") == 0
+
+
+def test_no_file_or_room_bears_the_name_of_what_a_door_above_it_offers():
+    """A submodule of that name would replace the function after its first import."""
+    clashes = []
+    for door in DOORS:
+        package = module_of(door)
+        offered = {n for names in door_table(door).values() for n in names}
+        clashes += [m for m in MODULES if m.startswith(package + ".") and m.rpartition(".")[2] in offered]
+    assert clashes == []
+
+
+@pytest.mark.parametrize("attribute", dir(thbcad))
+def test_public_names_are_importable(attribute):
+    found = getattr(thbcad, attribute)
+    assert found.__name__ == attribute
+    assert getattr(importlib.import_module(found.__module__), attribute) is found
+
+
+def test_the_contract_names_are_public():
+    wanted = {"KnotVector", "THBSpace", "THBSurface", "Lens", "FreeformSurface", "write_step", "read_step"}
+    assert wanted <= set(dir(thbcad))
+
+
+def test_unknown_names_are_attribute_errors():
+    with pytest.raises(AttributeError, match="module 'thbcad' has no attribute 'Mesh'"):
+        _ = thbcad.Mesh
+    with pytest.raises(ImportError, match="Mesh"):
+        exec("from thbcad import Mesh")

