@@ -273,7 +273,7 @@ def _relight_options(command: argparse.ArgumentParser) -> None:
 def _bench_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("name", metavar="NAME", nargs="?", help="a module of benchmarks/, such as overview")
     command.add_argument("--store", action="store_true", help="also keep the results in docs/data/NAME.json")
-    command.add_argument("--quick", action="store_true", help="a small version (of thesis)")
+    command.add_argument("--quick", action="store_true", help="a small version (of thesis or others)")
     command.add_argument("--only", type=int, metavar="N", help="one study (of thesis) or lens (of gallery)")
     command.add_argument("--resume", action="store_true", help="run only what is missing (of thesis)")
     command.add_argument(
