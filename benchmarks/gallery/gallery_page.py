@@ -23,7 +23,7 @@ and its pictures.
 
 - The time is that of the whole command, from its start to the verified STEP file, on the machine that
   [benchmarks](benchmarks.md#gallery) names.
-- The error is the relative difference from the light asked for (`rel_l2`, [results](results.md#the-numbers)), measured
+- The error is the relative difference from the light asked for ([`rel_l2`](results.md#the-numbers)), measured
   with light that the optimiser has not seen. It includes the noise of that measurement.
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
