@@ -68,7 +68,7 @@ def _prediction_row(tolerance: Tolerance, light: PerturbedLight, linear: LinearL
     traced = _change(linear.traced(p), linear)
     return Row(
         f"pearl: change by {tolerance.name} at a tenth of a pixel",
-        _off(_change(linear.moved(p), linear), traced),
+        _off(_change(_ahead(linear, p), linear), traced),
         "",
         f"exact trace of the same cells; J p {_off(linear.derivative(p), traced):.3f}",
         CLOSE,
@@ -91,13 +91,19 @@ def _fine_rows(usual: PerturbedLight, sliding: Sequence[Tolerance]) -> Iterator[
         p = _moving(light, tolerance, TENTH)
         yield Row(
             f"pearl: change by {tolerance.name} at a tenth of a pixel, {FINE} cells per pixel",
-            _off(_change(linear.moved(p), linear), _change(light(p)[0], linear)),
+            _off(_change(_ahead(linear, p), linear), _change(light(p)[0], linear)),
             "",
             "exact trace of cells that slide over the lens",
             CLOSE,
             quantity="change of the image, error relative to the traced change",
             estimator="landing points by their derivatives, exact pixels",
         )
+
+
+def _ahead(linear: LinearLight, p: Perturbation) -> Floats | None:
+    """Return the light that is predicted for a perturbation."""
+    moved = linear.moved(p)
+    return None if moved is None else moved[1]
 
 
 def _change(image: Floats | None, linear: LinearLight) -> Floats:
@@ -123,7 +129,7 @@ def _sums(
         predicted = scaled + sum(a * part[1] + a**2 * part[2] for a, part in zip(amounts, parts))
         traced = rel_l2(light(p)[0], target)
         added.append(abs(rel_l2(predicted, target) / traced - 1))
-        moved.append(abs(rel_l2(_change(linear.moved(p), linear) + linear.irradiance, target) / traced - 1))
+        moved.append(abs(rel_l2(_change(_ahead(linear, p), linear) + linear.irradiance, target) / traced - 1))
     for name, errors, estimator in (
         (
             f"pearl: rel_l2 of {SUMS} random sums of all, each within a tenth of a pixel, greatest error",

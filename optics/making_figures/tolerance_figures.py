@@ -31,7 +31,7 @@ def share_figure(budget: ToleranceBudget) -> bytes:
 
 def change_figure(effect: ToleranceEffect, screen: Screen) -> bytes:
     """Draw the change of the light, scaled to unit mean, from the design to + amount of a tolerance."""
-    change = effect.change.at(1.0)
+    change = effect.change
     most = float(np.percentile(np.abs(change), CUT)) or 1.0
     unit = "degrees" if screen.angular else "mm"
     label = f"change of E / mean E by {effect.tolerance.name} = + {effect.tolerance.words}"

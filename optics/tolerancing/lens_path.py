@@ -51,11 +51,11 @@ class LensPath:
         s, t = np.meshgrid(cells.s, cells.t, indexing="ij")
         return s + amount * self.ds, t + amount * self.dt
 
-    def emitted(self, cells: SourceCells) -> Floats:
-        """Return the flux that cells emit where they are for the amount 1, (nx, ny)."""
+    def emitted(self, cells: SourceCells, amount: float) -> Floats:
+        """Return the flux that cells emit where they are for an amount, (nx, ny)."""
         areas, densities = [], []
-        for amount in (0.0, 1.0):
-            s, t = self.corners(cells, amount)
+        for a in (0.0, amount):
+            s, t = self.corners(cells, a)
             areas.append(_areas(s, t))
             densities.append(cells.density(_middles(s).ravel(), _middles(t).ravel()).reshape(areas[0].shape))
         lit = densities[0] > 0

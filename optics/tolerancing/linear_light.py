@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,15 +62,15 @@ class LinearLight:
         )
 
     def moved(self, perturbation: Perturbation) -> Floats | None:
-        """Return the light of landing points L + L' + L''/2, (rows, columns); None as of `derivative`."""
+        """Return the light of the landing points L - L' + L''/2 and L + L' + L''/2, (2, rows, columns).
+
+        None as of `derivative`.
+        """
         if not self._light.by_cells:
             return None
         path = self._paths(perturbation)
         steps = (self._corners(a * perturbation, path, a) for a in (STEP, -STEP))
-        return self._summed(
-            self._pictured(ahead, _at_one(here, ahead, behind), _all_sound(here, ahead, behind))
-            for here, ahead, behind in zip(self._here, *steps)
-        )
+        return self._summed(self._moved(*corners) for corners in zip(self._here, *steps))
 
     def traced(self, perturbation: Perturbation) -> Floats | None:
         """Return the exact light of the cells that `moved` predicts, (rows, columns); None as of it.
@@ -82,15 +81,30 @@ class LinearLight:
         if not self._light.by_cells:
             return None
         there = self._corners(perturbation, self._paths(perturbation), 1.0)
-        return self._summed(self._pictured(c, c.jet, _all_sound(h, c)) for h, c in zip(self._here, there))
+        return self._summed(
+            self._pictured(c, c.jet, _all_sound(h, c), c.emitted(1.0)) for h, c in zip(self._here, there)
+        )
+
+    def _moved(self, here: _Corners, ahead: _Corners, behind: _Corners) -> Floats | None:
+        """Return what `moved` does, of a strip of cells."""
+        sound = _all_sound(here, ahead, behind)
+        rate = (ahead.jet - behind.jet) / (2 * STEP)
+        bend = (ahead.jet + behind.jet - 2 * here.jet) / STEP**2
+        images = []
+        for a in (-1.0, 1.0):
+            image = self._pictured(ahead, here.jet + a * rate + bend / 2, sound, ahead.emitted(a))
+            if image is None:
+                return None
+            images.append(image)
+        return np.stack(images)
 
     def _summed(self, images: Iterable[Floats | None]) -> Floats | None:
         """Return the sum of images on the target; None where one is None."""
-        total = np.zeros(self._light.screen.shape)
+        total = np.zeros(())
         for image in images:
             if image is None:
                 return None
-            total += image
+            total = total + image
         return total / self._light.screen.projection()
 
     def _corners(
@@ -109,11 +123,13 @@ class LinearLight:
                     yield _landed(self._light, weight, strip, trace, rays, part)
                 first += len(strip.s) - 1
 
-    def _pictured(self, corners: _Corners, jet: Floats, sound: NDArray[np.bool_]) -> Floats | None:
+    def _pictured(
+        self, corners: _Corners, jet: Floats, sound: NDArray[np.bool_], emitted: Floats
+    ) -> Floats | None:
         """Return the light of corners that land as a jet says; None where a rim cuts their cells."""
-        if _cut(sound, corners.emitted):
+        if _cut(sound, emitted):
             return None
-        backend, mapped = self._light.backend, self._mapped(corners)
+        backend, mapped = self._light.backend, self._mapped(corners, emitted)
         x, y, flux = (backend.array(row) for row in jet)
         with backend.dr.suspend_grad():
             image = mapped(x, y, flux, backend.array(sound) > 0).numpy()
@@ -121,9 +137,10 @@ class LinearLight:
 
     def _pushed(self, corners: _Corners, rate: Floats, sound: NDArray[np.bool_]) -> Floats | None:
         """Return the derivative of the light of corners that move at a rate; None as of `_pictured`."""
-        if _cut(sound, corners.emitted):
+        emitted = corners.cells.emitted
+        if _cut(sound, emitted):
             return None
-        backend, mapped = self._light.backend, self._mapped(corners)
+        backend, mapped = self._light.backend, self._mapped(corners, emitted)
         dr = backend.dr
         with dr.resume_grad():
             x, y, flux = (backend.array(row) for row in corners.jet)
@@ -137,8 +154,8 @@ class LinearLight:
             slope = dr.grad(image) + dr.zeros(backend.Float, dr.width(image))
         return np.asarray(corners.weight * slope.numpy().reshape(self._light.screen.shape, order="F"))
 
-    def _mapped(self, corners: _Corners) -> MappedCells:
-        return MappedCells(self._light.backend, self._light.screen, corners.emitted, corners.flux)
+    def _mapped(self, corners: _Corners, emitted: Floats) -> MappedCells:
+        return MappedCells(self._light.backend, self._light.screen, emitted, corners.flux)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +173,9 @@ class _Corners:
     jet: Floats
     sound: NDArray[np.bool_]
 
-    @cached_property
-    def emitted(self) -> Floats:
-        """What the cells emit at the end of the path, W."""
-        return self.path.emitted(self.cells) if self.path else self.cells.emitted
+    def emitted(self, amount: float) -> Floats:
+        """Return what the cells emit as far along the path as an amount says, W."""
+        return self.path.emitted(self.cells, amount) if self.path else self.cells.emitted
 
 
 def _landed(
@@ -176,13 +192,6 @@ def _landed(
     sound = (every & landing.definite & landing.met & landing.hit).numpy()
     jet = np.array([a.numpy() + np.zeros(rays.flux.size) for a in (landing.x, landing.y, landing.flux)])
     return _Corners(weight, cells, path, rays.flux, np.where(sound, jet, 0.0), sound)
-
-
-def _at_one(here: _Corners, ahead: _Corners, behind: _Corners) -> Floats:
-    """Return L + L' + L''/2 by differences."""
-    rate = (ahead.jet - behind.jet) / (2 * STEP)
-    bend = (ahead.jet + behind.jet - 2 * here.jet) / STEP**2
-    return np.asarray(here.jet + rate + bend / 2)
 
 
 def _all_sound(*corners: _Corners) -> NDArray[np.bool_]:

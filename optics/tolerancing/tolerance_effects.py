@@ -33,21 +33,6 @@ STILL = 1e-9  # of a pixel per amount: what moves no light
 
 
 @dataclass(frozen=True, eq=False)
-class LightChange:
-    """The change of light E(a p) = E(0) + a first + a^2 second, in the units of the light.
-
-    first, second : (rows, columns), through the light at the amounts a = -1 and a = 1.
-    """
-
-    first: Floats
-    second: Floats
-
-    def at(self, amount: float) -> Floats:
-        """Return the change for an amount."""
-        return amount * self.first + amount**2 * self.second
-
-
-@dataclass(frozen=True, eq=False)
 class ToleranceEffect:
     """What one tolerance does.
 
@@ -59,7 +44,7 @@ class ToleranceEffect:
         dE of `LinearLight.traced`; None of rays and cut cells, and where no lens is so wrong.
     allowed : the amount at which rel_l2 rises by the limit, with what is traced there; None where no amount
         was found.
-    change : of the scaled light; 1 stands for the amount.
+    change : of the light by + amount, both scaled to unit mean, (rows, columns).
     rise : of rel_l2^2 at the amount, mean of both signs.
     """
 
@@ -72,7 +57,7 @@ class ToleranceEffect:
     prediction_error: float | None
     derivative_error: float | None
     allowed: tuple[float, float] | None
-    change: LightChange
+    change: Floats
     rise: float
 
 
@@ -209,7 +194,6 @@ class _Trial:
         moves = self._light.moved_by(tolerance.at(amount))
         moves = moves if moves > STILL * self._pixel else 0.0
         images, efficiency = zip(*(self._traced(tolerance.at(sign * amount)) for sign in (-1, 1)))
-        change = self._change(*images)
         behind, ahead = (rel_l2(image, self.target) for image in images)
         tenth = None
         errors: tuple[float | None, float | None] = None, None
@@ -226,7 +210,7 @@ class _Trial:
             prediction_error=errors[0],
             derivative_error=errors[1],
             allowed=self._allowed(tolerance, max(behind, ahead)),
-            change=change,
+            change=images[1] - self.scaled,
             rise=(behind**2 + ahead**2) / 2 - self.rel_l2**2,
         )
 
@@ -235,16 +219,13 @@ class _Trial:
         image, fates = self._light(perturbation)
         return unit_mean(image), fates.on_target / self._flux
 
-    def _change(self, behind: Floats, ahead: Floats) -> LightChange:
-        """Return the change through the light at minus and at plus an amount, which is 1 for it."""
-        return LightChange((ahead - behind) / 2, (ahead + behind) / 2 - self.scaled)
-
     def _predicted(self, tolerance: Tolerance) -> tuple[float, float] | None:
         """Return rel_l2 at - amount and + amount by landing points that move in proportion."""
-        behind, ahead = (self._linear.moved(tolerance.at(sign * tolerance.amount)) for sign in (-1, 1))
-        if behind is None or ahead is None:
+        moved = self._linear.moved(tolerance.at(tolerance.amount))
+        if moved is None:
             return None
-        return rel_l2(behind, self.target), rel_l2(ahead, self.target)
+        behind, ahead = (rel_l2(image, self.target) for image in moved)
+        return behind, ahead
 
     def _prediction_errors(self, perturbation: Perturbation) -> tuple[float | None, float | None]:
         """Return the errors of the predicted change and of J p, relative to the traced change."""
@@ -258,7 +239,7 @@ class _Trial:
             return None, None
         traced = exact - before
         scale = float(np.linalg.norm(traced)) or 1.0
-        by_moves, by_slope = (float(np.linalg.norm(c - traced)) / scale for c in (moved - before, slope))
+        by_moves, by_slope = (float(np.linalg.norm(c - traced)) / scale for c in (moved[1] - before, slope))
         return by_moves, by_slope
 
     def _allowed(self, tolerance: Tolerance, worst: float) -> tuple[float, float] | None:
