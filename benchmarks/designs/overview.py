@@ -110,10 +110,7 @@ def _table_61(folder: Path) -> list[Row]:
 
 
 def _objective(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
-    uniform = lens.rear.sag
-    for level in range(uniform.space.levels - 1):
-        cells = uniform.space.cells
-        uniform = uniform.refine({level: cells[cells[:, 0] == level, 1:]})
+    uniform = lens.rear.sag.uniform(lens.rear.sag.space.levels - 1)
     lens, c = lens.with_sags([uniform]), uniform.coefficients
     timings = []
     for name, window, limit in (

@@ -61,10 +61,7 @@ def limit_rows(backend: Backend, mitsuba: bool) -> list[Row]:
 def uniform(lens: Lens) -> Lens:
     """Return the same lens with its rear refined to the finest level everywhere."""
     sag = lens.rear.sag
-    for level in range(sag.space.levels - 1):
-        cells = sag.space.cells
-        sag = sag.refine({level: cells[cells[:, 0] == level, 1:]})
-    return lens.with_sags([*lens.sags[:-1], sag])
+    return lens.with_sags([*lens.sags[:-1], sag.uniform(sag.space.levels - 1)])
 
 
 def fit(

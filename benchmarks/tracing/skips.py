@@ -200,10 +200,7 @@ def _levels(system: OpticalSystem, backend: Backend) -> list[Row]:
     """Cells of a quarter of the width refined four times, against all cells."""
     lens = _deep(system, share=0.25)
     sag = lens.rear.sag
-    dense = sag
-    for level in range(sag.space.levels - 1):
-        cells = dense.space.cells
-        dense = dense.refine({level: cells[cells[:, 0] == level, 1:]})
+    dense = sag.uniform(sag.space.levels - 1)
     back, whole = sag.space.prolongation(dense.space).T, lens.with_sags([dense])
     beam = system.source.rays((COUNT, COUNT))
     few, many = (

@@ -66,7 +66,7 @@ class System:
         """Return the space of the free surface with all cells refined to a level; of two, front first."""
         if not isinstance(level, int) or not 0 <= level <= FINEST:
             raise UserError(f"level must be a whole number from 0 to {FINEST}, got {level!r}")
-        spaces = [_refined(space, level) for space in self._level_0]
+        spaces = [space.uniform(level) for space in self._level_0]
         return spaces[0] if len(spaces) == 1 else tuple(spaces)
 
     def model(
@@ -155,12 +155,6 @@ class System:
     @cached_property
     def _transport(self) -> TransportStart:
         return self._start or TransportStart(self.optical, self._backend)
-
-
-def _refined(space: THBSpace, level: int) -> THBSpace:
-    for k in range(level):
-        space = space.refine({k: space.cells[:, 1:]})
-    return space
 
 
 def _ray_counts(rays: object) -> tuple[int, int]:

@@ -99,9 +99,7 @@ def _fit_space(base: THBSpace, points: int) -> THBSpace:
     """Return the space with all cells refined as far as the points resolve."""
     wanted = min(points / POINTS_PER_FUNCTION, MOST_FUNCTIONS)
     level = max(0, floor(log2(sqrt(wanted / (base.kv_u.spans * base.kv_v.spans)))))
-    for k in range(level):
-        base = base.refine({k: base.cells[:, 1:]})
-    return base
+    return base.uniform(level)
 
 
 def _made(designed: FreeformSurface, correction: THBSurface) -> FreeformSurface:

@@ -71,12 +71,9 @@ class State:
 
 def first_sags(system: OpticalSystem, moved: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
-    sags = []
-    for sag, finest in zip(system.lens.sags, feature_levels(system.problem)):
-        for level in range(min(first_level(system.problem, moved), finest)):
-            sag = sag.refine({level: sag.space.cells[:, 1:]})
-        sags.append(sag)
-    return tuple(sags)
+    first = first_level(system.problem, moved)
+    finest = feature_levels(system.problem)
+    return tuple(sag.uniform(min(first, level)) for sag, level in zip(system.lens.sags, finest))
 
 
 def earlier_state(system: OpticalSystem, earlier: Lens) -> State:

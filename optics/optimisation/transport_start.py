@@ -236,9 +236,7 @@ class TransportStart:
         The fit is on the mesh of the sag, refined once or twice.
         """
         lens = self._lens
-        space = lens.sags[-1].space
-        for level in range(min(2, self._system.freeforms[-1].finest)):
-            space = space.refine({level: space.cells[:, 1:]})
+        space = lens.sags[-1].space.uniform(min(2, self._system.freeforms[-1].finest))
         sag = THBSurface(space, np.zeros(space.dim))
         for _ in range(TRACED_STEPS):
             lens = _with_last(lens, sag)

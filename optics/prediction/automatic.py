@@ -150,9 +150,7 @@ def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) 
     lens = system.lens
     shaped: FreeformSurface = getattr(lens, system.shaped)
     x, y = light.x[:, None], light.y[None, :]
-    space = lens.sags[-1].space
-    for level in range(SPACE_LEVELS):
-        space = space.refine({level: space.cells[:, 1:]})
+    space = lens.sags[-1].space.uniform(SPACE_LEVELS)
     zx, zy = (s - shaped.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1))))
     sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
     asked = float(np.abs(sag.coefficients[seen_functions(space, light.x, light.y)]).max())

@@ -120,12 +120,8 @@ def expected(
 def _start_space(system: OpticalSystem) -> THBSpace:
     """Return the mesh on which the start is traced: that of the finest level, or the last before it that is
     quick."""
-    space, spans = system.lens.sags[-1].space, system.freeforms[-1].spans
-    for level in range(last_level(system.problem)):
-        if max(spans) << (level + 1) > MOST_SPANS:
-            break
-        space = space.refine({level: space.cells[:, 1:]})
-    return space
+    quick = (MOST_SPANS // max(system.freeforms[-1].spans)).bit_length() - 1
+    return system.lens.sags[-1].space.uniform(min(last_level(system.problem), max(quick, 0)))
 
 
 def _moves(system: OpticalSystem, start: TransportStart) -> bool:

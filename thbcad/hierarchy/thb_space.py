@@ -22,10 +22,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array
 
-from thbcad.checks import Floats, Integers, points, read_only, rebuilt, require_orders, require_type
+from thbcad.checks import (
+    Floats,
+    Integers,
+    points,
+    read_only,
+    rebuilt,
+    require_integer,
+    require_orders,
+    require_type,
+)
 from thbcad.hierarchy import prolongation as transfer
 from thbcad.hierarchy.admissibility import closure
-from thbcad.hierarchy.domains import Domains
+from thbcad.hierarchy.domains import MAX_LEVEL, Domains
 from thbcad.hierarchy.level_nets import Nets
 from thbcad.hierarchy.levels import DyadicAxis, Level, make_level, numbered
 from thbcad.hierarchy.local_basis import LocalBasis
@@ -172,6 +181,20 @@ class THBSpace:
         if admissible is not None:
             domains = self._domains.refine(closure(self._domains, cells, admissible))
         return replace(self, _given=domains)
+
+    def uniform(self, level: int) -> THBSpace:
+        """Return the space in which all cells that are coarser than a level are cut down to it.
+
+        Raises
+        ------
+        ValueError : a level that is no whole number from 0 to MAX_LEVEL, cells too short for float64.
+        """
+        require_integer("level", level, 0, MAX_LEVEL)
+        space = self
+        for number in range(level):
+            coarse = space.cells[space.cells[:, 0] == number, 1:]
+            space = space.refine({number: coarse}) if len(coarse) else space
+        return space
 
     def coarsen(self, cells: Mapping[int, ArrayLike]) -> THBSpace:
         """Return the space in which the given refined cells are whole again: the inverse of `refine`.

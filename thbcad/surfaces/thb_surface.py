@@ -134,5 +134,11 @@ class THBSurface:
 
     def refine(self, cells: Mapping[int, ArrayLike], admissible: int | None = None) -> THBSurface:
         """Return the same surface over ``space.refine(cells, admissible)``."""
-        finer = self.space.refine(cells, admissible)
+        return self._over(self.space.refine(cells, admissible))
+
+    def uniform(self, level: int) -> THBSurface:
+        """Return the same surface over ``space.uniform(level)``."""
+        return self._over(self.space.uniform(level))
+
+    def _over(self, finer: THBSpace) -> THBSurface:
         return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)

@@ -160,6 +160,30 @@ def holds(kv, level, span, x):
     return low <= x < low + width or x == low + width == breaks[-1]
 
 
+@settings(max_examples=25)
+@given(st.data(), st.integers(0, 3))
+def test_uniform_cuts_what_is_coarser_and_leaves_what_is_finer(data, level):
+    space, _ = data.draw(hierarchies(max_spans=3, deepest=2))
+    finer = space.uniform(level)
+    kept = {tuple(cell) for cell in space.cells.tolist() if cell[0] >= level}
+    cells = {tuple(cell) for cell in finer.cells.tolist()}
+    assert kept <= cells
+    assert {cell[0] for cell in cells - kept} <= {level}
+    coefficients = np.arange(space.dim) % 7.0
+    u, v = data.draw(points(space))
+    values = [
+        s.collocation(u, v) @ c
+        for s, c in ((space, coefficients), (finer, space.prolongation(finer) @ coefficients))
+    ]
+    assert values[1] == pytest.approx(values[0], abs=1e-12)
+
+
+def test_a_level_that_cannot_be_is_refused():
+    for level in (-1, 1.5, MAX_LEVEL + 1):
+        with pytest.raises((ValueError, TypeError), match="level must be"):
+            uniform_space().uniform(level)
+
+
 # ---- objects and errors ----
 
 
