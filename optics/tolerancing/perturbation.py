@@ -25,6 +25,7 @@ class Perturbation:
     lens_shift, source_shift, target_shift : mm, along x, y, z.
     lens_tilt, source_tilt, target_tilt : rad, rotation vectors: about the middle of the lens's front vertex,
         the middle of the source, and the middle of the target.  What is tilted is shifted afterwards.
+    front_shift, front_tilt : the same of the front alone, about its vertex, in the frame of the lens.
     thickness : mm, added; the rear moves, the target stays.  index : added.
     front_power, rear_power : relative change of the curvature of the base conic, R becomes R / (1 + power);
         the spline above it stays.
@@ -35,6 +36,8 @@ class Perturbation:
 
     lens_shift: Triple = ZERO
     lens_tilt: Triple = ZERO
+    front_shift: Triple = ZERO
+    front_tilt: Triple = ZERO
     source_shift: Triple = ZERO
     source_tilt: Triple = ZERO
     target_shift: Triple = ZERO

@@ -28,13 +28,14 @@ DEGREES = 180 / np.pi
 
 @dataclass(frozen=True, eq=False)
 class PerturbedParts:
-    """Lens, and motions of source and target in the lens's frame.
+    """Lens, and motions of its front, of source and target in the lens's frame.
 
-    size : factor on the source's width.  height : z of the target plane in its own frame, mm; inf is the far
-    field.
+    source : its motion in the frame of the front.  size : factor on the source's width.
+    height : z of the target plane in its own frame, mm; inf is the far field.
     """
 
     lens: Lens
+    front: RigidMotion
     source: RigidMotion
     target: RigidMotion
     size: float
@@ -55,8 +56,10 @@ class PerturbedParts:
         source = RigidMotion.about((0.0, 0.0, -system.problem.source.distance), p.source_tilt, p.source_shift)
         middle = (0.0, 0.0, 0.0 if system.target.far_field else z)
         target = RigidMotion.about(middle, p.target_tilt, p.target_shift)
+        front = RigidMotion.about((0.0, 0.0, 0.0), p.front_tilt, p.front_shift)
+        at_front = front.inverse().after(moved.after(source))
         made = perturbed_lens(system, lens, p)
-        return cls(made, moved.after(source), moved.after(target), 1 + p.source_size, z)
+        return cls(made, front, at_front, moved.after(target), 1 + p.source_size, z)
 
     def cells(self, cells: SourceCells) -> SourceCells:
         """Return moved cells.  Parallel ones stay a grid where they only shift, within the front."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from optics.runtime import DrArray
 
 Floats = NDArray[np.float64]
+Vector: TypeAlias = "tuple[DrArray, DrArray, DrArray]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +60,12 @@ class RigidMotion:
         """Return moved rays."""
         return Rays(self.turn @ rays.origin + self.shift[:, None], self.turn @ rays.direction, rays.flux)
 
-    def turned(self, vector: Sequence[DrArray]) -> list[DrArray]:
+    def turned(self, vector: Vector) -> Vector:
         """Return a turned vector of Dr.Jit arrays."""
-        return [sum(float(c) * v for c, v in zip(row, vector)) for row in self.turn]
+        x, y, z = (sum(float(c) * v for c, v in zip(row, vector)) for row in self.turn)
+        return x, y, z
 
-    def points(self, point: Sequence[DrArray]) -> list[DrArray]:
+    def points(self, point: Vector) -> Vector:
         """Return a moved point of Dr.Jit arrays."""
-        return [v + float(s) for v, s in zip(self.turned(point), self.shift)]
+        x, y, z = (v + float(s) for v, s in zip(self.turned(point), self.shift))
+        return x, y, z

@@ -24,7 +24,8 @@ POWER = 0.1  # %: of the vertex radius of an asphere, Optimax's chart of limits 
 SIZE = 2.0  # %: edges of an emitting area of 1 mm that are known within 10 um
 TEMPERATURE = 20.0  # K: a room's 20 C against a luminaire's 40 C
 AXES = "xyz"
-SOMETIMES = ("front.power", "rear.power", "temperature")  # tolerances that not every lens has
+# tolerances that not every lens has
+SOMETIMES = ("front.decentre", "front.power", "rear.power", "temperature")
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,8 @@ def _meant(name: str, known: Mapping[str, Tolerance]) -> list[str]:
         raise UserError(
             f"the {name.removesuffix('.power')} is plane, so that it has no radius; leave {name} out"
         )
+    if name.startswith("front.decentre"):
+        raise UserError(f"the front is plane, so that it has no middle; leave {name} out")
     near = get_close_matches(name, [*known, *{n[:-2] for n in known if n[-2] == "_"}], 1)
     meant = f" (did you mean {near[0]}?)" if near else ""
     raise UserError(f"there is no tolerance {name!r} of this system{meant}; there are {', '.join(known)}")
@@ -105,6 +108,9 @@ def _of_lens(system: OpticalSystem) -> list[Tolerance]:
     rows = [*_placed("lens", SEAT, SEAT, TILT, AXES)]
     rows.append(Tolerance("thickness", "mm", THICKNESS, Perturbation(thickness=1.0)))
     rows.append(Tolerance("index", "1", INDEX, Perturbation(index=1.0)))
+    front = system.lens.front  # against the rear: halves of a mould, or the seat between two cuts
+    decentre = 0.0 if front.is_plane else SEAT
+    rows += _placed("front", decentre, 0.0, TILT, "xy" if front.sag is None else AXES)
     for name in ("front", "rear"):
         if not getattr(system.lens, name).conic.is_plane:
             rows.append(Tolerance(f"{name}.power", "%", POWER, _changed(f"{name}_power", 0.01)))

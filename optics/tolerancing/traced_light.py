@@ -134,6 +134,7 @@ class PerturbedLight:
                 errors=errors,
                 absorption=system.absorption,
                 heights=(heights.front_error, heights.rear_error),
+                front_motion=None if parts.front.rests else parts.front,
             )
             with backend.dr.suspend_grad():
                 _, landing = tracer.trace([sag.coefficients for sag in lens.sags])

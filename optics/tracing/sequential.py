@@ -31,7 +31,7 @@ from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import HeightError, Vector
+    from optics.tracing.intersections import HeightError, Motion, Vector
     from thbcad.lens import FreeformSurface, Lens
     from thbcad.splines import KnotVector
 
@@ -51,6 +51,8 @@ class Tracer:
     errors : of the slopes, by which rays are refracted; the surfaces stay where they are.
     absorption : a, 1/mm: exp(-a t) of the light is left after the path t from front to rear.
     heights : errors of the heights of front and rear, see `raised_hits`; traces carry no derivatives then.
+    front_motion : from the frame of the front, in which the rays are given, to that of the rest of the lens;
+        None is no motion.
     """
 
     def __init__(
@@ -65,9 +67,10 @@ class Tracer:
         errors: SlopeErrors = SMOOTH,
         absorption: float = 0.0,
         heights: tuple[HeightError | None, HeightError | None] = (None, None),
+        front_motion: Motion | None = None,
     ) -> None:
         self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
-        self._heights = heights
+        self._heights, self._motion = heights, front_motion
         dr, Float = backend.dr, backend.Float
         self._emitted = rays.total
         self._missed = rays.missed if isinstance(rays, RayGrid) else 0.0
@@ -83,7 +86,7 @@ class Tracer:
         knots = _knots(lens.rear)
         self._errors = [e if e is None else [*map(backend.array, e)] for e in (errors.front, errors.rear)]
         plane = lens.front.is_plane and errors.front is None and heights[0] is None
-        if isinstance(rays, RayGrid) and plane and knots is not None:
+        if isinstance(rays, RayGrid) and plane and front_motion is None and knots is not None:
             self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, knots)
             self._behind = None, self._parallel(self._rear)
             return
@@ -248,7 +251,10 @@ class Tracer:
         direction, transmittance, _ = self._refracted(rays.direction, self._slopes(hits, 0), self._inverse)
         passing = rays.flux * transmittance * self._rim(hits, self._lens.front)
         flux = dr.select(hits.hit, passing, 0)
-        return hits, DeviceRays((hits.x, hits.y, hits.z - self._lens.thickness), direction, flux)
+        point: Vector = hits.x, hits.y, hits.z
+        if self._motion is not None:
+            point, direction = self._motion.points(point), self._motion.turned(direction)
+        return hits, DeviceRays((point[0], point[1], point[2] - self._lens.thickness), direction, flux)
 
     def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
         dr = self._backend.dr

@@ -65,16 +65,19 @@ def traced_by_numpy(lens, p, origin, direction, target_z, source_z):
     start = source_turn.apply(origin - pivot) + pivot + p.source_shift
     ray = source_turn.apply(direction)
 
-    def in_lens(point):
-        return lens_turn.apply(point - np.asarray(p.lens_shift), inverse=True)
+    front_turn = Rotation.from_rotvec(p.front_tilt)
+    front_shift = lens_turn.apply(p.front_shift) + p.lens_shift
 
-    for surface, vertex, error, eta in (
-        (lens.front, 0.0, p.front_error, 1 / lens.index),
-        (lens.rear, lens.thickness, p.rear_error, lens.index),
+    for surface, vertex, error, eta, turn, shift in (
+        (lens.front, 0.0, p.front_error, 1 / lens.index, lens_turn * front_turn, front_shift),
+        (lens.rear, lens.thickness, p.rear_error, lens.index, lens_turn, np.asarray(p.lens_shift)),
     ):
 
-        def height(t, start=start, ray=ray, surface=surface, vertex=vertex, error=error):
-            x, y, z = in_lens(start + t * ray)
+        def in_own_frame(point, turn=turn, shift=shift):
+            return turn.apply(point - shift, inverse=True)
+
+        def height(t, start=start, ray=ray, surface=surface, vertex=vertex, error=error, own=in_own_frame):
+            x, y, z = own(start + t * ray)
             x, y = (np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width))
             dh = 0.0 if error is None else error.jet(np.array([x]), np.array([y]))[0, 0]
             return z - vertex - surface(x, y)[0] - dh
@@ -82,11 +85,11 @@ def traced_by_numpy(lens, p, origin, direction, target_z, source_z):
         guess = (vertex - start[2]) / ray[2]
         t = brentq(height, guess - 3, guess + 4, xtol=1e-14, rtol=1e-15)
         start = start + t * ray
-        x, y, _ = in_lens(start)
+        x, y, _ = in_own_frame(start)
         slope = np.array([surface(x, y, d)[0] for d in ((1, 0), (0, 1))])
         if error is not None:
             slope = slope + error.jet(np.array([x]), np.array([y]))[1:, 0]
-        normal = lens_turn.apply(np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1 + slope @ slope))
+        normal = turn.apply(np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1 + slope @ slope))
         cosine = ray @ normal
         ray = eta * ray + (np.sqrt(1 - eta**2 * (1 - cosine**2)) - eta * cosine) * normal
     middle = np.array([0, 0, target_z]) + p.target_shift

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from optics.analysis import rel_l2
+from optics.problem import load_problem
 from optics.runtime import UserError
+from optics.system import OpticalSystem
 from optics.tolerancing import (
     LinearLight,
     Perturbation,
@@ -13,12 +15,14 @@ from optics.tolerancing import (
     tolerances_of,
 )
 from optics.tolerancing.allowed_amount import amount_of
+from tests.optics.cases import FREE_REAR, FRONT, write_problem
 from tests.optics.tolerancing.cases import small_light, small_system
 
 MOVING = [  # tolerances that move round light in proportion to their amount
     "lens.decentre_x",
     "lens.defocus",
     "lens.tilt_x",
+    "front.tilt_x",
     "thickness",
     "index",
     "rear.power",
@@ -185,6 +189,7 @@ def test_the_far_field_has_tolerances_without_places(tmp_path, backend):
         ({"index": "much"}, "must be a number from 0"),
         ({"temperature": 20.0}, "names no material"),
         ({"front.power": 1.0}, "the front is plane"),
+        ({"front.decentre": 1.0}, "the front is plane"),
     ],
 )
 def test_bad_amounts_are_one_sentence(tmp_path, amounts, words):
@@ -192,6 +197,21 @@ def test_bad_amounts_are_one_sentence(tmp_path, amounts, words):
     with pytest.raises(UserError, match=words) as error:
         tolerances_of(system, amounts)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({}, ["tilt_x", "tilt_y"]),
+        ({"lens.front.radius": 80.0}, ["decentre_x", "decentre_y", "tilt_x", "tilt_y", "power"]),
+        (FRONT, ["decentre_x", "decentre_y", "tilt_x", "tilt_y", "tilt_z"]),
+    ],
+    ids=["plane", "conic", "free"],
+)
+def test_a_front_is_askew_in_the_ways_that_move_it(tmp_path, changes, names):
+    problem = load_problem(write_problem(tmp_path, changes, drop=FREE_REAR if changes is FRONT else ()))
+    found = [t.name for t in tolerances_of(OpticalSystem(problem)) if t.name.startswith("front.")]
+    assert found == [f"front.{name}" for name in names]
 
 
 def test_a_name_without_an_axis_stands_for_all_axes(tmp_path):

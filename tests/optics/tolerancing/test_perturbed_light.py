@@ -18,6 +18,8 @@ SOURCE_Z = -2.0  # of the small problem
 EVERYTHING = Perturbation(
     lens_shift=(0.3, -0.2, 0.4),
     lens_tilt=(0.02, -0.03, 0.05),
+    front_shift=(0.2, 0.1, -0.05),
+    front_tilt=(-0.01, 0.02, 0.03),
     source_shift=(-0.1, 0.2, 0.3),
     source_tilt=(0.01, 0.02, -0.03),
     target_shift=(1.0, 2.0, -3.0),
@@ -114,6 +116,20 @@ def moved_together(tilt, shift):
         target_shift=of_pivot(TARGET_Z),
         target_tilt=tuple(tilt),
     )
+
+
+def test_a_wedge_bends_light_as_a_prism(tmp_path, backend):
+    """Of light along z through a plane tilted by a, and a plane: sin(out) = n sin(a - asin(sin a / n))."""
+    plate = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0}
+    light = small_light(tmp_path, backend, plate, height=0.0)
+    angle, n = 0.02, light.lens.index
+    out = np.arcsin(n * np.sin(angle - np.arcsin(np.sin(angle) / n)))
+    p = Perturbation(front_tilt=(0.0, angle, 0.0))
+    parts = PerturbedParts.of(light.system, light.lens, p)
+    rays = single_rays(light.system.source.rays((4, 5)), light.lens)
+    _, landing = light.tracer_of(parts, light.system, p)(parts.rays(rays))
+    assert np.abs(landing.p.numpy()) == pytest.approx(np.sin(out), rel=1e-9)
+    assert np.abs(landing.q.numpy()).max() < 1e-12
 
 
 numbers = st.lists(st.floats(-1, 1), min_size=3, max_size=3)
