@@ -13,7 +13,7 @@ from optics.sweeps.computing import SweepProgress, Tasks, compute
 from optics.sweeps.sweep_folder import taken_folder, write_sweep
 from optics.sweeps.sweep_rows import INVALID, Sweep, SweepRow
 from optics.sweeps.variant_work import Designed, Shared, Work, designed
-from optics.sweeps.variants import Variant, all_variants, checked_ranges, files_of
+from optics.sweeps.variants import Variant, all_variants, checked_ranges
 from optics.workers import require_workers, worker_pool
 
 if TYPE_CHECKING:
@@ -85,7 +85,8 @@ def run_sweep(
         missing = _missing(variants, store.problems())
         with SweepProgress(progress, len(missing)) as shown:
             if missing:
-                files = {path: Path(path).read_bytes() for path in set(files_of(problem, ranges))}
+                paths = {path for variant in missing for path in variant.files}
+                files = {path: Path(path).read_bytes() for path in paths}
                 tasks = Tasks(keys, missing, Shared(problem, files), plan.keep_lenses)
                 with worker_pool(plan.workers, plan.scheduler) as pool:
                     compute(tasks, pool, store, shown, function)

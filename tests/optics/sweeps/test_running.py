@@ -1,7 +1,9 @@
 """Whole sweeps with stand-ins for the design: rows, files, going on, and what is refused."""
 
 import csv
+import json
 import re
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -12,7 +14,7 @@ from optics.sweeps import metric_plots, running, sweep_folder
 from optics.sweeps.contact_sheet import _texts
 from optics.sweeps.running import run_sweep
 from optics.sweeps.sweep_rows import SweepRow
-from tests.optics.sweeps.cases import DISTANCES, picky, problem, quick, thread_pool
+from tests.optics.sweeps.cases import DISTANCES, picky, png, problem, quick, reading, thread_pool
 
 
 @pytest.fixture
@@ -109,6 +111,32 @@ def test_parquet_holds_the_same_table(by, tmp_path):
     table = parquet.read_table(tmp_path / "sweep.parquet").to_pydict()
     assert table["rel_l2"] == [row.metrics["rel_l2"] for row in found.rows]
     assert table["lens.rear.half_width"] == ["[50, 50]"] * 3
+
+
+def test_records_are_values_and_tables_hold_them_as_json(by, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    free = problem().lens.rear.freeform
+    ranges = {"lens.rear.freeform": [replace(free, max_level=level) for level in (1, 2)]}
+    found = optics.sweep(problem(), ranges, tmp_path, workers=1)
+    assert [row.metrics["dof"] for row in found.rows] == [1, 2]
+    for texts in (
+        [row["lens.rear.freeform"] for row in rows(tmp_path)],
+        parquet.read_table(tmp_path / "sweep.parquet").to_pydict()["lens.rear.freeform"],
+    ):
+        assert [json.loads(text)["max_level"] for text in texts] == [1, 2]
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_files_travel_wherever_a_variant_names_them(by, tmp_path, whole):
+    by(reading)
+    paths = [tmp_path / "dark.png", tmp_path / "bright.png"]
+    for path, level in zip(paths, (10, 200)):
+        path.write_bytes(png(level))
+    given = problem(**{"target.kind": "image", "target.image": str(paths[0])})
+    tables = [replace(given.target, image=str(path)) for path in paths]
+    ranges = {"target": tables} if whole else {"target.image": paths}
+    found = optics.sweep(given, ranges, tmp_path / "out", workers=1)
+    assert [row.metrics.get("level") for row in found.rows] == [10, 200]
 
 
 def test_another_sweep_and_files_of_others_are_refused_unless_forced(by, tmp_path):
