@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,7 +38,7 @@ def taken_folder(
     """
     if resume and not (folder / STORE).exists():
         raise UserError(f"nothing to resume: there is no {folder / STORE}; run without --resume")
-    new, empty = not folder.exists(), True
+    new = not folder.exists()
     writable_folder(folder)
     try:
         with run_lock(folder, problem.title):
@@ -49,16 +49,28 @@ def taken_folder(
                 raise UserError(f"{error}{kept}") from None
             if force and not resume:
                 _drop(folder)
-            own = {"problem": fingerprint(problem), "keys": ", ".join(keys)}
-            with open_store(folder / STORE, own) as store:
-                try:
-                    yield store
-                finally:
-                    empty = not store.problems() and not (folder / RECORD).exists()
+            with _begun_store(folder, {"problem": fingerprint(problem), "keys": ", ".join(keys)}) as store:
+                yield store
     finally:
-        if new and empty:
+        if new:
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
+
+
+@contextmanager
+def _begun_store(folder: Path, own: Mapping[str, str]) -> Iterator[SweepStore]:
+    """Yield the store of a sweep; one that was not there before and stays empty is removed."""
+    unneeded = new = not (folder / STORE).exists()
+    try:
+        with open_store(folder / STORE, own) as store:
+            unneeded = False
+            try:
+                yield store
+            finally:
+                unneeded = new and not store.problems()
+    finally:
+        if unneeded:
             _drop(folder)
-            folder.rmdir()
 
 
 def _drop(folder: Path) -> None:
