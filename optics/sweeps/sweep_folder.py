@@ -8,7 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optics.problem import Problem
-from optics.results import HASHES, fingerprint, hashes, require_own, run_lock, writable_folder
+from optics.results import (
+    HASHES,
+    fingerprint,
+    hashes,
+    recorded,
+    remove_files,
+    require_own,
+    run_lock,
+    writable_folder,
+)
 from optics.runtime import UserError
 from optics.sweeps.contact_sheet import contact_sheet
 from optics.sweeps.metric_plots import metric_plots, plot_name
@@ -43,7 +52,7 @@ def taken_folder(
     try:
         with run_lock(folder, problem.title):
             try:
-                require_own(folder, FILES, RECORD, force)
+                require_own(folder, _replaceable(folder), RECORD, force)
             except UserError as error:
                 kept = "; with --resume too, what is computed stays" if (folder / STORE).exists() else ""
                 raise UserError(f"{error}{kept}") from None
@@ -73,6 +82,11 @@ def _begun_store(folder: Path, own: Mapping[str, str]) -> Iterator[SweepStore]:
             _drop(folder)
 
 
+def _replaceable(folder: Path) -> list[str]:
+    """Return the names of files that a sweep may replace: every picture there may be the plot of a metric."""
+    return [*FILES, *sorted(f"figures/{path.name}" for path in (folder / "figures").glob("*.png"))]
+
+
 def _drop(folder: Path) -> None:
     """Remove the store, and what SQLite keeps beside it."""
     for end in ("", "-wal", "-shm"):
@@ -80,7 +94,10 @@ def _drop(folder: Path) -> None:
 
 
 def write_sweep(sweep: Sweep, title: str) -> None:
-    """Write tables, plots, contact sheet and page, and the record of these files."""
+    """Write tables, plots, contact sheet and page, and the record of these files.
+
+    What an earlier sweep wrote and this one does not is removed: it would show other variants.
+    """
     plots, folder = metric_plots(sweep), sweep.folder
     contents: dict[str, bytes | None] = {
         TABLE: csv_text(sweep).encode(),
@@ -92,5 +109,7 @@ def write_sweep(sweep: Sweep, title: str) -> None:
     written = {name: data for name, data in contents.items() if data is not None}
     (folder / "figures").mkdir(exist_ok=True)
     write_files({folder / name: data for name, data in written.items()})
+    earlier = recorded(folder / RECORD).keys() & _replaceable(folder)
+    remove_files(folder, earlier - written.keys())
     record = {"schema": "thbcad-sweep-files", "version": 1, HASHES: hashes(folder, written)}
     write_text(folder / RECORD, json_text(record))

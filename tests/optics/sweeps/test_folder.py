@@ -1,5 +1,6 @@
 """The folder of a sweep: one run at a time, and what is in it belongs to somebody."""
 
+import json
 from contextlib import ExitStack
 
 import pytest
@@ -7,7 +8,8 @@ import pytest
 from optics.results import writable_folder
 from optics.runtime import UserError
 from optics.sweeps import sweep_folder
-from optics.sweeps.sweep_folder import STORE, taken_folder
+from optics.sweeps.sweep_folder import RECORD, STORE, taken_folder, write_sweep
+from optics.sweeps.sweep_rows import Sweep, SweepRow
 from optics.sweeps.sweep_store import StoredVariant
 from tests.optics.sweeps.cases import problem
 
@@ -73,3 +75,54 @@ def test_a_sweep_without_any_variant_leaves_no_store_and_no_folder_of_its_own(tm
         with taken_folder(tmp_path / name, problem(), KEYS, False, False):
             pass
     assert [path.name for path in tmp_path.rglob("*")] == ["there"]
+
+
+def written(folder, plots, monkeypatch):
+    """Write the files of a sweep with such plots, as a run does."""
+    monkeypatch.setattr(sweep_folder, "metric_plots", lambda sweep: dict.fromkeys(plots, b"\x89PNG"))
+    with taken_folder(folder, problem(), KEYS, False, False) as store:
+        store.add("a", {}, ROW)
+        write_sweep(Sweep(folder, KEYS, [SweepRow((200,), "done", metrics=ROW.metrics)]), "title")
+
+
+def files(folder):
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()} - {STORE}
+
+
+def test_plots_of_others_are_refused_before_anything_is_computed(tmp_path, monkeypatch):
+    (tmp_path / "figures").mkdir()
+    mine = tmp_path / "figures" / "seconds.png"
+    mine.write_bytes(b"mine")
+    with pytest.raises(UserError, match=r"figures/seconds\.png would be replaced"):
+        written(tmp_path, ["seconds"], monkeypatch)
+    assert files(tmp_path) == {"figures/seconds.png"}
+    assert mine.read_bytes() == b"mine"
+
+
+def test_a_plot_that_was_changed_since_is_refused(tmp_path, monkeypatch):
+    written(tmp_path, ["seconds"], monkeypatch)
+    (tmp_path / "figures" / "seconds.png").write_bytes(b"mine")
+    with pytest.raises(UserError, match=r"figures/seconds\.png would be replaced.*what is computed stays"):
+        written(tmp_path, ["seconds"], monkeypatch)
+
+
+def test_what_an_earlier_sweep_wrote_and_this_one_does_not_is_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_folder, "parquet_bytes", lambda sweep: b"PAR1")
+    written(tmp_path, ["dof", "seconds"], monkeypatch)
+    before = files(tmp_path)
+    monkeypatch.setattr(sweep_folder, "parquet_bytes", lambda sweep: None)
+    for _ in range(2):
+        written(tmp_path, ["seconds"], monkeypatch)
+        assert before - files(tmp_path) == {"figures/dof.png", "sweep.parquet"}
+        assert "figures/seconds.png" in files(tmp_path)
+
+
+def test_only_files_of_a_sweep_are_removed_whatever_the_record_says(tmp_path, monkeypatch):
+    names = ["notes.txt", "figures/notes.txt", "../outside.png", "figures/../../outside.png"]
+    out = tmp_path / "out"
+    (out / "figures").mkdir(parents=True)
+    for name in names:
+        (out / name).write_bytes(b"mine")
+    (out / RECORD).write_text(json.dumps({"sha256": dict.fromkeys(names, "0" * 64)}))
+    written(out, [], monkeypatch)
+    assert all((out / name).read_bytes() == b"mine" for name in names)
