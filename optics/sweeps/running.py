@@ -26,7 +26,7 @@ class SweepPlan:
 
     ranges : values by key.  workers, scheduler : as `optics.workers.worker_pool`.
     resume : the folder must hold this sweep.  force : what it holds is replaced.
-    keep_lenses : the store keeps the lens of every variant too.
+    keep_lenses : the store keeps the lens of every variant too; what is stored without is designed again.
     """
 
     problem: Problem
@@ -54,8 +54,8 @@ def sweep(
 
         optics.sweep(problem, {"target.distance": [200, 300, 400]}, "exports/distances")
 
-    What the folder holds already is not computed again, so that a sweep which was stopped goes on.  A variant
-    that fails is a row with its sentence.
+    What is designed already is not computed again, so that a sweep which was stopped goes on.  A variant that
+    fails is a row with its sentence, and is tried again by the next run.
 
     workers : processes of this machine, None for as many as cores.  scheduler : address of a dask scheduler
         whose workers are taken instead.
@@ -82,7 +82,7 @@ def run_sweep(
     problem, ranges, keys = plan.problem, checked_ranges(plan.ranges), tuple(plan.ranges)
     variants = all_variants(problem, ranges)
     with taken_folder(plan.folder, problem, keys, plan.resume, plan.force) as store:
-        missing = _missing(variants, store.problems())
+        missing = _missing(variants, store.done(plan.keep_lenses))
         with SweepProgress(progress, len(missing)) as shown:
             if missing:
                 paths = {path for variant in missing for path in variant.files}
@@ -96,10 +96,10 @@ def run_sweep(
     return found
 
 
-def _missing(variants: Iterable[Variant], stored: set[str]) -> list[Variant]:
+def _missing(variants: Iterable[Variant], done: set[str]) -> list[Variant]:
     """Return the variants to compute: of several with the same problem the first."""
     wanted = {variant.identity: variant for variant in reversed(list(variants)) if variant.identity}
-    return [variant for identity, variant in reversed(wanted.items()) if identity not in stored]
+    return [variant for identity, variant in reversed(wanted.items()) if identity not in done]
 
 
 def _row(variant: Variant, store: SweepStore) -> SweepRow:
