@@ -27,9 +27,13 @@ def sweep_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--resume",
         action="store_true",
-        help="the folder must hold this sweep; what it holds is never computed again, with or without this",
+        help="the folder must hold this sweep; what is done is not computed again, with or without this",
     )
-    command.add_argument("--lenses", action="store_true", help="also keep the lens of every variant")
+    command.add_argument(
+        "--lenses",
+        action="store_true",
+        help="also keep the lens of every variant; those stored without are designed again",
+    )
     force_option(command)
 
 

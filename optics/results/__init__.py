@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from optics.results.owned_files import (
         HASHES as HASHES,
         hashes as hashes,
+        recorded as recorded,
         remove_files as remove_files,
         require_own as require_own,
         require_writable as require_writable,
@@ -55,6 +56,7 @@ _FILES = {
     "owned_files": (
         "HASHES",
         "hashes",
+        "recorded",
         "remove_files",
         "require_own",
         "require_writable",

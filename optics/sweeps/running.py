@@ -13,7 +13,7 @@ from optics.sweeps.computing import SweepProgress, Tasks, compute
 from optics.sweeps.sweep_folder import taken_folder, write_sweep
 from optics.sweeps.sweep_rows import INVALID, Sweep, SweepRow
 from optics.sweeps.variant_work import Designed, Shared, Work, designed
-from optics.sweeps.variants import Variant, all_variants, checked_ranges, files_of
+from optics.sweeps.variants import Variant, all_variants, checked_ranges
 from optics.workers import require_workers, worker_pool
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class SweepPlan:
 
     ranges : values by key.  workers, scheduler : as `optics.workers.worker_pool`.
     resume : the folder must hold this sweep.  force : what it holds is replaced.
-    keep_lenses : the store keeps the lens of every variant too.
+    keep_lenses : the store keeps the lens of every variant too; what is stored without is designed again.
     """
 
     problem: Problem
@@ -54,8 +54,8 @@ def sweep(
 
         optics.sweep(problem, {"target.distance": [200, 300, 400]}, "exports/distances")
 
-    What the folder holds already is not computed again, so that a sweep which was stopped goes on.  A variant
-    that fails is a row with its sentence.
+    What is designed already is not computed again, so that a sweep which was stopped goes on.  A variant that
+    fails is a row with its sentence, and is tried again by the next run.
 
     workers : processes of this machine, None for as many as cores.  scheduler : address of a dask scheduler
         whose workers are taken instead.
@@ -82,10 +82,11 @@ def run_sweep(
     problem, ranges, keys = plan.problem, checked_ranges(plan.ranges), tuple(plan.ranges)
     variants = all_variants(problem, ranges)
     with taken_folder(plan.folder, problem, keys, plan.resume, plan.force) as store:
-        missing = _missing(variants, store.problems())
+        missing = _missing(variants, store.done(plan.keep_lenses))
         with SweepProgress(progress, len(missing)) as shown:
             if missing:
-                files = {path: Path(path).read_bytes() for path in set(files_of(problem, ranges))}
+                paths = {path for variant in missing for path in variant.files}
+                files = {path: Path(path).read_bytes() for path in paths}
                 tasks = Tasks(keys, missing, Shared(problem, files), plan.keep_lenses)
                 with worker_pool(plan.workers, plan.scheduler) as pool:
                     compute(tasks, pool, store, shown, function)
@@ -95,10 +96,10 @@ def run_sweep(
     return found
 
 
-def _missing(variants: Iterable[Variant], stored: set[str]) -> list[Variant]:
+def _missing(variants: Iterable[Variant], done: set[str]) -> list[Variant]:
     """Return the variants to compute: of several with the same problem the first."""
     wanted = {variant.identity: variant for variant in reversed(list(variants)) if variant.identity}
-    return [variant for identity, variant in reversed(wanted.items()) if identity not in stored]
+    return [variant for identity, variant in reversed(wanted.items()) if identity not in done]
 
 
 def _row(variant: Variant, store: SweepStore) -> SweepRow:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optics.problem import Problem
-from optics.results import HASHES, fingerprint, hashes, require_own, run_lock, writable_folder
+from optics.results import (
+    HASHES,
+    fingerprint,
+    hashes,
+    recorded,
+    remove_files,
+    require_own,
+    run_lock,
+    writable_folder,
+)
 from optics.runtime import UserError
 from optics.sweeps.contact_sheet import contact_sheet
 from optics.sweeps.metric_plots import metric_plots, plot_name
@@ -38,27 +47,44 @@ def taken_folder(
     """
     if resume and not (folder / STORE).exists():
         raise UserError(f"nothing to resume: there is no {folder / STORE}; run without --resume")
-    new, empty = not folder.exists(), True
+    new = not folder.exists()
     writable_folder(folder)
     try:
         with run_lock(folder, problem.title):
             try:
-                require_own(folder, FILES, RECORD, force)
+                require_own(folder, _replaceable(folder), RECORD, force)
             except UserError as error:
                 kept = "; with --resume too, what is computed stays" if (folder / STORE).exists() else ""
                 raise UserError(f"{error}{kept}") from None
             if force and not resume:
                 _drop(folder)
-            own = {"problem": fingerprint(problem), "keys": ", ".join(keys)}
-            with open_store(folder / STORE, own) as store:
-                try:
-                    yield store
-                finally:
-                    empty = not store.problems() and not (folder / RECORD).exists()
+            with _begun_store(folder, {"problem": fingerprint(problem), "keys": ", ".join(keys)}) as store:
+                yield store
     finally:
-        if new and empty:
+        if new:
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
+
+
+@contextmanager
+def _begun_store(folder: Path, own: Mapping[str, str]) -> Iterator[SweepStore]:
+    """Yield the store of a sweep; one that was not there before and stays empty is removed."""
+    unneeded = new = not (folder / STORE).exists()
+    try:
+        with open_store(folder / STORE, own) as store:
+            unneeded = False
+            try:
+                yield store
+            finally:
+                unneeded = new and not store.problems()
+    finally:
+        if unneeded:
             _drop(folder)
-            folder.rmdir()
+
+
+def _replaceable(folder: Path) -> list[str]:
+    """Return the names of files that a sweep may replace: every picture there may be the plot of a metric."""
+    return [*FILES, *sorted(f"figures/{path.name}" for path in (folder / "figures").glob("*.png"))]
 
 
 def _drop(folder: Path) -> None:
@@ -68,7 +94,10 @@ def _drop(folder: Path) -> None:
 
 
 def write_sweep(sweep: Sweep, title: str) -> None:
-    """Write tables, plots, contact sheet and page, and the record of these files."""
+    """Write tables, plots, contact sheet and page, and the record of these files.
+
+    What an earlier sweep wrote and this one does not is removed: it would show other variants.
+    """
     plots, folder = metric_plots(sweep), sweep.folder
     contents: dict[str, bytes | None] = {
         TABLE: csv_text(sweep).encode(),
@@ -80,5 +109,7 @@ def write_sweep(sweep: Sweep, title: str) -> None:
     written = {name: data for name, data in contents.items() if data is not None}
     (folder / "figures").mkdir(exist_ok=True)
     write_files({folder / name: data for name, data in written.items()})
+    earlier = recorded(folder / RECORD).keys() & _replaceable(folder)
+    remove_files(folder, earlier - written.keys())
     record = {"schema": "thbcad-sweep-files", "version": 1, HASHES: hashes(folder, written)}
     write_text(folder / RECORD, json_text(record))

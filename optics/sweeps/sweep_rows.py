@@ -48,9 +48,10 @@ class Sweep:
 
     def table(self) -> list[dict[str, Any]]:
         """Return a dict for every row: keys, metrics, seconds, peak_mb, status, sentence."""
+        metrics = self.metrics  # of all rows: looked up once
         return [
             dict(zip(self.keys, row.values))
-            | {name: row.metrics.get(name) for name in self.metrics}
+            | {name: row.metrics.get(name) for name in metrics}
             | {name: getattr(row, name) for name in ("seconds", "peak_mb", "status", "sentence")}
             for row in self.rows
         ]

@@ -15,6 +15,7 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 from optics.runtime import UserError
+from optics.sweeps.sweep_rows import DONE
 from thbcad import __version__
 
 SCHEMA, VERSION = "thbcad-sweep", 1
@@ -51,6 +52,13 @@ class SweepStore:
     def problems(self) -> set[str]:
         """Return the fingerprints of the problems that are stored."""
         return {row[0] for row in self._connection.execute("SELECT problem FROM variants")}
+
+    def done(self, with_lens: bool) -> set[str]:
+        """Return the fingerprints of the problems that are designed.  with_lens : whose lens is kept too."""
+        rows = self._connection.execute(
+            "SELECT problem FROM variants WHERE status = ? AND (lens != '' OR NOT ?)", (DONE, with_lens)
+        )
+        return {row[0] for row in rows}
 
     def get(self, problem: str) -> StoredVariant | None:
         """Return the row of a problem."""

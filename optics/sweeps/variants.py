@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, is_dataclass
 from itertools import product
 from math import prod
 from typing import Any
@@ -11,7 +13,6 @@ from typing import Any
 from optics.problem import Problem
 from optics.results import data_of, fingerprint
 from optics.runtime import UserError
-from optics.sweeps.value_lists import FILE_KEYS
 
 MOST = 1_000_000  # variants: their checks alone take half an hour
 
@@ -21,20 +22,23 @@ class Variant:
     """One combination.
 
     values : in the order of the keys.  identity : fingerprint of its problem, "" where it is none.
-    refusal : a sentence that says why it is none, or "".
+    refusal : a sentence that says why it is none, or "".  files : paths of its pictures and rays.
     """
 
     values: tuple[Any, ...]
     identity: str
     refusal: str = ""
+    files: tuple[str, ...] = ()
 
 
 def checked_ranges(ranges: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
-    """Return the values of every key as lists.
+    """Return the values of every key as lists of what JSON holds, which the store and tables keep.
+
+    Numbers of numpy become those of Python, paths become texts, records become dicts, tuples become lists.
 
     Raises
     ------
-    UserError : no key, no list, an empty list, or too many combinations.
+    UserError : no key, no list, an empty list, a value that JSON cannot hold, or too many combinations.
     """
     if not isinstance(ranges, Mapping) or not ranges:
         raise UserError('a sweep varies at least one key, such as {"target.distance": [200, 300]}')
@@ -44,8 +48,7 @@ def checked_ranges(ranges: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
             raise UserError(f"a sweep varies dotted keys, such as target.distance, got {key!r}")
         if isinstance(values, str | bytes | Mapping) or not hasattr(values, "__iter__"):
             raise UserError(f"{key} must be varied over a list of values, got {values!r}")
-        # numpy's numbers and arrays become those of Python
-        lists[key] = [v.tolist() if hasattr(v, "tolist") else v for v in values]
+        lists[key] = [_plain(key, value) for value in values]
         if not lists[key]:
             raise UserError(f"{key} must be varied over at least one value, got none")
     count = prod(map(len, lists.values()))
@@ -75,17 +78,28 @@ def all_variants(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> list[
     return found
 
 
-def files_of(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> Iterator[str]:
-    """Yield the paths of the files that variants need: pictures and rays."""
-    yield from (path for _, _, path in data_of(problem))
-    for key in FILE_KEYS:
-        yield from filter(None, ranges.get(key, ()))
+def _plain(key: str, value: Any) -> Any:
+    """Return a value as JSON gives it back."""
+    try:
+        return json.loads(json.dumps(value, default=_for_json))
+    except (TypeError, ValueError):
+        raise UserError(
+            f"{key} must be varied over numbers, texts, paths, lists or tables, got {value!r}"
+        ) from None
+
+
+def _for_json(value: Any) -> Any:
+    """Return something that JSON does not know by what it knows."""
+    if hasattr(value, "tolist"):  # numbers and arrays of numpy
+        return value.tolist()
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else os.fspath(value)
 
 
 def _variant(problem: Problem, changes: Mapping[str, Any]) -> Variant:
     values = tuple(changes.values())
     try:
-        return Variant(values, fingerprint(problem.with_(**changes)))
+        varied = problem.with_(**changes)
+        return Variant(values, fingerprint(varied), files=tuple(path for _, _, path in data_of(varied)))
     except UserError as error:
         return Variant(values, "", str(error))
     except OSError as error:

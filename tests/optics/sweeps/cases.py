@@ -42,6 +42,19 @@ def slow(shared, work):
     return quick(shared, work)
 
 
+def without_memory(shared, work):
+    """Fail at 300 mm for a reason that the next run may not have."""
+    if work.changes["target.distance"] == 300:
+        raise MemoryError
+    return quick(shared, work)
+
+
+def reading(shared, work):
+    """Return what is in the picture of the target."""
+    picture = shared.files[shared.problem.with_(**work.changes).target.image]
+    return Designed({"level": Image.open(io.BytesIO(picture)).getpixel((0, 0))}, b"", "")
+
+
 def picky(shared, work):
     """Fail at 300 mm, and end the worker at 400 mm."""
     distance = work.changes["target.distance"]

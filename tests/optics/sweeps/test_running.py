@@ -1,18 +1,31 @@
 """Whole sweeps with stand-ins for the design: rows, files, going on, and what is refused."""
 
 import csv
+import json
 import re
+from dataclasses import replace
 from functools import partial
 
 import pytest
 
 import optics
+from optics.results import fingerprint
 from optics.runtime import UserError
 from optics.sweeps import metric_plots, running, sweep_folder
 from optics.sweeps.contact_sheet import _texts
 from optics.sweeps.running import run_sweep
 from optics.sweeps.sweep_rows import SweepRow
-from tests.optics.sweeps.cases import DISTANCES, picky, problem, quick, thread_pool
+from optics.sweeps.sweep_store import open_store
+from tests.optics.sweeps.cases import (
+    DISTANCES,
+    picky,
+    png,
+    problem,
+    quick,
+    reading,
+    thread_pool,
+    without_memory,
+)
 
 
 @pytest.fixture
@@ -111,6 +124,32 @@ def test_parquet_holds_the_same_table(by, tmp_path):
     assert table["lens.rear.half_width"] == ["[50, 50]"] * 3
 
 
+def test_records_are_values_and_tables_hold_them_as_json(by, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    free = problem().lens.rear.freeform
+    ranges = {"lens.rear.freeform": [replace(free, max_level=level) for level in (1, 2)]}
+    found = optics.sweep(problem(), ranges, tmp_path, workers=1)
+    assert [row.metrics["dof"] for row in found.rows] == [1, 2]
+    for texts in (
+        [row["lens.rear.freeform"] for row in rows(tmp_path)],
+        parquet.read_table(tmp_path / "sweep.parquet").to_pydict()["lens.rear.freeform"],
+    ):
+        assert [json.loads(text)["max_level"] for text in texts] == [1, 2]
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_files_travel_wherever_a_variant_names_them(by, tmp_path, whole):
+    by(reading)
+    paths = [tmp_path / "dark.png", tmp_path / "bright.png"]
+    for path, level in zip(paths, (10, 200)):
+        path.write_bytes(png(level))
+    given = problem(**{"target.kind": "image", "target.image": str(paths[0])})
+    tables = [replace(given.target, image=str(path)) for path in paths]
+    ranges = {"target": tables} if whole else {"target.image": paths}
+    found = optics.sweep(given, ranges, tmp_path / "out", workers=1)
+    assert [row.metrics.get("level") for row in found.rows] == [10, 200]
+
+
 def test_another_sweep_and_files_of_others_are_refused_unless_forced(by, tmp_path):
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
     for other, ranges in (
@@ -141,11 +180,36 @@ def test_a_sweep_that_cannot_begin_leaves_nothing_behind(design, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_a_kept_lens_is_in_the_store(by, tmp_path):
-    from optics.results import fingerprint
-    from optics.sweeps.sweep_store import open_store
-
-    optics.sweep(problem(), DISTANCES, tmp_path, workers=1, keep_lenses=True)
+def kept_lens(folder):
+    """Return the text of the lens of 300 mm that the store holds."""
     about = {"problem": fingerprint(problem()), "keys": "target.distance"}
-    with open_store(tmp_path / "sweep.sqlite", about) as store:
-        assert store.lens(fingerprint(problem(**{"target.distance": 300}))) == '{"lens": 1}'
+    with open_store(folder / "sweep.sqlite", about) as store:
+        return store.lens(fingerprint(problem(**{"target.distance": 300})))
+
+
+def test_a_kept_lens_is_in_the_store(by, tmp_path):
+    optics.sweep(problem(), DISTANCES, tmp_path, workers=1, keep_lenses=True)
+    assert kept_lens(tmp_path) == '{"lens": 1}'
+    by(None)  # nothing is computed again
+    optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
+    optics.sweep(problem(), DISTANCES, tmp_path, workers=1, keep_lenses=True)
+    assert kept_lens(tmp_path) == '{"lens": 1}'
+
+
+def test_lenses_that_were_not_kept_are_designed_again(by, tmp_path):
+    optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
+    assert kept_lens(tmp_path) == ""
+    optics.sweep(problem(), DISTANCES, tmp_path, workers=1, keep_lenses=True)
+    assert kept_lens(tmp_path) == '{"lens": 1}'
+
+
+def test_only_what_failed_is_tried_again(by, tmp_path):
+    by(without_memory)
+    found = optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
+    assert [row.status for row in found.rows] == ["done", "failed", "done"]
+    by(quick)
+    moments = []
+    again = optics.sweep(problem(), DISTANCES, tmp_path, workers=1, progress=moments.append)
+    assert [row.status for row in again.rows] == ["done"] * 3
+    assert again.rows[1].metrics["rel_l2"] == 1 / 300
+    assert any(moment.detail == "1 of 1 over, 0 failed" for moment in moments)

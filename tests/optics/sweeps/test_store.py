@@ -47,6 +47,15 @@ def test_a_problem_has_one_row(tmp_path):
         assert len(store.problems()) == 1
 
 
+def test_done_is_what_is_designed_and_has_its_lens_where_one_is_wanted(tmp_path):
+    with open_store(tmp_path / "s", ABOUT) as store:
+        for status in ("done", "failed", "killed"):
+            for lens in ("", "{}"):
+                store.add(status + lens, {}, ROW._replace(status=status), lens)
+        assert store.done(with_lens=False) == {"done", "done{}"}
+        assert store.done(with_lens=True) == {"done{}"}
+
+
 def test_a_killed_writer_leaves_every_committed_row_whole(tmp_path):
     path = tmp_path / "sweep.sqlite"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

@@ -1,5 +1,8 @@
 """Combinations of values: all of them, and what is refused before anything runs."""
 
+from dataclasses import asdict
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -25,6 +28,25 @@ def test_numbers_of_numpy_are_values():
     found = variants(problem(), **{"target.distance": np.linspace(200, 400, 3)})
     assert [v.values for v in found] == [(200.0,), (300.0,), (400.0,)]
     assert type(found[0].values[0]) is float
+
+
+def test_values_are_what_json_holds(tmp_path):
+    free = problem().lens.rear.freeform
+    values = [np.int64(2), [np.int64(2)], (1, 2), tmp_path / "a.png", free, {"image": tmp_path}]
+    assert checked_ranges({"x": values})["x"] == [
+        2,
+        [2],
+        [1, 2],
+        str(tmp_path / "a.png"),
+        asdict(free) | {"spans": list(free.spans)},
+        {"image": str(tmp_path)},
+    ]
+
+
+@pytest.mark.parametrize("value", [b"a.png", 1j, {5, 6}, object, object(), Fraction(1, 2)])
+def test_what_json_cannot_hold_is_refused_before_anything_is_designed(value):
+    with pytest.raises(UserError, match="x must be varied over numbers, texts, paths, lists or tables, got "):
+        checked_ranges({"x": [value]})
 
 
 @pytest.mark.parametrize(
