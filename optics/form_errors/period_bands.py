@@ -24,6 +24,7 @@ from scipy.ndimage import map_coordinates
 
 from optics.form_errors.local_formula import middles, solved
 from optics.form_errors.pixel_transfer import on_target, pixel_mtf
+from optics.heights import shortest_period
 
 if TYPE_CHECKING:
     from optics.form_errors.local_formula import LocalFormula
@@ -39,9 +40,12 @@ DARK = 1e-3  # of the mean irradiance: below it pixels do not count
 
 
 def period_bands_of(half_width: tuple[float, float]) -> list[Band]:
-    """Return the bands of period, mm, up to the width of an aperture.  half_width : of it, mm."""
-    widest = 2 * max(half_width)
-    edges = [edge for edge in EDGES if LEAST_RATIO * edge < widest] or [widest / 2]
+    """Return the bands of period, mm, up to the width of an aperture.  half_width : of it, mm.
+
+    Those that are too short for a random field over it are left out.
+    """
+    widest, shortest = 2 * max(half_width), shortest_period(half_width)
+    edges = [edge for edge in EDGES if edge >= shortest and LEAST_RATIO * edge < widest] or [widest / 2]
     return list(pairwise([*edges, widest]))
 
 

@@ -15,7 +15,7 @@ from optics.form_errors import (
     pixel_mtf,
 )
 from optics.form_errors.pixel_transfer import on_target
-from optics.heights import random_field
+from optics.heights import random_field, shortest_period
 from optics.runtime import UserError
 from tests.optics.form_errors.cases import PLATE, system_and_lens
 
@@ -44,6 +44,14 @@ def test_bands_reach_from_half_a_millimetre_to_the_width_of_the_lens():
     assert period_bands_of((50.0, 40.0))[-1] == (25.0, 100.0)
     assert period_bands_of((10.0, 10.0))[-1] == (10.0, 20.0)
     assert period_bands_of((0.2, 0.2)) == [(0.2, 0.4)]
+
+
+@pytest.mark.parametrize("half_width", [(250.0, 40.0), (2e3, 2e3), (1e6, 1.0)])
+def test_wide_lenses_have_bands_that_random_fields_can_hold(half_width):
+    bands = period_bands_of(half_width)
+    assert bands[0][0] >= shortest_period(half_width)
+    assert bands[-1][1] == 2 * half_width[0]
+    assert bands == [band for band in bands if band[0] < band[1]]
 
 
 SLOW = pytest.mark.slow
