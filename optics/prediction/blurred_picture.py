@@ -66,7 +66,7 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
         strokes=stroke_width(target, screen.pitch) if system.target.settings.kind == "image" else None,
         variation=blur.shifts.variation,
         plain=rel_l2(_blurred(blur, target, screen), target),
-        least=_least(system, target, blur.kernel(system.target.screen(_merged(screen.pixels)))),
+        least=_least(system, target, blur),
     )
 
 
@@ -120,13 +120,14 @@ def _merged(pixels: tuple[int, int]) -> int:
     return -(-max(pixels) // MOST_PIXELS)
 
 
-def _least(system: OpticalSystem, target: NDArray[np.float64], spot: NDArray[np.float64]) -> float | None:
-    """Return a lower bound of rel_l2 of the light of one blur, on merged pixels."""
+def _least(system: OpticalSystem, target: NDArray[np.float64], blur: Blur) -> float | None:
+    """Return a lower bound of rel_l2 of the light of one blur, on merged pixels; None of a wider spot."""
     merge = _merged(system.target.settings.pixels)
     rows, columns = (n // merge for n in target.shape)
     cut = target[: rows * merge, : columns * merge]
     goal = cut.reshape(rows, merge, columns, merge).mean(axis=(1, 3))
-    if spot.shape[0] > min(goal.shape):
+    screen = system.target.screen(merge)
+    if blur.kernel_side(screen) > min(goal.shape):  # asked first: the kernel of a wide spot fills the memory
         return None
     scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
-    return scale * approximate(Kernel(spot), goal, KKT).lower_bound
+    return scale * approximate(Kernel(blur.kernel(screen)), goal, KKT).lower_bound

@@ -38,6 +38,21 @@ def test_a_stroke_is_as_wide_as_it_is(width):
     )  # its ends are borders too
 
 
+def test_the_kernel_of_a_spot_wider_than_the_target_is_not_made(tmp_path, backend, monkeypatch):
+    """5 degrees at 1 m are 170 mm: the kernel on 128 pixels of 20 mm would have (14 * 2300)^2 numbers."""
+    changes = {
+        "source.divergence": 5.0,
+        "target.distance": 1000.0,
+        "target.half_width": [10.0, 10.0],
+        "target.pixels": [128, 128],
+    }
+    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    monkeypatch.setattr(Blur, "kernel", None)
+    limits = blur_limits(system, system.lens, backend)
+    assert limits.least is None
+    assert limits.width > 8 * 20.0
+
+
 def test_what_is_said_of_the_sun_and_of_a_wide_beam(tmp_path, backend):
     """0.53 degrees at 60 mm are 0.56 mm; a beam of 60 degrees is wider than the target."""
     for degrees, said in ((0.0, "the sun blurs 0.5[67] mm"), (30.0, "the spot is wider than the target")):
