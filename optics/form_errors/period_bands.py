@@ -54,7 +54,7 @@ class BandChange:
     """What a band does to the light, per mm of the error's rms, in the mean over random phases.
 
     relative : rms of dE / E, (nx, ny) 1/mm, on `BandFormula.points`.
-    norm : |dE| / |E| over the target, 1/mm.
+    norm : |dE| / |E| over the target, 1/mm; in the far field of intensities.
     curvature : the part of the curvature term in norm^2.  mtf : what pixels leave, rms over the light.
     """
 
@@ -86,7 +86,7 @@ class BandFormula:
             curvature += np.nan_to_num(in_phase**2 * passed)
             transport += np.nan_to_num(((along_x * by_x) ** 2 + (along_y * by_y) ** 2) * passed)
             seen += np.nan_to_num(passed)
-        light = self.flux * self._irradiance
+        light = self.flux * self._irradiance / self._at(self.formula.shown) ** 2
         total = light.sum()
         bent, carried = float((light * curvature).sum()), float((light * transport).sum())
         return BandChange(
