@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         ray_irradiance as ray_irradiance,
     )
     from optics.analysis.light_of_wavelengths import (
+        coloured as coloured,
         fringe as fringe,
     )
     from optics.analysis.metrics import (
@@ -73,7 +74,10 @@ _FILES = {
         "traced_cells",
     ),
     "light_of_rays": ("ray_irradiance",),
-    "light_of_wavelengths": ("fringe",),
+    "light_of_wavelengths": (
+        "coloured",
+        "fringe",
+    ),
     "metrics": (
         "Measurement",
         "dark_fraction",

@@ -61,7 +61,12 @@ GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 def beam_irradiance(
     system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
 ) -> tuple[LightEstimate, SequentialFates]:
-    """Return (irradiance through front and rear, W/mm^2, flux by fate).  backend : of double precision."""
+    """Return (irradiance through front and rear, W/mm^2, flux by fate).  backend : of double precision.
+
+    Raises
+    ------
+    UserError : see `Blur.widened`.
+    """
     counts = _beam_cells(screen)
     rest = _Rest.of(system, lens, screen, backend)
     fates: list[SequentialFates] = []
@@ -119,7 +124,7 @@ class _Rest:
     @classmethod
     def of(cls, system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend) -> _Rest:
         blur = blur_of(system, lens, backend)
-        wide = screen.widened(blur.reach(screen)).finer(FINER)
+        wide = blur.widened(screen).finer(FINER)
         many = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in screen.pixels]
         middle = AXIS if system.source.diverging else None
         fine, coarse = (

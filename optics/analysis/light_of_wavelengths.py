@@ -43,6 +43,13 @@ class SpectralLight:
     colour: Floats | None
 
 
+def coloured(system: OpticalSystem, lens: Lens) -> list[tuple[float, OpticalSystem, Lens]]:
+    """Return (share of the flux, system, lens) at every wavelength at which light is measured."""
+    if not system.spectral:
+        return [(1.0, system, lens)]
+    return [(w.weight, system.at(w), replace(lens, index=w.index)) for w in system.wavelengths]
+
+
 def spectral_light(
     system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, estimate: Estimate
 ) -> SpectralLight:

@@ -24,6 +24,7 @@ from scipy import fft
 from scipy.special import j0
 
 from optics.blur.spot_matrices import LandingShifts, landing_shifts
+from optics.runtime import UserError
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -40,6 +41,7 @@ FREQUENCIES = 2048  # at which the transfer function of the beam is tabulated
 SUBPIXELS = 7  # odd, in each direction, of which the pixels of a spot are sums
 FWHM = 2.355  # full width at half of a Gaussian, in sigmas
 ACROSS = 16.0  # pixels across the spot, from which on finer ones change a blurred picture by less than 1 %
+MOST_AROUND = 3072  # pixels in each direction: measured by three times finer ones, the light takes 10 GB
 MOST_PARTS = 4096  # of all pixels in each direction: those of large pictures are small, and fill the memory
 
 
@@ -111,6 +113,22 @@ class Blur:
             far = far + sine * np.linalg.norm(self.shifts.beam, axis=1)
         return ceil(max(far / screen.pitch))
 
+    def widened(self, screen: Screen) -> Screen:
+        """Return a screen that is wider by the reach of the spot.
+
+        Raises
+        ------
+        UserError : the spot is wider than the screen, and reaches over more pixels than memory holds.
+        """
+        reach, most = self.reach(screen), max(screen.pixels)
+        if most + 2 * reach > max(MOST_AROUND, 3 * most):
+            raise UserError(
+                f"divergence or roughness spreads the light of every point over {2 * reach} pixels, and the "
+                f"target has {most}: too many to compute; use less of them, fewer target.pixels, or a "
+                "wider or nearer target"
+            )
+        return screen.widened(reach)
+
     def parts(self, screen: Screen, most: int) -> int:
         """Return into how many parts a pixel is cut in each direction, so that the blur sees what lies in it.
 
@@ -125,10 +143,9 @@ class Blur:
         return Convolution(self.transfer(screen, padded), padded)
 
     def onto(self, screen: Screen) -> BlurOnto:
-        """Return the blur as a screen sees it."""
-        reach = self.reach(screen)
-        wide = screen.widened(reach)
-        return BlurOnto(wide, reach, self.convolution(wide, wide.shape))
+        """Return the blur as a screen sees it; raises as `widened`."""
+        wide = self.widened(screen)
+        return BlurOnto(wide, self.reach(screen), self.convolution(wide, wide.shape))
 
     def sampled(self, image: Floats, screen: Screen, shifts: Floats) -> Floats:
         """Return the mean of an image at shifted places: a convolution with samples of the spot.
@@ -140,9 +157,13 @@ class Blur:
         waves = [np.exp(-2j * pi * np.outer(d, f)) for d, f in zip(shifts.T, (fx, fy))]
         return _filtered(image, waves[1].T @ waves[0] / len(shifts), shape)
 
+    def kernel_side(self, screen: Screen) -> int:
+        """Return how many pixels the kernel has in each direction."""
+        return 2 * self.reach(screen) + 3
+
     def kernel(self, screen: Screen) -> Floats:
         """Return the light that pixels get of a point in the middle of one, (odd, odd); its sum is 1."""
-        side = 2 * self.reach(screen) + 3
+        side = self.kernel_side(screen)
         shape = (2 * SUBPIXELS * side, 2 * SUBPIXELS * side)
         spot = fft.irfft2(self.transfer(screen.finer(SUBPIXELS), shape), shape)
         spot = np.roll(spot, SUBPIXELS * side // 2, (0, 1))[: SUBPIXELS * side, : SUBPIXELS * side]

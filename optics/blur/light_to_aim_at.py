@@ -47,8 +47,14 @@ def aimed(system: OpticalSystem, backend: Backend) -> OpticalSystem:
 
 
 def aimed_through(system: OpticalSystem, blur: Blur) -> OpticalSystem:
-    """Return the sharp system that stands for a blurred one, with the aim for a known blur."""
+    """Return the sharp system that stands for a blurred one, with the aim for a known blur.
+
+    Raises
+    ------
+    UserError : see `Blur.widened`; before any work is done, and where the design would be measured.
+    """
     target, merge = system.target, system.problem.optimizer.merge
+    blur.widened(target.screen())
     screen = target.screen(merge * max(1, ceil(blur.reach(target.screen(merge)) / FARTHEST)))
     wide, light = aimed_light(blur, screen, target.irradiance(screen, 1.0))
     return replace(system.sharp, aim=target.of_light(wide, light))

@@ -117,8 +117,11 @@ def _study(design: Design, amounts: Amounts, periods: tuple[float, float], optio
             )
     obstacle = form_obstacle(design.system) or ""
     if not obstacle:
-        with _Shown() as shown:
-            form = form_tolerances(design, options.limit, shown)
+        try:
+            with _Shown() as shown:
+                form = form_tolerances(design, options.limit, shown)
+        except UserError as error:  # the tolerances are known by now, and worth more than none
+            obstacle = f"form errors could not be computed: {error}"
     return _Study(design, budget, form, obstacle, made)
 
 

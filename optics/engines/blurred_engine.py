@@ -48,10 +48,14 @@ class BlurredEngine:
 
         An even border of blurred light needs sharp light beside the target, as far as the blur reaches.  So
         the sharp light counts as lost from there on, and the blurred light is seen on the target alone.
+
+        Raises
+        ------
+        UserError : see `Blur.widened`.
         """
         narrow = replace(film.screen, margin=0)
         times = self.blur.parts(narrow, FINEST)
-        wide = narrow.widened(self.blur.reach(narrow)).finer(times)
+        wide = self.blur.widened(narrow).finer(times)
         wide = replace(wide, margin=times * film.screen.margin)
         model = self.sharp.model(system, lens, replace(film, screen=wide), axes, fresh)
         return BlurredModel(model, self.blur, narrow)

@@ -90,17 +90,21 @@ class FormErrors:
     """What form errors of front and rear cost.
 
     rel_l2 : without them.  rise : of rel_l2 that each band alone may bring.
+    wavelength : nm, of the light that is traced.  spectral : the source has others too.
     """
 
     rel_l2: float
     rise: float
     sides: tuple[SideCost, ...]
+    wavelength: float
+    spectral: bool
 
     def data(self) -> dict[str, Any]:
         """Return the numbers as plain data for JSON files; lengths in mm."""
         return {
             "rel_l2": self.rel_l2,
             "rise": self.rise,
+            "wavelength_nm": self.wavelength,
             "sides": {
                 cost.side: {
                     "bands": [asdict(band) | {"band": list(band.band)} for band in cost.bands],
@@ -141,12 +145,12 @@ def form_errors_of(
             costs.append(cost)
             maps.append(relative)
         sides.append(SideCost(side, tuple(costs), probed.waves.points, tuple(maps)))
-    return FormErrors(own, rise, tuple(sides))
+    return FormErrors(own, rise, tuple(sides), system.problem.source.wavelength, system.spectral)
 
 
 @dataclass(frozen=True, eq=False)
 class _Probed:
-    """One side of a lens, whose errors are probed.  target : irradiance on the pixels."""
+    """One side of a lens, whose errors are probed.  target : the picture on the pixels."""
 
     formula: LocalFormula
     target: Floats
@@ -157,38 +161,42 @@ class _Probed:
         return BandFormula(self.formula)
 
     @cached_property
+    def picture(self) -> Floats:
+        return self.formula.irradiance / self.formula.shown
+
+    @cached_property
     def rel_l2(self) -> float:
-        return rel_l2(self.formula.irradiance, self.target)
+        return rel_l2(self.picture, self.target)
 
     def cost(self, band: Band, rise: float) -> tuple[BandCost, Floats]:
         """Return the BandCost of a band, and the map of its dE / E."""
-        formula, expected = self.formula, self.waves.change(band)
+        formula, picture, expected = self.formula, self.picture, self.waves.change(band)
         # both images are scaled to unit mean in rel_l2
-        scale = float(self.target.mean() / formula.irradiance.mean() / np.linalg.norm(self.target))
+        scale = float(self.target.mean() / picture.mean() / np.linalg.norm(self.target))
         probes = [random_field(band, PROBE_RMS, self.half_width, seed) for seed in range(PROBES)]
-        changes = [np.linalg.norm(formula.linear_change(probe)) for probe in probes]
+        changes = [np.linalg.norm(formula.linear_change(probe) / formula.shown) for probe in probes]
         change = scale * float(np.sqrt(np.mean(np.square(changes)))) / PROBE_RMS
         allowed = sqrt((self.rel_l2 + rise) ** 2 - self.rel_l2**2) / change
         field = HeightSum(((allowed / PROBE_RMS, probes[0]),))
         cost = BandCost(
             band=band,
             change_per_mm=change,
-            by_formula=scale * float(np.linalg.norm(formula.irradiance)) * expected.norm,
+            by_formula=scale * float(np.linalg.norm(picture)) * expected.norm,
             curvature_part=expected.curvature,
             mtf=expected.mtf,
             slope_cost=change * sqrt(band[0] * band[1]) / (2 * pi),
             allowed_rms=allowed,
             allowed_pv_sine=PV_OF_SINE * allowed,
             allowed_pv_field=float(np.ptp(field.jet(*(a.ravel() for a in formula.points))[0])),
-            traced_rel_l2=rel_l2(formula.traced_irradiance(field), self.target),
+            traced_rel_l2=rel_l2(formula.traced_irradiance(field) / formula.shown, self.target),
         )
         return cost, expected.relative
 
 
 def _target(system: OpticalSystem, formula: LocalFormula) -> Floats:
-    """Return the target irradiance on the pixels of the far field's or the plane's irradiance."""
+    """Return the picture that is asked for: the irradiance on the pixels, in the far field the intensity."""
     if formula.irradiance.sum() <= 0:
         raise UserError(
             "the lens brings no light to the target, so that form errors change nothing; design it"
         )
-    return system.target.irradiance(formula.screen, float(formula.nominal.passing.mean()))
+    return system.target.irradiance(formula.screen, float(formula.nominal.passing.mean())) / formula.shown

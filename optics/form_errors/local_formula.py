@@ -77,6 +77,11 @@ class LocalFormula:
         return self.by_slope[:, 0] * by_x + self.by_slope[:, 1] * by_y + self.by_height * dh
 
     @cached_property
+    def shown(self) -> Floats:
+        """Irradiance per picture, (rows, columns): in the far field intensities are compared."""
+        return self.screen.projection()
+
+    @cached_property
     def irradiance(self) -> Floats:
         """The irradiance without error, (rows, columns) W/mm^2."""
         return self.trace.irradiance(self.nominal, self.screen)

@@ -24,6 +24,7 @@ from scipy.ndimage import map_coordinates
 
 from optics.form_errors.local_formula import middles, solved
 from optics.form_errors.pixel_transfer import on_target, pixel_mtf
+from optics.heights import shortest_period
 
 if TYPE_CHECKING:
     from optics.form_errors.local_formula import LocalFormula
@@ -39,9 +40,12 @@ DARK = 1e-3  # of the mean irradiance: below it pixels do not count
 
 
 def period_bands_of(half_width: tuple[float, float]) -> list[Band]:
-    """Return the bands of period, mm, up to the width of an aperture.  half_width : of it, mm."""
-    widest = 2 * max(half_width)
-    edges = [edge for edge in EDGES if LEAST_RATIO * edge < widest] or [widest / 2]
+    """Return the bands of period, mm, up to the width of an aperture.  half_width : of it, mm.
+
+    Those that are too short for a random field over it are left out.
+    """
+    widest, shortest = 2 * max(half_width), shortest_period(half_width)
+    edges = [edge for edge in EDGES if edge >= shortest and LEAST_RATIO * edge < widest] or [widest / 2]
     return list(pairwise([*edges, widest]))
 
 
@@ -50,7 +54,7 @@ class BandChange:
     """What a band does to the light, per mm of the error's rms, in the mean over random phases.
 
     relative : rms of dE / E, (nx, ny) 1/mm, on `BandFormula.points`.
-    norm : |dE| / |E| over the target, 1/mm.
+    norm : |dE| / |E| over the target, 1/mm; in the far field of intensities.
     curvature : the part of the curvature term in norm^2.  mtf : what pixels leave, rms over the light.
     """
 
@@ -82,7 +86,7 @@ class BandFormula:
             curvature += np.nan_to_num(in_phase**2 * passed)
             transport += np.nan_to_num(((along_x * by_x) ** 2 + (along_y * by_y) ** 2) * passed)
             seen += np.nan_to_num(passed)
-        light = self.flux * self._irradiance
+        light = self.flux * self._irradiance / self._at(self.formula.shown) ** 2
         total = light.sum()
         bent, carried = float((light * curvature).sum()), float((light * transport).sum())
         return BandChange(

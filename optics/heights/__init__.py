@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     )
     from optics.heights.random_fields import (
         random_field as random_field,
+        shortest_period as shortest_period,
     )
 
 _FILES = {
@@ -22,6 +23,9 @@ _FILES = {
         "Sine",
         "SplineHeight",
     ),
-    "random_fields": ("random_field",),
+    "random_fields": (
+        "random_field",
+        "shortest_period",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -20,6 +20,11 @@ WIDER = 2.0  # apertures, the period of the random field: opposite rims are inde
 LONGEST = 2.0  # apertures: what is longer is no form but a tilt or a change of power
 
 
+def shortest_period(half_width: tuple[float, float]) -> float:
+    """Return the shortest period, mm, that a random field over a rectangle can have.  half_width : mm."""
+    return SPANS_PER_PERIOD * 2 * max(half_width) / MOST_SPANS
+
+
 def random_field(
     band: tuple[float, float], rms: float, half_width: tuple[float, float], seed: int
 ) -> SplineHeight:
@@ -40,7 +45,7 @@ def random_field(
     size = [2 * h for h in half_width]
     spans = [ceil(SPANS_PER_PERIOD * s / short) for s in size]
     if max(spans) > MOST_SPANS:
-        least = SPANS_PER_PERIOD * max(size) / MOST_SPANS
+        least = shortest_period(half_width)
         raise UserError(
             f"periods of {short:g} mm are too short for {max(size):g} mm; take at least {least:.2g} mm"
         )

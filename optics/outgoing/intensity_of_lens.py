@@ -59,7 +59,15 @@ def outgoing_intensity(
         nodes = np.zeros((grid.turns, grid.tilts + 1))
         for part in parts:
             rays = single_rays(part, lens)
-            out = trace_nonsequential(backend, lens, rays, plane, threshold=ROULETTE, roulette=rng).departures
+            out = trace_nonsequential(
+                backend,
+                lens,
+                rays,
+                plane,
+                threshold=ROULETTE,
+                roulette=rng,
+                absorption=system.absorption,
+            ).departures
             nodes += grid.flux(out.direction, out.flux)
             flux += float(out.flux.sum()) / REPLICATES
         total.append(nodes)

@@ -59,14 +59,15 @@ class BlurLimits:
 def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimits:
     """Return what the blur of a lens leaves of the target of a blurred system."""
     blur, screen = blur_of(system, lens, backend), system.target.screen()
-    target = system.target.irradiance(screen, 1.0)
+    target, shown = system.target.irradiance(screen, 1.0), screen.projection()
+    picture = target / shown  # in the far field intensities are compared
     return BlurLimits(
         width=blur.width,
         pixel=max(screen.pitch),
-        strokes=stroke_width(target, screen.pitch) if system.target.settings.kind == "image" else None,
+        strokes=stroke_width(picture, screen.pitch) if system.target.settings.kind == "image" else None,
         variation=blur.shifts.variation,
-        plain=rel_l2(_blurred(blur, target, screen), target),
-        least=_least(system, target, blur.kernel(system.target.screen(_merged(screen.pixels)))),
+        plain=rel_l2(_blurred(blur, target, screen) / shown, picture),
+        least=_least(system, target, shown, blur),
     )
 
 
@@ -120,13 +121,20 @@ def _merged(pixels: tuple[int, int]) -> int:
     return -(-max(pixels) // MOST_PIXELS)
 
 
-def _least(system: OpticalSystem, target: NDArray[np.float64], spot: NDArray[np.float64]) -> float | None:
-    """Return a lower bound of rel_l2 of the light of one blur, on merged pixels."""
+def _least(
+    system: OpticalSystem, target: NDArray[np.float64], shown: NDArray[np.float64], blur: Blur
+) -> float | None:
+    """Return a lower bound of rel_l2 of the light of one blur, on merged pixels; None of a wider spot.
+
+    With the irradiance T and P = shown, | (k * F - T) / P | / | T / P | is no less than
+    | k * F - T | / (max P | T / P |).
+    """
     merge = _merged(system.target.settings.pixels)
     rows, columns = (n // merge for n in target.shape)
     cut = target[: rows * merge, : columns * merge]
     goal = cut.reshape(rows, merge, columns, merge).mean(axis=(1, 3))
-    if spot.shape[0] > min(goal.shape):
+    screen = system.target.screen(merge)
+    if blur.kernel_side(screen) > min(goal.shape):  # asked first: the kernel of a wide spot fills the memory
         return None
-    scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
-    return scale * approximate(Kernel(spot), goal, KKT).lower_bound
+    scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target / shown) / shown.max())
+    return scale * approximate(Kernel(blur.kernel(screen)), goal, KKT).lower_bound

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.analysis import traced_cells
+from optics.analysis import coloured, traced_cells
 from optics.sources import RayGrid, Rays, SourceCells, single_rays
 from optics.target import BoxWindow, Splat
 from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
@@ -60,11 +60,7 @@ class PerturbedLight:
         self.screen = system.target.screen()
         self.by_cells = not (system.source.extended or system.blurred)
         self._shown = self.screen.projection()
-        if system.spectral:
-            waves = system.wavelengths
-            self._colours = [_Colour(w.weight, system.at(w), replace(lens, index=w.index)) for w in waves]
-        else:
-            self._colours = [_Colour(1.0, system, lens)]
+        self._colours = [_Colour(*colour) for colour in coloured(system, lens)]
         pixels = self.screen.pixels
         if self.by_cells:
             counts = [max(LEAST_CELLS, (per_pixel or CELLS_PER_PIXEL) * n) for n in pixels]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.analysis import rel_l2, unit_mean
+from optics.analysis import coloured, rel_l2, unit_mean
 from optics.target import MappedCells
 from optics.toolpaths.response_to_slopes import crossings, traced_points
 from optics.tracing import SlopeErrors
@@ -56,6 +56,30 @@ def light_with_cusps(
     if system.source.extended or system.blurred:
         return None
     screen = system.target.screen()
+    colours = [
+        (weight, _by_phase(one, its_lens, backend, name, slopes))
+        for weight, one, its_lens in coloured(system, lens)
+    ]
+
+    def light(phase: float) -> Floats:
+        return sum((weight * picture(phase) for weight, picture in colours), np.zeros(screen.shape))
+
+    count = min(max(LEAST_PHASES, ceil(PHASES_PER_PIXEL * widest)), MOST_PHASES)
+    picture = sum((light((k + 0.5) / count - 0.5) for k in range(count)), np.zeros(screen.shape))
+    target = system.target.irradiance(screen, 1.0) / screen.projection()
+    return CuspLight(unit_mean(picture), rel_l2(light(0.0), target), rel_l2(picture, target))
+
+
+def _by_phase(
+    system: OpticalSystem,
+    lens: Lens,
+    backend: Backend,
+    name: str,
+    slopes: Callable[[Floats, Floats], Floats],
+) -> Callable[[float], Floats]:
+    """Return the picture of one wavelength at a phase u: an irradiance, in the far field an intensity."""
+    screen = system.target.screen()
+    shown = screen.projection()
     cells = system.source.cells([max(LEAST_CELLS, CELLS_PER_PIXEL * n) for n in screen.pixels])
     rays = cells.rays()
     mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
@@ -67,9 +91,6 @@ def light_with_cusps(
         x, y, passing = map(backend.array, (*points, flux))
         with backend.dr.suspend_grad():
             image = mapped(x, y, passing, passing > 0).numpy()
-        return np.asarray(image.reshape(screen.shape, order="F"))
+        return np.asarray(image.reshape(screen.shape, order="F") / shown)
 
-    count = min(max(LEAST_PHASES, ceil(PHASES_PER_PIXEL * widest)), MOST_PHASES)
-    picture = sum((light((k + 0.5) / count - 0.5) for k in range(count)), np.zeros(screen.shape))
-    target = system.target.irradiance(screen, 1.0)
-    return CuspLight(unit_mean(picture), rel_l2(light(0.0), target), rel_l2(picture, target))
+    return light

@@ -52,6 +52,15 @@ SMALL = {
     "run.threads": 1,
 }
 
+WIDE = {  # far field in whose corners an irradiance is 0.77 of the intensity
+    "target.kind": "tophat",
+    "target.distance": np.inf,
+    "target.half_width": [40.0, 40.0],
+    "target.lit": [1.0, 1.0],
+    "target.pixels": [24, 24],
+    "lens.rear.radius": 11.0,
+    "lens.rear.conic": -2.5,
+}
 FRONT = SMALL | {  # the front free in place of the rear
     "lens.front.freeform.spans": [4, 4],
     "lens.front.freeform.max_level": 2,

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from optics.blur import Blur, LandingShifts
+from optics.runtime import UserError
 from optics.sources import Divergence
 from optics.target import Screen
 
@@ -61,6 +62,22 @@ def test_the_spot_is_the_histogram_of_random_rays(blur):
     np.testing.assert_allclose(found, np.cov(moved.T), atol=0.02 * np.trace(np.cov(moved.T)))
     reach = blur.reach(SCREEN) * np.array(SCREEN.pitch)
     assert (abs(moved) > reach + np.array(SCREEN.pitch)).any(axis=1).mean() < 0.02
+
+
+@pytest.mark.parametrize(("degrees", "refused"), [(1.0, False), (60.0, True)])
+def test_a_spot_over_too_many_pixels_is_refused_in_a_sentence(degrees, refused):
+    """The spot of 60 degrees reaches 174 mm, the target has 32 mm on 1024 pixels."""
+    blur, screen = Blur(Divergence("uniform", degrees), (0.0, 0.0), SHIFTS), SCREEN.finer(16)
+    if refused:
+        with pytest.raises(UserError, match="the target has 1024: too many to compute; use less of them"):
+            blur.onto(screen)
+    else:
+        assert blur.widened(screen) == screen.widened(blur.reach(screen))
+
+
+def test_large_pictures_with_a_narrow_spot_are_not_refused():
+    blur, screen = Blur(Divergence("uniform", 0.4), (0.0, 0.0), SHIFTS), SCREEN.finer(64)
+    assert blur.widened(screen).pixels[0] > 4096
 
 
 @pytest.mark.parametrize("blur", blurs())

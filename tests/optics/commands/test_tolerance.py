@@ -9,8 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from optics.api import Design
+from optics.commands import tolerance_command
 from optics.commands.cli import main
 from optics.results import sha256_of
+from optics.runtime import UserError
 from optics.tolerancing import tolerances_of
 
 
@@ -52,6 +54,21 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
     refused = run(capsys, *words)
     assert refused.code == 2
     assert "--force" in refused.err
+
+
+def test_tolerances_are_kept_where_form_errors_fail(capsys, copy, tmp_path, monkeypatch):
+    def refused(*_):
+        raise UserError("no light")
+
+    monkeypatch.setattr(tolerance_command, "form_tolerances", refused)
+    names = [t.name for t in tolerances_of(Design.load(copy).system)]
+    amounts = tmp_path / "shop.toml"
+    amounts.write_text("\n".join(f'"{name}" = 0' for name in names if name != "index"), "utf-8")
+    done = run(capsys, "tolerance", copy, "--tolerances", amounts)
+    assert done.code == 0
+    record = json.loads((copy / "tolerance.json").read_text("utf-8"))
+    assert [*record["tolerances"]] == ["index"]
+    assert record["form_error"] == {"sentences": ["form errors could not be computed: no light"]}
 
 
 @pytest.mark.parametrize(

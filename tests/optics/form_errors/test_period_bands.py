@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from optics.analysis import measure
 from optics.form_errors import (
     BandFormula,
     form_errors_of,
@@ -15,8 +16,9 @@ from optics.form_errors import (
     pixel_mtf,
 )
 from optics.form_errors.pixel_transfer import on_target
-from optics.heights import random_field
+from optics.heights import random_field, shortest_period
 from optics.runtime import UserError
+from tests.optics.cases import WIDE
 from tests.optics.form_errors.cases import PLATE, system_and_lens
 
 RISE = 0.02
@@ -44,6 +46,14 @@ def test_bands_reach_from_half_a_millimetre_to_the_width_of_the_lens():
     assert period_bands_of((50.0, 40.0))[-1] == (25.0, 100.0)
     assert period_bands_of((10.0, 10.0))[-1] == (10.0, 20.0)
     assert period_bands_of((0.2, 0.2)) == [(0.2, 0.4)]
+
+
+@pytest.mark.parametrize("half_width", [(250.0, 40.0), (2e3, 2e3), (1e6, 1.0)])
+def test_wide_lenses_have_bands_that_random_fields_can_hold(half_width):
+    bands = period_bands_of(half_width)
+    assert bands[0][0] >= shortest_period(half_width)
+    assert bands[-1][1] == 2 * half_width[0]
+    assert bands == [band for band in bands if band[0] < band[1]]
 
 
 SLOW = pytest.mark.slow
@@ -75,6 +85,22 @@ def test_the_allowed_rms_brings_the_stated_rise(tmp_path, backend):
         assert cost.danger.slope_cost == max(band.slope_cost for band in cost.bands)
         assert cost.bands[0].allowed_rms < cost.bands[-1].allowed_rms
     assert "Peak to valley alone misleads on the rear" in " ".join(form_sentences(found))
+
+
+@pytest.mark.parametrize("spectrum", [{}, {"lens.material": "PC", "source.spectrum": "LED-B3"}])
+def test_rel_l2_is_that_of_the_far_field_at_the_design_wavelength(tmp_path, backend, spectrum):
+    system, lens = system_and_lens(tmp_path, WIDE | spectrum)
+    found = form_errors_of(system, lens, backend, RISE)
+    metrics = measure(system, lens, backend).metrics
+    measured = metrics["rel_l2_design_wavelength"] if spectrum else metrics["rel_l2_sequential"]
+    # both count cells, though not as many; irradiances would be 0.03 off
+    assert found.rel_l2 == pytest.approx(measured, rel=1e-3)
+    for band in found.sides[1].bands[1:4]:
+        assert band.by_formula == pytest.approx(band.change_per_mm, rel=0.15)
+    said = [
+        sentence for sentence in form_sentences(found) if "at the design wavelength alone, 550 nm" in sentence
+    ]
+    assert len(said) == bool(spectrum)
 
 
 @pytest.mark.parametrize("rise", [0.0, -1.0, np.nan, np.inf])

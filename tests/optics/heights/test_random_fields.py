@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from optics.heights import random_field
+from optics.heights import random_field, shortest_period
 from optics.runtime import UserError
 
 HALF = (30.0, 20.0)
@@ -41,6 +41,14 @@ def test_a_seed_means_one_field():
     one, same, other = (random_field((2.0, 5.0), 1e-5, HALF, seed) for seed in (7, 7, 8))
     assert one.net.tobytes() == same.net.tobytes()
     assert abs(np.corrcoef(one.net.ravel(), other.net.ravel())[0, 1]) < 0.2
+
+
+def test_the_shortest_period_is_held_and_a_shorter_one_is_refused():
+    thin = (30.0, 0.01)
+    shortest = shortest_period(thin)
+    random_field((shortest, 2 * shortest), 1.0, thin, 0)
+    with pytest.raises(UserError, match="take at least"):
+        random_field((0.999 * shortest, 2 * shortest), 1.0, thin, 0)
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,8 @@ def cost(side, allowed):
 
 @pytest.fixture(scope="module")
 def figures():
-    return form_figures_of(FormErrors(0.03, 0.01, (cost("front", (1e-5, 3e-5)), cost("rear", (2e-5, 4e-5)))))
+    sides = cost("front", (1e-5, 3e-5)), cost("rear", (2e-5, 4e-5))
+    return form_figures_of(FormErrors(0.03, 0.01, sides, 550.0, False))
 
 
 def test_there_is_a_curve_and_a_map_of_each_side(figures):

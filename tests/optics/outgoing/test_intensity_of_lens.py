@@ -75,6 +75,17 @@ def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
     assert found.flux == pytest.approx(left, rel=0.05)
 
 
+def test_what_the_lens_absorbs_does_not_leave_it(tmp_path):
+    """Of a beam that enters a plate, w = exp(-a t) comes to the other face; r is reflected at each."""
+    flat = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0, "lens.absorption": 0.05}
+    system = optics.System(load_problem(write_problem(tmp_path, flat))).optical
+    found = outgoing_intensity(system, system.lens, load_backend("double"), 1 << 13, 10.0)
+    r, w = 0.04, np.exp(-0.05 * 6.0)
+    on, back = (1 - r) ** 2 * w / (1 - (r * w) ** 2), (1 - r) ** 2 * r * w**2 / (1 - (r * w) ** 2)
+    # of the faint light, 3 % of all, roulette keeps every seventh ray, 1000 of them: 0.1 % of the flux
+    assert found.flux == pytest.approx(system.problem.source.flux * (on + back), rel=5e-3)
+
+
 def test_a_wedge_throws_the_beam_where_snell_says(tmp_path):
     """A wedge turns a parallel beam to its thick side: to +x is C = 0, to -y is C = 90."""
     flat = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0}

@@ -5,14 +5,15 @@ import re
 import numpy as np
 import pytest
 
-from optics.blur import Blur, LandingShifts
+from optics.analysis import rel_l2
+from optics.blur import Blur, LandingShifts, aimed_light, blur_of
 from optics.prediction import blur_limits, blur_sentence
 from optics.prediction.blurred_picture import _blurred, stroke_width
 from optics.problem import load_problem
 from optics.sources import Divergence
 from optics.system import OpticalSystem
 from optics.target import Screen
-from tests.optics.cases import write_problem
+from tests.optics.cases import WIDE, write_problem
 
 
 @pytest.mark.parametrize("parts", [0.8, 2.0])
@@ -36,6 +37,37 @@ def test_a_stroke_is_as_wide_as_it_is(width):
     assert stroke_width(picture, (0.5, 0.5)) == pytest.approx(
         0.5 * width, rel=0.1
     )  # its ends are borders too
+
+
+def test_the_kernel_of_a_spot_wider_than_the_target_is_not_made(tmp_path, backend, monkeypatch):
+    """5 degrees at 1 m are 170 mm: the kernel on 128 pixels of 20 mm would have (14 * 2300)^2 numbers."""
+    changes = {
+        "source.divergence": 5.0,
+        "target.distance": 1000.0,
+        "target.half_width": [10.0, 10.0],
+        "target.pixels": [128, 128],
+    }
+    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    monkeypatch.setattr(Blur, "kernel", None)
+    limits = blur_limits(system, system.lens, backend)
+    assert limits.least is None
+    assert limits.width > 8 * 20.0
+
+
+def test_in_the_far_field_the_blurred_picture_is_an_intensity(tmp_path, backend):
+    """An intensity that is even within +-40 degrees, blurred by 4 as an irradiance."""
+    system = OpticalSystem(load_problem(write_problem(tmp_path, WIDE | {"source.divergence": 4.0})))
+    limits, blur = blur_limits(system, system.lens, backend), blur_of(system, system.lens, backend)
+    screen = system.target.screen()
+    asked = system.target.irradiance(screen, 1.0)
+    blurred = _blurred(blur, asked, screen)
+    solid_angles = screen.projection()
+    assert np.ptp(asked / solid_angles) < 1e-12 * asked.max()
+    assert limits.plain == pytest.approx(rel_l2(blurred / solid_angles, np.ones(asked.shape)), rel=1e-9)
+    assert limits.plain != pytest.approx(rel_l2(blurred, asked), rel=1e-2)
+    # no light of the model is better: neither the picture, nor what is made to be blurred
+    made = blur.onto(screen)(aimed_light(blur, screen, asked)[1])
+    assert limits.least < rel_l2(made / solid_angles, np.ones(asked.shape)) < limits.plain
 
 
 def test_what_is_said_of_the_sun_and_of_a_wide_beam(tmp_path, backend):

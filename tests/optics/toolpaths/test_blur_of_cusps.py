@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from optics.analysis import measure
 from optics.problem import load_problem
 from optics.system import OpticalSystem
 from optics.toolpaths import ToolOrder, cusp_blur, landing_response, light_with_cusps, traced_points
 from optics.tracing import SlopeErrors
-from tests.optics.cases import small_lens, write_problem
+from tests.optics.cases import WIDE, small_lens, write_problem
 from tests.optics.toolpaths.cases import bowl_lens
 from thbcad.sags import Conic
 from thbcad.tools import air_side, ball_cusps
@@ -101,6 +102,16 @@ def test_the_picture_with_cusps_is_the_sharp_one_spread_by_the_blur(tmp_path, ba
         variance = profile @ at**2 / profile.sum()
         assert variance == pytest.approx(9.5**2 / 3 + added, rel=1e-3)
     assert light.without != light.with_cusps
+
+
+@pytest.mark.parametrize("spectrum", [{}, {"lens.material": "PC", "source.spectrum": "LED-B3"}])
+def test_without_cusps_rel_l2_is_that_of_the_far_field_in_all_colours(tmp_path, backend, spectrum):
+    system = system_of(tmp_path, WIDE | spectrum)
+    light = light_with_cusps(system, system.lens, backend, "rear", lambda x, y: 0 * np.stack([x, y]), 0.1)
+    measured = measure(system, system.lens, backend).metrics["rel_l2_sequential"]
+    # both count cells, though not as many; irradiances would be 0.03 off, a single wavelength 0.01
+    assert light.without == pytest.approx(measured, rel=1e-4)
+    assert light.with_cusps == pytest.approx(light.without, rel=1e-9)
 
 
 def test_the_picture_of_an_extended_source_is_not_told(tmp_path, backend):
