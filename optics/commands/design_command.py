@@ -59,6 +59,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
     with run.clock.progress, second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         ready = prepared_system(system)
+        resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None
         if options.iterations:
             ready = replace(ready, system=_with_iterations(ready.system, options.iterations))
@@ -67,7 +68,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         figures = DesignFigures(beside, ready.system)
 
         def keep(state: State) -> None:
-            write_checkpoint(run.folder.checkpoint, run.asked, ready.system.problem, state, run.notes)
+            write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
 
         try:
             design = shaped(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
