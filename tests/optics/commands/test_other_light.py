@@ -79,13 +79,21 @@ def test_light_of_a_lens_is_written_as_rays(capsys, result, tmp_path, suffix):
         (["--out", "light.txt"], "choose one of .tm25ray, .dat, .ray"),
         (["--out", "light.ray", "--rays", "0"], "--rays must be from 1"),
         (["--out", "none/light.ray"], "there is no folder"),
+        (["--out", "scene.xml"], "choose one of .tm25ray, .dat, .ray"),
+        (["--out", "light.dat", "--format", "dat"], "leave out --format"),
+        (["--out", "light.ray", "--aperture", "5", "5"], "light is that of the whole lens"),
     ],
 )
-def test_bad_ray_files_are_one_sentence(capsys, result, tmp_path, monkeypatch, arguments, words):
+def test_bad_ray_files_are_one_sentence_before_light_is_traced(
+    capsys, result, tmp_path, monkeypatch, arguments, words
+):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("optics.outgoing.outgoing_rays", None)
+    before = {*tmp_path.iterdir()}
     done = run(capsys, "export", result, "--light", "rear", *arguments)
     assert (done.code, len(done.err.splitlines())) == (2, 1)
     assert words in done.err
+    assert {*tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize("suffix", [".ies", ".LDT"])
@@ -110,6 +118,8 @@ def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suf
         (["--step", "nan"], "--step"),
         (["--step", "7"], "got 7"),
         (["--rays", "0"], "--rays"),
+        (["--mount", "mount.toml"], "light is that of the whole lens"),
+        (["--light", "rear"], "choose one of .tm25ray, .dat, .ray"),
     ],
 )
 def test_bad_luminaires_are_one_sentence(capsys, result, tmp_path, arguments, words):
