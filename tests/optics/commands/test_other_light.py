@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from optics.api import Design
 from optics.commands.cli import main
 from optics.luminaires import read_luminaire
 from optics.problem import load_problem
@@ -38,6 +39,18 @@ def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, golden, tmp_path)
     assert data["relit"]["rel_l2"] != data["designed"]["rel_l2"]
     with Image.open(tmp_path / "sun.png") as picture:
         assert picture.width > 3 * 300
+
+
+def test_a_metric_that_is_not_defined_is_a_dash(capsys, tmp_path, monkeypatch):
+    """Similarity has no window on two columns of pixels."""
+    problem = load_problem(write_problem(tmp_path, {"target.pixels": [2, 8]}))
+    system = OpticalSystem(problem)
+    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.lens))
+    done = run(capsys, "relight", "lens", "--source", "sun")
+    assert (done.code, done.err) == (0, "")
+    assert ["ssim", "-", "-"] in [line.split() for line in done.out.splitlines()]
+    data = json.loads(run(capsys, "relight", "lens", "--source", "sun", "--json").out)
+    assert data["designed"]["ssim"] is None is data["relit"]["ssim"]
 
 
 @pytest.mark.parametrize(
