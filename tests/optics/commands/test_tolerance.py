@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from optics.api import Design
+from optics.commands import tolerance_command
 from optics.commands.cli import main
 from optics.results import sha256_of
 from optics.tolerancing import tolerances_of
@@ -52,6 +53,27 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
     refused = run(capsys, *words)
     assert refused.code == 2
     assert "--force" in refused.err
+
+
+def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):
+    """Its time would grow by the square of their number, were each lens a phase."""
+    moments = []
+
+    class Drawing:
+        __call__ = staticmethod(moments.append)
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(tolerance_command, "drawing", lambda stream: Drawing())
+    with tolerance_command._Shown("lenses") as shown:
+        for done in range(1, 9):
+            shown.advance(done, 8, f"{done} of 8")
+    assert {moment.phase for moment in moments} == {"lenses"}
+    assert [moment.detail for moment in moments[:-1]] == [f"{done} of 8" for done in range(1, 9)]
+    fractions = [moment.fraction for moment in moments]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
 
 
 @pytest.mark.parametrize(
