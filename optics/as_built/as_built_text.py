@@ -49,7 +49,7 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
 
 
 def _on_surface(built: AsBuilt) -> int:
-    """Return how many points lie on the surface, in the frame of the file; those beside it are not counted."""
+    """Return how many points lie on the surface, in the frame of the file."""
     return built.datums.points.shape[1]
 
 

@@ -95,7 +95,7 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
 
 
 def _require_nothing_of_limits(options: Namespace, without: str) -> None:
-    """Raise UserError where options want more than a source without a limit has.  without : why it has none."""
+    """Raise UserError where options want more of a source than it has.  without : why it has no limit."""
     for name in ("measure", "out"):
         if getattr(options, name):
             raise UserError(f"{without}; leave out --{name}")

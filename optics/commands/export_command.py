@@ -115,7 +115,7 @@ def _scene(options: Namespace) -> Outcome:
 
 
 def _require_whole_lens(does: str, options: Namespace) -> None:
-    """Raise UserError where options ask for another body.  does : of what is written, up to "the whole lens"."""
+    """Raise UserError where options ask for another body.  does : of what is written, a verb at the end."""
     if any(getattr(options, name) for name in SHAPES):
         raise UserError(f"{does} the whole lens: leave out {', '.join(f'--{name}' for name in SHAPES)}")
 

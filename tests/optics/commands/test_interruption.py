@@ -159,7 +159,7 @@ def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_res
 
 
 def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, capsys, monkeypatch):
-    """Also where the problem leaves a number to the program: as resolved it is no longer what was asked for."""
+    """Also where the problem leaves a number to the program: resolved, it is not what was asked for."""
 
     def interrupted(*arguments):
         raise Interrupted(some_state())
