@@ -24,7 +24,7 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
     return {
         "surface": built.side,
         "align": built.way,
-        "points": int(built.measured.points.shape[1]),
+        "points": _on_surface(built),
         "missing": built.measured.missing,
         "beside": built.measured.beside,
         "alignments": {
@@ -46,6 +46,11 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
         "change": float(np.linalg.norm(built.change) / np.linalg.norm(built.nominal.irradiance)),
         "efficiency": built.measurement.metrics["efficiency"],
     }
+
+
+def _on_surface(built: AsBuilt) -> int:
+    """Return how many points lie on the surface, in the frame of the file."""
+    return built.datums.points.shape[1]
 
 
 def _correction(correction: RigidCorrection | None) -> dict[str, Any] | None:
@@ -80,9 +85,8 @@ def _alignment(alignment: Alignment) -> dict[str, Any]:
 def as_built_lines(built: AsBuilt) -> list[str]:
     """Return what is said of a made lens on the command line."""
     measured, fit, light = built.measured, built.made.fit, built.light_error
-    count = measured.points.shape[1]
     lines = [
-        f"{count:,} points of the {built.side}; left out: {measured.missing:,} without a value, "
+        f"{_on_surface(built):,} points of the {built.side}; left out: {measured.missing:,} without a value, "
         f"{measured.beside:,} beside the surface",
         f"{'':26} {'datums':>24} {'best fit':>24}",
     ]

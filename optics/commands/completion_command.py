@@ -7,7 +7,15 @@ from argparse import Namespace
 from optics.commands.arguments import parsers
 from optics.commands.outcome import Outcome
 
-PATHS = ("PROBLEM.toml", "RESULT", "DIR", "FILE", "FILE.png")  # what arguments call a path
+PATHS = (
+    "PROBLEM.toml",
+    "RESULT",
+    "LENS",
+    "DIR",
+    "FILE",
+    "FILE.png",
+    "FILE.toml",
+)  # what arguments call a path
 
 
 def completion(options: Namespace) -> Outcome:

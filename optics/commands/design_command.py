@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.analysis import counted_ways, photometric_lines
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import Outcome, number_text
 from optics.commands.problem_options import system_of
 from optics.optimisation import Interrupted, earlier_state
 from optics.progress import DesignProgress, Notes, RunClock
@@ -59,6 +59,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
     with run.clock.progress, second_process() as beside:
         beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
         ready = prepared_system(system)
+        resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None
         if options.iterations:
             ready = replace(ready, system=_with_iterations(ready.system, options.iterations))
@@ -67,7 +68,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         figures = DesignFigures(beside, ready.system)
 
         def keep(state: State) -> None:
-            write_checkpoint(run.folder.checkpoint, run.asked, ready.system.problem, state, run.notes)
+            write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
 
         try:
             design = shaped(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
@@ -106,11 +107,6 @@ def _outcome(written: Written, units: Units) -> Outcome:
     return Outcome(data, lines, checked["ok"])
 
 
-def _shown(value: float | None, form: str) -> str:
-    """Return a metric as text, "-" where it is not defined."""
-    return "-" if value is None else format(value, form)
-
-
 def _design_lines(
     folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any], judged: Sequence[str]
 ) -> list[str]:
@@ -123,7 +119,7 @@ def _design_lines(
         *fit,
         f"rel_l2 {metrics['rel_l2']:.4f}, without noise {metrics['rel_l2_debiased']:.4f} "
         f"+- {metrics['rel_l2_error']:.1g} ({counted_ways(metrics)})   "
-        f"psnr {_shown(metrics['psnr_db'], '.2f')} dB   ssim {_shown(metrics['ssim'], '.3f')}",
+        f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}",
         f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
         f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
         *judged,

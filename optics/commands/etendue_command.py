@@ -49,10 +49,10 @@ def etendue(options: Namespace) -> Outcome:
     system = _resolved_base(system_of(options))
     passing = throughput(system)
     data, lines = _throughput_data(system, passing), _throughput_lines(system, passing)
-    if system.problem.source.kind in OF_FILES:
-        return Outcome(data, [*lines[OF_SOURCE:], UNKNOWN])
-    if not passing.source:
-        return Outcome(data, [*lines, NO_LIMIT])
+    without = _why_no_limit(system, passing)
+    if without:
+        _require_nothing_of_limits(options, without)
+        return Outcome(data, [*lines, without])
     universal = universal_bound(system)
     efficiency = options.efficiency or usual_efficiency(system, universal)
     start = perf_counter()
@@ -76,14 +76,8 @@ def etendue(options: Namespace) -> Outcome:
         "one_blur": blurs,
     }
     if options.measure:
-        start = perf_counter()
-        measured = images_bound(system, _measured_half_width(system, options.measure), SEARCH)
-        data["measured"] = _blur_data(measured, start)
-        lines += [
-            f"the lens of {options.measure}: "
-            f"{1 - NARROW:.0%} of its light comes in images at least so large; were they alike:",
-            *_blur_lines(system, measured, data["measured"], True),
-        ]
+        data["measured"], more = _measured(system, options.measure)
+        lines += more
     if out:
         from optics.figures import bound_figure
         from thbcad.io import write_bytes
@@ -91,6 +85,20 @@ def etendue(options: Namespace) -> Outcome:
         write_bytes(out, bound_figure(universal, alike.bound, system.target.screen()))
         lines.append(f"wrote {out}")
     return Outcome(data, lines)
+
+
+def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
+    """Return why etendue gives no limit to the light of a source, "" where it gives one."""
+    if system.problem.source.kind in OF_FILES:
+        return UNKNOWN
+    return "" if passing.source else NO_LIMIT
+
+
+def _require_nothing_of_limits(options: Namespace, without: str) -> None:
+    """Raise UserError where options want more of a source than it has.  without : why it has no limit."""
+    for name in ("measure", "out"):
+        if getattr(options, name):
+            raise UserError(f"{without}; leave out --{name}")
 
 
 def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
@@ -106,6 +114,18 @@ def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
         "sizes": bound.sizes,
         "seconds": perf_counter() - start,
     }
+
+
+def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[str]]:
+    """Return the bound for images as a designed lens throws them, for --json and as lines."""
+    start = perf_counter()
+    images = images_bound(system, _measured_half_width(system, result), SEARCH)
+    data = _blur_data(images, start)
+    return data, [
+        f"the lens of {result}: "
+        f"{1 - NARROW:.0%} of its light comes in images at least so large; were they alike:",
+        *_blur_lines(system, images, data, True),
+    ]
 
 
 def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, float]:
@@ -150,13 +170,14 @@ def _universal_data(system: OpticalSystem, universal: UniversalBound, efficiency
 
 def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
     transmittance, unit = normal_incidence_transmittance(system.lens.index), system.units.flux
-    return [
+    lines = [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",
         f"{passing.front:10.4g} mm^2 sr  of its light that meets the front of the base lens",
         f"{passing.target:10.4g} mm^2 sr  between rear aperture and target",
         f"{passing.meets_front:10.4g} {unit}  meet that front; one pass through two uncoated faces at normal "
         f"incidence leaves {transmittance:.4f} of it",
     ]
+    return lines[OF_SOURCE:] if system.problem.source.kind in OF_FILES else lines
 
 
 def _blur_lines(system: OpticalSystem, images: OneBlur, data: dict[str, Any], any_form: bool) -> list[str]:

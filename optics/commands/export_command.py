@@ -28,12 +28,11 @@ def export(options: Namespace) -> Outcome:
     from optics.runtime import verification
     from thbcad.io import json_text, write_text
 
+    if options.light or is_luminaire(options):
+        _require_whole_lens("light is that of", options)
+        return rays_of_light(options) if options.light else intensity_of_light(options)
     if options.out.lower().endswith(SCENE) and options.format is None:
         return _scene(options)
-    if options.light:
-        return rays_of_light(options)
-    if is_luminaire(options):
-        return intensity_of_light(options)
     name = format_of(options.out, options.format)
     body = Body(
         options.aperture and tuple(options.aperture),
@@ -95,10 +94,7 @@ def _scene(options: Namespace) -> Outcome:
     from thbcad.io import json_text, write_files, write_text
 
     out, folder = Path(options.out), Path(options.result)
-    if any(getattr(options, name) for name in SHAPES):
-        raise UserError(
-            f"a scene holds the whole lens: leave out {', '.join(f'--{name}' for name in SHAPES)}"
-        )
+    _require_whole_lens("a scene holds", options)
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
     require_free_files(scene_file_names(out), options.out, options.force)
@@ -116,6 +112,12 @@ def _scene(options: Namespace) -> Outcome:
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
     return Outcome(data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], data["ok"])
+
+
+def _require_whole_lens(does: str, options: Namespace) -> None:
+    """Raise UserError where options ask for another body.  does : of what is written, a verb at the end."""
+    if any(getattr(options, name) for name in SHAPES):
+        raise UserError(f"{does} the whole lens: leave out {', '.join(f'--{name}' for name in SHAPES)}")
 
 
 def _polygon(numbers: Sequence[float] | None) -> list[tuple[float, float]] | None:

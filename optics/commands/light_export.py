@@ -35,14 +35,17 @@ def rays_of_light(options: Namespace) -> Outcome:
 
     Raises
     ------
-    UserError : no result folder, another suffix, or too many rays.
+    UserError : no result folder, another suffix, --format, or too many rays.
     """
     from optics.outgoing import outgoing_rays
     from optics.photometry import units_of
-    from optics.ray_files import read_rays, write_rays
+    from optics.ray_files import read_rays, require_ray_suffix, write_rays
 
-    system, lens, backend = _traceable(options)
     out = Path(options.out)
+    if options.format is not None:
+        raise UserError(f"the suffix of {out} says how rays are written: leave out --format")
+    require_ray_suffix(out)
+    system, lens, backend = _traceable(options)
     rays = outgoing_rays(system, lens, backend, options.rays, options.light)
     write_rays(rays, out)
     read = read_rays(out)

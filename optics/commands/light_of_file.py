@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from optics.results import HASHES, hashes, require_own, writable_folder
-from optics.runtime import UserError, note
+from optics.runtime import UserError, note, reading
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, Check
@@ -56,7 +56,7 @@ class LightRequest:
 
         Raises
         ------
-        OSError : the file cannot be read.  ValueError : it is no lens.  UserError : as `file_tracer`.
+        UserError : the file cannot be read, or is no lens; as `file_tracer`.
         """
         from optics.external import (
             compare_light,
@@ -70,7 +70,9 @@ class LightRequest:
         from thbcad.io import json_text, write_bytes, write_text
 
         note(f"{self.tracer} traces {self.rays} rays through the STEP file")
-        found = compare_light(system, lens, file_tracer(self.tracer, file, system), self.rays, backend)
+        with reading(file.path):
+            tracer = file_tracer(self.tracer, file, system)
+        found = compare_light(system, lens, tracer, self.rays, backend)
         checks = light_comparison_checks(found, system.problem.verify)
         checked, lines = verification(checks), light_comparison_lines(found)
         picture = two_lights_figure(found.theirs, found.ours, found.screen, system.density, self.tracer)

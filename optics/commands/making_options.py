@@ -134,5 +134,5 @@ def asbuilt_options(command: argparse.ArgumentParser) -> None:
         help="which frame the made lens gets; both are reported (default: datums)",
     )
     command.add_argument("--step", action="store_true", help="also write lens.step of the made lens")
-    command.add_argument("--out", metavar="FOLDER", help="where to write (default: RESULT/asbuilt)")
+    command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT/asbuilt)")
     force_option(command)

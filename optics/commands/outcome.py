@@ -1,4 +1,4 @@
-"""What a command returns."""
+"""What a command returns, and a metric in its lines."""
 
 from __future__ import annotations
 
@@ -16,3 +16,8 @@ class Outcome(NamedTuple):
     data: Any
     lines: list[str]
     ok: bool = True
+
+
+def number_text(value: float | None, form: str) -> str:
+    """Return a metric as text, "-" where it is not defined."""
+    return "-" if value is None else format(value, form)

@@ -6,7 +6,7 @@ from argparse import Namespace
 from typing import Any
 
 from optics.api import Design
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import Outcome, number_text
 from optics.commands.picture_file import picture_path
 
 SHOWN = ("rel_l2", "psnr_db", "ssim", "efficiency", "stray")
@@ -19,7 +19,9 @@ def relight(options: Namespace) -> Outcome:
     own, other = design.measurement, design.relight(options.source)
     data = {"designed": _numbers(own.metrics), "relit": _numbers(other.metrics)}
     lines = [f"{'':12} {'as designed':>12} {options.source:>12}"]
-    lines += [f"{key:12} {data['designed'][key]:12.4f} {data['relit'][key]:12.4f}" for key in SHOWN]
+    for key in SHOWN:
+        words = [number_text(numbers[key], ".4f") for numbers in data.values()]
+        lines.append(f"{key:12} {words[0]:>12} {words[1]:>12}")
     if out:
         from optics.figures import relit_figure
         from thbcad.io import write_bytes
@@ -29,5 +31,6 @@ def relight(options: Namespace) -> Outcome:
     return Outcome(data, lines)
 
 
-def _numbers(metrics: dict[str, Any]) -> dict[str, float]:
-    return {key: float(metrics[key]) for key in SHOWN}
+def _numbers(metrics: dict[str, Any]) -> dict[str, float | None]:
+    """Return the metrics that are shown, None for one that is not defined."""
+    return {key: metrics[key] for key in SHOWN}

@@ -100,11 +100,11 @@ def _require_samples(
 
 
 def _study(design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace) -> _Study:
-    with _Shown() as shown:
+    with _Shown("tolerances") as shown:
         budget = tolerances(design, amounts.tolerances, options.limit, shown)
     made = form = None
     if options.samples:
-        with _Shown() as shown:
+        with _Shown("lenses") as shown:
             made = monte_carlo(
                 design,
                 budget,
@@ -113,12 +113,12 @@ def _study(design: Design, amounts: Amounts, periods: tuple[float, float], optio
                 periods,
                 options.workers,
                 options.scheduler,
-                lambda done, of: shown("lenses", done - 1, of),
+                lambda done, of: shown.advance(done, of, f"{done} of {of}"),
             )
     obstacle = form_obstacle(design.system) or ""
     if not obstacle:
         try:
-            with _Shown() as shown:
+            with _Shown("form errors") as shown:
                 form = form_tolerances(design, options.limit, shown)
         except UserError as error:  # the tolerances are known by now, and worth more than none
             obstacle = f"form errors could not be computed: {error}"
@@ -175,18 +175,22 @@ def _lines(budget: ToleranceBudget) -> list[str]:
 
 
 class _Shown:
-    """The progress from tolerance to tolerance, drawn on stderr."""
+    """The progress of one kind of work, drawn on stderr.  work : in a word."""
 
-    def __init__(self) -> None:
+    def __init__(self, work: str) -> None:
+        self._work = work
         self._bar = drawing(sys.stderr)
         self._progress: Progress | None = None
 
     def __call__(self, name: str, number: int, count: int) -> None:
-        names = [f"{k + 1} of {count}" for k in range(count)]
+        """Say that a part of the work begins.  number : of the part, from 0."""
+        self.advance(number, count, f"{number + 1} of {count}, {name}")
+
+    def advance(self, done: int, count: int, detail: str) -> None:
+        """Say how much of the work is done."""
         if self._progress is None:
-            self._progress = Progress([Phase(one, 1.0) for one in ("design", *names)], self._bar)
-        self._progress.begin(names[number])
-        self._progress.advance(0.0, name)
+            self._progress = Progress([Phase(self._work, 1.0)], self._bar)
+        self._progress.advance(done / count, detail)
 
     def __enter__(self) -> _Shown:
         return self

@@ -10,7 +10,7 @@ from optics.commands.light_of_file import FileLight, LightRequest, light_request
 from optics.commands.outcome import Outcome
 from optics.problem import limit_checks
 from optics.results import ResultFolder
-from optics.runtime import UserError, check_lines, note
+from optics.runtime import UserError, check_lines, note, reading
 from optics.system import OpticalSystem
 from thbcad.doors import pip_command
 
@@ -31,17 +31,15 @@ def verify(options: Namespace) -> Outcome:
     notes: list[str] = []
     left_out: list[str] = []
     light: FileLight | None = None
-    try:
-        if options.lens is not None:
-            checks, left_out = _of_part(path, options.lens, options.optiland)
-        elif alone:
-            checks, left_out = bare_checks(StepFile(path))
-        else:
-            checks, notes, light = _folder_checks(path, options.optiland, request)
-    except OSError as error:
-        raise UserError(f"cannot read {error.filename or path}: {error.strerror}") from None
-    except ValueError as error:
-        raise UserError(str(error)) from None
+    if options.lens is not None:
+        checks, left_out = _of_part(path, options.lens, options.optiland)
+    elif alone:
+        file = StepFile(path)
+        with reading(path):
+            file.read()
+        checks, left_out = bare_checks(file)
+    else:
+        checks, notes, light = _folder_checks(path, options.optiland, request)
     checked = verification(checks) | {"notes": notes, "left_out": left_out}
     lines = check_lines(checked)
     if light is not None:
@@ -86,7 +84,8 @@ def _folder_checks(
         note(f"of the design itself: {record['verdict']}")
     backend = load_backend("double", problem.run.threads)
     file = StepFile(folder.step)
-    # first the reader that damaged files cannot crash
+    with reading(file.path):
+        file.read_lens()
     checks, notes = fresh_export_checks(system, lens, file)
     checks += prescription_checks(problem, lens)
     checks += text_and_occt_checks(system, lens, file, backend)

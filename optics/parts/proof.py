@@ -9,7 +9,7 @@ import numpy as np
 
 from optics.parts.part_rays import landing_checks
 from optics.parts.placement_text import placed_text
-from optics.runtime import Check
+from optics.runtime import Check, reading
 from optics.verification import same_surface, whole_checks
 from thbcad.cad.exchange import SolidState, step_bytes, step_shape
 from thbcad.cad.parts import (
@@ -39,12 +39,13 @@ def part_checks(path: Path, lens: Lens, by_optiland: bool) -> tuple[list[Check],
 
     Raises
     ------
-    OSError : the file cannot be read.  ValueError : it is not whole, or not one solid; as `require_sound`.
+    UserError : the file cannot be read, is not whole, or not one solid.
     """
-    text = placed_text(path)  # first the reader that damaged files cannot crash
+    with reading(path):
+        text = placed_text(path)  # first the reader that damaged files cannot crash
+        shape = step_shape(path)
     checks, left_out = whole_checks(text.solid, OTHER_EDGES)
     checks += _text_checks(text, lens)
-    shape = step_shape(path)
     checks += _solid_checks(SolidState(shape))
     try:
         placed = placed_lens(shape, lens)

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from optics.ray_files.formats import (
         WRITERS as WRITERS,
         read_rays as read_rays,
+        require_ray_suffix as require_ray_suffix,
         write_rays as write_rays,
     )
     from optics.ray_files.ray_placement import (
@@ -22,6 +23,7 @@ _FILES = {
     "formats": (
         "WRITERS",
         "read_rays",
+        "require_ray_suffix",
         "write_rays",
     ),
     "ray_placement": (

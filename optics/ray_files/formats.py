@@ -66,6 +66,11 @@ def write_rays(rays: RaySet, path: str | Path) -> None:
     UserError : an unknown suffix, or rays that the format cannot hold.  OSError : as `write_bytes`.
     """
     path = Path(path)
+    require_ray_suffix(path)
+    write_bytes(path, WRITERS[path.suffix.lower()](rays))
+
+
+def require_ray_suffix(path: Path) -> None:
+    """Raise UserError unless a path has the suffix of a ray file that can be written."""
     if path.suffix.lower() not in WRITERS:
         raise UserError(f"{path} has no suffix of a ray file; choose one of {', '.join(WRITERS)}")
-    write_bytes(path, WRITERS[path.suffix.lower()](rays))

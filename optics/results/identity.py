@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.problem import Export, Problem
+from optics.results.owned_files import sha256_of
 from thbcad.io import lens_to_dict
 
 if TYPE_CHECKING:
@@ -25,10 +26,7 @@ def fingerprint(problem: Problem) -> str:
     It does not depend on the paths of the files, nor on the number of threads and on what is kept of
     levels.
     """
-    files = {
-        f"{table}.{part.data}": hashlib.sha256(Path(path).read_bytes()).hexdigest()
-        for table, part, path in data_of(problem)
-    }
+    files = {f"{table}.{part.data}": sha256_of(Path(path)) for table, part, path in data_of(problem)}
     return _sha256(_set_keys(problem, {"run.threads": 0, "run.keep": KEPT, **files}))
 
 

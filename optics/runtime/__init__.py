@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     )
     from optics.runtime.user_files import (
         read_at_most as read_at_most,
+        reading as reading,
         require_regular_file as require_regular_file,
     )
 
@@ -131,6 +132,7 @@ _FILES = {
     ),
     "user_files": (
         "read_at_most",
+        "reading",
         "require_regular_file",
     ),
 }

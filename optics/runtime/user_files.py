@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from optics.runtime.errors import UserError
@@ -26,6 +28,22 @@ def require_regular_file(path: str | Path, noun: str = "") -> None:
     if not stat.S_ISREG(mode):
         found = "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
         raise UserError(f"cannot read {name}: it is {found}; give the path of a file")
+
+
+@contextmanager
+def reading(path: str | Path) -> Iterator[None]:
+    """Take what goes wrong in the block, which does nothing but read a file, for bad input.
+
+    Raises
+    ------
+    UserError : an OSError or a ValueError of the block.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"cannot read {error.filename or path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise UserError(str(error)) from None
 
 
 def read_at_most(path: str | Path, most: int) -> bytes:

@@ -74,7 +74,7 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
 
 def _meant(name: str, known: Mapping[str, Tolerance]) -> list[str]:
     """Return the names of tolerances that a name stands for."""
-    names = [n for n in known if n == name or n[:-2] == name]
+    names = [n for n in known if n == name or (n[-2] == "_" and n[:-2] == name)]
     if names:
         return names
     if name == "temperature":

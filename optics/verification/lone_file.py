@@ -135,9 +135,13 @@ def _axis(kv: KnotVector, positions: NDArray[np.float64]) -> tuple[KnotVector, N
     The ends of the grid are the medians over the poles there.
     """
     start, stop = np.median(positions[[0, -1]], axis=1).tolist()
+    nowhere = kv, np.ones(positions.shape, dtype=bool)
     if not start < stop:
-        return kv, np.ones(positions.shape, dtype=bool)
-    over = kv.rescaled(start, stop)
+        return nowhere
+    try:
+        over = kv.rescaled(start, stop)
+    except ValueError:  # knots so uneven that they fall together
+        return nowhere
     return over, abs(positions - over.greville()[:, None]) > GRID * (stop - start)
 
 

@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from optics.verification.occt_tracer import optical_faces
+
 if TYPE_CHECKING:
     from optics.runtime import Check
     from thbcad.cad.exchange import SolidFile, SolidState
@@ -58,6 +60,25 @@ class StepFile:
         from thbcad.cad.exchange import read_step
 
         return read_step(self.path)
+
+    def read(self) -> tuple[Brep, SolidState]:
+        """Return `text` and `state`; the text is read first, so that a damaged file never reaches OCCT.
+
+        Raises
+        ------
+        OSError, ValueError : as these.
+        """
+        return self.text, self.state
+
+    def read_lens(self) -> tuple[Brep, SolidFile]:
+        """Return `text` and `solid` of a file that holds a lens, the text first.
+
+        Raises
+        ------
+        OSError, ValueError : as these; there are not two optical faces.
+        """
+        optical_faces(self.text)
+        return self.text, self.solid
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import pytest
 
 from optics.analysis import measure
 from optics.as_built import (
+    FileFrame,
     MeasuredPoints,
     as_built_data,
     as_built_lines,
@@ -16,6 +17,7 @@ from optics.as_built import (
     default_side,
     light_as_built,
     made_surface,
+    read_measured,
     surface_of,
     with_surface,
 )
@@ -100,6 +102,20 @@ def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, no
     assert np.linalg.norm(built.change) > 0
     assert set(as_built_data(built)["alignments"]) == {"datums", "best fit"}
     assert any("as made, aligned by datums" in line for line in as_built_lines(built))
+
+
+@pytest.mark.parametrize("kind", ["heights", "errors"])
+def test_points_beside_the_surface_are_left_out_of_the_count(system, backend, tmp_path, kind) -> None:
+    rear = system.lens.rear
+    x, y = 1.25 * np.random.default_rng(3).uniform(-1, 1, (2, 400)) * np.reshape(rear.half_width, (2, 1))
+    on = (np.abs(x) <= rear.half_width[0]) & (np.abs(y) <= rear.half_width[1])
+    heights = np.where(on, rear(np.where(on, x, 0.0), np.where(on, y, 0.0)), 0.0)
+    np.savetxt(tmp_path / "a.xyz", np.column_stack([x, y, heights if kind == "heights" else 0.0 * x]))
+    points = read_measured(tmp_path / "a.xyz", rear, FileFrame(kind=kind))
+    built = light_as_built(system, system.lens, points, backend, "rear", correct=False)
+    data = as_built_data(built)
+    assert (data["points"], data["beside"]) == (on.sum(), (~on).sum())
+    assert as_built_lines(built)[0].startswith(f"{on.sum()} points of the rear; ")
 
 
 def test_other_words_are_refused(system, backend) -> None:

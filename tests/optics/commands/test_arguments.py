@@ -232,6 +232,9 @@ def test_completion_knows_every_command(shell, capsys):
         (["thbcad", "design", "--eng"], {"--engine"}),
         (["thbcad", "new", "--kind", ""], set(STARTS)),
         (["thbcad", "check", "pearl.t"], {"pearl.toml"}),
+        (["thbcad", "tolerance", "lens", "--tolerances", "pearl.t"], {"pearl.toml"}),
+        (["thbcad", "verify", "part.step", "--lens", "pearl.t"], {"pearl.toml"}),
+        (["thbcad", "asbuilt", "lens", "--out", "pearl.t"], {"pearl.toml"}),
     ],
 )
 def test_bash_completes_commands_options_choices_and_paths(words, wanted, tmp_path, capsys):

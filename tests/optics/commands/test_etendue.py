@@ -110,6 +110,13 @@ def test_sources_without_extent_have_no_limit(problem_file, changes):
     assert reached_sentences(system, system.lens, {"rel_l2": 0.1, "efficiency": 0.9}) == []
 
 
+@pytest.mark.parametrize("option", ["out", "measure"])
+def test_what_needs_a_limit_is_refused_where_there_is_none(problem_file, tmp_path, option):
+    with pytest.raises(UserError, match=f"{NO_LIMIT}; leave out --{option}"):
+        run(problem_file(), **{option: str(tmp_path / "bound.png")})
+    assert not (tmp_path / "bound.png").exists()
+
+
 def test_images_narrower_than_two_pixels_set_no_limit(hollow):
     data, lines, _ = run(hollow({"source.half_width": [0.05, 0.05]}))
     assert data["one_blur"]["source_proportions"]["lower_bound"] == 0

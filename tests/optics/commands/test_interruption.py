@@ -11,8 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 from optics.commands import main
+from optics.optimisation import Interrupted
 from tests.optics.cases import picture, write_problem
 from tests.optics.commands.cases import command, refused, strict_json
+from tests.optics.results.cases import some_state
 
 LONG = {
     "optimizer.start": "flat",
@@ -154,3 +156,17 @@ def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_res
     monkeypatch.setattr("optics.api.design_run.shape", interrupted)
     assert main(["design", str(problem), "--out", str(out), "--force"]) == 130
     assert "nothing was kept" in capsys.readouterr().err
+
+
+def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, capsys, monkeypatch):
+    """Also where the problem leaves a number to the program: resolved, it is not what was asked for."""
+
+    def interrupted(*arguments):
+        raise Interrupted(some_state())
+
+    monkeypatch.setattr("optics.api.design_run.shape", interrupted)
+    problem = write_problem(tmp_path, {"lens.rear.freeform.max_level": "auto"})
+    arguments = ["design", str(problem), "--out", str(tmp_path / "out")]
+    for more in ([], ["--resume", "--iterations", "9"], ["--resume"], ["--resume", "--iterations", "7"]):
+        assert main([*arguments, *more]) == 130
+        assert "the same command with --resume goes on" in capsys.readouterr().err

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from optics.api import Design
 from optics.commands.cli import main
 from optics.luminaires import read_luminaire
 from optics.problem import load_problem
@@ -38,6 +39,18 @@ def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, golden, tmp_path)
     assert data["relit"]["rel_l2"] != data["designed"]["rel_l2"]
     with Image.open(tmp_path / "sun.png") as picture:
         assert picture.width > 3 * 300
+
+
+def test_a_metric_that_is_not_defined_is_a_dash(capsys, tmp_path, monkeypatch):
+    """Similarity has no window on two columns of pixels."""
+    problem = load_problem(write_problem(tmp_path, {"target.pixels": [2, 8]}))
+    system = OpticalSystem(problem)
+    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.lens))
+    done = run(capsys, "relight", "lens", "--source", "sun")
+    assert (done.code, done.err) == (0, "")
+    assert ["ssim", "-", "-"] in [line.split() for line in done.out.splitlines()]
+    data = json.loads(run(capsys, "relight", "lens", "--source", "sun", "--json").out)
+    assert data["designed"]["ssim"] is None is data["relit"]["ssim"]
 
 
 @pytest.mark.parametrize(
@@ -79,13 +92,21 @@ def test_light_of_a_lens_is_written_as_rays(capsys, result, tmp_path, suffix):
         (["--out", "light.txt"], "choose one of .tm25ray, .dat, .ray"),
         (["--out", "light.ray", "--rays", "0"], "--rays must be from 1"),
         (["--out", "none/light.ray"], "there is no folder"),
+        (["--out", "scene.xml"], "choose one of .tm25ray, .dat, .ray"),
+        (["--out", "light.dat", "--format", "dat"], "leave out --format"),
+        (["--out", "light.ray", "--aperture", "5", "5"], "light is that of the whole lens"),
     ],
 )
-def test_bad_ray_files_are_one_sentence(capsys, result, tmp_path, monkeypatch, arguments, words):
+def test_bad_ray_files_are_one_sentence_before_light_is_traced(
+    capsys, result, tmp_path, monkeypatch, arguments, words
+):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("optics.outgoing.outgoing_rays", None)
+    before = {*tmp_path.iterdir()}
     done = run(capsys, "export", result, "--light", "rear", *arguments)
     assert (done.code, len(done.err.splitlines())) == (2, 1)
     assert words in done.err
+    assert {*tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize("suffix", [".ies", ".LDT"])
@@ -110,6 +131,8 @@ def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suf
         (["--step", "nan"], "--step"),
         (["--step", "7"], "got 7"),
         (["--rays", "0"], "--rays"),
+        (["--mount", "mount.toml"], "light is that of the whole lens"),
+        (["--light", "rear"], "choose one of .tm25ray, .dat, .ray"),
     ],
 )
 def test_bad_luminaires_are_one_sentence(capsys, result, tmp_path, arguments, words):

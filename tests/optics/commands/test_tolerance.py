@@ -71,6 +71,27 @@ def test_tolerances_are_kept_where_form_errors_fail(capsys, copy, tmp_path, monk
     assert record["form_error"] == {"sentences": ["form errors could not be computed: no light"]}
 
 
+def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):
+    """Its time would grow by the square of their number, were each lens a phase."""
+    moments = []
+
+    class Drawing:
+        __call__ = staticmethod(moments.append)
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(tolerance_command, "drawing", lambda stream: Drawing())
+    with tolerance_command._Shown("lenses") as shown:
+        for done in range(1, 9):
+            shown.advance(done, 8, f"{done} of 8")
+    assert {moment.phase for moment in moments} == {"lenses"}
+    assert [moment.detail for moment in moments[:-1]] == [f"{done} of 8" for done in range(1, 9)]
+    fractions = [moment.fraction for moment in moments]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+
+import numpy as np
 import pytest
 
 from optics.commands.cli import main
@@ -83,3 +86,29 @@ def test_what_another_program_wrote_is_not_replaced(capsys, result):
     (result / "verify_light" / "light_occt.png").write_text("mine", "utf-8")
     message = refused(capsys, "verify", result, "--light", "occt", "--no-optiland")
     assert "light_occt.png would be replaced" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fails"), [([], "prescription_checks"), (["lens.step"], "bare_checks")]
+)
+@pytest.mark.parametrize("error", [ValueError("shapes differ"), np.linalg.LinAlgError("singular")])
+def test_a_check_that_breaks_is_no_bad_input(capsys, result, monkeypatch, arguments, fails, error):
+    def broken(*arguments):
+        raise error
+
+    monkeypatch.setattr(f"optics.verification.{fails}", broken)
+    assert main(["verify", str(result.joinpath(*arguments)), "--no-optiland", "-v"]) == 70
+    shown = capsys.readouterr().err
+    assert "internal error" in shown
+    assert "Traceback" in shown
+
+
+def test_a_full_disk_is_not_a_file_that_cannot_be_read(capsys, result, monkeypatch):
+    def full(path, content):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr("thbcad.io.write_bytes", full)
+    words = ["--light", "occt", "--rays", "1000", "--no-optiland", "--quiet"]
+    message = refused(capsys, "verify", result, *words)
+    assert "cannot write or read" in message
+    assert "light_occt.png: No space left on device" in message

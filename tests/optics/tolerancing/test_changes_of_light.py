@@ -184,6 +184,9 @@ def test_the_far_field_has_tolerances_without_places(tmp_path, backend):
     ("amounts", "words"),
     [
         ({"lens.decenter_x": 1.0}, "did you mean lens.decentre_x"),
+        ({"ind": 0.1}, "did you mean index"),
+        ({"thickne": 0.1}, "did you mean thickness"),
+        ({"target.defoc": 0.1}, "did you mean target.defocus"),
         ({"lens.tilt": float("nan")}, "must be a number from 0"),
         ({"index": -1.0}, "must be a number from 0"),
         ({"index": "much"}, "must be a number from 0"),

@@ -11,7 +11,7 @@ import pytest
 
 from optics.system import OpticalSystem
 from optics.verification.independent_checks import text_and_occt_checks
-from optics.verification.lone_file import bare_checks
+from optics.verification.lone_file import _axis, bare_checks
 from optics.verification.occt_tracer import occt_trace, optical_faces
 from optics.verification.step_file import StepFile
 from oracles.light_formulas import fresnel, meridional
@@ -23,6 +23,7 @@ from thbcad.cad.shapes import lens_solid
 from thbcad.io import parse_brep
 from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
+from thbcad.splines import KnotVector
 
 LANDING = "landing points by OCCT's intersections with the file"
 REAR = "text of the file: rear numbers that differ from the lens in memory"
@@ -269,3 +270,9 @@ def test_a_solid_inside_out_is_caught_without_its_lens(good, tmp_path):
         for c in bare_checks(StepFile(tmp_path / "lens.step")).checks
         if not c.ok
     )
+
+
+def test_knots_too_uneven_for_a_grid_leave_all_poles_beside_it():
+    knots = KnotVector(2, np.array([0.0, 0, 0, 0.3, 0.6, 1e300, 1e300, 1e300]))
+    _, beside = _axis(knots, np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(4))
+    assert beside.all()
