@@ -7,8 +7,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from optics.verification.occt_tracer import optical_faces
-
 if TYPE_CHECKING:
     from optics.runtime import Check
     from thbcad.cad.exchange import SolidFile, SolidState
@@ -77,6 +75,8 @@ class StepFile:
         ------
         OSError, ValueError : as these; there are not two optical faces.
         """
+        from optics.verification.occt_tracer import optical_faces  # it loads OCCT
+
         optical_faces(self.text)
         return self.text, self.solid
 
