@@ -16,17 +16,17 @@ def cell_operation(base: type[Any]) -> type[Any]:
     class Mapped(base):
         def eval(self, cells: Any, a: DrArray, b: DrArray, flux: DrArray, sound: DrArray) -> DrArray:
             self.cells, self.Float = cells, type(a)
-            self.corners = cells.in_double(a, b, flux, sound)
-            return self.Float(cells.image(*self.corners))
+            self.corners = cells.corners(a, b, flux, sound)
+            image, self.places = cells.image(self.corners)
+            return self.Float(image)
 
         def backward(self) -> None:
-            a, b, passing = self.corners
-            slopes = self.cells.adjoint(a, b, passing, self.grad_out())
+            slopes = self.cells.adjoint(self.corners, self.places, self.grad_out())
             for name, slope in zip(("a", "b", "flux"), slopes):
                 self.set_grad_in(name, self.Float(slope))
 
         def forward(self) -> None:
-            changes = self.cells.directions(self.corners[2], *map(self.grad_in, ("a", "b", "flux")))
-            self.set_grad_out(self.Float(self.cells.tangent(*self.corners, *changes)))
+            changes = self.cells.directions(self.corners, *map(self.grad_in, ("a", "b", "flux")))
+            self.set_grad_out(self.Float(self.cells.tangent(self.corners, self.places, *changes)))
 
     return Mapped

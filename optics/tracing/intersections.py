@@ -172,6 +172,7 @@ class KnownHits:
         self.shape = len(beam.x), len(beam.y)
         self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
         self._matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
+        self._basis = _device_basis(backend, knots[0], self._points[0])
         x, y = self._points[0][:, None], self._points[1][None, :]
         full = np.zeros(self.shape)
         beside = np.abs(x - beam.x[:, None]) + np.abs(y - beam.y[None, :])
@@ -202,10 +203,26 @@ class KnownHits:
         return self._jet(net)
 
     def _jet(self, net: NDArray[np.float64]) -> tuple[DrArray, ...]:
-        (a0, a1), (b0, b1) = self._matrices
-        # y first: the net is much smaller than the grid, and only nets are transposed
-        values, slopes = (np.ascontiguousarray((b @ net.T).T) for b in (b0, b1))
-        return tuple(self._backend.array(s) for s in (a0 @ values, a1 @ values, a0 @ slopes))
+        """Return z, zx, zy of a net.
+
+        y first, by matrices, since the net is much smaller than the grid; then x, at every ray on the device.
+        """
+        dr, backend = self._backend.dr, self._backend
+        values, slopes = (backend.array((b @ net.T).T) for b in self._matrices[1])
+        first, functions = self._basis
+        ray, length = (
+            dr.arange(backend.Index, self.shape[0] * self.shape[1]),
+            dr.opaque(backend.Index, self.shape[1]),
+        )
+        line = ray // length
+        at = (dr.gather(backend.Index, first, line) - line) * length + ray
+        z, zx, zy = (dr.zeros(backend.Float, dr.width(ray)) for _ in range(3))
+        for k, (weights, derivatives) in enumerate(functions):
+            value, slope = (dr.gather(backend.Float, row, at + k * length) for row in (values, slopes))
+            weight, derivative = (dr.gather(backend.Float, row, line) for row in (weights, derivatives))
+            z, zx, zy = z + weight * value, zx + derivative * value, zy + weight * slope
+        dr.eval(z, zx, zy)
+        return z, zx, zy
 
     def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
@@ -216,6 +233,18 @@ class KnownHits:
         gz, gx, gy = (g.reshape(self.shape) for g in hits.gradients())
         along = a0.T @ gz + a1.T @ gx
         return (b0.T @ along.T + b1.T @ (a0.T @ gy).T).T
+
+
+def _device_basis(
+    backend: Backend, kv: KnotVector, points: NDArray[np.float64]
+) -> tuple[DrArray, list[tuple[DrArray, DrArray]]]:
+    """Return at points the number of the first function that is not zero, and value and slope of each from
+    there on."""
+    first, values = kv.basis(points)
+    _, slopes = kv.basis(points, 1)
+    return backend.Index(first.astype(np.uint32)), [
+        (backend.array(value), backend.array(slope)) for value, slope in zip(values.T, slopes.T)
+    ]
 
 
 def _value_and_slope(kv: KnotVector, points: NDArray[np.float64]) -> tuple[csr_array, csr_array]:

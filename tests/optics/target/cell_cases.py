@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from optics.sources import corner_flux
 from optics.target import MappedCells, Screen
-from optics.target.mapped_cells import LEAST_AREA
+from optics.target.cut_cells import LEAST_AREA
 from oracles.exact_cells import exact_image, signed_area, triangles
 
 UNIT = 2.0**-53  # the relative rounding of one operation

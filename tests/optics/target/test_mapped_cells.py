@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 
 from optics.runtime import load_backend
 from optics.target import Screen
-from optics.target.mapped_cells import LEAST_AREA
+from optics.target.cut_cells import LEAST_AREA
 from tests.optics.target.cell_cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
 SCREEN = whole(8, 6)

@@ -10,7 +10,7 @@ from hypothesis import Phase, assume, given, settings, strategies as st
 
 from optics.runtime import load_backend
 from optics.sources import corner_flux
-from optics.target.mapped_cells import LEAST_AREA
+from optics.target.cut_cells import LEAST_AREA
 from oracles.exact_cells import exact_slopes
 from tests.optics.target.cell_cases import SCREENS, sheet, shuffled, smooth, whole
 
@@ -107,6 +107,19 @@ def test_a_uniform_weight_leaves_the_corners_alone(backend):
     assert max(np.abs(by_x).max(), np.abs(by_y).max()) < 1e-12
     # a corner's flux stands for quarters of the cells around; each passes on what its corners do, in the mean
     np.testing.assert_allclose(by_flux[1:-1, 1:-1], 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.7, 1.3, 2.5])
+def test_slopes_of_even_light_are_exact(backend, size):
+    """Neighbours of one density: their edge adds nothing to the image, and yet both have it as a border."""
+    along = np.arange(-2, 3) * size
+    made = sheet(whole(8, 6, 1), *np.meshgrid(along + 0.1, along - 0.2, indexing="ij"))
+    g = weights(made.screen)
+    (by_x, by_y, by_flux), total = made.slopes(backend, g)
+    assert (by_flux * corner_flux(made.emitted)).sum() == pytest.approx(total, abs=1e-12)
+    exact = exact_slopes(made.screen, made.x, made.y, made.emitted, g)
+    for found, expected in zip((by_x, by_y), exact):
+        np.testing.assert_allclose(found, expected.astype(float), rtol=0, atol=1e-12)
 
 
 def test_a_shift_of_all_corners_moves_light_over_the_borders(backend):

@@ -1,0 +1,76 @@
+"""Lines of pixels: images as running sums of differences between neighbours (Dr.Jit)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optics.target.pixel_walk import Edges, Pieces
+
+if TYPE_CHECKING:
+    from optics.runtime import Backend, DrArray
+
+
+class PixelLines:
+    """The lines of a padded screen, along a.
+
+    backend : of double precision.  padded : pixels along a and b.
+    """
+
+    def __init__(self, backend: Backend, padded: tuple[int, int]) -> None:
+        self._backend, (self._rows, self._columns) = backend, padded
+        Int = backend.dr.int32_array_t(backend.Index)
+        self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self._columns)
+
+    def differences(self) -> DrArray:
+        """Return no differences: of every pixel a pair, what begins in it and what ends behind it."""
+        return self._backend.dr.zeros(self._backend.Float, 2 * (self._rows + 2) * self._columns)
+
+    def number(self, i: DrArray, j: DrArray) -> DrArray:
+        """Return the number of a pixel; -1 and the number of pixels count to a line as well."""
+        Index = self._backend.Index
+        return Index(j) * Index(self.counts[0] + 2) + Index(i + 1)
+
+    def on_screen(self, a: DrArray, b: DrArray) -> DrArray:
+        """Return whether a point lies on the pixels."""
+        rows, columns = (type(a)(n) for n in self.counts)
+        return (a >= 0) & (a < rows) & (b >= 0) & (b < columns)
+
+    def add_at(self, differences: DrArray, flux: DrArray, number: DrArray, exists: DrArray) -> None:
+        """Add flux that lies in the pixels of some numbers."""
+        dr = self._backend.dr
+        pair = self._backend.Pair(flux, -flux)
+        dr.scatter_reduce(dr.ReduceOp.Add, differences, pair, number, exists)
+
+    def add(self, differences: DrArray, piece: Pieces, at: DrArray, behind: DrArray) -> None:
+        """Add to the differences before a piece's pixel and behind it."""
+        dr, (rows, columns) = self._backend.dr, self.counts
+        seen = piece.on & (piece.i < rows) & (piece.j >= 0) & (piece.j < columns)
+        pair, number = self._backend.Pair(at, behind), self.number(piece.i, piece.j)
+        dr.scatter_reduce(dr.ReduceOp.Add, differences, pair, number, seen)
+
+    def within(self, edges: Edges, piece: Pieces) -> DrArray:
+        """Return how far the middle of a piece lies inside its pixel, 0 to 1.
+
+        It is 1 before the first pixel.
+        """
+        return self._backend.dr.select(piece.i < 0, 1.0, self.depth(edges, piece))
+
+    def depth(self, edges: Edges, piece: Pieces) -> DrArray:
+        """Return how far the middle of a piece lies behind the start of its pixel."""
+        return edges.a + edges.da * piece.middle - self._backend.Float(piece.i)
+
+    def summed(self, differences: DrArray) -> DrArray:
+        """Return the image of differences, flat, line by line."""
+        pairs = differences.numpy().reshape(self._columns, self._rows + 2, 2)
+        steps = pairs[:, :, 0].copy()
+        steps[:, 1:] += pairs[:, :-1, 1]
+        return self._backend.array(np.cumsum(steps, axis=1)[:, 1:-1])
+
+    def integrated(self, image: DrArray) -> tuple[DrArray, DrArray]:
+        """Return by `number` the values of an image, and their sums up to the start of every pixel."""
+        values = np.pad(image.numpy().reshape(self._columns, self._rows), ((0, 0), (1, 1)))
+        sums = np.zeros_like(values)
+        np.cumsum(values[:, :-1], axis=1, out=sums[:, 1:])
+        return self._backend.array(values), self._backend.array(sums)
