@@ -36,7 +36,7 @@ class Film:
 
 
 class Light(Protocol):
-    """The light of one lens, from which derivatives can be pulled back."""
+    """The light of one lens, from which derivatives can be pulled back, any number of times."""
 
     @property
     def image(self) -> Floats:

@@ -93,14 +93,14 @@ class TracedModel:
         lost_bar: float,
         knots: Sequence[Sequence[KnotVector]] | None = None,
     ) -> list[Floats]:
-        """Return the derivative by coefficients, or by nets over other knots; it uses up what was traced."""
+        """Return the derivative by coefficients, or by nets over other knots."""
         dr, (hits, image, lost) = self._backend.dr, traced
         for axis in reversed(self._flipped):
             image_bar = image_bar + np.flip(image_bar, axis)
         dr.set_grad(image, self._backend.array(image_bar.T))
         dr.set_grad(lost, self._backend.Float(2 ** len(self._flipped) * lost_bar))
         dr.enqueue(dr.ADMode.Backward, image, lost)
-        dr.traverse(dr.ADMode.Backward)
+        dr.traverse(dr.ADMode.Backward, dr.ADFlag.ClearVertices)  # what was traced is kept
         return self._tracer.pull_back(hits, knots)
 
     def _measured(self, landing: Landing) -> DrArray:
@@ -118,16 +118,15 @@ class TracedModel:
 
 
 class TracedLight:
-    """The light of a lens with its Dr.Jit graph, which the first pull-back uses up; another traces again."""
+    """The light of a lens with its Dr.Jit graph."""
 
     def __init__(self, model: TracedModel, coefficients: Sequence[Floats]) -> None:
-        self._model, self._coefficients = model, coefficients
-        self._traced: tuple[Any, DrArray, DrArray] | None = model.traced(coefficients)
+        self._model, self._traced = model, model.traced(coefficients)
         self.image, self.lost = model.shown(*self._traced[1:])
 
     def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
         """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
-        return self._model.pull_back(self._take(), image_bar, lost_bar)
+        return self._model.pull_back(self._traced, image_bar, lost_bar)
 
     def vertex_gradients(
         self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
@@ -136,9 +135,4 @@ class TracedLight:
 
         knots : for each, two knot vectors of degree 1, whose knots are the vertices.
         """
-        return self._model.pull_back(self._take(), image_bar, lost_bar, knots)
-
-    def _take(self) -> tuple[Any, DrArray, DrArray]:
-        traced = self._traced or self._model.traced(self._coefficients)
-        self._traced = None
-        return traced
+        return self._model.pull_back(self._traced, image_bar, lost_bar, knots)

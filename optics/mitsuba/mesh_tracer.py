@@ -116,11 +116,13 @@ class MeshTracer:
     def pull_back(
         self, leaves: Sequence[Jet], knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[NDArray[np.float64]]:
-        """Return the derivative by each sag's coefficients after `dr.backward`.
+        """Return the derivative by each sag's coefficients after `dr.backward`; the leaves then carry none.
 
         knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
         """
-        return self._mesh.pull_back(leaves, knots)
+        slopes = self._mesh.pull_back(leaves, knots)
+        self.backend.dr.clear_grad(leaves)
+        return slopes
 
     def set_directions(
         self, leaves: Sequence[Jet], directions: Sequence[NDArray[np.float64]]

@@ -116,9 +116,10 @@ class Objective:
         Math. 57 (2007).
         """
         rng, scale, out = np.random.default_rng(seed), np.sqrt(self._norm), []
+        light = self._model.light(coefficients)
         for _ in range(count):
             signs = rng.choice((-1.0, 1.0), self._target.size).reshape(self._target.shape, order="F")
-            out.append(self._model.light(coefficients).pull_back(scale * signs))
+            out.append(light.pull_back(scale * signs))
         return out
 
     def _charged(self, light: Light) -> tuple[float, float, Floats]:

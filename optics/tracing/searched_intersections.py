@@ -109,7 +109,7 @@ class SearchedHits:
         table = self._table if knots is None else PolynomialTable(self._backend, knots)
         if table is None:
             raise ValueError("a surface without a sag has no coefficients")
-        return table.pull_back(*hits.at, hits.gradients())
+        return table.pull_back(*hits.at, hits.taken_gradients())
 
     def _shape(self, net: NDArray[np.float64] | None) -> _Shape:
         top, steepest, power = self._top, self._slope, None
