@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
-from scipy.stats import qmc
 
 from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_cells import cell_irradiance
@@ -172,6 +171,8 @@ def _sets(system: OpticalSystem) -> Iterator[list[_Sample]]:
 def _disk_points(disks: int, rng: np.random.Generator) -> Floats:
     """Return points on as many disks at once, (n, disks, 2): the share of the area within, and the angle."""
     if disks > 1:
+        from scipy.stats import qmc  # a third of a second, which sharp light does not need
+
         points = qmc.Sobol(2 * disks, rng=rng).random(SEVERAL).reshape(SEVERAL, disks, 2)
         return np.asarray(points * (1, 2 * pi))
     k = np.arange(SUNFLOWER)

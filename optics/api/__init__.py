@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     )
     from optics.api.design_files import (
         Written as Written,
+        helpers as helpers,
         write_result as write_result,
     )
     from optics.api.design_result import (
@@ -44,6 +45,7 @@ _FILES = {
     "design_figures": ("DesignFigures",),
     "design_files": (
         "Written",
+        "helpers",
         "write_result",
     ),
     "design_result": ("Design",),

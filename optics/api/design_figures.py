@@ -1,4 +1,4 @@
-"""The figures of a design, which a second process draws while the first one goes on."""
+"""The figures of a design, which another process draws while this one goes on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from optics.analysis import Measurement
     from optics.api.level_records import LevelRecord
     from optics.optimisation import Row, Stage
-    from optics.runtime import Backend, SecondProcess
+    from optics.runtime import Backend, HelperProcess
     from thbcad.lens import Lens
 
 
@@ -21,7 +21,7 @@ class DesignFigures:
     process : in which they are drawn.
     """
 
-    def __init__(self, process: SecondProcess, system: OpticalSystem) -> None:
+    def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
         self.process = process
         self._before = process.ask("optics.figures", "solid_views", system.lens)
 

@@ -1,10 +1,12 @@
 """A design measured, checked and written as a result folder.
 
-The solid is exported and the figures are drawn by a second process, beside the measurement.
+The solid is exported and the figures are drawn by other processes, beside the measurement.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,15 +19,16 @@ from optics.optimisation import stages
 from optics.problem import limit_checks
 from optics.progress import DesignProgress, RunClock
 from optics.results import ResultFolder, ResultWriter, level_files
-from optics.runtime import load_backend, peak_mb, second_process
+from optics.runtime import load_backend, peak_mb, process_for
 from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.api.design_record import DesignRecord
-    from optics.runtime import Check
+    from optics.runtime import Check, HelperProcess
     from optics.verification import ExportedStep
     from thbcad.lens import Manufacturability
 
+SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
 Claims = dict[str, Any]
 
@@ -39,11 +42,21 @@ class Written:
     verification: Claims
 
 
+@contextmanager
+def helpers() -> Iterator[tuple[HelperProcess, HelperProcess]]:
+    """Yield the processes that export solids and that draw figures.
+
+    OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.
+    """
+    with process_for(SOLIDS) as solids, process_for(FIGURES) as drawing:
+        yield solids, drawing
+
+
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
     """Write the result folder of a design and return its path."""
     clock = RunClock(DesignProgress(lambda moment: None))
-    with folder.taken(design.asked, force), second_process() as beside, DEVICE:
-        write_result(design, folder, clock, DesignFigures(beside, design.system))
+    with folder.taken(design.asked, force), helpers() as (solids, drawing), DEVICE:
+        write_result(design, folder, clock, solids, DesignFigures(drawing, design.system))
     return folder.path
 
 
@@ -53,9 +66,9 @@ def verified(design: DesignRecord) -> Claims:
     from thbcad.lens import manufacturability
 
     system, lens = design.system, design.lens
-    with second_process() as beside, TemporaryDirectory() as folder, DEVICE:
+    with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
         path = Path(folder) / "lens.step"
-        step = beside.ask(
+        step = solids.ask(
             "optics.verification", "exported_step", OpticalSystem(system.problem), lens, path
         ).result()
         product = manufacturability(lens, system.problem.lens.density or None)
@@ -64,11 +77,11 @@ def verified(design: DesignRecord) -> Claims:
 
 
 def write_result(
-    design: DesignRecord, folder: ResultFolder, clock: RunClock, figures: DesignFigures
+    design: DesignRecord, folder: ResultFolder, clock: RunClock, solids: HelperProcess, figures: DesignFigures
 ) -> Written:
     """Export, measure and verify a design; then write what can be claimed of it.
 
-    folder : taken by this run.
+    folder : taken by this run.  solids : which exports.
     """
     from optics.etendue import reached_sentences
     from optics.report import light_files
@@ -76,7 +89,7 @@ def write_result(
 
     system, lens, problem = design.system, design.lens, design.problem
     writer = ResultWriter(folder, problem, lens, design.history)
-    exported = figures.process.ask(
+    exported = solids.ask(
         "optics.verification", "exported_step", OpticalSystem(problem), lens, writer.staged_step
     )
     figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
@@ -103,7 +116,7 @@ def write_result(
         for name, data in zip(names, (*level_contents(level), png)):
             writer.write(name, data)
     clock.lap("figures")
-    peak = peak_mb() + figures.process.ask("optics.runtime", "peak_mb").result()
+    peak = peak_mb() + sum(p.ask("optics.runtime", "peak_mb").result() for p in (solids, figures.process))
     metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
     return _claimed(design, folder, writer, metrics, checks, product, figures)
 

@@ -14,7 +14,7 @@ from optics.commands.problem_options import system_of
 from optics.optimisation import Interrupted, earlier_state
 from optics.progress import DesignProgress, Notes, RunClock
 from optics.results import ResultFolder, read_checkpoint, write_checkpoint
-from optics.runtime import UserError, check_lines, note, second_process
+from optics.runtime import UserError, check_lines, note
 from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
@@ -54,10 +54,10 @@ def design(options: Namespace) -> Outcome:
 
 
 def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
-    from optics.api import DesignFigures, prepared_system, shaped, write_result
+    from optics.api import DesignFigures, helpers, prepared_system, shaped, write_result
 
-    with run.clock.progress, second_process() as beside:
-        beside.ask("optics.runtime", "load", "optics.verification", "exported_step")  # OCCT takes a second
+    with run.clock.progress, helpers() as (solids, drawing):
+        solids.ask("optics.runtime", "load", "optics.verification", "exported_step")
         ready = prepared_system(system)
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None
@@ -65,7 +65,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
             ready = replace(ready, system=_with_iterations(ready.system, options.iterations))
         if options.earlier:
             state = earlier_state(ready.system, ResultFolder(options.earlier).read_lens())
-        figures = DesignFigures(beside, ready.system)
+        figures = DesignFigures(drawing, ready.system)
 
         def keep(state: State) -> None:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
@@ -75,7 +75,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
         except Interrupted as stop:
             keep(stop.state)
             raise KeyboardInterrupt from None
-        written = write_result(design, run.folder, run.clock, figures)
+        written = write_result(design, run.folder, run.clock, solids, figures)
     return _outcome(written, system.units)
 
 

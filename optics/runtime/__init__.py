@@ -27,11 +27,11 @@ if TYPE_CHECKING:
         collect_rarely as collect_rarely,
     )
     from optics.runtime.helper_process import (
+        HelperProcess as HelperProcess,
         ProcessEnded as ProcessEnded,
-        SecondProcess as SecondProcess,
         load as load,
         peak_mb as peak_mb,
-        second_process as second_process,
+        process_for as process_for,
         serve as serve,
     )
     from optics.runtime.llvm import (
@@ -93,11 +93,11 @@ _FILES = {
     ),
     "garbage": ("collect_rarely",),
     "helper_process": (
+        "HelperProcess",
         "ProcessEnded",
-        "SecondProcess",
         "load",
         "peak_mb",
-        "second_process",
+        "process_for",
         "serve",
     ),
     "llvm": ("llvm_library",),

@@ -1,4 +1,4 @@
-"""Work in a second process, beside this one.
+"""Work in other processes, beside this one.
 
 OpenCASCADE and matplotlib hold Python's lock while they load and while they work: in a thread they would stop
 what they should run beside.
@@ -14,7 +14,6 @@ import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from functools import cache
 from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -33,7 +32,7 @@ class ProcessEnded(RuntimeError):
     """A process ended before it answered."""
 
 
-class SecondProcess:
+class HelperProcess:
     """A Python process that calls functions for this one, one after the other, as it is asked.
 
     It ends when this process ends, however that ends, since its pipe closes then.  Ctrl-C in a terminal does
@@ -80,25 +79,28 @@ class SecondProcess:
             value, error = self._pipe.recv()
         except (EOFError, OSError):
             code = self._process.wait()
-            raise ProcessEnded(f"the second process ended with code {code} in {module}.{function}") from None
+            raise ProcessEnded(f"a helper process ended with code {code} in {module}.{function}") from None
         if error is not None:
             raise error
         return value
 
 
 @contextmanager
-def second_process() -> Iterator[SecondProcess]:
-    """Yield the SecondProcess of this one; it is kept for the next time, unless the work in between fails."""
-    process = _kept()
+def process_for(work: str) -> Iterator[HelperProcess]:
+    """Yield the HelperProcess of this one for some work.
+
+    It is kept for the next time, unless what is done with it fails.
+    """
+    process = _KEPT[work] = _KEPT.get(work) or HelperProcess()
     try:
         yield process
     except BaseException:
-        _kept.cache_clear()
+        del _KEPT[work]
         process.stop()
         raise
 
 
-_kept = cache(SecondProcess)
+_KEPT: dict[str, HelperProcess] = {}
 
 
 def serve() -> None:

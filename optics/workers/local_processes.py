@@ -8,7 +8,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from itertools import count
 from typing import Any
 
-from optics.runtime import ProcessEnded, SecondProcess
+from optics.runtime import HelperProcess, ProcessEnded
 from optics.workers.pool_protocol import Worker
 
 
@@ -19,7 +19,7 @@ class OneProcess(Executor):
     """
 
     def __init__(self) -> None:
-        self._process = SecondProcess()
+        self._process = HelperProcess()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Return what a function of a module will return; it is sent by its name, the arguments as they are.

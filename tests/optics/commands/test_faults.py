@@ -13,8 +13,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from optics.commands import design_command, main
+from optics.commands import main
 from optics.optimisation import State
+from optics.runtime import process_for
 from tests.optics.cases import write_problem
 from tests.optics.commands.cases import QUICK, assert_no_false_claim, assert_whole
 from tests.optics.commands.faulty_disk import FaultyDisk, Killed
@@ -34,7 +35,7 @@ STEPS = {  # of a design that compute: module and function
 
 
 class Answers:
-    """Stands for the second process: records what it answers, or answers what was recorded."""
+    """Stands for the helper processes: records what it answers, or answers what was recorded."""
 
     def __init__(self, process=None):
         self.process, self.kept, self.step = process, {}, b""
@@ -60,16 +61,15 @@ def kept(tmp_path_factory):
     """Design a problem, and keep all that is computed for later runs."""
     root = tmp_path_factory.mktemp("kept")
     kept = SimpleNamespace(problem=write_problem(root, NEW), values={})
-    genuine = design_command.second_process
 
     @contextmanager
     def recorded():
-        with genuine() as process:
+        with process_for("all") as process:
             kept.answers = Answers(process)
-            yield kept.answers
+            yield kept.answers, kept.answers
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(design_command, "second_process", recorded)
+        patch.setattr("optics.api.helpers", recorded)
         for module, function in STEPS.items():
             record(patch, module, function, kept.values)
         assert main(["design", str(kept.problem), "--out", str(root / "out"), "--json"]) == 0
@@ -94,7 +94,7 @@ def replayed(kept, monkeypatch):
 
     @contextmanager
     def answers():
-        yield kept.answers
+        yield kept.answers, kept.answers
 
     def shaped(system, backend, engine, state, progress, keep, *_):
         lens, final = kept.values["shape"]
@@ -102,7 +102,7 @@ def replayed(kept, monkeypatch):
             keep(State(final.moved, stage, final.sags, final.history))
         return lens, final
 
-    monkeypatch.setattr(design_command, "second_process", answers)
+    monkeypatch.setattr("optics.api.helpers", answers)
     for module, function in STEPS.items():
         monkeypatch.setattr(f"{module}.{function}", lambda *_, value=kept.values[function]: value)
     monkeypatch.setattr("optics.api.design_run.shape", shaped)

@@ -1,4 +1,4 @@
-"""The second process: what it returns, how it fails, and that it never outlives the first."""
+"""A helper process: what it returns, how it fails, and that it never outlives the first."""
 
 import os
 import signal
@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from optics.runtime import UserError, second_process
+from optics.runtime import UserError, process_for
 from tests.cases import ROOT
 
 ORPHAN = """
-from optics.runtime import second_process
+from optics.runtime import process_for
 import time
-with second_process() as process:
+with process_for("test") as process:
     print(process.ask("os", "getpid").result(), flush=True)
     process.ask("time", "sleep", SECONDS)
     time.sleep(1000)
@@ -37,7 +37,7 @@ def gone(pid):
 
 @pytest.fixture
 def process():
-    with second_process() as process:
+    with process_for("test") as process:
         yield process
 
 
@@ -97,18 +97,18 @@ def test_an_exception_of_another_package_is_told_as_text(process):
 
 def test_it_is_kept_and_made_anew_after_a_failure(process):
     pid = process.ask("os", "getpid").result()
-    with second_process() as same:
+    with process_for("test") as same:
         assert same is process
 
     def interrupted():
-        with second_process() as same:
+        with process_for("test") as same:
             same.ask("time", "sleep", 1000)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert gone(pid)
-    with second_process() as other:
+    with process_for("test") as other:
         assert other.ask("os", "getpid").result() != pid
 
 
@@ -116,7 +116,7 @@ def test_work_that_is_stopped_cleans_up_and_says_nothing(tmp_path, capfd):
     """As when Ctrl-C comes while a file is written; also before the process has begun to listen."""
 
     def interrupted(wait):
-        with second_process() as process:
+        with process_for("test") as process:
             process.ask("tests.optics.runtime.test_helper_process", "written", tmp_path / "whole")
             while wait and not (tmp_path / "half").exists():
                 time.sleep(0.01)
@@ -141,7 +141,10 @@ def written(path):
 
 
 def test_a_process_that_dies_is_an_error_not_a_wait(process):
-    with pytest.raises(RuntimeError, match=r"ended with code -9 in os\.kill"), second_process() as process:
+    with (
+        pytest.raises(RuntimeError, match=r"ended with code -9 in os\.kill"),
+        process_for("test") as process,
+    ):
         process.ask("os", "kill", process.ask("os", "getpid").result(), signal.SIGKILL).result()
 
 
