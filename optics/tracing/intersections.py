@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.tracing.spline_table import conic_jet
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
@@ -169,17 +171,15 @@ class KnownHits:
         half_width: tuple[float, float],
         knots: Sequence[KnotVector],
     ) -> None:
-        self._backend = backend
+        dr, self._backend = backend.dr, backend
         self.shape = len(beam.x), len(beam.y)
         self._points = [np.clip(s, -h, h) for s, h in zip((beam.x, beam.y), half_width)]
         self._matrices = [_value_and_slope(kv, s) for kv, s in zip(knots, self._points)]
         self._basis = _device_basis(backend, knots[0], self._points[0])
-        x, y = self._points[0][:, None], self._points[1][None, :]
-        full = np.zeros(self.shape)
-        beside = np.abs(x - beam.x[:, None]) + np.abs(y - beam.y[None, :])
-        self._hit = backend.array(beside) == 0
-        self.x, self.y = (backend.array(a + full) for a in (x, y))
-        self._base = [backend.array(conic(x, y, d) + full) for d in ((0, 0), (1, 0), (0, 1))]
+        self._length = dr.opaque(backend.Index, self.shape[1])
+        self.x, self.y = (self._on_rays(row, axis) for axis, row in enumerate(self._points))
+        self._hit = self._inside((beam.x, beam.y))
+        self._base = conic_jet(backend, conic, self.x, self.y)[:3]
 
     def meet(self, net: NDArray[np.float64]) -> Hits:
         """Return the Hits of the beam with a sag net."""
@@ -211,19 +211,35 @@ class KnownHits:
         dr, backend = self._backend.dr, self._backend
         values, slopes = (backend.array((b @ net.T).T) for b in self._matrices[1])
         first, functions = self._basis
-        ray, length = (
-            dr.arange(backend.Index, self.shape[0] * self.shape[1]),
-            dr.opaque(backend.Index, self.shape[1]),
-        )
-        line = ray // length
-        at = (dr.gather(backend.Index, first, line) - line) * length + ray
+        ray, line = self._rays()
+        at = (dr.gather(backend.Index, first, line) - line) * self._length + ray
         z, zx, zy = (dr.zeros(backend.Float, dr.width(ray)) for _ in range(3))
         for k, (weights, derivatives) in enumerate(functions):
-            value, slope = (dr.gather(backend.Float, row, at + k * length) for row in (values, slopes))
+            value, slope = (dr.gather(backend.Float, row, at + k * self._length) for row in (values, slopes))
             weight, derivative = (dr.gather(backend.Float, row, line) for row in (weights, derivatives))
             z, zx, zy = z + weight * value, zx + derivative * value, zy + weight * slope
         dr.eval(z, zx, zy)
         return z, zx, zy
+
+    def _rays(self) -> tuple[DrArray, DrArray]:
+        """Return the numbers of the rays, and those of their lines along y."""
+        ray = self._backend.dr.arange(self._backend.Index, self.shape[0] * self.shape[1])
+        return ray, ray // self._length
+
+    def _on_rays(self, row: NDArray[np.float64], axis: int) -> DrArray:
+        """Return numbers along x (0) or y (1) of every ray; they are looked up again in every kernel."""
+        ray, line = self._rays()
+        index = line if axis == 0 else ray - line * self._length
+        return self._backend.dr.gather(self._backend.Float, self._backend.array(row), index)
+
+    def _inside(self, beam: Sequence[NDArray[np.float64]]) -> DrArray:
+        """Return which rays meet the surface, and not its rim."""
+        dr = self._backend.dr
+        inside = [np.equal(row, at) for row, at in zip(self._points, beam)]
+        if all(row.all() for row in inside):
+            return dr.ones(dr.mask_t(self._backend.Float), dr.width(self.x))
+        x, y = (self._on_rays(row.astype(float), axis) for axis, row in enumerate(inside))
+        return (x > 0) & (y > 0)
 
     def pull_back(self, hits: Hits, knots: Sequence[KnotVector] | None = None) -> NDArray[np.float64]:
         """Return dL/dC on the surface's knots, or on other knots over the same rectangle."""
