@@ -74,11 +74,12 @@ class TracedModel:
         dr = self._backend.dr
         with dr.resume_grad():
             traced, landing = self._tracer.trace(coefficients)
-            image = self._measured(landing)
             hx, hy = self.screen.half_width
             beside_x = dr.maximum(dr.abs(landing.x) - hx, 0)
             beside_y = dr.maximum(dr.abs(landing.y) - hy, 0)
-            lost = dr.sum(landing.flux * (beside_x * beside_x + beside_y * beside_y))
+            far = landing.flux * (beside_x * beside_x + beside_y * beside_y)
+            dr.schedule(far)  # with what the image needs of the rays
+            image, lost = self._measured(landing), dr.sum(far)
             dr.eval(image, lost)
         return traced, image, lost
 

@@ -218,7 +218,7 @@ class KnownHits:
             value, slope = (dr.gather(backend.Float, row, at + k * self._length) for row in (values, slopes))
             weight, derivative = (dr.gather(backend.Float, row, line) for row in (weights, derivatives))
             z, zx, zy = z + weight * value, zx + derivative * value, zy + weight * slope
-        dr.eval(z, zx, zy)
+        dr.schedule(z, zx, zy)  # evaluated with what first needs them, and kept for the way back
         return z, zx, zy
 
     def _rays(self) -> tuple[DrArray, DrArray]:
