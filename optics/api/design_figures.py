@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from optics.system import OpticalSystem
@@ -46,11 +47,12 @@ class DesignFigures:
         fans = ray_fans(system, lens, backend) if from_a_point else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
         irradiance, sight = measurement.irradiance, lens_sight(system.problem, lens, backend)
-        self._photo = self.process.ask("optics.view", "photograph", system.problem, lens, irradiance, sight)
-        self._photo_caption = photo_caption(system.problem, lens)
         self._light = self.process.ask("optics.figures", "light_figures", plain, lens, measurement, fans)
         self._scene = self.process.ask("optics.figures", "scene_view", plain, lens, irradiance, paths)
         self._view = self.process.ask("optics.view", "scene_page", plain, lens, irradiance, paths)
+        self._photo_caption = photo_caption(system.problem, lens)
+        self._photographed = system.problem, lens, irradiance, sight
+        self._photo = self.process.ask("optics.view", "photograph", *self._photographed)
 
     def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
         """Draw every level that was kept."""
@@ -71,8 +73,15 @@ class DesignFigures:
         page: str = self._view.result()
         return page
 
-    def drawn(self) -> dict[str, tuple[str, bytes]]:
-        """Return (caption, PNG) by name, in the order of the report."""
+    @cached_property
+    def pictures(self) -> dict[str, tuple[str, bytes]]:
+        """(caption, PNG) by name, in the order of the report.
+
+        The photograph is the last in the row; where it has not begun, it is taken here.
+        """
+        from optics.view import photograph
+
+        photo = photograph(*self._photographed) if self._photo.cancel() else self._photo.result()
         captions = {
             "scene": "Source, lens and target, seen from behind; rays that miss the target are red.",
             "solid_before": "The solid before optimisation.",
@@ -80,7 +89,7 @@ class DesignFigures:
         }
         pictures = {"scene": self._scene, "solid_before": self._before, "solid": self._solid}
         return {
-            "photo": (self._photo_caption, self._photo.result()),
+            "photo": (self._photo_caption, photo),
             **self._light.result(),
             **self._lens.result(),
             **{name: (caption, pictures[name].result()) for name, caption in captions.items()},

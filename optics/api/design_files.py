@@ -5,7 +5,7 @@ The solid is exported and the figures are drawn by other processes, beside the m
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from optics.api.design_record import DesignRecord
     from optics.runtime import Check, HelperProcess
     from optics.verification import ExportedStep
-    from thbcad.lens import Manufacturability
+    from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
@@ -52,6 +52,33 @@ def helpers() -> Iterator[tuple[HelperProcess, HelperProcess]]:
         yield solids, drawing
 
 
+class _Export:
+    """A STEP file that another process writes and reads back."""
+
+    def __init__(self, solids: HelperProcess, system: OpticalSystem, lens: Lens, path: Path) -> None:
+        self._lens, self._path = lens, path
+        self._written, self._exported = (
+            solids.ask("optics.verification", name, system, lens, path)
+            for name in ("write_step", "exported_step")
+        )
+
+    def checked(self) -> tuple[list[Check], ExportedStep]:
+        """Return the checks of the solid, and the file as OCCT reads it.
+
+        The text is read here as soon as it is written.  Where this fails or is stopped, no file is left.
+        """
+        from optics.verification import StepFile, text_volume_check
+
+        try:
+            written = self._written.result()
+            volume = text_volume_check(StepFile(self._path).text, self._lens)
+            step = self._exported.result()
+        except BaseException:
+            self._path.unlink(missing_ok=True)
+            raise
+        return [*written, *step.checks, volume], step
+
+
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
     """Write the result folder of a design and return its path."""
     clock = RunClock(DesignProgress(lambda moment: None))
@@ -67,12 +94,9 @@ def verified(design: DesignRecord) -> Claims:
 
     system, lens = design.system, design.lens
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, DEVICE:
-        path = Path(folder) / "lens.step"
-        step = solids.ask(
-            "optics.verification", "exported_step", OpticalSystem(system.problem), lens, path
-        ).result()
+        export = _Export(solids, OpticalSystem(system.problem), lens, Path(folder) / "lens.step")
         product = manufacturability(lens, system.problem.lens.density or None)
-        checks = _checks(design, path, product, step)
+        checks = _checks(design, product, *export.checked())
         return verification(checks) | {"left_out": [LEFT_OUT]}
 
 
@@ -89,9 +113,7 @@ def write_result(
 
     system, lens, problem = design.system, design.lens, design.problem
     writer = ResultWriter(folder, problem, lens, design.history)
-    exported = solids.ask(
-        "optics.verification", "exported_step", OpticalSystem(problem), lens, writer.staged_step
-    )
+    export = _Export(solids, OpticalSystem(problem), lens, writer.staged_step)
     figures.draw_lens(lens, design.history, stages(system.shaping, design.moved))
     figures.draw_levels(system, design.levels)
     clock.lap("export")
@@ -102,11 +124,11 @@ def write_result(
     metrics = design.metrics | _of_the_blur(design)
     clock.lap("measure")
     product = manufacturability(lens, problem.lens.density or None)
-    step = exported.result()
+    exported = export.checked()
     writer.place_step()
-    checks = _checks(design, folder.step, product, step)
+    checks = _checks(design, product, *exported)
     clock.lap("verify")
-    pictures = figures.drawn()
+    pictures = figures.pictures
     light = measurement.irradiance, measurement.target
     for name, data in light_files(*light, system.target.screen(), system.density, measurement.colour).items():
         writer.write(name, data)
@@ -156,7 +178,7 @@ def _claimed(
         metrics=metrics,
         verification=checked,
         manufacture=manufacture_rows(product, design.problem.source.wavelength),
-        pictures=figures.drawn(),
+        pictures=figures.pictures,
         levels=figures.levels(),
         verdict=says["verdict"],
         notes=says["notes"],
@@ -170,16 +192,20 @@ def _claimed(
     return Written(folder, metrics, checked)
 
 
-def _checks(design: DesignRecord, path: Path, product: Manufacturability, step: ExportedStep) -> list[Check]:
-    """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing."""
+def _checks(
+    design: DesignRecord, product: Manufacturability, solid: Sequence[Check], step: ExportedStep
+) -> list[Check]:
+    """Return the checks of the STEP file, of what the lens delivers, and of the limits of manufacturing.
+
+    solid, step : as of `_Export`.
+    """
     from optics.analysis import delivery_checks
-    from optics.verification import StepFile, light_checks, text_volume_check
+    from optics.verification import light_checks
 
     system, lens, problem = design.system, design.lens, design.problem
     backend = load_backend("double", problem.run.threads)
     return [
-        *step.checks,
-        text_volume_check(StepFile(path).text, lens),
+        *solid,
         *light_checks(system, lens, step, backend),
         *delivery_checks(design.measurement.metrics, problem.verify),
         *limit_checks(problem, product),

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         exported_step as exported_step,
         surface_deviation as surface_deviation,
         verify as verify,
+        write_step as write_step,
     )
     from optics.verification.step_file import (
         ExportedStep as ExportedStep,
@@ -75,6 +76,7 @@ _FILES = {
     "step_checks": (
         "differing_numbers",
         "exported_step",
+        "write_step",
         "surface_deviation",
         "verify",
     ),

@@ -83,7 +83,7 @@ class StepFile:
 
 @dataclass(frozen=True, eq=False)
 class ExportedStep:
-    """A STEP file as it was written, and read back by OCCT.
+    """A STEP file as OCCT reads it.
 
     Another process can return it without loading OCCT in this one.
 

@@ -44,9 +44,9 @@ class Answers:
         answer = Future()
         if self.process:
             self.kept[function] = self.process.ask(module, function, *arguments).result()
-            if function == "exported_step":
+            if function == "write_step":
                 self.step = arguments[2].read_bytes()
-        elif function == "exported_step":
+        elif function == "write_step":
             try:
                 write_bytes(arguments[2], self.step)
             except OSError as error:
