@@ -11,6 +11,8 @@ from optics.target.pixel_walk import Edges, Pieces
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
 
+ROUNDING = 2.0**-48  # of all steps of a line: 16 roundings
+
 
 class PixelLines:
     """The lines of a padded screen, along a.
@@ -62,11 +64,16 @@ class PixelLines:
         return edges.a + edges.da * piece.middle - self._backend.Float(piece.i)
 
     def summed(self, differences: DrArray) -> DrArray:
-        """Return the image of differences, flat, line by line."""
+        """Return the image of differences, flat, line by line.
+
+        What rounding leaves in dark pixels is taken away.
+        """
         pairs = differences.numpy().reshape(self._columns, self._rows + 2, 2)
         steps = pairs[:, :, 0].copy()
         steps[:, 1:] += pairs[:, :-1, 1]
-        return self._backend.array(np.cumsum(steps, axis=1)[:, 1:-1])
+        image = np.cumsum(steps, axis=1)[:, 1:-1]
+        image[np.abs(image) < ROUNDING * np.abs(steps).sum(axis=1, keepdims=True)] = 0.0
+        return self._backend.array(image)
 
     def integrated(self, image: DrArray) -> tuple[DrArray, DrArray]:
         """Return by `number` the values of an image, and their sums up to the start of every pixel."""

@@ -1,4 +1,4 @@
-"""Roots along rays: the first change of sign from below, Newton's method in a bracket, that of a conic."""
+"""Roots along rays: the first change of sign from below, Newton's method in a bracket; conics."""
 
 from __future__ import annotations
 
@@ -117,3 +117,23 @@ def conic_distance(
     root = dr.sqrt(dr.maximum(b * b - a * f, 0))
     falling = root - b
     return dr.select(b < 0, f / dr.select(b < 0, falling, 1), -(b + root) / dr.select(a == 0, 1, a))
+
+
+def conic_jet(
+    backend: Backend, conic: Conic, x: DrArray, y: DrArray
+) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
+    """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
+    dr, Float = backend.dr, backend.Float
+    # opaque, so that every conic runs the same compiled kernel
+    c, k = dr.opaque(Float, 1.0 / conic.radius), dr.opaque(Float, (1.0 + conic.constant) / conic.radius**2)
+    r2 = x * x + y * y
+    inverse = dr.rsqrt(1 - k * r2)
+    slope, bend = c * inverse, c * k * inverse * inverse * inverse
+    return (
+        c * r2 / (1 + 1 / inverse),
+        slope * x,
+        slope * y,
+        slope + bend * x * x,
+        bend * x * y,
+        slope + bend * y * y,
+    )

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from optics.tracing.intersections import Hits, Vector
 from optics.tracing.proven_steps import box_bounds, first_fall, rounding_errors
-from optics.tracing.ray_roots import conic_distance
-from optics.tracing.spline_table import PolynomialTable, conic_jet, steepest_along
+from optics.tracing.ray_roots import conic_distance, conic_jet
+from optics.tracing.spline_table import PolynomialTable, steepest_along
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray

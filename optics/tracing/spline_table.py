@@ -17,6 +17,7 @@ from scipy.sparse import csr_array
 
 from optics.runtime import PACKED
 from optics.tracing.proven_steps import Fall, box_bounds, first_fall, rounding_errors
+from optics.tracing.ray_roots import conic_jet
 from thbcad.splines import KnotVector
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from optics.tracing.intersections import DeviceRays, Vector
     from optics.tracing.proven_steps import Bounds
     from thbcad.lens import FreeformSurface
-    from thbcad.sags import Conic
 
 MOST_BINS = 1 << 16
 PLAIN = 16  # cells across a conic without a sag, on which its second derivative is bounded
@@ -281,23 +281,3 @@ class PlacedSurface:
             return sign * (height - z), sign * (zx * d[0] + zy * d[1] - d[2]), bounds
 
         return first_fall(self.backend, along, interval, active, (error, slope_error), on)
-
-
-def conic_jet(
-    backend: Backend, conic: Conic, x: DrArray, y: DrArray
-) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray, DrArray]:
-    """Return z, zx, zy, zxx, zxy, zyy of a conic on Dr.Jit arrays."""
-    dr, Float = backend.dr, backend.Float
-    # opaque, so that every conic runs the same compiled kernel
-    c, k = dr.opaque(Float, 1.0 / conic.radius), dr.opaque(Float, (1.0 + conic.constant) / conic.radius**2)
-    r2 = x * x + y * y
-    inverse = dr.rsqrt(1 - k * r2)
-    slope, bend = c * inverse, c * k * inverse * inverse * inverse
-    return (
-        c * r2 / (1 + 1 / inverse),
-        slope * x,
-        slope * y,
-        slope + bend * x * x,
-        bend * x * y,
-        slope + bend * y * y,
-    )

@@ -33,6 +33,17 @@ def test_pixels_hold_the_light_of_shuffled_cells(backend, made):
     assert_exact(made, backend)
 
 
+@pytest.mark.parametrize("size", [0.3, 0.9, 2.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_pixels_that_no_cell_meets_are_exactly_dark(backend, size, seed):
+    """Not what rounding leaves of bright ones beside them; and no pixel is darker than dark."""
+    made = smooth(whole(30, 26), (10, 9), size, 0.4, seed=seed, centre=(0.13, -0.28))
+    found, dark = made.laid(backend), made.exact() == 0
+    assert dark.any()
+    assert not found[dark].any()
+    assert found[~dark].min() > 0
+
+
 @pytest.mark.parametrize("height", [2.0, -2.0])
 def test_a_cell_without_area_is_laid_to_the_last_digit(backend, height):
     """One corner away from three: the width falls from its most at one end to nothing at the other."""
