@@ -80,7 +80,7 @@ def test_files_are_data(path):
 
 
 def test_only_commands_set_signal_handlers():
-    """A script that imports the library keeps its own; `serve` is the main function of a second process."""
+    """A script that imports the library keeps its own; `serve` is the main function of a helper process."""
     setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
     found = {
         path: [node.lineno for node in calls(path, *setters)]
@@ -142,7 +142,7 @@ def test_help_loads_neither_numpy_nor_scipy():
     assert not loaded & set(HEAVY)
 
 
-def test_what_a_second_process_exported_is_read_without_opencascade():
+def test_what_a_helper_process_exported_is_read_without_opencascade():
     program = (
         "import sys; from optics.verification import ExportedStep, light_checks, text_volume_check; "
         "print(ExportedStep.__module__, *{m.split('.')[0] for m in sys.modules})"

@@ -41,7 +41,7 @@ def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
 
 
 def memory_mb(system: OpticalSystem, plan: Sequence[Stage]) -> float:
-    """Return the peak memory of a design and its second process, MB."""
+    """Return the peak memory of a design and its helper processes, MB."""
 
     def bytes_of(stage: Stage) -> float:
         each = CELL_BYTES if stage.exact and not system.path.parallel else BYTES

@@ -53,19 +53,19 @@ class Size:
 
     def earlier(self) -> list[Phase]:
         """Return the phases before the first stage."""
-        start = 0.17 + 1.2e-5 * self.pixels + (5.0 if self.by_edges else 0.0)
-        return [Phase(SETUP, 0.5), Phase(START, start)]
+        start = 0.2 + 1.9e-5 * self.pixels + (10.0 if self.by_edges else 0.0)
+        return [Phase(SETUP, 0.7), Phase(START, start)]
 
     def later(self) -> list[Phase]:
         """Return the phases behind the last stage."""
-        measure = 0.2 + (2.5e-5 if self.extended else 1.0e-5) * self.pixels
+        measure = 0.45 + (2.5e-5 if self.extended else 1.0e-5) * self.pixels
         if self.by_edges:  # all reflections are traced
             measure += (8.0 if self.extended else 3.0) * self.surfaces
         return [
-            Phase("export", 0.05),
+            Phase("export", 0.08),
             Phase("measure", measure),
-            Phase("verify", 2.9 if self.by_edges else 1.2),
-            Phase("figures", 0.1 if self.by_edges else 0.8),
+            Phase("verify", 3.1 if self.by_edges else 0.8),
+            Phase("figures", 0.1 if self.by_edges else 0.9),
         ]
 
 
@@ -119,8 +119,9 @@ class DesignProgress:
         self._first = self._first or row.evaluation
         self._rows += 1
         evaluations = row.evaluation - self._first + 1
-        done = FIRST + self._rows + PROBE * (evaluations - self._rows)
-        whole = FIRST + stage.iterations + 1 + PROBE * (stage.evaluations - stage.iterations - 1)
+        first = FIRST + stage.before * stage.evaluations / (stage.seconds(dof) - stage.before)
+        done = first + self._rows + PROBE * (evaluations - self._rows)
+        whole = first + stage.iterations + 1 + PROBE * (stage.evaluations - stage.iterations - 1)
         self._progress.advance(done / whole, f"{dof} DOF, {evaluations} evaluations, misfit {row.fit:.4f}")
 
 

@@ -47,7 +47,7 @@ WORDS = {
     "levels": ("", "levels of the finest mesh"),
     "evaluations": ("", "evaluations of loss and gradient"),
     "wall_s": ("s", "wall time of the phase"),
-    "peak_mb": ("MB", "most memory of both processes together"),
+    "peak_mb": ("MB", "most memory of all processes, added"),
 }
 # of the light on pixels that are lit wholly, and of the beam in the far field
 JUDGED = {

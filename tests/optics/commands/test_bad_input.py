@@ -88,7 +88,7 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(copy, tmp_path, mo
 
 @pytest.mark.slow
 def test_a_step_file_that_cannot_be_written_is_one_sentence(tmp_path, capsys, monkeypatch):
-    """The second process writes it: what fails there ends as if it had failed here."""
+    """A helper process writes it: what fails there ends as if it had failed here."""
 
     def designed(system, *arguments):
         (tmp_path / "out" / "lens.step").mkdir()
