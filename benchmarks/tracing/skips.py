@@ -370,7 +370,7 @@ def _whole_design() -> list[Row]:
     backend, seconds, errors = load_backend("double"), [], []
     for chosen, axes in ((lean, (0, 1)), (full, ())):
         system = OpticalSystem(chosen)
-        with patch("optics.optimisation.loop.mirror_axes", return_value=axes):
+        with patch("optics.optimisation.loop.symmetry_axes", return_value=axes):
             seconds.append(median_seconds(lambda s=system: design(s, backend, ExactEngine(backend)), 3))
             lens, _ = design(system, backend, ExactEngine(backend))
         errors.append(measure(OpticalSystem(problem), lens, backend).metrics["rel_l2"])

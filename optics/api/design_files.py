@@ -57,25 +57,21 @@ class _Export:
 
     def __init__(self, solids: HelperProcess, system: OpticalSystem, lens: Lens, path: Path) -> None:
         self._lens, self._path = lens, path
-        self._written, self._exported = (
+        self._written, self._read = (
             solids.ask("optics.verification", name, system, lens, path)
-            for name in ("write_step", "exported_step")
+            for name in ("export_step", "read_back_step")
         )
 
     def checked(self) -> tuple[list[Check], ExportedStep]:
         """Return the checks of the solid, and the file as OCCT reads it.
 
-        The text is read here as soon as it is written.  Where this fails or is stopped, no file is left.
+        The text is read here as soon as it is written.
         """
         from optics.verification import StepFile, text_volume_check
 
-        try:
-            written = self._written.result()
-            volume = text_volume_check(StepFile(self._path).text, self._lens)
-            step = self._exported.result()
-        except BaseException:
-            self._path.unlink(missing_ok=True)
-            raise
+        written = self._written.result()
+        volume = text_volume_check(StepFile(self._path).text, self._lens)
+        step = self._read.result()
         return [*written, *step.checks, volume], step
 
 

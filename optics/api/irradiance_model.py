@@ -3,8 +3,8 @@
     E = model(c),    E, pull = model.vjp(c),    pull(w) = J' w,    model.jvp(c, d) = E, J d
 
 J is the derivative of the irradiance by the coefficients.  numpy goes in and comes out.  Nothing is kept
-between calls, so any number of models can be used in turn.  Calls from several threads are safe: they wait
-for each other, since Dr.Jit's kernels use all cores anyway.
+between calls, so any number of models can be used in turn; `pull` holds what it needs as long as it lives.
+Calls from several threads are safe: they wait for each other, since Dr.Jit's kernels use all cores anyway.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
     from optics.api import DesignFigures, helpers, prepared_system, shaped, write_result
 
     with run.clock.progress, helpers() as (solids, drawing):
-        solids.ask("optics.runtime", "load", "optics.verification", "exported_step")
+        solids.ask("optics.runtime", "load", "optics.verification", "export_step")
         ready = prepared_system(system)
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None

@@ -119,15 +119,16 @@ class TracedModel:
 
 
 class TracedLight:
-    """The light of a lens with its Dr.Jit graph."""
+    """The light of a lens with its Dr.Jit graph, which is traced again where a pull-back was stopped."""
 
     def __init__(self, model: TracedModel, coefficients: Sequence[Floats]) -> None:
-        self._model, self._traced = model, model.traced(coefficients)
+        self._model, self._coefficients = model, coefficients
+        self._traced: tuple[Any, DrArray, DrArray] | None = model.traced(coefficients)
         self.image, self.lost = model.shown(*self._traced[1:])
 
     def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
         """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
-        return self._model.pull_back(self._traced, image_bar, lost_bar)
+        return self._pulled_back(image_bar, lost_bar)
 
     def vertex_gradients(
         self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
@@ -136,4 +137,13 @@ class TracedLight:
 
         knots : for each, two knot vectors of degree 1, whose knots are the vertices.
         """
-        return self._model.pull_back(self._traced, image_bar, lost_bar, knots)
+        return self._pulled_back(image_bar, lost_bar, knots)
+
+    def _pulled_back(
+        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]] | None = None
+    ) -> list[Floats]:
+        traced = self._traced or self._model.traced(self._coefficients)
+        self._traced = None  # it holds the half of a derivative until the end
+        slopes = self._model.pull_back(traced, image_bar, lost_bar, knots)
+        self._traced = traced
+        return slopes

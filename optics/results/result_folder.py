@@ -67,6 +67,8 @@ class ResultFolder:
     def taken(self, problem: Problem, force: bool) -> Iterator[None]:
         """Hold the folder for one run; it is made, and taken away again where nothing was written.
 
+        A run that fails or is stopped leaves no half-written file.
+
         Raises
         ------
         UserError : it cannot be written, another run writes to it, or, without `force`, something would be
@@ -80,7 +82,11 @@ class ResultFolder:
                 self._require_files(problem)
                 if not force:
                     self._require_nothing_lost(problem)
-                yield
+                try:
+                    yield
+                except BaseException:
+                    self._clear_temporaries()
+                    raise
         finally:
             if new and not any(self.path.iterdir()):
                 self.path.rmdir()

@@ -95,7 +95,8 @@ def process_for(work: str) -> Iterator[HelperProcess]:
     try:
         yield process
     except BaseException:
-        del _KEPT[work]
+        if _KEPT.get(work) is process:
+            del _KEPT[work]
         process.stop()
         raise
 

@@ -52,7 +52,7 @@ class Places:
 
     whole : of every cell, 4 times the number of the pixel in which triangles lie, plus 1 for the first of
         them and 2 for the second.
-    cut : the numbers of the cells with another triangle that meets pixels.
+    cut : the numbers of the cells that may meet pixels with another triangle.
     """
 
     whole: DrArray

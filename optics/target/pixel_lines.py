@@ -66,7 +66,7 @@ class PixelLines:
     def summed(self, differences: DrArray) -> DrArray:
         """Return the image of differences, flat, line by line.
 
-        What rounding leaves in dark pixels is taken away.
+        What rounding leaves in dark pixels is taken away, but for cells that are far narrower than a pixel.
         """
         pairs = differences.numpy().reshape(self._columns, self._rows + 2, 2)
         steps = pairs[:, :, 0].copy()

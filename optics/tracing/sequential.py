@@ -152,7 +152,7 @@ class Tracer:
     def pull_back(
         self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[NDArray[np.float64]]:
-        """Return the derivative by each sag's coefficients after `dr.backward`.
+        """Return the derivative by each sag's coefficients after `dr.backward`; the leaves then carry none.
 
         knots : of each sag, two knot vectors; the derivative is then that by a net over these knots.
         """

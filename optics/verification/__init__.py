@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     )
     from optics.verification.step_checks import (
         differing_numbers as differing_numbers,
-        exported_step as exported_step,
+        export_step as export_step,
+        read_back_step as read_back_step,
         surface_deviation as surface_deviation,
         verify as verify,
-        write_step as write_step,
     )
     from optics.verification.step_file import (
         ExportedStep as ExportedStep,
@@ -75,8 +75,8 @@ _FILES = {
     "solid_text": ("whole_checks",),
     "step_checks": (
         "differing_numbers",
-        "exported_step",
-        "write_step",
+        "export_step",
+        "read_back_step",
         "surface_deviation",
         "verify",
     ),

@@ -32,14 +32,14 @@ SURFACE_SAMPLES = 6  # per knot span and direction
 CONIC_SAMPLES = 101  # per direction of a face without knots, as many as 17 spans have
 
 
-def write_step(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
+def export_step(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
     """Write the STEP file of a lens, and return the check of its bytes."""
     written = step_bytes(lens, system.product, system.problem.export.schema)
     write_bytes(path, written)
     return [Check("file differs from what was written", int(path.read_bytes() != written), 0, "")]
 
 
-def exported_step(system: OpticalSystem, lens: Lens, path: Path) -> ExportedStep:
+def read_back_step(system: OpticalSystem, lens: Lens, path: Path) -> ExportedStep:
     """Return the STEP file of a lens as OCCT reads it."""
     file = StepFile(path)
     return ExportedStep(solid_checks(system, lens, file), file.solid.front, file.solid.rear)

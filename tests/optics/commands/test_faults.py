@@ -44,9 +44,9 @@ class Answers:
         answer = Future()
         if self.process:
             self.kept[function] = self.process.ask(module, function, *arguments).result()
-            if function == "write_step":
+            if function == "export_step":
                 self.step = arguments[2].read_bytes()
-        elif function == "write_step":
+        elif function == "export_step":
             try:
                 write_bytes(arguments[2], self.step)
             except OSError as error:

@@ -8,6 +8,7 @@ from optics.problem import load_problem
 from optics.runtime import load_backend
 from optics.system import OpticalSystem
 from optics.target import BSplineWindow
+from optics.tracing import Hits
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
@@ -70,14 +71,31 @@ def test_forward_agrees_with_differences_of_the_image(tmp_path, backend, name):
     assert error < 1e-7
 
 
-def test_the_light_can_be_pulled_back_again_and_again(tmp_path, backend):
-    model, at = model_of(tmp_path, backend, {}, None)
+@pytest.mark.parametrize("name", CASES)
+def test_the_light_can_be_pulled_back_again_and_again(tmp_path, backend, name):
+    model, at = model_of(tmp_path, backend, *CASES[name])
     light, weights = model.light(at), np.random.default_rng(3).standard_normal(model.screen.padded)
-    (first,), (second,) = light.pull_back(weights), light.pull_back(weights)
-    (twice,) = light.pull_back(2 * weights)
-    np.testing.assert_allclose(second, first, rtol=0, atol=1e-13 * np.abs(first).max())
-    np.testing.assert_allclose(twice, 2 * first, rtol=0, atol=1e-12 * np.abs(first).max())
+    first, second, twice = (light.pull_back(k * weights) for k in (1, 1, 2))
+    for one, same, double in zip(first, second, twice):
+        np.testing.assert_allclose(same, one, rtol=0, atol=1e-13 * np.abs(one).max())
+        np.testing.assert_allclose(double, 2 * one, rtol=0, atol=1e-12 * np.abs(one).max())
     np.testing.assert_array_equal(light.image, model.image(at))
+
+
+def test_a_pull_back_that_is_stopped_does_not_spoil_the_next(tmp_path, backend, monkeypatch):
+    model, at = model_of(tmp_path, backend, {}, None)
+    light, bar = model.light(at), bar_of(model)
+    (wanted,) = light.pull_back(bar)
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Hits, "taken_gradients", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            light.pull_back(bar)
+    (found,) = light.pull_back(bar)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13 * np.abs(wanted).max())
 
 
 def test_models_used_in_turn_give_the_bytes_of_each_alone(tmp_path, one_thread):

@@ -336,6 +336,20 @@ def test_half_written_files_of_a_killed_run_go_away(folder, problem):
     assert set(names(folder)) == before | {".bashrc"}
 
 
+def test_a_run_that_is_stopped_leaves_no_half_written_file(tmp_path, problem):
+    """Nor the folder, where nothing else lies in it."""
+    folder = ResultFolder(tmp_path / "out")
+
+    def stopped():
+        with folder.taken(problem, force=False):
+            (folder.path / ".lens.step.00000012").write_bytes(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    assert not folder.path.exists()
+
+
 def test_a_refused_run_leaves_no_folder(tmp_path, problem):
     folder = ResultFolder(tmp_path / "out")
     with pytest.raises(RuntimeError), folder.taken(problem, force=False):

@@ -112,6 +112,21 @@ def test_it_is_kept_and_made_anew_after_a_failure(process):
         assert other.ask("os", "getpid").result() != pid
 
 
+def test_the_same_work_within_itself_fails_with_its_own_error():
+    used = []
+
+    def fail():
+        with process_for("twice") as outer, process_for("twice") as inner:
+            used.extend([outer, inner])
+            raise ValueError("mine")
+
+    with pytest.raises(ValueError, match="mine"):
+        fail()
+    assert used[0] is used[1]
+    with process_for("twice") as other:
+        assert other is not used[0]
+
+
 def test_work_that_is_stopped_cleans_up_and_says_nothing(tmp_path, capfd):
     """As when Ctrl-C comes while a file is written; also before the process has begun to listen."""
 

@@ -36,7 +36,8 @@ def test_pixels_hold_the_light_of_shuffled_cells(backend, made):
 @pytest.mark.parametrize("size", [0.3, 0.9, 2.3])
 @pytest.mark.parametrize("seed", range(4))
 def test_pixels_that_no_cell_meets_are_exactly_dark(backend, size, seed):
-    """Not what rounding leaves of bright ones beside them; and no pixel is darker than dark."""
+    """Not what rounding leaves of bright ones beside them; and no pixel is darker than dark.  Slivers leave
+    more, within `Sheet.rounding`."""
     made = smooth(whole(30, 26), (10, 9), size, 0.4, seed=seed, centre=(0.13, -0.28))
     found, dark = made.laid(backend), made.exact() == 0
     assert dark.any()
