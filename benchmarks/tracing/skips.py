@@ -280,10 +280,10 @@ def _gradients(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
 
 
 def _converged(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
-    """Steps until the bracket is a rounding wide."""
+    """Steps until the residual is a five-hundredth of what settles, the last above rounding."""
     rays = system.source.rays((512, 512))
     tracers = [Tracer(backend, lens, rays, system.target.z, sure=False) for _ in range(2)]
-    tracers[1]._rear.settled = 0.0
+    tracers[1]._rear.settled = 1e-3
     return _tracers(system, lens, backend, "converged rays", tracers)
 
 
