@@ -2,7 +2,8 @@
 
     seconds = START + RAY * rays of all evaluations + FUNCTION * functions of the finest mesh
 
-RAY depends on how rays meet the rear.  START, RAY and FUNCTION were fitted to stored designs on two cores.
+RAY depends on how rays meet the rear.  Transport maps of rays that are traced, and blurred light, take their
+time too.  START, RAY and FUNCTION were fitted to stored designs on two cores.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 START = 4.0  # s, for start, STEP file, measurement, checks and figures
 RAY = 0.055e-6  # s per ray and evaluation, where parallel rays meet the rear at known positions
 FUNCTION = 24.0e-6  # s per function of the finest mesh, in files and checks
+MAPPED, BLURRED = (
+    5.0,
+    6.0,
+)  # s, where light is not parallel before the surface that it shapes; where it is blurred
 SEARCHED, BOTH_FREE = 3.0, 3.8  # times RAY, where rays are searched for; through two free surfaces
 # the peaks of overview.json and of the twenty pictures within 1.2 times
 BASE_MB = 930.0
@@ -37,7 +42,8 @@ def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
     functions = 1
     for axis in (0, 1):
         functions *= max(f.spans[axis] << min(f.finest, last_level(system.problem)) for f in system.freeforms)
-    return START + RAY * kind * work + FUNCTION * functions
+    more = (MAPPED if system.path.by_edges else 0.0) + (BLURRED if system.blurred else 0.0)
+    return START + more + RAY * kind * work + FUNCTION * functions
 
 
 def memory_mb(system: OpticalSystem, plan: Sequence[Stage]) -> float:
