@@ -10,7 +10,7 @@ import csv
 import json
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -85,7 +85,8 @@ class ResultFolder:
                 try:
                     yield
                 except BaseException:
-                    self._clear_temporaries()
+                    with suppress(OSError):  # what happened is told, not that
+                        self._clear_temporaries()
                     raise
         finally:
             if new and not any(self.path.iterdir()):
