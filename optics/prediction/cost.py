@@ -22,10 +22,8 @@ if TYPE_CHECKING:
 START = 4.0  # s, for start, STEP file, measurement, checks and figures
 RAY = 0.055e-6  # s per ray and evaluation, where parallel rays meet the rear at known positions
 FUNCTION = 24.0e-6  # s per function of the finest mesh, in files and checks
-MAPPED, BLURRED = (
-    5.0,
-    6.0,
-)  # s, where light is not parallel before the surface that it shapes; where it is blurred
+MAPPED = 5.0  # s more for a transport map of rays that are not parallel where they are shaped
+BLURRED = 1.5  # s more where light is blurred
 SEARCHED, BOTH_FREE = 3.0, 3.8  # times RAY, where rays are searched for; through two free surfaces
 # the peaks of overview.json and of the twenty pictures within 1.2 times
 BASE_MB = 930.0

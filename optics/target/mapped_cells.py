@@ -119,7 +119,7 @@ class MappedCells:
         """Return the image, and where the cells lie, which its derivatives take up."""
         dr, differences = self._backend.dr, self._lines.differences()
         whole, cut, flux = self._sorted(corners)
-        self._lines.add_at(differences, _triangles_in(whole, flux) * flux, whole >> 2, (whole & 3) > 0)
+        self._add_whole(differences, whole, flux)
         dr.eval(differences, whole, cut)
         places = Places(whole, dr.compress(cut))
         if dr.width(places.cut):
@@ -152,12 +152,15 @@ class MappedCells:
         dr, differences, passing = self._backend.dr, self._lines.differences(), change * self._inverse
         dr.eval(passing)
         flux = self._shares * sum(self._grid.of_corners(passing, *self._grid.cells()))
-        whole = places.whole
-        self._lines.add_at(differences, _triangles_in(whole, flux) * flux, whole >> 2, (whole & 3) > 0)
+        self._add_whole(differences, places.whole, flux)
         dr.eval(differences)
         if dr.width(places.cut):
             self._cut(corners, places).sweep(differences, da, db, passing)
         return self._lines.summed(differences)
+
+    def _add_whole(self, differences: DrArray, whole: DrArray, flux: DrArray) -> None:
+        """Add the triangles that lie in one pixel.  flux : half of that of every cell."""
+        self._lines.add_at(differences, _triangles_in(whole, flux) * flux, whole >> 2, (whole & 3) > 0)
 
     def _cut(self, corners: Corners, places: Places) -> CutCells:
         whole = self._backend.dr.gather(self._backend.Index, places.whole, places.cut)
