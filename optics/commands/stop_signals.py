@@ -8,11 +8,11 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from types import FrameType
 
-INTERRUPTED, TERMINATED = 130, 143
+from optics.runtime import lost_interrupts_again
 
 
 @dataclass
@@ -20,11 +20,16 @@ class Stop:
     """Whether a command was asked to stop, and by which signal."""
 
     requested: bool = False
-    code: int = INTERRUPTED
+    number: int = signal.SIGINT
+
+    @property
+    def code(self) -> int:
+        """The exit code: 130 or 143, as shells have it."""
+        return 128 + self.number
 
     @property
     def word(self) -> str:
-        return "terminated" if self.code == TERMINATED else "interrupted"
+        return "terminated" if self.number == signal.SIGTERM else "interrupted"
 
 
 @contextmanager
@@ -36,8 +41,7 @@ def stop_signals() -> Iterator[Stop]:
     stop = Stop()
 
     def ask(number: int, frame: FrameType | None) -> None:
-        stop.requested = True
-        stop.code = TERMINATED if number == signal.SIGTERM else INTERRUPTED
+        stop.requested, stop.number = True, number
         raise KeyboardInterrupt
 
     before = {}
@@ -46,7 +50,8 @@ def stop_signals() -> Iterator[Stop]:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 before[number] = signal.signal(number, ask)
     try:
-        yield stop
+        with lost_interrupts_again(lambda: stop.number) if before else nullcontext():
+            yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -14,12 +14,14 @@ if TYPE_CHECKING:
     )
     from optics.runtime.checks import (
         Check as Check,
+        check_lines as check_lines,
         verification as verification,
     )
     from optics.runtime.errors import (
         LONGEST as LONGEST,
         NumericalError as NumericalError,
         UserError as UserError,
+        note as note,
         printable as printable,
         speaking_of as speaking_of,
     )
@@ -37,9 +39,8 @@ if TYPE_CHECKING:
     from optics.runtime.llvm import (
         llvm_library as llvm_library,
     )
-    from optics.runtime.messages import (
-        check_lines as check_lines,
-        note as note,
+    from optics.runtime.lost_interrupts import (
+        lost_interrupts_again as lost_interrupts_again,
     )
     from optics.runtime.progress import (
         Moment as Moment,
@@ -82,12 +83,14 @@ _FILES = {
     ),
     "checks": (
         "Check",
+        "check_lines",
         "verification",
     ),
     "errors": (
         "LONGEST",
         "NumericalError",
         "UserError",
+        "note",
         "printable",
         "speaking_of",
     ),
@@ -101,10 +104,7 @@ _FILES = {
         "serve",
     ),
     "llvm": ("llvm_library",),
-    "messages": (
-        "check_lines",
-        "note",
-    ),
+    "lost_interrupts": ("lost_interrupts_again",),
     "progress": (
         "Moment",
         "Phase",

@@ -1,7 +1,8 @@
-"""Errors with the exit code that the command line gives them."""
+"""What a user is told: errors, with the exit code that the command line gives them, and notes."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -44,3 +45,14 @@ def speaking_of(subject: object) -> Iterator[None]:
         yield
     except UserError as error:
         raise UserError(f"{subject}: {error}") from None
+
+
+def note(sentence: str) -> None:
+    """Print a note on stderr, above a bar of progress where there is one."""
+    line = f"thbcad: note: {printable(sentence)}"
+    if "tqdm" in sys.modules:
+        from tqdm import tqdm
+
+        tqdm.write(line, file=sys.stderr)
+    else:
+        print(line, file=sys.stderr)

@@ -22,6 +22,7 @@ from resource import RUSAGE_SELF, getrusage
 from typing import Any
 
 from optics.runtime.garbage import collect_and_give_back, collect_rarely
+from optics.runtime.lost_interrupts import lost_interrupts_again
 
 PROGRAM = "from optics.runtime import serve; serve()"
 PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
@@ -107,7 +108,11 @@ _KEPT: dict[str, HelperProcess] = {}
 def serve() -> None:
     """Answer the requests of the process that started this one, until that ends."""
     collect_rarely()
-    with suppress(EOFError, OSError, KeyboardInterrupt), Connection(int(sys.argv[1])) as pipe:
+    with (
+        suppress(EOFError, OSError, KeyboardInterrupt),
+        lost_interrupts_again(lambda: signal.SIGINT),
+        Connection(int(sys.argv[1])) as pipe,
+    ):
         signal.signal(signal.SIGINT, signal.default_int_handler)  # work in the background inherits none
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while True:

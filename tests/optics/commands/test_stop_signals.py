@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
+import time
 
 import pytest
 
@@ -21,6 +23,42 @@ def test_a_signal_stops_with_its_code_and_word(number, code, word):
         os.kill(os.getpid(), number)
     assert (stop.requested, stop.code, stop.word) == (True, code, word)
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_python_drops_comes_again(number, capfd):
+    """In `__del__`, where nothing can be raised."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    hook = sys.unraisablehook
+    with pytest.raises(KeyboardInterrupt), stop_signals() as stop:
+        work_on(number)
+    assert (stop.requested, stop.number) == (True, number)
+    assert sys.unraisablehook is hook
+    assert capfd.readouterr() == ("", "")
+
+
+def work_on(number):
+    class Last:
+        def __del__(self):
+            os.kill(os.getpid(), number)
+            for _ in range(100):  # Python looks for signals at the end of a loop's body
+                self.deleted = True
+
+    Last()
+    time.sleep(10)
+
+
+def test_what_else_python_drops_is_told_as_ever(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda lost: told.append(lost.exc_type))
+
+    class Last:
+        def __del__(self):
+            raise ZeroDivisionError
+
+    with stop_signals() as stop:
+        Last()
+    assert (told, stop.requested) == ([ZeroDivisionError], False)
 
 
 def test_a_command_in_the_background_does_not_listen_to_ctrl_c():

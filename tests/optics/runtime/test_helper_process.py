@@ -144,6 +144,33 @@ def test_work_that_is_stopped_cleans_up_and_says_nothing(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_work_that_python_cannot_stop_at_once_is_stopped_and_says_nothing(tmp_path, capfd):
+    """In `__del__`, where nothing can be raised."""
+
+    def interrupted():
+        with process_for("test") as process:
+            process.ask("tests.optics.runtime.test_helper_process", "deleted", tmp_path / "deleting")
+            while not (tmp_path / "deleting").exists():
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert capfd.readouterr() == ("", "")
+
+
+def deleted(path):
+    """Delete an object, which takes until the signal has come, and wait longer than anybody."""
+
+    class Last:
+        def __del__(self):
+            path.touch()
+            time.sleep(1000)
+
+    Last()
+    time.sleep(1000)
+
+
 def written(path):
     """Write a file as slowly as nobody waits for."""
     half = path.with_name("half")

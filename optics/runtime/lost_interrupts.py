@@ -1,0 +1,39 @@
+"""Interrupts that come where Python can raise nothing: they come again."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Timer, main_thread
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+
+LATER = 0.01  # seconds
+
+
+@contextmanager
+def lost_interrupts_again(number: Callable[[], int]) -> Iterator[None]:
+    """Send a signal again, and print nothing, where the KeyboardInterrupt that it raised was lost.
+
+    Python drops what is raised while the callback of a weak reference or a `__del__` runs, for want of a
+    caller: the work would go on as if nobody had stopped it.
+
+    number : returns that of the signal
+    """
+    before = sys.unraisablehook
+
+    def hook(lost: UnraisableHookArgs) -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            Timer(LATER, signal.pthread_kill, (main_thread().ident, number())).start()
+        else:
+            before(lost)
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
