@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import partial
+from math import log10, trunc
 from numbers import Real
 from typing import Any
 
@@ -16,15 +17,24 @@ Integers = NDArray[np.int64]
 
 EPS = float(np.finfo(np.float64).eps)
 MAX_DEGREE = 10
+MOST_BITS = 1023  # of an integer that float64 holds for certain
 MOST_SPANS = 10_000_000
 GREATEST_HALF_WIDTH = 1e100  # its square is finite
 GREATEST_KNOT = 1e300  # sums of knots and of periods are finite
 
 
 def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.float64) -> NDArray[Any]:
-    """Return a contiguous read-only copy of `array`; raise ValueError as `require_real`."""
+    """Return a contiguous read-only copy of `array`.
+
+    Raises
+    ------
+    ValueError : as `require_real`; integers that the type cannot hold.
+    """
     require_real(array)
-    out = np.array(array, dtype=dtype, order="C")
+    try:
+        out = np.array(array, dtype=dtype, order="C")
+    except OverflowError:
+        raise ValueError(f"numbers must be ones that {dtype.__name__} can hold") from None
     out.flags.writeable = False
     return out
 
@@ -67,9 +77,17 @@ def require_real(array: ArrayLike) -> None:
 
 
 def floats(array: ArrayLike) -> Floats:
-    """Return numbers as float64, without a copy where they are; raise ValueError as `require_real`."""
+    """Return numbers as float64, without a copy where they are.
+
+    Raises
+    ------
+    ValueError : as `require_real`; integers that float64 cannot hold.
+    """
     require_real(array)
-    return np.asarray(array, dtype=np.float64)
+    try:
+        return np.asarray(array, dtype=np.float64)
+    except OverflowError:
+        raise ValueError("numbers must be ones that float64 can hold") from None
 
 
 def require_integer(name: str, value: object, least: int, most: int | None = None) -> None:
@@ -83,21 +101,16 @@ def require_integer(name: str, value: object, least: int, most: int | None = Non
         bounds = "a non-negative integer" if least == 0 else f"an integer of at least {least}"
         if most is not None:
             bounds = f"an integer from {least} to {most}"
-        raise ValueError(f"{name} must be {bounds}, got {value!r}")
+        raise ValueError(f"{name} must be {bounds}, got {_shown(value)}")
 
 
 def require_number(
     name: str, value: object, least: float = -np.inf, above: float = -np.inf, finite: bool = False
 ) -> None:
-    """Raise ValueError unless the value is a real number, no bool or NaN, of at least `least` and greater
-    than `above`."""
-    number: Any = value  # the type Real knows no order among numbers
-    good = (
-        isinstance(value, Real)
-        and not isinstance(value, bool)
-        and number >= least
-        and (number > above or above == -np.inf)
-    )
+    """Raise ValueError unless the value is a real number that float64 can hold, no bool or NaN, of at least
+    `least` and greater than `above`."""
+    number = _float64(name, value)
+    good = number >= least and (number > above or above == -np.inf)
     if not good or (finite and not abs(number) < np.inf):
         noun = "finite number" if finite else "number"
         wanted = f"a positive {noun}" if above == 0 else f"a {noun}"
@@ -109,6 +122,31 @@ def require_number(
             else ""
         )
         raise ValueError(f"{name} must be {wanted}, got {value}")
+
+
+def _float64(name: str, value: Any) -> float:
+    """Return a real number as float64, NaN for anything else and for bools; raise ValueError for an integer
+    beyond it."""
+    if not _is_real(value):
+        return np.nan
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(
+            f"{name} must be a number that float64 can hold, got {_shown(trunc(value))}"
+        ) from None
+
+
+def _is_real(value: object) -> bool:
+    """Return whether a value is a real number and no bool."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _shown(value: object) -> str:
+    """Return the repr of a value, and of an integer beyond float64 how long it is."""
+    if isinstance(value, int) and value.bit_length() > MOST_BITS:
+        return f"an integer of about {log10(abs(value)):.0f} digits"
+    return repr(value)
 
 
 def require_order(derivative: object) -> None:
@@ -135,9 +173,10 @@ def half_widths(half_width: tuple[float, float]) -> tuple[float, float]:
     """Return the half-widths of a rectangle as two floats; raise ValueError unless they are positive and
     finite."""
     pair = isinstance(half_width, Sequence | np.ndarray) and len(half_width) == 2
-    if not pair or not all(isinstance(w, Real) and 0 < w <= GREATEST_HALF_WIDTH for w in half_width):
+    if not pair or not all(_is_real(w) and 0 < w <= GREATEST_HALF_WIDTH for w in half_width):
+        got = " and ".join(map(_shown, half_width)) if pair else half_width
         raise ValueError(
-            f"half_width must be two positive numbers of at most {GREATEST_HALF_WIDTH:g}, got {half_width}"
+            f"half_width must be two positive numbers of at most {GREATEST_HALF_WIDTH:g}, got {got}"
         )
     return float(half_width[0]), float(half_width[1])
 
@@ -185,6 +224,7 @@ def uniform_breaks(spans: int, start: float, stop: float) -> Floats:
     require_integer("spans", spans, 1, MOST_SPANS)
     for name, end in (("start", start), ("stop", stop)):
         require_number(name, end, finite=True)
+    start, stop = float(start), float(stop)  # differences of integers may be beyond float64
     if not start < stop:
         raise ValueError(f"start must be less than stop, got {start} and {stop}")
     breaks = start + (stop - start) * (np.arange(spans + 1) / spans)

@@ -177,7 +177,8 @@ def _disk_points(disks: int, rng: np.random.Generator) -> Floats:
         return np.asarray(points * (1, 2 * pi))
     k = np.arange(SUNFLOWER)
     angle = rng.uniform(0, 2 * pi) + GOLDEN * k + QUARTERS[:, None]
-    within = np.broadcast_to((k + 0.5) / SUNFLOWER, angle.shape)
+    # anywhere in its ring: what rings of the same radii leave would be no difference of sets
+    within = np.broadcast_to((k + rng.uniform(size=SUNFLOWER)) / SUNFLOWER, angle.shape)
     return np.stack([within.ravel(), angle.ravel()], axis=1)[:, None, :]
 
 

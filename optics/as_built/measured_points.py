@@ -150,6 +150,7 @@ def _require_near(path: str | Path, apart: Floats, surface: FreeformSurface) -> 
     if most > FARTHEST * max(surface.half_width):
         raise UserError(
             f"half of the points of {path} lie more than {most:.4g} mm above or below the designed surface: "
-            "are its unit (--unit, --height-unit), its orientation (--down, --mirror, --turn) "
-            "and the surface (--surface) right?"
+            "are its unit (--unit, --height-unit), its orientation (--down, --mirror, --turn), the surface "
+            "(--surface) and its origin right? It is the vertex of the surface; `thbcad export` takes that "
+            "of the front."
         )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from optics.commands.command_examples import examples_text
-from optics.commands.known_words import require_known
+from optics.commands.known_words import require_known, require_paths
 from optics.commands.making_options import asbuilt_options, sweep_options, tolerance_options, tool_options
 from optics.commands.shared_options import force_option, problem_options
 from optics.problem import ENGINES, STARTS
@@ -20,6 +21,10 @@ class CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise UserError(f"{message}; {self.prog} --help says more")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print help or version; argparse would pass over an OSError."""
+        print(message, end="", file=file or sys.stderr, flush=True)
 
 
 def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
@@ -52,13 +57,16 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     Raises
     ------
     UserError : an unknown command or option, an argument that is missing or has a wrong value.
+    OSError : stdout cannot be written, where help or version is asked for.
     """
     main, commands = parsers()
     if not words:
         main.print_help()
         return None
     require_known(words, main, commands)
-    return main.parse_args(words)
+    options = main.parse_args(words)
+    require_paths(options, commands[options.command])
+    return options
 
 
 def _common_options(command: argparse.ArgumentParser) -> None:

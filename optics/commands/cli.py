@@ -1,6 +1,7 @@
 """The command line.
 
-Results go to stdout (--json for machines), progress and messages to stderr (--quiet: errors alone).
+Results go to stdout (--json for machines), progress and messages to stderr (--quiet: errors alone).  Nothing
+ends because stderr is closed or cannot be written.
 Exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 70 internal error, 130 interrupted,
 143 terminated.
 """
@@ -13,9 +14,10 @@ import sys
 import traceback
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stderr
+from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
 from ctypes import pythonapi
 from importlib import import_module
+from typing import Any, TextIO
 
 from optics.commands.arguments import parsed
 from optics.commands.outcome import Outcome
@@ -29,12 +31,18 @@ DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its trace
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
-    try:
-        options = parsed(sys.argv[1:] if arguments is None else arguments)
-    except UserError as error:
-        return _failed(error, False)
-    if options is None:
-        return 0
+    options = None
+    with _messages():
+        try:
+            with _printing():
+                options = parsed(sys.argv[1:] if arguments is None else arguments)
+        except (UserError, OSError) as error:
+            return _failed(error, False)
+        return 0 if options is None else _stoppable(options)
+
+
+def _stoppable(options: Namespace) -> int:
+    """Run the command of the arguments, and return the exit code also where it fails or is stopped."""
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with stop_signals() as stop:
@@ -62,7 +70,8 @@ def _run(options: Namespace) -> int:
     from thbcad.io import json_text
 
     lines = "\n".join(outcome.lines).split("\n")
-    _print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)))
+    with _printing():
+        print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)), flush=True)
     return 0 if outcome.ok else 1
 
 
@@ -104,12 +113,60 @@ def _require_extra() -> None:
         raise UserError(f"{', '.join(missing)} {verb} not installed; {pip_command('optics')}")
 
 
-def _print(text: str) -> None:
-    """Print to stdout; a reader that has gone (`| head`) is no error."""
+@contextmanager
+def _printing() -> Iterator[None]:
+    """Print to stdout in the block; a reader that has gone (`| head`) ends the block, and is no error."""
     try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        yield
+    except OSError as error:
+        _drop(sys.stdout)
+        if not isinstance(error, BrokenPipeError):
+            raise
+
+
+class _Forgiving:
+    """A stream that goes on where it cannot be written."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def _messages() -> Iterator[None]:
+    """Let what the block says on stderr fall silent where that is closed or cannot be written."""
+    with ExitStack() as stack:
+        stream = sys.stderr
+        if stream is None:  # closed by `2>&-`
+            stream = stack.enter_context(open(os.devnull, "w"))
+            # takes the free descriptor 2, also for helper processes: what C libraries print reaches no file
+            os.set_inheritable(stream.fileno(), True)
+        forgiving: Any = _Forgiving(stream)
+        stack.enter_context(redirect_stderr(forgiving))
+        try:
+            yield
+        finally:
+            try:
+                stream.flush()
+            except OSError:
+                _drop(stream)
+
+
+def _drop(stream: TextIO) -> None:
+    """Send nowhere what a stream still holds: Python writes it at its end, and would end with code 120."""
+    with suppress(OSError), open(os.devnull, "w") as nowhere:  # a stream in memory has no descriptor
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def entry() -> None:

@@ -5,17 +5,8 @@ from __future__ import annotations
 from argparse import Namespace
 
 from optics.commands.arguments import parsers
+from optics.commands.known_words import PATHS
 from optics.commands.outcome import Outcome
-
-PATHS = (
-    "PROBLEM.toml",
-    "RESULT",
-    "LENS",
-    "DIR",
-    "FILE",
-    "FILE.png",
-    "FILE.toml",
-)  # what arguments call a path
 
 
 def completion(options: Namespace) -> Outcome:

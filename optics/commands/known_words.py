@@ -1,13 +1,23 @@
-"""Unknown commands and options: refused in one sentence that proposes what was meant."""
+"""Words that are refused in one sentence: unknown commands and options, and empty paths."""
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 
 from optics.runtime import UserError
+
+PATHS = (
+    "PROBLEM.toml",
+    "RESULT",
+    "LENS",
+    "DIR",
+    "FILE",
+    "FILE.png",
+    "FILE.toml",
+)  # what arguments call a path
 
 
 def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[str, ArgumentParser]) -> None:
@@ -26,6 +36,14 @@ def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[
         if option.startswith("--") and not any(k.startswith(option) for k in known):
             meant = _meant(option, known)
             raise UserError(f"there is no option {option}{meant}; {parser.prog} --help lists them")
+
+
+def require_paths(options: Namespace, command: ArgumentParser) -> None:
+    """Raise UserError for a path that is empty, as a shell makes it of a variable that is not set."""
+    for action in command._actions:
+        if action.metavar in PATHS and getattr(options, action.dest) == "":
+            name = action.option_strings[0] if action.option_strings else action.metavar
+            raise UserError(f"{name} must be a path, got ''; {command.prog} --help says more")
 
 
 def _meant(word: str, known: Iterable[str]) -> str:

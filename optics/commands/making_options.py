@@ -67,9 +67,8 @@ def tolerance_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--periods",
-        default="2:20",
         metavar="SHORTEST:LONGEST",
-        help="of these form errors, mm (default: 2:20)",
+        help="with --samples: of these form errors, mm (default: 2:20)",
     )
     worker_options(command)
     command.add_argument("--out", metavar="DIR", help="folder to write (default: RESULT)")

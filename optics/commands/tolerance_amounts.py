@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import reprlib
 import tomllib
 from argparse import Namespace
 from collections.abc import Mapping
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -70,11 +72,24 @@ def _of_file(path: str | None) -> dict[str, Any]:
             data = opened.read(LARGEST_FILE + 1)
         if len(data) > LARGEST_FILE:
             raise UserError(f"{file} is larger than a file of amounts may be, {LARGEST_FILE} bytes")
-        return dict(_flat(tomllib.loads(data.decode("utf-8"))))
+        amounts = dict(_flat(tomllib.loads(data.decode("utf-8"))))
     except OSError as error:
         raise UserError(f"cannot read {file}: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
         raise UserError(f"{file} is no TOML: {error}") from None
+    for name, amount in amounts.items():
+        _require_amount(file, name, amount)
+    return amounts
+
+
+def _require_amount(file: Path, name: str, amount: Any) -> None:
+    """Raise UserError unless an amount of a file is a number from 0."""
+    number = isinstance(amount, int | float) and not isinstance(amount, bool)
+    if not (number and 0 <= amount < inf):
+        raise UserError(
+            f"{file}: {name} must be a number from 0, got {reprlib.repr(amount)}; a file of amounts has "
+            "lines such as lens.decentre = 0.02"
+        )
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

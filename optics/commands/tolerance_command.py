@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from optics.tolerancing import ToleranceBudget
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
+PERIODS = "2:20"  # of form errors, mm
 WORST = 3  # tolerances whose change of the light is drawn
 INTRODUCTION = (
     "What errors of making and mounting do to the light of this design. Every number is of an exact trace of "
@@ -70,7 +71,8 @@ class _Study:
 
 def tolerance(options: Namespace) -> Outcome:
     """Trace the lens of a result folder with everything a little wrong, and say what the shop must hold."""
-    amounts, periods = amounts_of(options), periods_of(options.periods)
+    amounts = amounts_of(options)
+    periods = periods_of(PERIODS if options.periods is None else options.periods)
     design = Design.load(options.result)
     _require_samples(design, amounts, periods, options)
     folder = Path(options.out or options.result)
@@ -95,6 +97,8 @@ def _require_samples(
         require_monte_carlo(design, options.samples, amounts.forms, periods, workers, scheduler)
     elif workers is not None or scheduler is not None:
         raise UserError("--workers and --scheduler go with --samples: single tolerances are traced here")
+    elif options.periods is not None:
+        raise UserError("--periods goes with --samples: it is of random form errors")
     elif amounts.forms:
         note(f"{', '.join(amounts.forms)}.form: random form errors are for --samples alone")
 

@@ -108,7 +108,8 @@ def format_of(out: str, wanted: str | None) -> str:
         asked = f"the suffix of {out}" if wanted is None else f"the format {wanted!r}"
         raise UserError(
             f"{asked} is unknown; choose --format from {', '.join(FORMATS)}; for light take --light "
-            "rear with .tm25ray, .dat or .ray, or a file that ends in .ies or .ldt"
+            "rear with .tm25ray, .dat or .ray, or a file that ends in .ies or .ldt; for a scene of Mitsuba "
+            "one that ends in .xml"
         )
     promised = SUFFIXES.get(Path(out).suffix[1:].lower())
     if promised not in (None, SUFFIXES[name]):

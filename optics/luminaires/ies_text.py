@@ -22,7 +22,9 @@ TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE | re.IGN
 LATER = re.compile(r"LM-63-(2002|2019)")  # they have something else in the place of the ballast-lamp factor
 FEET, METRES = 304.8, 1000.0  # mm
 DECIMALS = 4  # of what photompy writes: it writes smaller numbers with an exponent
-LEAST_PEAK = 3  # decimal exponent of the greatest number written: eight digits with DECIMALS
+# decimal exponent of the greatest number written: rounding changes the flux by at most 2 pi 1e-12 of the
+# peak, which is 8e-8 of the flux where one node of half a degree (8e-5 sr) is bright and all others are weak
+LEAST_PEAK = 8
 
 
 def luminaire_of_ies(text: str) -> Luminaire:
@@ -65,11 +67,12 @@ def luminaire_of_ies(text: str) -> Luminaire:
 def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
     """Return the bytes of a LM-63-2019 file: absolute photometry of type C over the grid of the luminaire.
 
-    Numbers have eight digits at the peak.
+    Numbers are decimals without an exponent, of at least 13 digits at the peak.
     """
     from photompy import create_ies
 
-    scale = 10.0 ** min(0, floor(log10(luminaire.candela.max())) - LEAST_PEAK)
+    digits = max(0, LEAST_PEAK - floor(log10(luminaire.candela.max())))
+    scale = 10.0**-digits
     length, width = (-size if luminaire.opening.round else size for size in luminaire.opening.size)
     file = create_ies(
         thetas=luminaire.gammas,
@@ -84,7 +87,7 @@ def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
         width=width / METRES,
         length=length / METRES,
     )
-    file.header = file.header.update(multiplier=scale)
+    file.header = file.header.update(multiplier=f"{scale:.{digits}f}")
     return bytes(file.write(precision=DECIMALS))
 
 

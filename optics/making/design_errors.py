@@ -87,6 +87,7 @@ def monte_carlo(
     ------
     UserError : bad numbers, or no workers.
     """
+    each_set(samples)  # refuses it before any worker starts
     model = ErrorModel(
         design.system,
         design.lens,
@@ -94,7 +95,7 @@ def monte_carlo(
         tuple(effect.tolerance for effect in budget.effects),
         _forms(design, forms, periods),
     )
-    with DEVICE, worker_pool(workers, scheduler) as pool:
+    with DEVICE, worker_pool(workers, scheduler, samples) as pool:
         sampled = sample_lenses(model, samples, pool, progress)
     return MonteCarlo(sampled, model, budget, budget.rel_l2 + budget.limit)
 

@@ -116,7 +116,9 @@ def serve() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)  # work in the background inherits none
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while True:
-            pipe.send(_called(*pipe.recv()))
+            with _stopped_while_loading():  # arguments, too, may need a package
+                request = pipe.recv()
+            pipe.send(_called(*request))
             collect_and_give_back()
     os._exit(0)  # to take the loaded packages down takes longer than some requests
 
@@ -124,15 +126,25 @@ def serve() -> None:
 def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, BaseException | None]:
     """Return (what the function returns, None) or (None, what it raises)."""
     try:
-        return getattr(import_module(module), function)(*arguments), None
+        with _stopped_while_loading():
+            return getattr(import_module(module), function)(*arguments), None
     except Exception as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # while OCP is loaded
-            raise error.__cause__ from None
         where = "".join(traceback.format_exception(error))
         if type(error).__module__.partition(".")[0] in TRAVELLING:
             error.add_note(where)
             return None, error
         return None, RuntimeError(where)
+
+
+@contextmanager
+def _stopped_while_loading() -> Iterator[None]:
+    """Raise the KeyboardInterrupt that a package such as OCP turns into its own error while it is loaded."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise error.__cause__ from None
+        raise
 
 
 def load(module: str, name: str) -> None:

@@ -9,6 +9,7 @@ from math import cos, radians, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.sources.collimated import lit_part
 from optics.sources.profile import UNIFORM, Profile
 from optics.sources.rays import BEFORE, RayGrid, Rays
 from optics.sources.spreading import concentric
@@ -72,13 +73,14 @@ def beam_cells(
     aperture: Sequence[float],
     counts: Sequence[int],
     profile: Profile = UNIFORM,
+    centre: Sequence[float] = (0.0, 0.0),
 ) -> SourceCells:
     """Return the cells of a beam along +z, as far as it meets an aperture; s and t are x and y in mm.
 
-    half_width : of the source, mm.  aperture : half-widths of the lens, mm.  counts : (nx, ny) cells.
+    half_width : of the source, mm.  aperture, centre : as of `lit_part`, mm.  counts : (nx, ny) cells.
     """
-    lit = [min(s, a) for s, a in zip(half_width, aperture)]
-    x, y = (h * (2 * np.arange(n + 1) / n - 1) for h, n in zip(lit, counts))
+    middles, lit = lit_part(half_width, aperture, centre)
+    x, y = (m + h * (2 * np.arange(n + 1) / n - 1) for m, h, n in zip(middles, lit, counts))
     emitted = flux * profile.shares(x / half_width[0], y / half_width[1])
     missed = flux - float(emitted.sum()) if lit != list(half_width) else 0.0
 

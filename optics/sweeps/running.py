@@ -88,7 +88,7 @@ def run_sweep(
                 paths = {path for variant in missing for path in variant.files}
                 files = {path: Path(path).read_bytes() for path in paths}
                 tasks = Tasks(keys, missing, Shared(problem, files), plan.keep_lenses)
-                with worker_pool(plan.workers, plan.scheduler) as pool:
+                with worker_pool(plan.workers, plan.scheduler, len(missing)) as pool:
                     compute(tasks, pool, store, shown, function)
             shown.tables()
             found = Sweep(plan.folder, keys, [_row(variant, store) for variant in variants])

@@ -23,7 +23,7 @@ def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
 
     Raises
     ------
-    UserError : no "=", an unknown key, values that are neither.
+    UserError : no "=", an unknown key, values that are neither, such as a list of texts without quotes.
     """
     name, _, value = (part.strip() for part in text.partition("="))
     parts = value.split(":")
@@ -35,6 +35,8 @@ def value_list(text: str, folder: Path) -> tuple[str, list[Any]]:
         assignment(f"{name}=[]", Problem)  # refuses an unknown key
         return name, _range(name, *ends)
     name, found = assignment(text, Problem)
+    if found == value and value.startswith("["):
+        raise UserError(f'{value} is no list for {name}: put texts in quotes, such as {name}=["a", "b"]')
     values = found if isinstance(found, list) else [found]
     if name in FILE_KEYS:
         values = [str((folder / one).absolute()) if isinstance(one, str) and one else one for one in values]

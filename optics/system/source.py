@@ -171,16 +171,21 @@ class LightSource:
             "exponent": source.exponent,
         }
 
-    def cells(self, counts: Sequence[int], aperture: Sequence[float] | None = None) -> SourceCells:
+    def cells(
+        self,
+        counts: Sequence[int],
+        aperture: Sequence[float] | None = None,
+        centre: Sequence[float] = (0.0, 0.0),
+    ) -> SourceCells:
         """Return (nx, ny) cells of a source that is not extended.
 
-        aperture : half-widths of the rectangle at which those of a collimated beam end, mm; left out, the
-            aperture that the source lights.
+        aperture, centre : half-widths and middle of the rectangle at which those of a collimated beam end,
+            mm; left out, the aperture that the source lights.
         """
         source = self.settings
         if self.collimated:
             ends = aperture or self.aperture
-            return beam_cells(source.half_width, source.flux, ends, counts, self.profile)
+            return beam_cells(source.half_width, source.flux, ends, counts, self.profile, centre)
         return cone_cells(**self._cone, counts=counts)
 
     def beam(self, counts: Sequence[int], direction: NDArray[np.float64]) -> SourceCells:
@@ -197,9 +202,14 @@ class LightSource:
         return next(self.parts(counts, fresh))
 
     def parts(
-        self, counts: Sequence[int], fresh: np.random.Generator | None = None, most: int = UNLIMITED
+        self,
+        counts: Sequence[int],
+        fresh: np.random.Generator | None = None,
+        most: int = UNLIMITED,
+        aperture: tuple[float, float] | None = None,
+        centre: tuple[float, float] = (0.0, 0.0),
     ) -> Iterator[RayGrid | Rays]:
-        """Yield the rays of `rays` in parts of about `most`."""
+        """Yield the rays of `rays` in parts of about `most`.  aperture, centre : as of `cells`."""
         source, profile = self.settings, self.profile
         shift = [0.0, 0.0] if fresh is None else fresh.uniform(-0.5, 0.5, 2).tolist()
         if source.kind == "rays":
@@ -207,7 +217,8 @@ class LightSource:
             yield from Rays(chosen.origin, chosen.direction, chosen.flux).slices(most)
             return
         if self.collimated:
-            beam = collimated_beam(source.half_width, source.flux, self.aperture, counts, shift, profile)
+            ends = aperture or self.aperture
+            beam = collimated_beam(source.half_width, source.flux, ends, counts, shift, profile, centre)
             yield from beam.slices(most)
         elif source.kind == "point":
             yield from point_rays(**self._cone, counts=counts, shift=shift).slices(most)

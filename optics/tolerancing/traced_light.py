@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from math import isqrt
 from operator import add
 from typing import TYPE_CHECKING
@@ -31,7 +31,8 @@ CELLS_PER_PIXEL, LEAST_CELLS = 3, 128
 RAYS_PER_PIXEL = 32  # half a gigabyte of them on 512^2 pixels
 RAYS_AT_ONCE = 1 << 19  # more only take more memory
 CORNERS_AT_ONCE = 1 << 18  # two processes side by side take 0.7 GB then; half of it takes twice the time
-WIDER = 1.05  # of the front: as far as a wider beam is traced, since the lens may shift in it
+WIDER = 1.05  # of the front: as far as cells of a wider beam reach, so that the front's rim cuts them
+HEIGHTS = 33  # of the front, in each direction: how far it reaches up and down
 SHIFT_RAYS = (65, 65)  # which tell how far light moves
 
 
@@ -48,7 +49,7 @@ class PerturbedLight:
     """The map from a Perturbation to the light on the target; what never changes is built once.
 
     Light goes by front and rear alone.  Every call traces the same cells or rays, so that differences of
-    light are those of the perturbations.
+    light are those of the perturbations; where a parallel beam moves, as many, where it meets the lens.
 
     backend : of double precision.  per_pixel : cells in each direction, or rays; None is the usual number.
     """
@@ -64,10 +65,14 @@ class PerturbedLight:
         pixels = self.screen.pixels
         if self.by_cells:
             counts = [max(LEAST_CELLS, (per_pixel or CELLS_PER_PIXEL) * n) for n in pixels]
-            self.cells: SourceCells = system.source.cells(counts, self._aperture())
+            self._counts = counts
+            at_rest = PerturbedParts.of(system, lens, NOMINAL)
+            self.cells: SourceCells = system.source.cells(counts, *self._lit(at_rest, WIDER))
         else:
-            side = isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1
-            self._parts = list(self._ray_parts(side))
+            self._counts = 2 * [isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1]
+            fresh = np.random.default_rng(system.problem.run.seed)
+            self._rays = list(system.source.parts(self._counts, None, RAYS_AT_ONCE))
+            self._errors = [self._slope_errors(rays.flux.size, fresh) for rays in self._rays]
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
@@ -143,7 +148,7 @@ class PerturbedLight:
         parts = PerturbedParts.of(colour.system, colour.lens, p)
         if not self.by_cells:
             return self._light_of_rays(parts, colour.system, p)
-        cells = parts.cells(self.cells)
+        cells = parts.cells(self._cells_of(parts))
         image, fates = traced_cells(
             self.tracer_of(parts, colour.system, p), self.screen, cells, self.backend, CORNERS_AT_ONCE
         )
@@ -156,27 +161,54 @@ class PerturbedLight:
     ) -> tuple[Floats, SequentialFates]:
         splat = Splat(self.backend, self.screen, BoxWindow())
         image, fates = np.zeros(self.screen.shape), []
-        for rays, errors in self._parts:
+        for part, errors in zip(self._rays_of(parts), self._errors):
+            rays = single_rays(part, self.lens)
             tracer, landing = self.tracer_of(parts, system, p, errors)(parts.rays(rays))
             with self.backend.dr.suspend_grad():
                 light = splat(landing.x, landing.y, landing.flux).numpy()
             image += light.reshape(self.screen.shape, order="F")
-            fates.append(tracer.fates(landing, self.screen.half_width))
+            fate = tracer.fates(landing, self.screen.half_width)
+            missed = part.missed if isinstance(part, RayGrid) else 0.0
+            fates.append(replace(fate, beside_lens=fate.beside_lens + missed))
         return image, reduce(add, fates)
 
-    def _ray_parts(self, side: int) -> Iterator[tuple[Rays, SlopeErrors]]:
-        """Yield the rays of the source in parts, with the errors of the slopes where each meets a surface."""
-        fresh = np.random.default_rng(self.system.problem.run.seed)
-        for part in self.system.source.parts((side, side), None, RAYS_AT_ONCE):
-            rays = single_rays(part, self.lens)
-            front, rear = (
-                fresh.normal(0, r, (2, rays.flux.size)) if r else None for r in self.system.slope_rms
-            )
-            yield rays, SlopeErrors(front, rear)
+    def _slope_errors(self, rays: int, fresh: np.random.Generator) -> SlopeErrors:
+        """Return random errors of the slopes where rays meet front and rear."""
+        front, rear = (fresh.normal(0, r, (2, rays)) if r else None for r in self.system.slope_rms)
+        return SlopeErrors(front, rear)
 
-    def _aperture(self) -> tuple[float, float]:
+    def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:
+        """Return rays of the source, before it moves; of a parallel beam those that meet the moved front."""
+        source = self.system.source
+        if not source.collimated:
+            return self._rays
+        return source.parts(self._counts, None, RAYS_AT_ONCE, *self._lit(parts, 1.0))
+
+    def _cells_of(self, parts: PerturbedParts) -> SourceCells:
+        """Return cells of the source, before it moves; of a parallel beam those that meet the moved front."""
+        source = self.system.source
+        if not source.collimated or (parts.source.rests and parts.size == 1.0):
+            return self.cells
+        return source.cells(self._counts, *self._lit(parts, WIDER))
+
+    def _lit(self, parts: PerturbedParts, wider: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return (half-widths, middle) of a rectangle in a parallel beam, mm.
+
+        wider : times the rectangle in which the front lies there.
+        """
+        hx, hy = parts.lens.front.half_width
+        box = np.meshgrid((-hx, hx), (-hy, hy), self._heights)
+        x, y, _ = parts.source.inverse().points((box[0], box[1], box[2]))
+        (a, b), (c, d) = ((v.min() / parts.size, v.max() / parts.size) for v in (x, y))
+        return (wider * (b - a) / 2, wider * (d - c) / 2), ((a + b) / 2, (c + d) / 2)
+
+    @cached_property
+    def _heights(self) -> tuple[float, float]:
+        """Least and greatest z of the front, mm."""
         hx, hy = self.lens.front.half_width
-        return WIDER * hx, WIDER * hy
+        x, y = np.meshgrid(np.linspace(-hx, hx, HEIGHTS), np.linspace(-hy, hy, HEIGHTS))
+        z = self.lens.front(x.ravel(), y.ravel())
+        return float(z.min()), float(z.max())
 
 
 def perturbed_light(

@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.workers.lack_of_memory import (
+        lacks_memory as lacks_memory,
+    )
     from optics.workers.pool_choice import (
         require_workers as require_workers,
         worker_pool as worker_pool,
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "lack_of_memory": ("lacks_memory",),
     "pool_choice": (
         "require_workers",
         "worker_pool",

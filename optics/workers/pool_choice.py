@@ -13,11 +13,14 @@ MOST = 1024  # processes of one machine
 
 
 @contextmanager
-def worker_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[WorkerPool]:
+def worker_pool(
+    workers: int | None = None, scheduler: str | None = None, tasks: int = MOST
+) -> Iterator[WorkerPool]:
     """Yield the workers for `run_tasks`.
 
     workers : processes of this machine, None for as many as there are cores.
     scheduler : address of a dask scheduler, such as tcp://host:8786, whose workers are taken instead.
+    tasks : no more processes start than there are tasks: each has its share of the memory.
 
     Raises
     ------
@@ -38,7 +41,7 @@ def worker_pool(workers: int | None = None, scheduler: str | None = None) -> Ite
         return
     from optics.workers.local_processes import LocalProcesses
 
-    processes = LocalProcesses(_cores() if workers is None else workers)
+    processes = LocalProcesses(min(_cores() if workers is None else workers, max(tasks, 1)))
     try:
         yield processes
     finally:

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from optics.runtime import NumericalError, UserError, peak_mb
+from optics.workers.lack_of_memory import lacks_memory
 from thbcad import __version__
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -71,6 +72,6 @@ def answer(run: str, module: str, function: str, item: Any) -> Answer:
 def _sentence(error: Exception) -> str:
     if isinstance(error, UserError | NumericalError):
         return str(error)
-    if isinstance(error, MemoryError):
+    if lacks_memory(error):
         return "out of memory; use fewer pixels, rays or levels, or fewer workers"
     return str(UserError(f"internal error: {type(error).__name__}: {error}"))

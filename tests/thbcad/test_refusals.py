@@ -3,6 +3,7 @@ of all nouns."""
 
 import copy
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -238,6 +239,44 @@ def test_orders_are_refused(derivative):
             call(u, u, derivative)
     with pytest.raises(ValueError, match="derivative must be"):
         value_range(SHEET, derivative)
+
+
+@pytest.mark.parametrize("digits", [400, 5000])  # Python writes no integer of 5000
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (Conic, "radius"),
+        (lambda x: Conic(5.0, x), "conic constant"),
+        (lambda x: Lens(FREEFORM, FREEFORM, x, 1.5), "thickness"),
+        (lambda x: KnotVector.uniform(3, 2, -x, 0), "start"),
+        (lambda x: KV.rescaled(0, x), "stop"),
+        (lambda x: KnotVector.uniform(x, 2), "degree"),
+        (lambda x: KnotVector.uniform(3, x), "spans"),
+        (lambda x: KnotVector.clamped(3, [x], 0, 1), "numbers"),
+        (lambda x: KnotVector(1, [0, 0, x, x]), "numbers"),
+        (lambda x: KV.collocation([x]), "numbers"),
+        (lambda x: FreeformSurface((1, x)), "half_width"),
+        (lambda x: PolynomialSag.legendre((1, 1), [[x]]), "numbers"),
+        (lambda x: PolynomialSag.zernike((1, 1), x, {(0, 0): 1.0}), "radius"),
+        (lambda x: PolynomialSag.zernike((x, 1), 1.0, {(0, 0): 1.0}), "half_width"),
+        (lambda x: PolynomialSag.zernike((1, 1), 1.0, {(0, 0): x}), "numbers"),
+    ],
+)
+def test_integers_beyond_float64_are_refused_in_a_short_sentence(call, name, digits):
+    with pytest.raises(ValueError, match=f"{name} must be") as raised:
+        call(10**digits)
+    assert len(str(raised.value)) < 120
+    assert name == "numbers" or f"an integer of about {digits} digits" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [Fraction(10**400), np.longdouble("1e4000"), Fraction(1, 10**400)],
+    ids=["large fraction", "long double", "small fraction"],
+)
+def test_other_numbers_beyond_float64_are_refused(value):
+    with pytest.raises(ValueError, match="thickness must be"):
+        Lens(FREEFORM, FREEFORM, value, 1.5)
 
 
 @pytest.mark.parametrize("derivative", [[1, 0], np.array([1, 0])])

@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from thbcad.io.step_values import (
         direction_of as direction_of,
         entity_of as entity_of,
+        list_of as list_of,
         points_of as points_of,
     )
     from thbcad.io.surface_json import (
@@ -131,6 +132,7 @@ _FILES = {
     "step_values": (
         "direction_of",
         "entity_of",
+        "list_of",
         "points_of",
     ),
     "surface_json": (

@@ -52,7 +52,7 @@ def require_schema(data: object, schema: str, version: int, content: str) -> dic
     """Return the object with this schema and version, or raise ValueError."""
     if not isinstance(data, dict) or data.get("schema") != schema:
         raise ValueError(f"not a {content} file: its schema is not {schema!r}")
-    if data.get("version") != version:
+    if type(data.get("version")) is not int or data["version"] != version:
         raise ValueError(
             f"{content} file version {data.get('version')!r} is unknown, this program reads version {version}"
         )
@@ -77,6 +77,14 @@ def a_row(values: object, key: str) -> Floats:
         return np.array(values, dtype=np.float64)
     except OverflowError:
         raise ValueError(f"the file's {key} holds a number that float64 cannot hold") from None
+
+
+def cells(values: object, key: str) -> list[Any]:
+    """Return a list of lists of JSON integers, cells (i, j); nothing else passes for an integer."""
+    rows = values if isinstance(values, list) else [values]
+    if not all(isinstance(row, list) and all(type(n) is int for n in row) for row in rows):
+        raise ValueError(f"the file's {key} must hold lists of cells [i, j] of integers")
+    return rows
 
 
 def a_list(data: dict[str, Any], key: str) -> list[Any]:

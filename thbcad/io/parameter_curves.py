@@ -49,8 +49,8 @@ def image_distance(brep: Brep) -> tuple[float, tuple[str, ...]]:
     """Return the greatest distance of an edge from its vertices and from its images, in the unit of length,
     and what was not compared.
 
-    It is inf where an image lies beside the parameters of its face, or on a surface that the edge does not
-    border.
+    It is inf where an image lies beside the parameters of its face, on a surface that the edge does not
+    border, or beyond the numbers of float64.
 
     Compared are lines, splines and conics on planes, splines, spheres, cylinders, cones and extrusions.
     Others come back as "2 images of edges on a TOROIDAL_SURFACE", and so on.
@@ -202,7 +202,7 @@ def image_span(edge: BrepEdge, image: ParameterCurve) -> tuple[float, float] | N
 
 def _beside_ends(edge: BrepEdge, span: tuple[float, float]) -> float:
     """Return the distance of a curve's ends from the vertices."""
-    return float(np.linalg.norm(edge.points(np.array(span)) - edge.ends, axis=1).max())
+    return _greatest(edge.points(np.array(span)) - edge.ends)
 
 
 def _distance(edge: BrepEdge, image: ParameterCurve, face: BrepFace) -> float:
@@ -215,7 +215,12 @@ def _distance(edge: BrepEdge, image: ParameterCurve, face: BrepFace) -> float:
     degree = max(degree, ROUND_NODES if edge.conic or image.conic or not knots(face) else 1)
     t = lobatto_nodes(passage.pieces([kv.breaks for kv in knots(face)]), degree)
     points = _surface(face, passage.points(t))
-    return np.inf if points is None else float(np.linalg.norm(points - edge.points(t), axis=1).max())
+    return np.inf if points is None else _greatest(points - edge.points(t))
+
+
+def _greatest(apart: Floats) -> float:
+    """Return the greatest length of vectors, (n, 3), inf where one is not a number."""
+    return float(np.nan_to_num(np.linalg.norm(apart, axis=1).max(), nan=np.inf, posinf=np.inf))
 
 
 def _pace(edge: BrepEdge, image: ParameterCurve, face: BrepFace) -> float:
@@ -273,6 +278,6 @@ def _surface(face: BrepFace, parameters: Floats) -> Floats | None:
     if face.surface is not None:
         low, high = np.array([[kv.start, kv.stop] for kv in knots(face)]).T
         inside = np.clip(parameters, low, high)
-        if (abs(inside - parameters) > BEYOND * (high - low)).any():
+        if not (abs(inside - parameters) <= BEYOND * (high - low)).all():
             return None
     return face.points(*inside.T)

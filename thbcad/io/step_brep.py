@@ -245,15 +245,22 @@ def _contradictions(entities: Entities) -> int:
     count = 0
     for surface in having(entities, "B_SPLINE_SURFACE_WITH_KNOTS"):
         row = spline_row(surface, "SURFACE", 13)
-        net = [list_of(line, surface) for line in list_of(row[3], surface)]
+        net = [_poles(line, surface) for line in _poles(row[3], surface)]
         ends = (net[0], net[-1]), ([line[0] for line in net], [line[-1] for line in net])
         closed = [pair for pair, flag in zip(ends, row[5:7]) if flag == "T"]
         count += row[7] == "T" or any(_apart(entities, surface, pair) for pair in closed)
     for curve in having(entities, "B_SPLINE_CURVE_WITH_KNOTS"):
         row = spline_row(curve, "CURVE", 9)
-        poles = list_of(row[2], curve)
+        poles = _poles(row[2], curve)
         count += row[5] == "T" or (row[4] == "T" and _apart(entities, curve, ([poles[0]], [poles[-1]])))
     return count
+
+
+def _poles(value: Value, spline: Entity) -> list[Value]:
+    """Return a row of poles; raise ValueError for an empty one."""
+    if poles := list_of(value, spline):
+        return poles
+    raise ValueError(f"STEP entity #{spline.number} must have poles")
 
 
 def _apart(entities: Entities, user: Entity, ends: Sequence[Sequence[Value]]) -> bool:

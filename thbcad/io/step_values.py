@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -30,19 +31,29 @@ ANGLES = {  # which parameters are angles
     "CYLINDRICAL_SURFACE": (True, False),
     "CONICAL_SURFACE": (True, False),
 }
+FARTHEST = 1e9  # of coordinates in the file's unit: programs work for hours on shapes without end
+LARGEST = 1e15  # of radii, great where a curve is nearly flat: float64 has steps of a tenth there
 UPWARD = (0.0, 0.0, 1.0)  # the axis of a placement that names none
+UNIT_LENGTH = 1e-15  # within which a direction has the length 1: some rounding errors
 WORDS = {2: "two", 3: "three"}
 
 
 def direction_of(entities: Entities, value: Value, user: Entity, dimensions: int = 3) -> Floats:
-    """Return the two or three components of a DIRECTION, of any length."""
+    """Return a DIRECTION with two or three components, of which only the ratios count, with the length 1.
+
+    One that has it but for rounding comes bit for bit.
+    """
     direction = entity_of(entities, value, user)
     row = reals_of(direction.parameters("DIRECTION", 2)[1], direction)
     if len(row) != dimensions or not np.isfinite(row).all() or not any(row):
         raise ValueError(
             f"STEP entity #{direction.number} must have {WORDS[dimensions]} finite components, not all zero"
         )
-    return np.array(row)
+    if abs(math.hypot(*row) - 1) <= UNIT_LENGTH:
+        return np.array(row)
+    scaled = np.array(row) / max(map(abs, row))  # else squares leave the range of float64
+    unit: Floats = scaled / np.linalg.norm(scaled)
+    return unit
 
 
 def spline_row(entity: Entity, what: str, count: int) -> list[Value]:
@@ -89,7 +100,7 @@ def net_of(value: Value, knots: Sequence[KnotVector], entity: Entity) -> list[li
 
 
 def points_of(entities: Entities, references: Sequence[Value], user: Entity, dimensions: int = 3) -> Floats:
-    """Return the coordinates of CARTESIAN_POINTs, (n, dimensions)."""
+    """Return the coordinates of CARTESIAN_POINTs, (n, dimensions), none beyond 1e9."""
     points = [entity_of(entities, k, user) for k in references]
     coordinates: list[str] = []
     for point in points:
@@ -101,10 +112,11 @@ def points_of(entities: Entities, references: Sequence[Value], user: Entity, dim
             )
         coordinates.extend(found.groups())
     rows = np.fromiter(map(float, coordinates), np.float64, len(coordinates)).reshape(-1, dimensions)
-    finite = np.isfinite(rows).all(axis=1)
-    if not finite.all():
+    near = (np.abs(rows) <= FARTHEST).all(axis=1)
+    if not near.all():
         raise ValueError(
-            f"STEP entity #{points[int(np.argmin(finite))].number} has a coordinate that float64 cannot hold"
+            f"STEP entity #{points[int(np.argmin(near))].number} has a coordinate beyond {FARTHEST:g}, "
+            "farther than a part reaches"
         )
     return rows
 
@@ -265,8 +277,13 @@ def _require_as_many(curve: Entity, what: str, values: list[Value] | list[float]
 
 def _vector(entities: Entities, value: Value, user: Entity, dimensions: int) -> Floats:
     vector = entity_of(entities, value, user)
-    _, direction, length = vector.parameters("VECTOR", 3)
-    return direction_of(entities, direction, vector, dimensions) * reals_of([length], vector)[0]
+    _, direction, magnitude = vector.parameters("VECTOR", 3)
+    (length,) = reals_of([magnitude], vector)
+    if not abs(length) <= FARTHEST:
+        raise ValueError(
+            f"STEP entity #{vector.number} must have a magnitude of at most {FARTHEST:g}, got {length:g}"
+        )
+    return direction_of(entities, direction, vector, dimensions) * length
 
 
 def _placement(entities: Entities, value: Value, user: Entity, dimensions: int) -> Floats:
@@ -294,6 +311,8 @@ def _sizes(values: list[Value], user: Entity) -> list[float]:
     """Return the sizes of a curve or a surface; only the radius of a cone may be zero, at its apex."""
     sizes = reals_of(values, user)
     apex = "CONICAL_SURFACE" in user.parts and sizes[0] == 0
-    if not (np.isfinite(sizes).all() and min(sizes[apex:]) > 0):
-        raise ValueError(f"STEP entity #{user.number} must have positive sizes, got {sizes}")
+    if not (max(sizes) <= LARGEST and min(sizes[apex:]) > 0):
+        raise ValueError(
+            f"STEP entity #{user.number} must have positive sizes of at most {LARGEST:g}, got {sizes}"
+        )
     return sizes

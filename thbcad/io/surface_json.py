@@ -8,7 +8,16 @@ from typing import Any
 
 from thbcad.checks import Floats, require_type
 from thbcad.hierarchy import THBSpace
-from thbcad.io.json_values import a_list, a_row, numbers, read_json, require_keys, require_schema, write_json
+from thbcad.io.json_values import (
+    a_list,
+    a_row,
+    cells,
+    numbers,
+    read_json,
+    require_keys,
+    require_schema,
+    write_json,
+)
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
 
@@ -129,8 +138,8 @@ def _space_from_dict(data: dict[str, Any]) -> THBSpace:
             f"the surface has {kv_u.spans} x {kv_v.spans} cells on level 0, more than {MOST_CELLS}"
         )
     space = THBSpace(kv_u, kv_v)
-    for level, cells in enumerate(a_list(data, "refined")):
-        space = space.refine({level: cells})
+    for level, rows in enumerate(a_list(data, "refined")):
+        space = space.refine({level: cells(rows, "refined")})
     return space
 
 

@@ -11,6 +11,7 @@ from thbcad.checks import require_integer, require_number
 Point = tuple[float, float]
 
 SIDES = ("front", "rear")
+WORDS = ("pin", "boss")
 EDGES = ("-x", "+x", "-y", "+y")
 LEAST = 1e-6  # mm; ten times what CAD programs take for one point, and what limits may be missed by
 LARGEST = 1e5  # mm; OCCT's tolerance of 1e-7 mm is far above rounding up to there
@@ -194,6 +195,7 @@ class Post:
     bore: float = number(0.0, least=0.0)
 
     def __post_init__(self) -> None:
+        _require_choice("the word of a post", self.word, WORDS)
         where = "bosses" if self.word == "boss" else "pins"
         _checked(self, where)
         _require_choice(f"{where}.side", self.side, SIDES)

@@ -67,8 +67,8 @@ class Conic:
 
     def require(self, half_width: tuple[float, float]) -> None:
         """Raise ValueError unless the conic is defined on the whole rectangle."""
-        corner = np.hypot(*half_width)
-        if not self.is_plane and (1 + self.constant) * (corner / self.radius) ** 2 >= 1:
+        if self._square(half_width[0] * half_width[0] + half_width[1] * half_width[1]) <= 0:
+            corner = np.hypot(*half_width)
             limit = abs(self.radius) / np.sqrt(1 + self.constant)
             raise ValueError(
                 f"the conic (radius {self.radius}, K {self.constant}) ends at r = {limit:.6g} mm, "
@@ -89,7 +89,7 @@ class Conic:
         x, y = (floats(a) if isinstance(a, list | tuple) else a for a in (x, y))
         c = 1.0 / self.radius
         r2 = x * x + y * y
-        root = np.sqrt(1 - (1 + self.constant) * c * c * r2)
+        root = np.sqrt(self._square(r2))
         result: Coordinate
         if derivative == (0, 0):
             result = c * r2 / (1 + root)
@@ -113,6 +113,15 @@ class Conic:
         self.require((float(abs(x).max()), float(abs(y).max())))
         return self(x[:, None], y[None, :], derivative)
 
+    def _square(self, r2: Coordinate) -> Coordinate:
+        """Return w = 1 - (1 + K) c^2 r^2; every root is taken of this very number.
+
+        For K > -1 it falls with r^2, rounding included: where it is positive in the farthest corner of a
+        rectangle, it is so everywhere.
+        """
+        c = 1.0 / self.radius
+        return 1 - (1 + self.constant) * c * c * r2
+
     def _taylor(self, x: Coordinate, y: Coordinate, a: int, b: int) -> Coordinate:
         """Return the Taylor coefficient z_ab / c, a + b >= 1, of z(x + s, y + t) = sum z_ij s^i t^j.
 
@@ -120,7 +129,7 @@ class Conic:
         coefficients g_ij in turn; z = (1 - g) c / -q makes z_ij = c g_ij / q for i + j >= 1.
         """
         q = -(1 + self.constant) / self.radius**2
-        w = 1 + q * (x * x + y * y)
+        w = self._square(x * x + y * y)
         g = {(0, 0): np.sqrt(w)}
         scaled = {}
         for i, j in [(0, j) for j in range(1, b + 1)] + [
@@ -162,7 +171,7 @@ class Conic:
         if self.constant >= -1:
             far = far[:, None]
             high = high[None, :]
-            w = 1 - (1 + self.constant) * (far**2 + high**2) / self.radius**2
+            w = self._square(far * far + high * high)
             # the terms are all positive; what matters is the rounding of w, at most 8 EPS / w of it, in
             # w^(1/2 - n)
             return abs(self(far, high, (order, 0))) * (1 + 16 * order * EPS / w)
@@ -200,7 +209,7 @@ class Conic:
         other operations add up to 6 EPS.  Both are greatest in the farthest corner.
         """
         far, high = (float(abs(np.asarray(a)).max()) for a in (x, y))
-        root = np.sqrt(1 - (1 + self.constant) * (far**2 + high**2) / self.radius**2)
+        root = np.sqrt(self._square(far * far + high * high))
         return float(EPS * abs(self(far, high)) * (6 + 2 * abs(1 - root) / root))
 
 

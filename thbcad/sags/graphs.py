@@ -12,7 +12,8 @@ from thbcad.sags.conic import Conic
 from thbcad.sags.proven_approximation import approximated
 from thbcad.splines import BSplineSurface, KnotVector, gauss_rule, tensor_apply
 
-CONIC_TOLERANCE = 1e-11  # mm
+CONIC_TOLERANCE = 1e-11  # mm, of conics up to 100 mm from the axis
+CONIC_SHARE = 1e-13  # of the half-width, of wider ones: rounding grows with them
 
 
 def square_coefficients(kv: KnotVector) -> Floats:
@@ -31,21 +32,23 @@ def conic_graph(
 ) -> BSplineSurface:
     """Return conic + sag as one BSplineSurface, on the given knots, refined where the conic needs it.
 
-    Planes and paraboloids are exact but for rounding and keep the knots, other conics are within 1e-11 mm.
+    Planes and paraboloids are exact but for rounding and keep the knots.  Other conics are within 1e-11 mm, or
+    1e-13 of a half-width beyond 100 mm.
 
     sag : (kv_x.dim, kv_y.dim) or None.
 
     Raises
     ------
     ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs
-        more than 2000 control points per direction for 1e-11 mm.
+        more than 2000 control points per direction for that.
     """
     if min(kv_x.degree, kv_y.degree) < 2:
         raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
     if conic.is_paraboloid:
         heights = _paraboloid(conic, kv_x, kv_y)
         return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
-    graph = approximated(conic, kv_x, kv_y, CONIC_TOLERANCE).surface
+    tolerance = max(CONIC_TOLERANCE, CONIC_SHARE * max(kv_x.stop, kv_y.stop))
+    graph = approximated(conic, kv_x, kv_y, tolerance).surface
     if sag is None:
         return graph
     sag = tensor_apply(kv_x.prolongation(graph.kv_u), kv_y.prolongation(graph.kv_v), sag)

@@ -63,7 +63,7 @@ class PolynomialSag:
     @classmethod
     def legendre(cls, half_width: tuple[float, float], coefficients: ArrayLike) -> PolynomialSag:
         """Return the sag sum_mn a_mn P_m(x / h_x) P_n(y / h_y) with Legendre polynomials P_m, a in mm."""
-        a = np.asarray(coefficients, dtype=np.float64)
+        a = floats(coefficients)
         if a.ndim != 2 or a.size == 0:
             raise ValueError(f"coefficients must be a table, got shape {a.shape}")
         s, t = (chebyshev.chebpts1(n) for n in a.shape)
@@ -80,10 +80,11 @@ class PolynomialSag:
         radius : float, mm, the radius of the disk on which the terms are orthogonal
         """
         require_number("radius", radius, above=0, finite=True)
+        half_width, sizes = half_widths(half_width), floats(list(terms.values()))
         nodes = chebyshev.chebpts1(1 + max((n for n, _ in terms), default=0))
         s, t = (h / radius * nodes for h in half_width)
         values = sum(
-            (a * zernike(n, m, s[:, None], t[None, :]) for (n, m), a in terms.items()),
+            (a * zernike(n, m, s[:, None], t[None, :]) for (n, m), a in zip(terms, sizes)),
             np.zeros((len(nodes),) * 2),
         )
         return cls(half_width, _coefficients(values))

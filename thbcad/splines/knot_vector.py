@@ -82,6 +82,7 @@ class KnotVector:
         ------
         ValueError : as the class.
         """
+        require_degree(degree)
         return cls(degree, np.r_[[start] * (degree + 1), floats(inner), [stop] * (degree + 1)])
 
     def __repr__(self) -> str:
@@ -224,6 +225,7 @@ class KnotVector:
         """
         for name, end in (("start", start), ("stop", stop)):
             require_number(name, end, finite=True)
+        start, stop = float(start), float(stop)
         if (self.start, self.stop) == (start, stop):
             return self
         fraction = (self.knots - self.start) / (self.stop - self.start)

@@ -119,6 +119,7 @@ def test_bad_files_are_refused_in_a_sentence(tmp_path: Path, content: str, words
         (1e-3 * TABLE, FileFrame(), "is the unit right"),
         (TABLE * [1, 1, 1e3], FileFrame(), "--height-unit"),
         (TABLE + np.array([0, 0, 40]), FileFrame(), "--surface"),
+        (TABLE + np.array([0, 0, 6]), FileFrame(), "its origin right. It is the vertex of the surface"),
     ],
 )
 def test_numbers_in_another_unit_are_noticed(tmp_path: Path, table, frame, words) -> None:

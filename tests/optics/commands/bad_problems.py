@@ -49,7 +49,12 @@ TYPES = [
     ("a fraction of a degree", {REAR + "degree": 2.5}, REAR + "degree", "must be a whole number"),
     ("float pixels", {"target.pixels": [48.0, 48.0]}, "target.pixels[0]", "must be a whole number"),
     ("1 as true", {"optimizer.fresnel": 1}, "optimizer.fresnel", "must be true or false"),
-    ("no iterations", {"optimizer.iterations": []}, "optimizer.iterations", "a list of numbers"),
+    (
+        "no iterations",
+        {"optimizer.iterations": []},
+        "optimizer.iterations",
+        "a list of numbers, at least one, got []",
+    ),
     (
         "text iterations",
         {"optimizer.iterations": "many"},

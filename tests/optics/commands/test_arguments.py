@@ -88,12 +88,21 @@ def test_the_page_of_commands_has_no_other_command():
         ("trace a --rays many", "argument --rays: invalid int value: 'many'; thbcad trace --help"),
         ("design a --engine exakt", "mitsuba-exact"),
         ("new --kind far", "far_field"),
+        ("check ''", "PROBLEM.toml must be a path, got ''; thbcad check --help"),
+        ("design a --out ''", "--out must be a path, got ''"),
+        ("design a --from=", "--from must be a path, got ''"),
+        ("sweep a --vary b=[1] --out ''", "--out must be a path, got ''"),
+        ("verify ''", "RESULT must be a path, got ''"),
+        ("verify a --lens ''", "--lens must be a path, got ''"),
+        ("export a --out a.step --mount ''", "--mount must be a path, got ''"),
+        ("etendue a --out ''", "--out must be a path, got ''"),
+        ("tolerance a --tolerances ''", "--tolerances must be a path, got ''"),
         ("completion fish", "bash"),
         ("check a -v -q", "not allowed with"),
     ],
 )
 def test_what_is_no_command_or_option_is_refused_in_one_sentence(words, sentence, capsys):
-    assert sentence in refused(capsys, *words.split())
+    assert sentence in refused(capsys, *shlex.split(words))
 
 
 def test_options_may_be_shortened(tmp_path):

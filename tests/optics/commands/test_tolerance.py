@@ -100,6 +100,8 @@ def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):
         (["--limit", "-1"], "limit must be"),
         (["--tolerances", "none.toml"], "none.toml"),
         (["--tolerances", "/dev/zero"], "larger than a file of amounts"),
+        (["--tolerances", "lens.toml"], "lens.toml: title must be a number from 0, got 'small'; a file of"),
+        (["--tolerances", "less.toml"], "less.toml: rear.form must be a number from 0, got -1.5"),
         (["--samples", "100"], "8 times a power of two"),
         (["--samples", "-8"], "the number of samples"),
         (["--samples", "16", "--periods", "5:2"], "band of periods must rise"),
@@ -107,10 +109,14 @@ def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):
         (["--samples", "16", "--set", "side.form=1"], '"front" or "rear"'),
         (["--samples", "16", "--workers", "0"], "the number of workers"),
         (["--workers", "2"], "go with --samples"),
+        (["--periods", "20:2"], "--periods goes with --samples"),
+        (["--periods", "2:20"], "--periods goes with --samples"),
     ],
 )
 def test_bad_amounts_are_one_sentence(capsys, golden, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "lens.toml").write_text("title = 'small'\nlens.index = 1.5\n")
+    (tmp_path / "less.toml").write_text("index = 1e-4\nrear.form = -1.5\n")
     done = run(capsys, "tolerance", golden.path, "--out", tmp_path / "new", *arguments)
     assert done.code == 2
     assert words in done.err

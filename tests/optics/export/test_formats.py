@@ -216,6 +216,7 @@ def test_a_drawing_of_another_lens_or_with_a_curve_less_shows(tmp_path, name):
     [
         (["--out", "lens.foo"], "the suffix of .*lens.foo is unknown; choose --format from step, iges"),
         (["--out", "lens.tm25ray"], "for light take --light rear with .tm25ray"),
+        (["--out", "lens"], "for a scene of Mitsuba one that ends in .xml"),
         (["--out", "lens.stl", "--format", "amf"], "the format 'amf' is unknown"),
         (["--out", "lens.step", "--format", "stl"], "lens.step would hold stl, but its suffix promises step"),
         (["--out", "lens.STL", "--format", "brep"], "lens.STL would hold brep, but its suffix promises stl"),

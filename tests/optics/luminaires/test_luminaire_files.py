@@ -1,5 +1,6 @@
 """IES and EULUMDAT: round trips, second readers, symmetry, units, and bad files."""
 
+import re
 from contextlib import suppress
 
 import numpy as np
@@ -117,11 +118,26 @@ def test_what_is_written_is_read_again_to_the_digits_written(tmp_path_factory, l
     found = read_luminaire(path)
     np.testing.assert_array_equal(found.planes, lamp.planes)
     np.testing.assert_array_equal(found.gammas, lamp.gammas)
-    # .ies: four decimals of at least 1000 at the peak; .ldt: five of cd per 1000 lm
-    digit = 1e-7 * lamp.candela.max() if suffix == ".ies" else 1e-8 * lamp.flux
+    # .ies: four decimals of at least 1e8 at the peak; .ldt: five of cd per 1000 lm
+    digit = 1e-12 * lamp.candela.max() if suffix == ".ies" else 1e-8 * lamp.flux
     np.testing.assert_allclose(found.candela, lamp.candela, atol=0.51 * digit, rtol=1e-14)
     assert found.flux == pytest.approx(lamp.flux, rel=1e-6, abs=13 * digit)
     np.testing.assert_allclose(found.opening.size, lamp.opening.size, atol=1e-9)
+
+
+@pytest.mark.parametrize("peak", [3e-7, 0.02, 99.0, 2e3, 4e9])
+def test_rounding_of_an_ies_file_takes_no_flux_of_a_narrow_beam(tmp_path, peak):
+    """The beam has one node of half a degree; what else there is would round down everywhere."""
+    gammas = np.arange(0, 180.25, 0.5)
+    candela = np.full((2, len(gammas)), 1.4142e-10 * peak)
+    candela[:, 0] = peak
+    lamp = Luminaire([0.0, 360.0], gammas, candela)
+    write_ies(lamp, tmp_path / "lamp.ies")
+    found = read_luminaire(tmp_path / "lamp.ies")
+    assert found.flux == pytest.approx(lamp.flux, rel=1e-7)  # a tenth of what `thbcad export` allows
+    numbers = (tmp_path / "lamp.ies").read_text().partition("TILT=NONE")[2]
+    assert re.fullmatch(r"[-\d.\s]+", numbers)  # no exponents
+    assert max(map(len, numbers.splitlines())) <= 132  # LM-63
 
 
 @pytest.mark.parametrize("suffix", WRITERS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from io import BytesIO
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from PIL import Image
 
 import optics
 from optics.made_lenses import Draw, ErrorModel, FormTolerance, MadeBatch, MonteCarlo, Sampled
+from optics.making import design_errors
 from optics.making.design_errors import FORM_NM, _forms
 from optics.making_figures import made_lens_figures_of
 from optics.problem import load_problem
@@ -85,6 +87,19 @@ def test_the_form_of_a_surface_that_is_not_named_keeps_its_usual_amount():
     forms = {form.name: form.rms for form in _forms(both, {"rear": 30.0}, (2.0, 8.0))}
     assert forms == pytest.approx({"front.form": 1e-6 * FORM_NM, "rear.form": 3e-5})
     assert _forms(both, {"front": 0, "rear": 0}, (2.0, 8.0)) == ()
+
+
+def test_no_more_workers_start_than_there_are_lenses(made, monkeypatch):
+    asked = []
+    monkeypatch.setattr(design_errors, "worker_pool", lambda *found: asked.append(found) or nullcontext())
+    monkeypatch.setattr(design_errors, "sample_lenses", lambda *found: made.sampled)
+    system, lens = made.model.system, made.model.lens
+    measurement = SimpleNamespace(target=made.model.target)
+    design = SimpleNamespace(system=system, lens=lens, measurement=measurement, problem=system.problem)
+    optics.monte_carlo(design, made.budget, 16, workers=40)
+    with pytest.raises(optics.UserError, match="the number of samples"):
+        optics.monte_carlo(design, made.budget, 0, workers=40)
+    assert asked == [(40, None, 16)]
 
 
 @pytest.mark.slow

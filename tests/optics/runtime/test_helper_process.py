@@ -159,6 +159,28 @@ def test_work_that_python_cannot_stop_at_once_is_stopped_and_says_nothing(tmp_pa
     assert capfd.readouterr() == ("", "")
 
 
+class StoppedWhileLoaded:
+    """An argument whose package is stopped while it is loaded, and says so by an error of its own."""
+
+    def __reduce__(self):
+        return stopped_package, ()
+
+
+def stopped_package():
+    raise ImportError("a package") from KeyboardInterrupt()
+
+
+@pytest.mark.parametrize("arguments", [[], [StoppedWhileLoaded()]], ids=["called", "asked"])
+def test_a_process_that_is_stopped_while_it_loads_says_nothing(arguments, capfd):
+    def stopped():
+        with process_for("test") as process:
+            process.ask("tests.optics.runtime.test_helper_process", "stopped_package", *arguments).result()
+
+    with pytest.raises(RuntimeError, match=r"ended with code 0 in .*stopped_package"):
+        stopped()
+    assert capfd.readouterr() == ("", "")
+
+
 def deleted(path):
     """Delete an object, which takes until the signal has come, and wait longer than anybody."""
 

@@ -78,6 +78,6 @@ class Thread:
 
 
 @contextmanager
-def thread_pool(workers, scheduler):
+def thread_pool(workers, scheduler, tasks):
     with ThreadPoolExecutor(1) as executor:
         yield Thread(executor)

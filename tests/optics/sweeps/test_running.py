@@ -168,6 +168,14 @@ def test_another_sweep_and_files_of_others_are_refused_unless_forced(by, tmp_pat
     assert len(rows(tmp_path)) == len(found.rows) == 1
 
 
+def test_no_more_workers_start_than_there_are_variants_to_compute(by, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(running, "worker_pool", lambda *found: asked.append(found) or thread_pool(*found))
+    optics.sweep(problem(), {"target.distance": [200.0]}, tmp_path, workers=40)
+    optics.sweep(problem(), DISTANCES, tmp_path, workers=40)
+    assert asked == [(40, None, 1), (40, None, 2)]
+
+
 def test_there_must_be_something_to_resume(by, tmp_path):
     with pytest.raises(UserError, match="nothing to resume"):
         optics.sweep(problem(), DISTANCES, tmp_path / "none", resume=True)

@@ -23,6 +23,7 @@ from optics.sweeps.value_lists import value_list
         ('optimizer.engine=["exact", "camera"]', ["exact", "camera"]),
         ("target.image=['a.png', '/b.png']", ["/x/a.png", "/b.png"]),
         ("title=a:b:c", ["a:b:c"]),
+        ("title='[a, b]'", ["[a, b]"]),
     ],
 )
 def test_values_of_a_key(text, values):
@@ -48,6 +49,10 @@ def test_values_of_a_key(text, values):
         ("target.distance=1e99999:1e99999:1", "both ends of a range must be finite"),
         ("target.distance=1:2:1", "one value must begin and end with it"),
         ("target.distance=[1, 2", "must be a number"),
+        ("title=[a, b]", r'\[a, b\] is no list for title: put texts in quotes, such as title=\["a", "b"\]'),
+        ("target.image=[F.png, wide.png]", "put texts in quotes, such as target.image="),
+        ("optimizer.engine=[exact, camera]", "put texts in quotes"),
+        ("target.image=['a.png'", "put texts in quotes"),
     ],
 )
 def test_what_gives_no_values_is_refused(text, sentence):

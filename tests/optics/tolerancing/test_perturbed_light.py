@@ -1,5 +1,7 @@
 """The light of a perturbed lens: traced exactly, in whatever frame one thinks of it."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -130,6 +132,38 @@ def test_a_wedge_bends_light_as_a_prism(tmp_path, backend):
     _, landing = light.tracer_of(parts, light.system, p)(parts.rays(rays))
     assert np.abs(landing.p.numpy()) == pytest.approx(np.sin(out), rel=1e-9)
     assert np.abs(landing.q.numpy()).max() < 1e-12
+
+
+ROUGH = {"lens.rear.slope_rms": 1e-3}
+
+
+@pytest.fixture(scope="module", params=[{}, ROUGH], ids=["cells", "rays"])
+def wide_light(request, tmp_path_factory, backend):
+    """Even light that reaches 40 % and 30 % beyond the lens."""
+    folder = tmp_path_factory.mktemp("wide")
+    return small_light(folder, backend, {"source.half_width": [14.0, 13.0]} | request.param)
+
+
+@given(st.tuples(st.floats(-1.8, 1.8), st.floats(-1.8, 1.8)), st.floats(-0.05, 0.25))
+def test_a_wider_beam_that_still_covers_the_lens_gives_it_the_same_light(wide_light, shift, size):
+    """All of it is brighter or darker by the size of the beam.  What meets the lens is traced as before."""
+    brighter = (1 + size) ** -2
+    irradiance, fates = wide_light(Perturbation(source_shift=(*shift, 0.0), source_size=size))
+    expected, others = wide_light(NOMINAL)
+    assert relative(irradiance / brighter, expected) < 1e-9
+    assert fates.on_target == pytest.approx(brighter * others.on_target, rel=1e-9)
+    assert sum(asdict(fates).values()) == pytest.approx(1.0, rel=1e-9)
+
+
+@given(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), st.floats(-0.5, 0.5))
+def test_as_much_of_a_moved_beam_misses_the_lens_as_lies_beside_it(wide_light, shift, size):
+    """What two rectangles share; of rays, give or take a row of them at a border."""
+    _, fates = wide_light(Perturbation(source_shift=(*shift, 0.0), source_size=size))
+    half = (1 + size) * np.array([14.0, 13.0])
+    shared = np.minimum(np.add(shift, half), 10) - np.maximum(np.subtract(shift, half), -10)
+    fraction = np.prod(np.maximum(shared, 0) / (2 * half))
+    rays = 0.0 if wide_light.by_cells else 0.02
+    assert fates.beside_lens == pytest.approx(1 - fraction, abs=1e-6 + rays)
 
 
 numbers = st.lists(st.floats(-1, 1), min_size=3, max_size=3)

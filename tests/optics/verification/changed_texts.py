@@ -280,6 +280,7 @@ CORRUPTIONS = {
     "a front pole a nanometre aside": (pole_moved("front", 1, 2, [0, 1e-6, 0]), True),
     "a front pole a nanometre higher": (pole_moved("front", 1, 2, [0, 0, 1e-6]), False),
     "a pole at z = 1e300": (pole_written("1.E300"), True),
+    "a pole at z = 1e8": (pole_written("1.E8"), False),
     "a pole beyond float64": (pole_written("1.E999"), True),
     "a coordinate without a point": (pole_written("3"), True),
     "a point in the plane": (pole_written("1.,2."), True),

@@ -79,10 +79,12 @@ def test_a_damaged_file_is_rejected(good, name):
 @settings(max_examples=60)
 @given(st.data())
 def test_every_number_of_the_solid_counts(good, data):
-    """A real of a point, a direction, a vector or a knot is another by 1e-9: the comparison sees it."""
+    """A real of a point, a vector or a knot, or a ratio of a direction, is another by 1e-9: it is seen."""
     first = good.text.index("MANIFOLD_SOLID_BREP")
     last = good.text.index("UNCERTAINTY_MEASURE_WITH_UNIT")
-    reals = [m for m in re.finditer(rf"(?<=[(,\n]){REAL}(?=[,)])", good.text) if first < m.start() < last]
+    # only the ratios of a direction count: one along an axis that is longer means the same
+    counted = re.sub(r"DIRECTION[^;]*;", lambda m: m[0].replace("1.", "##"), good.text)
+    reals = [m for m in re.finditer(rf"(?<=[(,\n]){REAL}(?=[,)])", counted) if first < m.start() < last]
     place = reals[data.draw(st.integers(0, len(reals) - 1))]
     other = float(place[0]) + data.draw(st.sampled_from([-1e-9, 1e-9]))
     text = good.text[: place.start()] + f"{other:#.17G}" + good.text[place.end() :]
@@ -117,7 +119,7 @@ def test_a_file_as_it_was_written_needs_no_note(good, tmp_path):
 @pytest.mark.filterwarnings("error")
 def test_a_volume_that_is_not_found_fails(good, tmp_path):
     """Numbers too large for the quadrature were a reason to leave it out."""
-    damage, _ = CORRUPTIONS["a pole at z = 1e300"]
+    damage, _ = CORRUPTIONS["a pole at z = 1e8"]
     (tmp_path / "lens.step").write_text(damage(good.text))
     checks, left_out = bare_checks(StepFile(tmp_path / "lens.step"))
     names = {"volume", "area"}

@@ -5,7 +5,7 @@ import signal
 import time
 from pathlib import Path
 
-from optics.runtime import UserError
+from optics.runtime import UserError, load_backend
 
 
 def add(common, item):
@@ -52,3 +52,14 @@ def process_after(seconds, item):
 
 def allocate(common, size):
     return len(bytearray(size))
+
+
+def fail_in_drjit(common, error):
+    """Raise an error inside an operation of Dr.Jit."""
+    dr = load_backend("double", 1).dr
+
+    class Fails(dr.CustomOp):
+        def eval(self):
+            raise error
+
+    dr.custom(Fails)

@@ -76,6 +76,19 @@ def test_two_workers_may_not_take_three_quarters_of_the_memory_each(pool):
     assert "out of memory" in found[1].failure
 
 
+def test_a_lack_of_memory_inside_an_operation_of_drjit_is_said(pool):
+    words = "jit_malloc(): out of memory! Could not allocate 1048576 bytes (backend=LLVM, shared=0)."
+    for result in run_tasks(tasks.fail_in_drjit, [MemoryError(), RuntimeError(words)], pool):
+        assert result.failure == "out of memory; use fewer pixels, rays or levels, or fewer workers"
+
+
+def test_a_worker_without_a_task_is_not_started_and_takes_no_memory():
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    for count, started in ((2, 2), (500, 3), (0, 1)):
+        with worker_pool(3, tasks=count) as pool:
+            assert [worker.memory for worker in pool.present().values()] == [whole // started] * started
+
+
 def test_items_are_read_as_they_are_needed(pool):
     read = []
     results = run_tasks(tasks.add, (read.append(k) or k for k in range(1000)), pool, 0)

@@ -1,5 +1,6 @@
 """Volume and areas from the text of a STEP file, against closed forms, OCCT's integrals and scipy."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +25,8 @@ from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
 from thbcad.cad.exchange import part_step, solid_volume, step_bytes, write_step
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
 from thbcad.io.brep_measure import ACCURACY, Density, NotMeasured, areas, volume
-from thbcad.io.step_brep import brep, parse_brep
+from thbcad.io.parameter_curves import image_distance
+from thbcad.io.step_brep import brep, brep_of_text, parse_brep
 from thbcad.io.step_text import entities_of_text
 from thbcad.lens import Flange, FreeformSurface, Lens, Product, aperture_volume, flanged_volume
 from thbcad.sags import Conic, graph_of_poles
@@ -33,6 +35,32 @@ from thbcad.splines import BSplineSurface, gauss_rule
 
 def of(lens):
     return brep(entities_of_text(step_bytes(lens).decode()))
+
+
+def scaled(text, factor):
+    """Return the text of a file with all components of directions times a factor."""
+
+    def times(match):
+        values = ",".join(f"{factor * float(word):#.17G}" for word in match[2].split(","))
+        return match[1] + values + match[3]
+
+    out, count = re.subn(r"(DIRECTION\s*\('',\()([^)]*)(\))", times, text)
+    assert count > 10
+    return out
+
+
+@pytest.mark.parametrize("factor", [2.0, 1e-200, 1e200, 1.5e308])
+@pytest.mark.parametrize("name", ["plano", "cone with a bore", "cylinder cut aslant"])
+def test_only_the_ratios_of_a_direction_count(name, factor, tmp_path):
+    if name in LENSES:
+        text = step_bytes(LENSES[name]).decode()
+    else:
+        text = written(turned_at_random(SOLIDS[name]()), tmp_path / "solid.step").read_text()
+    solid, other = brep_of_text(text), brep_of_text(scaled(text, factor))
+    # OCCT writes 13 digits, so that components of the same ratios differ by rounding alone
+    assert volume(other) == pytest.approx(volume(solid), rel=1e-13)
+    assert areas(other) == pytest.approx(areas(solid), rel=1e-13)
+    assert image_distance(other)[0] == pytest.approx(image_distance(solid)[0], abs=1e-13)
 
 
 # ---- volume ----

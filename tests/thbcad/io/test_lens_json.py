@@ -155,7 +155,7 @@ def test_other_schemas_are_refused(path, text):
     assert_refused(path, "not a lens file: its schema is not 'thbcad-lens'")
 
 
-@pytest.mark.parametrize("version", [0, 2, "1", None, 1.5, [1]])
+@pytest.mark.parametrize("version", [0, 2, "1", None, 1.5, [1], True])
 def test_other_versions_are_refused(path, version):
     path.write_text(json.dumps(lens_to_dict(example()) | {"version": version}))
     assert_refused(path, r"lens file version .* is unknown, this program reads version 1")

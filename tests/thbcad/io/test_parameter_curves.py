@@ -138,6 +138,26 @@ def test_an_image_beside_its_face_or_its_edge_is_infinitely_far():
         assert image_distance(changed(solid, **fields))[0] == np.inf
 
 
+def test_a_vector_beyond_float64_is_infinitely_far():
+    """Differences with it are not numbers, which no maximum shows."""
+    solid = of(LENSES["plano"])
+    poles = solid.edges[low_edge(solid)].images[0].poles
+    endless = poles[0] + np.array([[0.0, 0.0], [0.0, np.inf]])
+    with np.errstate(invalid="ignore"):
+        assert image_distance(changed(solid, poles=endless))[0] == np.inf
+
+
+def test_a_curve_beyond_float64_is_infinitely_far_from_its_ends():
+    solid = of(LENSES["plano"])
+    edges, place = list(solid.edges), low_edge(solid)
+    along = np.diff(edges[place].ends, axis=0)[0]
+    placement = np.array([[0.0, 0.0, 0.0], np.cross([0.0, 1.0, 0.0], along), [0.0, 1.0, 0.0]])
+    endless = ConicCurve("HYPERBOLA", placement, np.array([np.inf, 1.0]))
+    edges[place] = replace(edges[place], kv=None, poles=None, conic=endless, images=())
+    with np.errstate(invalid="ignore"):
+        assert image_distance(replace(solid, edges=tuple(edges)))[0] == np.inf
+
+
 def test_curves_that_are_not_compared_are_counted():
     solid = of(LENSES["plano"])
     distance, left = image_distance(changed(solid, poles=None))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeTorus
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeTorus
 
 from tests.cases import ROOT
 from tests.thbcad.cases import LENSES, assert_same_surface, bits
@@ -369,7 +369,8 @@ def changed(pattern, replacement, text=TABLE63):
         (r"(CURVE_WITH_KNOTS\('',3,\()#\d+,", r"\g<1>", "4 poles by its knots, got 3"),
         (r"(CURVE_WITH_KNOTS\('',3,\()#\d+,", r"\g<1>#1,", "#1 must be a CARTESIAN_POINT"),
         (r"(CARTESIAN_POINT\('',\()-5\.0*,", r"\g<1>", "must be a CARTESIAN_POINT of three reals"),
-        (r"(CARTESIAN_POINT\('',\()-5\.0*,", r"\g<1>-5.E999,", "float64 cannot hold"),
+        (r"(CARTESIAN_POINT\('',\()-5\.0*,", r"\g<1>-5.E999,", r"beyond 1e\+09"),
+        (r"(CARTESIAN_POINT\('',\()-5\.0*,", r"\g<1>-5.E160,", r"beyond 1e\+09"),
         (r"(CLOSED_SHELL\('',\()(#\d+),#\d+", r"\g<1>\g<2>,\g<2>", "names a face twice"),
         (r"(ADVANCED_FACE\('\w*',\(#\d+\),#\d+,)\.[TF]\.", r"\g<1>", "grammar"),
         (r"(EDGE_LOOP\('',)\([^)]*\)", r"\g<1>#1", "must have a list"),
@@ -380,6 +381,36 @@ def changed(pattern, replacement, text=TABLE63):
 def test_damage_is_named(pattern, replacement, sentence):
     with pytest.raises(ValueError, match=sentence):
         solid_of(changed(pattern, replacement))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "sentence"),
+    [
+        (r"(VECTOR\('',#\d+,)1\.\)", r"\g<1>1.E308)", r"at most 1e\+09, got 1e\+308"),
+        (r"(VECTOR\('',#\d+,)1\.\)", r"\g<1>-1.E999)", r"at most 1e\+09, got -inf"),
+        (r"(CIRCLE\('',#\d+,)[\d.]+\)", r"\g<1>1.E308)", r"positive sizes of at most 1e\+15"),
+        (r"(CIRCLE\('',#\d+,)[\d.]+\)", r"\g<1>0.)", "positive sizes"),
+        (r"(CYLINDRICAL_SURFACE\('',#\d+,)[\d.]+\)", r"\g<1>1.E16)", r"positive sizes of at most 1e\+15"),
+    ],
+)
+def test_lengths_beyond_those_of_parts_are_refused(pattern, replacement, sentence, tmp_path):
+    text = written(BRepPrimAPI_MakeCylinder(2.0, 5.0).Solid(), tmp_path / "solid.step").read_text()
+    with pytest.raises(ValueError, match=sentence):
+        brep_of_text(changed(pattern, replacement, text))
+
+
+@pytest.mark.parametrize(
+    "spline",
+    [
+        "CURVE_WITH_KNOTS('',3,(),.UNSPECIFIED.,.T.,.F.,(4,4),",
+        "SURFACE_WITH_KNOTS('',3,3,(),.UNSPECIFIED.,.F.,.F.,.F.,(4,4),(4,4),(0.,1.),",
+        "SURFACE_WITH_KNOTS('',3,3,((),()),.UNSPECIFIED.,.F.,.F.,.F.,(4,4),(4,4),(0.,1.),",
+    ],
+)
+def test_a_spline_without_poles_is_refused(spline):
+    text = TABLE63.replace("DATA;", f"DATA;#999999=B_SPLINE_{spline}(0.,1.),.UNSPECIFIED.);", 1)
+    with pytest.raises(ValueError, match="#999999 must have poles"):
+        brep_of_text(text)
 
 
 @pytest.mark.parametrize("which", range(6))

@@ -30,11 +30,18 @@ def wavy_surface(degree=3):
 
 
 @pytest.mark.parametrize(
-    "half_width", [(5,), (5, 5, 5), (0, 5), (5, -1), (np.nan, 5), (5, np.inf), None, (5, "a"), 5]
+    "half_width",
+    [(5,), (5, 5, 5), (0, 5), (5, -1), (np.nan, 5), (5, np.inf), None, (5, "a"), 5, (True, True), (5, True)],
 )
 def test_half_width_is_refused(half_width):
     with pytest.raises(ValueError, match="half_width must be two positive numbers"):
         FreeformSurface(half_width)
+
+
+def test_a_conic_that_ends_in_the_corner_but_for_rounding_is_refused():
+    """Another formula puts the end of this one beyond the corner, where its height is NaN."""
+    with pytest.raises(ValueError, match=r"ends at r = 30.634 mm, but the corner .* at r = 30.634 mm"):
+        FreeformSurface((6.2, 30.0), Conic(30.63396807467162))
 
 
 def test_vector_sag_is_refused():
@@ -156,6 +163,15 @@ def test_conic_graph_is_within_its_tolerance(conic, half_width, degree):
     x, y = (np.linspace(-h, h, 801) for h in half_width)
     assert CONIC_TOLERANCE == 1e-11
     assert abs(graph.grid(x, y) - conic(x[:, None], y[None, :])).max() <= 1e-11
+
+
+@pytest.mark.parametrize("size", [1e2, 1e3, 1e5])
+@pytest.mark.parametrize("conic", [Conic(2.0), Conic(-1.9), Conic(1.5, -0.5), Conic(4.0, 2.0)])
+def test_conic_graphs_of_wide_lenses_are_within_a_share_of_their_width(conic, size):
+    wide = Conic(size * conic.radius, conic.constant)
+    graph = FreeformSurface((size, 0.8 * size), wide).graph()
+    x, y = (np.linspace(-h, h, 101) for h in (size, 0.8 * size))
+    assert abs(graph.grid(x, y) - wide(x[:, None], y[None, :])).max() <= 1e-13 * size
 
 
 @pytest.mark.parametrize("conic", [Conic(40, -1.0), Conic(40, -0.5)])

@@ -7,6 +7,7 @@ import pytest
 
 from tests.thbcad.mounts.cases import PLAIN, ROUND, SQUARE, changed
 from thbcad.mounts import mount_of, read_mount
+from thbcad.mounts.records import Places, Post
 
 NUMBERS = [
     "flange__thickness",
@@ -98,6 +99,18 @@ def test_bad_mounts_are_one_sentence(table, sentence):
         mount_of(table)
 
 
+@pytest.mark.parametrize("key", ["flange__thickness", "flange__seat", "holes__0__diameter", "wall"])
+def test_integers_beyond_float64_are_one_sentence(key):
+    sentence = refusal(changed(SQUARE, **{key: 10**400}))
+    assert sentence.endswith("must be a number that float64 can hold, got an integer of about 400 digits")
+
+
+@pytest.mark.parametrize("word", ["peg", "", None, 3])
+def test_posts_are_pins_or_bosses(word):
+    with pytest.raises(ValueError, match="the word of a post must be one of 'pin', 'boss', got"):
+        Post(word, Places(((0.0, 12.0),)), 2.0, 3.0)
+
+
 def test_a_file_is_read_and_its_faults_begin_with_its_path(tmp_path):
     path = tmp_path / "mount.toml"
     path.write_text(
@@ -109,7 +122,8 @@ def test_a_file_is_read_and_its_faults_begin_with_its_path(tmp_path):
     assert mount.holes[0].places.points("holes")[1] == pytest.approx((0, 14))
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())  # as an editor of Windows writes it
     assert read_mount(path) == mount
-    for text in ("a = " + 10_000 * "[", "[flange", "[flange]\nsize = [1, 2]\nthickness = nan\n", "\xff"):
+    flange = "[flange]\nsize = [30, 26]\nthickness = "
+    for text in ("a = " + 10_000 * "[", "[flange", flange + "nan\n", flange + "1" + 400 * "0", "\xff"):
         path.write_bytes(text.encode("latin-1"))
         with pytest.raises(ValueError, match=str(path)):
             read_mount(path)

@@ -7,7 +7,7 @@ from math import factorial
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from oracles.spline_definitions import gamma
 from tests.thbcad.cases import seeds
@@ -147,6 +147,33 @@ def test_bounds_of_planes_and_paraboloids():
 def test_low_orders_are_refused(order):
     with pytest.raises(ValueError, match=f"order must be at least 2, got {order}"):
         Conic(9.0).derivative_bound(order, 0, [0, 1], [0, 1])
+
+
+HALVES = st.floats(0.1, 50.0)
+
+
+@example(6.2, 30.0, 0.0)
+@given(HALVES, HALVES, st.floats(-0.99, 3.0))
+def test_what_is_accepted_next_to_the_end_is_finite(hx, hy, constant):
+    """Radii to the last bits round that at which the conic ends in the corner."""
+    radius = np.hypot(hx, hy) * np.sqrt(1 + constant)
+    for conic in (Conic(radius + k * np.spacing(radius), constant) for k in range(-4, 5)):
+        left = (
+            1
+            - (1 + Fraction(constant)) * (Fraction(hx) ** 2 + Fraction(hy) ** 2) / Fraction(conic.radius) ** 2
+        )
+        try:
+            conic.require((hx, hy))
+        except ValueError:
+            assert left <= 8 * EPS
+            continue
+        for order in np.ndindex(3, 3):
+            assert np.isfinite(conic(hx, hy, order))
+        x, y = breaks((hx, hy), 2)
+        assert np.isfinite(conic.rounding(x, y))
+        bound = conic.derivative_bound(3, 0, x, y)
+        assert (abs(conic(hx, hy, (3, 0))) <= bound).all()
+        assert np.isfinite(bound).all()
 
 
 @given(conics(constants=(-1000.0, 4.0)), seeds())

@@ -275,6 +275,15 @@ def test_degree_is_refused(degree):
         KnotVector(degree, [0, 0, 0, 1, 1, 1])
 
 
+@pytest.mark.parametrize("degree", [True, 0, -1, 2.5, "2", None, 10**9])
+@pytest.mark.parametrize(
+    "make", [lambda p: KnotVector.uniform(p, 2), lambda p: KnotVector.clamped(p, [], 0, 1)]
+)
+def test_degree_is_refused_before_knots_are_made(make, degree):
+    with pytest.raises(ValueError, match="degree must be an integer from 1 to 10"):
+        make(degree)
+
+
 @pytest.mark.parametrize(
     ("degree", "knots", "message"),
     [

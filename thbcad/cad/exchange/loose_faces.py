@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from OCP import Standard, TopoDS as Topology
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
@@ -36,7 +35,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
 
 from thbcad.cad.exchange.iges_writing import FACES, brep_text, iges_text
-from thbcad.cad.exchange.reading import brep_shape, explore, iges_shape, step_shape
+from thbcad.cad.exchange.reading import OCCT_ERRORS, brep_shape, explore, iges_shape, step_shape
 from thbcad.cad.exchange.step_writing import silence, step_text
 from thbcad.cad.shapes import TOLERANCE, rational_geom, spline_surface
 from thbcad.io import write_bytes
@@ -59,13 +58,6 @@ EXACT = (
 )
 SWEPT = (GeomAbs_SurfaceOfRevolution, GeomAbs_SurfaceOfExtrusion)
 APPROXIMATE = (GeomAbs_OffsetCurve, GeomAbs_OtherCurve)
-EXCEPTIONS = [
-    e
-    for module in (Standard, Topology)
-    for e in vars(module).values()
-    if isinstance(e, type) and issubclass(e, Exception)
-]
-OCCT_ERRORS: tuple[type[Exception], ...] = tuple(EXCEPTIONS)  # they have no common base
 READ_ERRORS: tuple[type[Exception], ...] = (ValueError, *OCCT_ERRORS)
 LEAST_SIZE = 1e-6  # mm; OCCT drops smaller faces
 

@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from OCP import Standard, TopoDS as Topology
 from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.IGESControl import IGESControl_Reader
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPControl import STEPControl_Reader
+from OCP.StepGeom import StepGeom_GeometricRepresentationItem
+from OCP.StepRepr import StepRepr_DefinitionalRepresentation
+from OCP.StepShape import StepShape_TopologicalRepresentationItem
+from OCP.StepVisual import (
+    StepVisual_FillAreaStyle,
+    StepVisual_FillAreaStyleColour,
+    StepVisual_PresentationStyleAssignment,
+    StepVisual_StyledItem,
+    StepVisual_SurfaceSideStyle,
+    StepVisual_SurfaceStyleFillArea,
+    StepVisual_SurfaceStyleUsage,
+)
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopExp import TopExp_Explorer
@@ -22,6 +36,33 @@ from thbcad.cad.exchange.step_writing import occt_settings
 if TYPE_CHECKING:
     from OCP.TopAbs import TopAbs_ShapeEnum
 
+EXCEPTIONS = [
+    e
+    for module in (Standard, Topology)
+    for e in vars(module).values()
+    if isinstance(e, type) and issubclass(e, Exception)
+]
+OCCT_ERRORS: tuple[type[Exception], ...] = tuple(EXCEPTIONS)  # they have no common base
+GEOMETRY = (
+    StepGeom_GeometricRepresentationItem,
+    StepRepr_DefinitionalRepresentation,
+    StepShape_TopologicalRepresentationItem,
+)
+STYLES = (
+    StepVisual_FillAreaStyle,
+    StepVisual_FillAreaStyleColour,
+    StepVisual_PresentationStyleAssignment,
+    StepVisual_StyledItem,
+    StepVisual_SurfaceSideStyle,
+    StepVisual_SurfaceStyleFillArea,
+    StepVisual_SurfaceStyleUsage,
+)
+EMPTY = re.compile(rb"\(\s*+\)")
+NEVER_EMPTY = re.compile(  # OCCT takes the first item of such a list
+    rb"(?:\b(?:DIRECTION|SURFACE_CURVE|SEAM_CURVE)\s*\(|B_SPLINE_).*[,(]\s*\Z", re.DOTALL
+)
+HUGE = re.compile(rb"E(?<=[\d.]E)\+?\d{3}")  # from 1e100 on: squares leave the range of float64
+IN_ENTITY = re.compile(rb"\s*#")
 IGES_END = re.compile(rb"^.{72}T *0*1\s*$", re.MULTILINE)
 BREP_TABLE = re.compile(rb"^CASCADE Topology V\d.*^TShapes (\d+)", re.MULTILINE | re.DOTALL)
 BREP_END = re.compile(rb"\*\s+[-+ie]\d+ \d+\s*\Z")
@@ -42,13 +83,11 @@ def step_shape(path: Path) -> TopoDS_Shape:
 
     Raises
     ------
-    ValueError : it is not readable.
+    OSError : the file cannot be read.  ValueError : it is not readable, or damaged.
     """
     reader = STEPControl_Reader()
-    with occt_settings({"xstep.cascade.unit": "MM"}):
-        if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
-            raise ValueError(f"{path} is not a readable STEP file")
-        return reader.OneShape()
+    _transfer(path, reader, GEOMETRY, reader.TransferRoots)
+    return reader.OneShape()
 
 
 def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
@@ -56,14 +95,61 @@ def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
 
     Raises
     ------
-    ValueError : it is not readable.
+    OSError, ValueError : as `step_shape`.
     """
     reader = STEPCAFControl_Reader()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
-    with occt_settings({"xstep.cascade.unit": "MM"}):
-        if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.Transfer(document):
-            raise ValueError(f"{path} is not a readable STEP file")
+    _transfer(path, reader.ChangeReader(), (*GEOMETRY, *STYLES), lambda: reader.Transfer(document))
     return reader.ChangeReader(), document
+
+
+def _transfer(
+    path: Path, reader: STEPControl_Reader, kinds: tuple[type, ...], transfer: Callable[[], int]
+) -> None:
+    """Read a STEP file and let OCCT transfer it, in mm; raise as `step_shape`.
+
+    kinds : of entities that must be whole.
+    """
+    _require_harmless(path)
+    try:
+        with occt_settings({"xstep.cascade.unit": "MM"}):
+            if reader.ReadFile(str(path)) == IFSelect_RetDone:
+                _require_filled(path, reader, kinds)
+                if transfer():
+                    return
+    except OCCT_ERRORS as error:
+        raise ValueError(f"{path} is not a readable STEP file: {error}") from error
+    raise ValueError(f"{path} is not a readable STEP file")
+
+
+def _require_harmless(path: Path) -> None:
+    """Raise ValueError for an empty list of a direction or a curve and for a number from 1e100 on: OCCT ends
+    the process over them."""
+    data = path.read_bytes()
+    for pattern, context, what in (
+        (EMPTY, NEVER_EMPTY, "an empty list"),
+        (HUGE, IN_ENTITY, "a number from 1e100 on"),
+    ):
+        for found in pattern.finditer(data):
+            before = data[data.rfind(b";", 0, found.start()) + 1 : found.start()]
+            if context.search(before) and before.count(b"'") % 2 == 0:
+                entity = before.decode("latin-1").strip()
+                raise ValueError(f"{path} is not a readable STEP file: {what} after {entity[:60]!r}")
+
+
+def _require_filled(path: Path, reader: STEPControl_Reader, kinds: tuple[type, ...]) -> None:
+    """Raise ValueError where OCCT found no value for a parameter, other than a name, of an entity of some
+    kinds: it ends the process where it needs one."""
+    model = reader.Model()
+    for number in range(1, model.NbEntities() + 1):
+        if not model.IsErrorEntity(number) or not isinstance(entity := model.Value(number), kinds):
+            continue
+        report = model.Check(number, True)
+        fails = [report.Fail(k).ToCString() for k in range(1, report.NbFails() + 1)]
+        wrong = [fail for fail in fails if "String" not in fail]
+        if wrong:
+            kind = type(entity).__name__
+            raise ValueError(f"{path} is not a readable STEP file: its entity {number}, {kind}: {wrong[0]}")
 
 
 def iges_shape(path: Path) -> TopoDS_Shape:

@@ -126,7 +126,7 @@ def read_step(path: str | Path) -> SolidFile:
     Raises
     ------
     OSError : the file cannot be read.
-    ValueError : it is no STEP file, or does not hold two optical faces.
+    ValueError : it is no STEP file or damaged, or does not hold two optical faces.
     """
     path = Path(path)
     with path.open("rb"):
@@ -205,7 +205,8 @@ def _face_names(reader: STEPControl_Reader, shape: TopoDS_Shape) -> tuple[str, .
     """Return the names of the entities from which the faces of a shape come."""
     origin = reader.WS().TransferReader()
     entities = [origin.EntityFromShapeResult(face, 1) for face in explore(shape, TopAbs_FACE)]
-    return tuple(e.Name().ToCString() if isinstance(e, StepShape_AdvancedFace) else "" for e in entities)
+    names = (e.Name() if isinstance(e, StepShape_AdvancedFace) else None for e in entities)
+    return tuple("" if name is None else name.ToCString() for name in names)
 
 
 def _product_name(document: TDocStd_Document) -> str:

@@ -8,7 +8,6 @@ through the other one.  Faces that continue each other smoothly are one surface.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,11 +23,12 @@ from thbcad.cad.foreign.optical_surface import OpticalFace, optical_face
 from thbcad.cad.foreign.refitting import Refit, refitted
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace, continued, surveyed
 from thbcad.checks import Floats
-from thbcad.io import Entity, having, read_part21
+from thbcad.io import Entity, entity_of, having, list_of, read_part21
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
+ASSIGNED = "GLOBAL_UNIT_ASSIGNED_CONTEXT"
 LEAST_FACING = 0.2  # cosine of the normal with the axis, from which a face can be optical
 NAMES = ("front", "rear")
 
@@ -155,15 +155,16 @@ def _group(
 
 
 def _unit_of(entities: Mapping[int, Entity]) -> str:
-    """Return the unit of length of a STEP file, "unknown" where it says none or several."""
+    """Return the unit of length of a STEP file, "unknown" where it says none, several or another kind."""
     found = set()
-    for context in having(entities, "GLOBAL_UNIT_ASSIGNED_CONTEXT"):
-        numbers = [int(text) for text in re.findall(r"#(\d+)", context.text)]
-        for parts in (entities[number].parts for number in numbers):
-            if "LENGTH_UNIT" not in parts:
+    for context in having(entities, ASSIGNED):
+        (units,) = context.parameters(ASSIGNED, 1)
+        for unit in (entity_of(entities, k, context) for k in list_of(units, context)):
+            if "LENGTH_UNIT" not in unit.parts:
                 continue
-            if "CONVERSION_BASED_UNIT" in parts:
-                found.add(str(parts["CONVERSION_BASED_UNIT"][0]).lower())
+            if "CONVERSION_BASED_UNIT" in unit.parts:
+                words = unit.parts["CONVERSION_BASED_UNIT"][:1]
             else:
-                found.add("".join(str(word).lower() for word in parts["SI_UNIT"] if word is not None))
+                words = unit.parts.get("SI_UNIT", [])
+            found.add("".join(word.lower() for word in words if isinstance(word, str)) or "unknown")
     return found.pop() if len(found) == 1 else "unknown"

@@ -1,8 +1,8 @@
 """A lens of another program as a Lens: planes, conics and splines in graph form as they are, others fitted.
 
 A spline whose x and y are affine in its parameters but for d has the same poles as a graph z(x, y) with
-|dz| <= |grad z| d: that is proven.  So are planes and spheres.  Another conic of revolution with its vertex
-on the axis satisfies
+|dz| <= |grad z| d: that is proven.  It is cut to a rectangle round the axis.  Planes and spheres are proven
+too.  Another conic of revolution with its vertex on the axis satisfies
 
     r^2 = 2 R z - (1 + K) z^2,
 
@@ -22,19 +22,19 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 
 from thbcad.cad.foreign.axial_heights import axial_heights
 from thbcad.cad.foreign.conic_bounds import conic_deviation
+from thbcad.cad.foreign.upright_graphs import CENTRED, centred, upright
 from thbcad.certified import cell_bounds
 from thbcad.checks import EPS, Floats, require_number
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
-from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, interpolate, tensor_apply
+from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, interpolate
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
     from thbcad.cad.foreign.lens_frame import LensFrame
     from thbcad.cad.foreign.optical_surface import OpticalFace
 
-CENTRED = 1e-6  # mm: how far the middle of front and rear may lie from the axis
 LEAST_SPANS, MOST_SPANS = 8, 100  # along each axis; rays to more than that take minutes
 DEGREE = 5
 CONIC_POINTS = 9  # along a radius in eight directions
@@ -147,12 +147,10 @@ def _graph(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | Non
         return None
     if min(spline.kv_u.degree, spline.kv_v.degree) < 2:
         return None
-    kv_u, kv_v, poles = _upright(spline.kv_u, spline.kv_v, frame.local(spline.coefficients))
+    kv_u, kv_v, poles = upright(spline.kv_u, spline.kv_v, frame.local(spline.coefficients))
     corners = np.array([poles[0, 0, :2], poles[-1, -1, :2]])
     if (corners[1] <= corners[0]).any():
         return None
-    half = face.half_width if face.outline == "rectangle" else (corners[1] - corners[0]) / 2
-    outer = np.array([max(-low, high) for low, high in corners.T])
     (x0, y0), (x1, y1) = corners.tolist()
     kv_u, kv_v = kv_u.rescaled(x0, x1), kv_v.rescaled(y0, y1)
     exact = np.stack(np.meshgrid(kv_u.greville(), kv_v.greville(), indexing="ij"), axis=-1)
@@ -160,42 +158,17 @@ def _graph(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | Non
     heights = poles[..., 2] - vertex
     graph = BSplineSurface(kv_u, kv_v, heights)
     slope = np.hypot(*cell_bounds(graph, ((1, 0), (0, 1))).max(axis=(1, 2)))
-    graph = _cut(graph, half, outer)
+    cut = centred(graph, face.half_width, face.outline == "rectangle")
+    if cut is None:
+        return None
     rounding = 64 * EPS * float(np.abs(frame.origin).max() + np.abs(poles).max())
-    sag = THBSurface(THBSpace(graph.kv_u, graph.kv_v), graph.coefficients.ravel())
+    sag = THBSurface(THBSpace(cut.kv_u, cut.kv_v), cut.coefficients.ravel())
     return _Surface(
-        FreeformSurface((graph.kv_u.stop, graph.kv_v.stop), Conic(), sag),
+        FreeformSurface((cut.kv_u.stop, cut.kv_v.stop), Conic(), sag),
         float(slope * (apart + rounding) + rounding),
         "spline as it is",
         True,
     )
-
-
-def _upright(kv_u: KnotVector, kv_v: KnotVector, poles: Floats) -> tuple[KnotVector, KnotVector, Floats]:
-    """Return knots and poles with x rising along the first and y along the second parameter."""
-    across = poles[-1, 0] - poles[0, 0]
-    if abs(across[1]) > abs(across[0]):
-        kv_u, kv_v, poles = kv_v, kv_u, poles.transpose(1, 0, 2)
-    if poles[-1, 0, 0] < poles[0, 0, 0]:
-        kv_u, poles = _reversed(kv_u), poles[::-1]
-    if poles[0, -1, 1] < poles[0, 0, 1]:
-        kv_v, poles = _reversed(kv_v), poles[:, ::-1]
-    return kv_u, kv_v, poles
-
-
-def _reversed(kv: KnotVector) -> KnotVector:
-    return KnotVector(kv.degree, kv.start + kv.stop - kv.knots[::-1])
-
-
-def _cut(graph: BSplineSurface, half: Floats, outer: Floats) -> BSplineSurface:
-    """Return the graph over |x|, |y| <= half, where it extends beyond that by more than rounding."""
-    operators = []
-    for kv, h, reach in zip((graph.kv_u, graph.kv_v), half, outer):
-        ends = (-float(h), float(h)) if reach > h * (1 + CENTRED) else (kv.start, kv.stop)
-        operators.append(kv.segment(max(ends[0], kv.start), min(ends[1], kv.stop)))
-    (kv_u, a), (kv_v, b) = operators
-    kv_u, kv_v = (kv.rescaled(-(kv.stop - kv.start) / 2, (kv.stop - kv.start) / 2) for kv in (kv_u, kv_v))
-    return BSplineSurface(kv_u, kv_v, tensor_apply(a, b, graph.coefficients))
 
 
 def _conic(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | None:
@@ -253,7 +226,7 @@ def _meshes(frame: LensFrame, face: OpticalFace) -> Iterator[tuple[KnotVector, K
     a, b = face.half_width.tolist()
     if len(face.faces) == 1 and spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) > 1:
         points = spline.coefficients if isinstance(spline, BSplineSurface) else spline.points
-        kv_x, kv_y, _ = _upright(spline.kv_u, spline.kv_v, frame.local(points))
+        kv_x, kv_y, _ = upright(spline.kv_u, spline.kv_v, frame.local(points))
     else:
         kv_x, kv_y = (KnotVector.uniform(DEGREE, LEAST_SPANS, -h, h) for h in (a, b))
     kv_x, kv_y = kv_x.rescaled(-a, a), kv_y.rescaled(-b, b)

@@ -1,12 +1,15 @@
 """STEP files in other units, damaged files, and writes that fail."""
 
 import re
+import subprocess
+import sys
 
 import build123d
 import numpy as np
 import pytest
 from OCP.Interface import Interface_Static
 
+from tests.cases import DATA, ROOT
 from tests.thbcad.cases import LENSES
 from thbcad.cad.exchange.step import read_step, write_step
 from thbcad.lens import optical_forms
@@ -49,6 +52,63 @@ def test_files_that_are_no_step_are_refused(data, tmp_path):
     path.write_bytes(data)
     with pytest.raises(ValueError, match="is not a readable STEP file"):
         read_step(path)
+
+
+READ = """
+import sys
+from thbcad.cad import read_faces, read_lens_solid, read_step
+for path in sys.argv[1:]:
+    for read in (read_step, read_faces, read_lens_solid):
+        try:
+            read(path)
+        except ValueError as error:
+            assert path in str(error), error
+        else:
+            print(read.__name__)
+"""
+
+
+def test_values_that_are_missing_or_huge_are_refused(text, tmp_path):
+    """OCCT ends the process over every one of these, so that another one reads them."""
+    edits = [
+        (r"VECTOR\('',#\d+,", "VECTOR('',$,"),
+        (r"VECTOR\([^)]*\)", "VECTOR()"),
+        (r"(ADVANCED_FACE\('[^']*',\(#\d+\),)#\d+", r"\g<1>#1"),
+        (r"(DIRECTION\('',)\([^)]*\)", r"\g<1>( )"),
+        (r"(B_SPLINE_CURVE_WITH_KNOTS[^;]*),\s*\([^()]*\),\s*(\.\w+\.)\s*\)", r"\g<1>,(\n),\g<2>)"),
+        (r"(DEFINITIONAL_REPRESENTATION\('',\()#\d+", r"\g<1>$"),
+        (r"((?:SURFACE|SEAM)_CURVE\('',#\d+,)\([^)]*\)", r"\g<1>()"),
+    ]
+    texts = [(text, *edit) for edit in edits]
+    texts.append(
+        ((DATA / "freecad_spheres.step").read_text(), r"(CIRCLE\('',#\d+,)[\d.]+\)", r"\g<1>1.E308)")
+    )
+    paths = []
+    for number, (whole, before, after) in enumerate(texts):
+        damaged, count = re.subn(before, after, whole, count=1)
+        assert count == 1, before
+        paths.append(tmp_path / f"{number}.step")
+        paths[-1].write_text(damaged)
+    done = subprocess.run(
+        [sys.executable, "-c", READ, *map(str, paths)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_an_exception_of_occt_is_a_value_error(text, tmp_path):
+    path = tmp_path / "colour.step"
+    path.write_text(re.sub(r"(COLOUR_RGB\('',)[\d.]+", r"\g<1>-1.", text))
+    with pytest.raises(ValueError, match=r"is not a readable STEP file: Color"):
+        read_step(path)
+
+
+def test_names_that_are_missing_are_no_damage(text, tmp_path):
+    path = tmp_path / "lens.step"
+    nameless = re.sub(r"(VECTOR|EDGE_CURVE|ADVANCED_FACE)\('[^']*'", r"\g<1>($", text)
+    path.write_text(re.sub(r"\bPRODUCT\('[^']*'", "PRODUCT('B_SPLINE_,(),1.E308'", nameless))
+    assert "$" in path.read_text()
+    assert "'B_SPLINE_,()" in path.read_text()
+    assert read_step(path).volume == pytest.approx(LENSES["table63"].volume(), rel=1e-6)
 
 
 def test_missing_files_are_os_errors(tmp_path):

@@ -76,6 +76,27 @@ def test_units_and_schemas_do_not_matter(tmp_path, unit, name, size, schema):
     assert heights == pytest.approx(WAVY.rear(x, 0 * x) - WAVY.rear(0, 0), abs=1e-10)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "unit"),
+    [
+        ("#1 = ", "#1 = ", "millimetre"),
+        (r"#(\d+)(?=[,)\s])(?<!Context #1)", lambda m: f"#{int(m[1]) + 1000}", "millimetre"),
+        (r"SI_UNIT\(\.MILLI\.,\.METRE\.\)", "CONTEXT_DEPENDENT_UNIT('millimetre')", "unknown"),
+        (r"SI_UNIT\(\.MILLI\.,\.METRE\.\)", "CONVERSION_BASED_UNIT()", "unknown"),
+        (r"SI_UNIT\(\.MILLI\.,\.METRE\.\)", "SI_UNIT()", "unknown"),
+    ],
+    ids=["as it is", "without an entity 1", "by agreement", "converted from nothing", "nothing"],
+)
+def test_the_unit_is_that_of_the_context_or_unknown(tmp_path, before, after, unit):
+    """OCCT names a context 'Context #1', which refers to nothing."""
+    path = written(tmp_path / "lens.step", lens_part(PLAIN).solid)
+    text, count = re.subn(before, after, path.read_text())
+    assert count
+    assert "'Context #1'" in text
+    path.write_text(text)
+    assert read_lens_solid(path).unit == unit
+
+
 def shuffled(text, seed):
     """The text with another header, other numbers of entities in another order, and comments."""
     head, data = text.split("DATA;")
