@@ -27,9 +27,7 @@ def collimated_beam(
     """
     middles, lit = lit_part(half_width, aperture, centre)
     fraction = lit[0] * lit[1] / (half_width[0] * half_width[1])
-    x, y = (
-        m - h + (np.arange(n) + 0.5 + s) * (2 * h / n) for m, h, n, s in zip(middles, lit, rays, shift)
-    )
+    x, y = (m - h + (np.arange(n) + 0.5 + s) * (2 * h / n) for m, h, n, s in zip(middles, lit, rays, shift))
     each = flux * fraction / (rays[0] * rays[1])
     if profile.kind == "uniform":
         return RayGrid(x, y, np.broadcast_to(each, (len(x), len(y))), flux * (1 - fraction))
@@ -46,9 +44,9 @@ def collimated_beam(
 def lit_part(
     half_width: Sequence[float], aperture: Sequence[float], centre: Sequence[float]
 ) -> tuple[list[float], list[float]]:
-    """Return centre and half-widths of the part of a beam that meets an aperture, of all of it where none does.
+    """Return middle and half-widths of the part of a beam that meets an aperture; of all of it where none does.
 
-    half_width : of the beam.  aperture, centre : half-widths of the lens and where its middle lies in the beam.
+    half_width : of the beam.  aperture, centre : half-widths of the lens, and its middle in the beam.
     """
     middles, halves = [], []
     for beam, half, c in zip(half_width, aperture, centre):

@@ -32,8 +32,8 @@ def conic_graph(
 ) -> BSplineSurface:
     """Return conic + sag as one BSplineSurface, on the given knots, refined where the conic needs it.
 
-    Planes and paraboloids are exact but for rounding and keep the knots.  Other conics are within 1e-11 mm, or
-    1e-13 of a half-width beyond 100 mm.
+    Planes and paraboloids are exact but for rounding and keep the knots.  Other conics are within 1e-11 mm,
+    or 1e-13 of a half-width beyond 100 mm.
 
     sag : (kv_x.dim, kv_y.dim) or None.
 
