@@ -87,9 +87,11 @@ def _failed(error: Exception, verbose: bool) -> int:
 
     verbose : whether the traceback is shown too, where the input is not to blame
     """
+    from optics.workers import lacks_memory
+
     if isinstance(error, UserError | NumericalError):
         sentence, code = str(error), error.exit_code
-    elif isinstance(error, MemoryError):
+    elif lacks_memory(error):
         sentence, code = "out of memory; use fewer pixels, rays or levels", NumericalError.exit_code
     elif isinstance(error, OSError):
         where = f" {error.filename}" if error.filename else ""

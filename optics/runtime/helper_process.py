@@ -130,6 +130,8 @@ def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, 
             return getattr(import_module(module), function)(*arguments), None
     except Exception as error:
         where = "".join(traceback.format_exception(error))
+        if isinstance(error, MemoryError):
+            error = MemoryError(str(error))  # numpy has its own
         if type(error).__module__.partition(".")[0] in TRAVELLING:
             error.add_note(where)
             return None, error

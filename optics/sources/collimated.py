@@ -44,7 +44,7 @@ def collimated_beam(
 def lit_part(
     half_width: Sequence[float], aperture: Sequence[float], centre: Sequence[float]
 ) -> tuple[list[float], list[float]]:
-    """Return middle and half-widths of the part of a beam that meets an aperture; of all of it where none does.
+    """Return middle and half-widths of the part of a beam that meets an aperture; of all, where none does.
 
     half_width : of the beam.  aperture, centre : half-widths of the lens, and its middle in the beam.
     """

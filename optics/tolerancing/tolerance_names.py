@@ -66,9 +66,10 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
     known = {t.name: t for t in _all(system)}
     chosen = {name: t.amount for name, t in known.items()}
     for name, amount in (amounts or {}).items():
+        absent = name in SOMETIMES and name not in known and amount == 0  # what is not there may be left out
+        names = [] if absent else _meant(name, known)
         checked = _checked(name, amount)
-        if name in known or checked or name not in SOMETIMES:  # what is not there may be left out
-            chosen |= {one: checked for one in _meant(name, known)}
+        chosen |= {one: checked for one in names}
     return tuple(Tolerance(n, t.unit, chosen[n], t.change) for n, t in known.items() if chosen[n])
 
 

@@ -213,6 +213,18 @@ def test_verbose_says_what_is_skipped_as_explain_does(tmp_path, capsys):
     assert set(told) <= set(captured.out.splitlines())
 
 
+@pytest.mark.parametrize(
+    "error", [MemoryError(), RuntimeError("jit_malloc(): out of memory! Could not allocate 1024 bytes.")]
+)
+def test_a_lack_of_memory_is_no_internal_error(error, capsys, monkeypatch):
+    def failing(options):
+        raise error
+
+    monkeypatch.setattr("optics.commands.check_command.check", failing)
+    assert main(["check", "a"]) == 3
+    assert capsys.readouterr().err == "thbcad: out of memory; use fewer pixels, rays or levels\n"
+
+
 @pytest.mark.parametrize("error", [ZeroDivisionError("nothing"), UserError("bad input")])
 def test_verbose_shows_the_traceback_of_what_the_input_did_not_cause(error, capsys, monkeypatch):
     def failing(options):

@@ -95,6 +95,11 @@ def test_an_exception_of_another_package_is_told_as_text(process):
         process.ask("numpy.linalg", "inv", [[1.0, 2.0]]).result()
 
 
+def test_a_lack_of_memory_is_one_here(process):
+    with pytest.raises(MemoryError, match="allocate"):
+        process.ask("numpy", "ones", 1 << 60).result()
+
+
 def test_it_is_kept_and_made_anew_after_a_failure(process):
     pid = process.ask("os", "getpid").result()
     with process_for("test") as same:

@@ -190,6 +190,7 @@ def test_the_far_field_has_tolerances_without_places(tmp_path, backend):
         ({"lens.tilt": float("nan")}, "must be a number from 0"),
         ({"index": -1.0}, "must be a number from 0"),
         ({"index": "much"}, "must be a number from 0"),
+        ({"title": "small"}, "there is no tolerance 'title'"),
         ({"temperature": 20.0}, "names no material"),
         ({"front.power": 1.0}, "the front is plane"),
         ({"front.decentre": 1.0}, "the front is plane"),
