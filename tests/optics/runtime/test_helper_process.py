@@ -97,7 +97,7 @@ def test_an_exception_of_another_package_is_told_as_text(process):
 
 def test_a_lack_of_memory_is_one_here(process):
     with pytest.raises(MemoryError, match="allocate"):
-        process.ask("numpy", "ones", 1 << 60).result()
+        process.ask("numpy", "ones", 1 << 55).result()
 
 
 def test_it_is_kept_and_made_anew_after_a_failure(process):
