@@ -45,7 +45,7 @@ class DaskCluster:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             self._client: Client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, AssertionError) as error:  # the last where its thread starts too late
             reason = " ".join(str(error).split()) or type(error).__name__
             raise UserError(
                 f"no dask scheduler answers at {scheduler} ({reason}); start one with `dask scheduler`"
