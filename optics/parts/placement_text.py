@@ -53,7 +53,6 @@ def _frame(entities: Mapping[int, Entity], item: Value, user: Entity) -> NDArray
     axes = entity_of(entities, item, user)
     _, point, axis, first = axes.parameters("AXIS2_PLACEMENT_3D", 4)
     z, x = (direction_of(entities, direction, axes) for direction in (axis, first))
-    z = z / np.linalg.norm(z)
     x = x - (x @ z) * z
     x = x / np.linalg.norm(x)
     frame = np.eye(4)

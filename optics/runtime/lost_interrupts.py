@@ -24,11 +24,12 @@ def lost_interrupts_again(number: Callable[[], int]) -> Iterator[None]:
 
     number : returns that of the signal
     """
-    before = sys.unraisablehook
+    before, timers = sys.unraisablehook, list[Timer]()
 
     def hook(lost: UnraisableHookArgs) -> None:
         if issubclass(lost.exc_type, KeyboardInterrupt):
-            Timer(LATER, signal.pthread_kill, (main_thread().ident, number())).start()
+            timers.append(Timer(LATER, signal.pthread_kill, (main_thread().ident, number())))
+            timers[-1].start()
         else:
             before(lost)
 
@@ -37,3 +38,5 @@ def lost_interrupts_again(number: Callable[[], int]) -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = before
+        for timer in timers:  # what was to be stopped has ended
+            timer.cancel()

@@ -37,7 +37,7 @@ def test_a_signal_that_python_drops_comes_again(number, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def work_on(number):
+def lose(number):
     class Last:
         def __del__(self):
             os.kill(os.getpid(), number)
@@ -45,7 +45,24 @@ def work_on(number):
                 self.deleted = True
 
     Last()
+
+
+def work_on(number):
+    lose(number)
     time.sleep(10)
+
+
+def test_a_signal_does_not_come_again_where_the_work_has_ended():
+    """As `work_on` without its wait: afterwards the signal would meet another handler."""
+    came = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    try:
+        with stop_signals() as stop:
+            lose(signal.SIGINT)
+        time.sleep(0.1)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (stop.requested, came) == (True, [])
 
 
 def test_what_else_python_drops_is_told_as_ever(monkeypatch):
