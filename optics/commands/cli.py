@@ -2,8 +2,8 @@
 
 Results go to stdout (--json for machines), progress and messages to stderr (--quiet: errors alone).  Nothing
 ends because stderr is closed or cannot be written.
-Exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 70 internal error, 130 interrupted,
-143 terminated.
+Exit codes: 0 done, 1 the light misses what was asked for or that is not decided, 2 bad input, 3 numerical
+failure, 4 the file, a part or a limit of making fails, 70 internal error, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _run(options: Namespace) -> int:
     lines = "\n".join(outcome.lines).split("\n")
     with _printing():
         print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)), flush=True)
-    return 0 if outcome.ok else 1
+    return outcome.code
 
 
 @contextmanager

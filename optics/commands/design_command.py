@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.analysis import counted_ways, photometric_lines
-from optics.commands.outcome import Outcome, number_text
+from optics.analysis import counted_ways, error_words, photometric_lines
+from optics.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.commands.problem_options import system_of
 from optics.optimisation import Interrupted, earlier_state
 from optics.progress import DesignProgress, Notes, RunClock
@@ -104,7 +104,7 @@ def _outcome(written: Written, units: Units) -> Outcome:
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
     lines = _design_lines(written.folder, metrics, checked, photometric_lines(metrics, units))
-    return Outcome(data, lines, checked["ok"])
+    return Outcome(data, lines, OF_GRADES[checked["grade"]])
 
 
 def _design_lines(
@@ -117,11 +117,10 @@ def _design_lines(
     return [
         *check_lines(checked),
         *fit,
-        f"rel_l2 {metrics['rel_l2']:.4f}, without noise {metrics['rel_l2_debiased']:.4f} "
-        f"+- {metrics['rel_l2_error']:.1g} ({counted_ways(metrics)})   "
+        f"rel_l2 {error_words(metrics)} ({counted_ways(metrics)})   "
         f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}",
-        f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
-        f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        f"efficiency {metrics['efficiency']:.4f}   on the lit region {metrics['lit_efficiency']:.4f}   "
+        f"stray {metrics['stray']:.4f}   DOF {metrics['dof']}   evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
         *judged,
         metrics["verdict"],
         f"solid {folder.step}   report {folder.path / 'report.html'}",

@@ -7,7 +7,7 @@ from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import OF_GRADES, Outcome
 from optics.results import HASHES, hashes
 from optics.runtime import Check, UserError, check_lines, verification
 
@@ -145,4 +145,4 @@ def _reported(out: Path, checks: Sequence[Check], numbers: dict[str, Any], lines
         HASHES: hashes(report.parent, [out.name]),
     }
     write_text(report, json_text(data))
-    return Outcome(data, [*check_lines(data), *lines], all(check.ok for check in checks))
+    return Outcome(data, [*check_lines(data), *lines], OF_GRADES[data["grade"]])

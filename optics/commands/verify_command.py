@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optics.commands.light_of_file import FileLight, LightRequest, light_request
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import OF_GRADES, Outcome
 from optics.problem import limit_checks
 from optics.results import ResultFolder
 from optics.runtime import UserError, check_lines, note, reading
@@ -45,7 +45,7 @@ def verify(options: Namespace) -> Outcome:
     if light is not None:
         checked["light"] = light.data
         lines += light.lines
-    return Outcome(checked, lines, checked["ok"])
+    return Outcome(checked, lines, OF_GRADES[checked["grade"]])
 
 
 def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[str]]:
@@ -65,6 +65,8 @@ def _folder_checks(
     path: Path, by_optiland: bool, request: LightRequest | None
 ) -> tuple[list[Check], list[str], FileLight | None]:
     """Return the checks of the STEP file of a result folder, notes, and the light that is asked for."""
+    from optics.analysis import delivery_checks
+    from optics.api import Design
     from optics.runtime import load_backend
     from optics.verification import (
         StepFile,
@@ -78,10 +80,8 @@ def _folder_checks(
     from thbcad.lens import manufacturability
 
     folder = ResultFolder(path)
-    problem, lens, record = folder.read()
+    problem, lens, _ = folder.read()
     system = OpticalSystem(problem)
-    if not record["ok"]:
-        note(f"of the design itself: {record['verdict']}")
     backend = load_backend("double", problem.run.threads)
     file = StepFile(folder.step)
     with reading(file.path):
@@ -91,6 +91,7 @@ def _folder_checks(
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
     checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))
+    checks += delivery_checks(Design.load(path).measurement.metrics, problem.verify)
     if by_optiland and optiland_available():
         checks += optiland_checks(system, lens, file, backend)
     elif by_optiland:

@@ -9,7 +9,7 @@ p,li{max-width:70rem;overflow-wrap:anywhere}
 .table{overflow-x:auto} table{border-collapse:collapse;margin:1rem 0}
 td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left;vertical-align:top}
 td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
-.bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
+.bad{color:#b00020;font-weight:600} .good{color:#1b7f3b} .open{color:#8a5a00;font-weight:600}
 .banner{padding:.8rem 1rem;border-left:.4rem solid;font-weight:600;background:#f6f6f6;max-width:none}
 .first{display:grid;grid-template-columns:minmax(0,1fr) 20rem;gap:1.5rem;align-items:start;margin:1.5rem 0}
 .first img{display:block;width:100%;border-radius:.4rem}

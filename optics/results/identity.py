@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.problem import Export, Problem
+from optics.problem import Export, Problem, Verify
 from optics.results.owned_files import sha256_of
 from thbcad.io import lens_to_dict
 
@@ -33,11 +33,12 @@ def fingerprint(problem: Problem) -> str:
 def run_id(problem: Problem, lens: Lens) -> str:
     """Return the hash of a resolved problem and the lens made for it.
 
-    Pictures and rays do not count: the run's record holds the hashes of the files.  Nor does the table
-    export: the names in CAD files may be changed after a design.
+    Pictures and rays do not count: the run's record holds the hashes of the files.  Nor do the tables export
+    and verify: names in CAD files, and limits of what a lens may miss, may be changed after a design.
     """
     files = {f"{table}.{part.data}": table for table, part, _ in data_of(problem)}
-    return _sha256(_set_keys(replace(problem, export=Export()), files) + json.dumps(lens_to_dict(lens)))
+    made = replace(problem, export=Export(), verify=Verify())
+    return _sha256(_set_keys(made, files) + json.dumps(lens_to_dict(lens)))
 
 
 def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:

@@ -14,7 +14,11 @@ if TYPE_CHECKING:
     )
     from optics.runtime.checks import (
         Check as Check,
+        Grade as Grade,
+        Result as Result,
         check_lines as check_lines,
+        checks_of as checks_of,
+        grade as grade,
         verification as verification,
     )
     from optics.runtime.errors import (
@@ -83,7 +87,11 @@ _FILES = {
     ),
     "checks": (
         "Check",
+        "Grade",
+        "Result",
         "check_lines",
+        "checks_of",
+        "grade",
         "verification",
     ),
     "errors": (

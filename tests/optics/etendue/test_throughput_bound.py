@@ -11,7 +11,7 @@ from scipy.integrate import dblquad
 from scipy.optimize import minimize
 
 from optics.etendue.image_size import image_half_width, least_mean
-from optics.etendue.measured_images import PATCHES, patch_images
+from optics.blur.source_images import PATCHES, patch_images
 from optics.etendue.throughput_bound import (
     RAYS,
     aperture_etendue,
