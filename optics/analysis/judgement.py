@@ -1,4 +1,4 @@
-"""Whether a lens does its job: limits of what it delivers, the verdict, and sentences on where its light goes.
+"""Whether a lens does its job: limits of what it delivers, the verdict, and sentences on lost light.
 
 Light that shall be the same everywhere is judged by its uniformity on boxes, other light as a picture.  The
 limits are those of the problem's [verify]; they never follow what a lens can do.
@@ -23,6 +23,7 @@ LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_tar
 WORTH_A_NOTE = 0.1
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
 NEAR = 1.1  # times what is allowed at best: as near as can be
+SHOWN = 5e-3  # of a value: an error from which on three digits show it
 SURE_RAYS = 4.0  # (value - limit)^2 / error^2 from which on a comparison counts
 
 
@@ -52,7 +53,11 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
 
     metrics : of a Measurement.  Errors of the estimate make values undecided that lie near their limit.
     """
-    return [*_uniformity_checks(metrics, limits), *_picture_checks(metrics, limits), *_flux_checks(metrics, limits)]
+    return [
+        *_uniformity_checks(metrics, limits),
+        *_picture_checks(metrics, limits),
+        *_flux_checks(metrics, limits),
+    ]
 
 
 def picture_limit(limits: Verify, even: bool) -> float:
@@ -153,8 +158,7 @@ def headline(metrics: dict[str, Any]) -> str:
 def error_words(metrics: dict[str, Any]) -> str:
     """Return rel_l2 without the noise of its estimate, in per cent, and its error where that shows."""
     percent, error = 100 * metrics["rel_l2_debiased"], 100 * metrics["rel_l2_error"]
-    shown = f"{percent:.3g}"
-    return f"{shown} %" if f"{percent + error:.3g}" == shown else f"{shown} +- {error:.1g} %"
+    return f"{percent:.3g} %" if error < SHOWN * percent else f"{percent:.3g} +- {error:.1g} %"
 
 
 def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:

@@ -30,10 +30,17 @@ if TYPE_CHECKING:
     from optics.optimisation import Row, State
     from optics.problem import Problem, Source
     from optics.toolpaths import ToolFindings, ToolOrder
+    from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
-OF_THE_RUN = ("run_id", "step_sha256", "grade", "verdict", "notes")  # keys of metrics.json that measure nothing
+OF_THE_RUN = (
+    "run_id",
+    "step_sha256",
+    "grade",
+    "verdict",
+    "notes",
+)  # keys of metrics.json that measure nothing
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,7 +105,7 @@ class Blur:
 
     @property
     def rms(self) -> float:
-        """The rms deviation of the spot's light in one direction, the mean square of x and y, mm or degrees."""
+        """The rms deviation of the spot's light in one direction, of x and y together, mm or degrees."""
         squares = [(rms * np.linalg.norm(matrix)) ** 2 for rms, matrix in self._gaussians]
         if self.spread is not None:
             u = (np.arange(QUANTILES) + 0.5) / QUANTILES

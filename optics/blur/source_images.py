@@ -48,8 +48,9 @@ class PatchImages:
 def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
     """Return how far the light of one point of the rear spreads on the target, mm; in the far field degrees.
 
-    It is the rms deviation in one direction: the mean square over the lens, by flux, and over x and y; 0 of a
-    source without extent and divergence, behind smooth surfaces.  backend : of double precision.
+    It is the rms deviation in one direction, of x and y together: sqrt((sx^2 + sy^2) / 2).  Of a source with
+    extent it is the median over the lens, by flux: near total reflection light is thrown any distance.  It is
+    0 of a source without extent and divergence, behind smooth surfaces.  backend : of double precision.
     """
     if system.blurred:
         return blur_of(system, lens, backend).rms
@@ -59,8 +60,10 @@ def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
     known = np.isfinite(images.width).all(axis=0) & (images.flux > 0)
     if not known.any():
         return 0.0
-    squares = np.average(images.width[:, known] ** 2, axis=1, weights=images.flux[known]) / 12
-    return float(np.sqrt(squares.mean()))
+    deviations, flux = np.sqrt(np.mean(images.width[:, known] ** 2, axis=0) / 12), images.flux[known]
+    order = np.argsort(deviations)
+    light = np.cumsum(flux[order])
+    return float(deviations[order][np.searchsorted(light, light[-1] / 2)])
 
 
 def patch_images(

@@ -12,7 +12,14 @@ from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
 from optics.etendue import etendue_notes
 from optics.optimisation import surfaces_can_cross
-from optics.prediction import blur_limits, blur_sentence, expectation_lines, expected, resolved
+from optics.prediction import (
+    blur_limits,
+    blur_sentence,
+    expectation_lines,
+    expected,
+    foreseen_misses,
+    resolved,
+)
 from optics.runtime import load_backend, speaking_of
 from optics.system import advice, skip_lines
 
@@ -35,8 +42,13 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     expectation, plan = expected(system, backend, start)
     data = _data(system, plan) | {"expected": asdict(expectation)}
     picture, least = system.target.light, system.lens.least_thickness()
+    limits = blur_limits(system, system.lens, backend) if system.blurred else None
+    missed = foreseen_misses(system, expectation, limits, backend)
+    data["missed"] = missed
     lines = [
-        f"{system.problem.title}: the problem is valid",
+        f"{system.problem.title}: the problem is valid"
+        + (", but its limits may not be kept" if missed else ""),
+        *missed,
         f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
         f"{data['dark_share']:.0%} of them dark",
         "before optimisation: "
@@ -49,8 +61,7 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     ]
     if explain:
         lines += skip_lines(system.skips)
-    if system.blurred:
-        limits = blur_limits(system, system.lens, backend)
+    if limits is not None:
         data["blur"] = asdict(limits)
         lines.append(f"blur: {blur_sentence(system, limits)}")
     lines += [f"note: {sentence}" for sentence in _notes(system, expectation)]

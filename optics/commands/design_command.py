@@ -120,7 +120,8 @@ def _design_lines(
         f"rel_l2 {error_words(metrics)} ({counted_ways(metrics)})   "
         f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}",
         f"efficiency {metrics['efficiency']:.4f}   on the lit region {metrics['lit_efficiency']:.4f}   "
-        f"stray {metrics['stray']:.4f}   DOF {metrics['dof']}   evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        f"stray {metrics['stray']:.4f}   DOF {metrics['dof']}   evaluations {metrics['evaluations']}   "
+        f"{metrics['wall_s']['total']:.1f} s",
         *judged,
         metrics["verdict"],
         f"solid {folder.step}   report {folder.path / 'report.html'}",

@@ -111,7 +111,9 @@ def _scene(options: Namespace) -> Outcome:
     }
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
-    return Outcome(data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], OF_GRADES[data["grade"]])
+    return Outcome(
+        data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], OF_GRADES[data["grade"]]
+    )
 
 
 def _require_whole_lens(does: str, options: Namespace) -> None:

@@ -79,15 +79,14 @@ def edge_width(light: Floats, lit: Bools, level: float, pitch: tuple[float, floa
     total, places = (np.bincount((step - first).ravel(), a.ravel()) for a in (light, distance))
     known = count > 0
     profile, at = total[known] / count[known] / level, places[known] / count[known]
-    crossings = [_first_crossing(at, profile, part) for part in (LOW, HIGH)]
-    if None in crossings:
+    low, high = (_first_crossing(at, profile, part) for part in (LOW, HIGH))
+    if low is None or high is None:
         return None
-    low, high = crossings
-    return float(high - low)  # type: ignore[operator]
+    return float(high - low)
 
 
 def _first_crossing(at: Floats, profile: Floats, part: float) -> float | None:
-    """Return where a profile comes from below to a part, linear between its points; None where it does not."""
+    """Return where a profile rises to a part, linear between its points; None where it does not."""
     above = np.flatnonzero(profile >= part)
     if not above.size or above[0] == 0:
         return None

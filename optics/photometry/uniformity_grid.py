@@ -35,7 +35,7 @@ class Uniformity:
         nothing can be said; the reason says why.
     min_over_mean_error, min_over_max_error, rsd_error : of these, as standard deviations.
     grid : boxes in each direction.  box : width and height of one.  boxes : how many count.
-    left : share of the region that they make up.  margin : that was taken off.
+    left : share of the region behind the margin that was taken off.
     noise : the greatest of a box, relative to the mean light.
     """
 
@@ -87,17 +87,18 @@ def _on_boxes(
     margin: float,
     grid: int,
 ) -> Uniformity:
-    kept = _boxes_within(region, margin, grid)
+    within = region.inside & (region.depth >= margin * (1 - 1e-9))
+    kept = _full_boxes(within, grid)
     box = region.size[0] / grid, region.size[1] / grid
-    left = float(kept.mean() / region.inside.mean()) if kept.any() else 0.0
+    left = float(within.sum() / max(region.inside.sum(), 1))
     by_row = _shares(light.shape[0], half_width[1], (-region.y[1], -region.y[0]), grid)
     by_column = _shares(light.shape[1], half_width[0], region.x, grid)
     means = (by_row @ light @ by_column.T)[kept]
     found = Uniformity(float(means.mean()) if kept.any() else 0.0, grid, box, int(kept.sum()), left, margin)
-    if left < LEAST_LEFT:
+    if left < LEAST_LEFT or not kept.any():
         reason = (
-            f"a margin of {margin:.3g}, the larger of {MARGIN:.1%} of the region's shorter side and the blur, "
-            f"leaves boxes on {left:.0%} of the region"
+            f"a margin of {margin:.3g}, the larger of {MARGIN:.1%} of the region's shorter side and the "
+            f"blur, leaves {left:.0%} of the region, with {kept.sum()} of {grid} x {grid} boxes"
         )
         return replace(found, reason=reason)
     if found.mean <= 0:
@@ -128,12 +129,11 @@ def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
     )
 
 
-def _boxes_within(region: LitRegion, margin: float, grid: int) -> NDArray[np.bool_]:
-    """Return which boxes lie in the region with its margin taken off, (rows, columns)."""
-    outside = ~region.inside | (region.depth < margin * (1 - 1e-9))
+def _full_boxes(within: NDArray[np.bool_], grid: int) -> NDArray[np.bool_]:
+    """Return which boxes lie wholly within, (rows, columns).  within : cells of the raster."""
     edges = np.arange(grid + 1) / grid * RASTER
     first, last = np.floor(edges[:-1] + 1e-9).astype(int), np.ceil(edges[1:] - 1e-9).astype(int)
-    sums = np.pad(outside.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))  # of all cells above and before
+    sums = np.pad((~within).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))  # of all cells above and before
     rows, columns = np.ix_(last, first), np.ix_(first, last)
     count = sums[np.ix_(last, last)] - sums[rows] - sums[columns] + sums[np.ix_(first, first)]
     return np.asarray(count == 0)

@@ -46,7 +46,8 @@ class Expectation:
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
     moved : the design starts from the whole transport map.
-    rel_l2 : predicted, None where nothing tells it: without the whole map, or where rays spread in the lens.
+    rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
+        cuts it off, or where rays spread in the lens.
     start_rel_l2 : of the transport start, None where the source has extent.
     seconds, memory_mb : of the design.
     """
@@ -108,7 +109,7 @@ def expected(
         blur=blur_of(system, lens, backend).width if system.blurred else _blur(system),
         moved=moved,
         rel_l2=predicted_rel_l2(start.lit, error)
-        if error and moved and system.path.parallel and not system.blurred
+        if error and moved and start.within(fit) and system.path.parallel and not system.blurred
         else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),

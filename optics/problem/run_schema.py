@@ -139,9 +139,7 @@ class Verify:
     min_over_mean: float = option(
         0.7, low=0, high=1, note="least U0 = E_min / E_mean of uniform light; 0 is none"
     )
-    min_over_max: float = option(
-        0.5, low=0, high=1, note="least E_min / E_max of uniform light; 0 is none"
-    )
+    min_over_max: float = option(0.5, low=0, high=1, note="least E_min / E_max of uniform light; 0 is none")
     rsd: float = option(
         0.12, above=0, infinite=True, note="greatest std E / E_mean of uniform light; inf is none"
     )
