@@ -41,8 +41,8 @@ class LitRegion:
         at = [(np.arange(RASTER) + 0.5) / RASTER * n for n in part.shape]
         high, wide = (2 * half_width[1] / lit.shape[0], 2 * half_width[0] / lit.shape[1])
         return cls(
-            (columns[0] * wide - half_width[0], (columns[-1] + 1) * wide - half_width[0]),
-            (half_width[1] - (rows[-1] + 1) * high, half_width[1] - rows[0] * high),
+            (float(columns[0]) * wide - half_width[0], float(columns[-1] + 1) * wide - half_width[0]),
+            (half_width[1] - float(rows[-1] + 1) * high, half_width[1] - float(rows[0]) * high),
             part[np.ix_(*(a.astype(int) for a in at))],
         )
 
