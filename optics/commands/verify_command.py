@@ -40,6 +40,8 @@ def verify(options: Namespace) -> Outcome:
         checks, left_out = bare_checks(file)
     else:
         checks, notes, light = _folder_checks(path, options.optiland, request)
+        of_light, left_out = _light_checks(path)
+        checks += of_light
     checked = verification(checks) | {"notes": notes, "left_out": left_out}
     lines = check_lines(checked)
     if light is not None:
@@ -61,12 +63,22 @@ def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[
     return checks, left_out
 
 
+def _light_checks(path: Path) -> tuple[list[Check], list[str]]:
+    """Return the checks of the light that a result folder holds, and what is left out."""
+    from optics.analysis import delivery_checks
+    from optics.api import Design
+
+    try:
+        design = Design.load(path)
+    except UserError as error:
+        return [], [f"the light: {error}"]
+    return delivery_checks(design.measurement.metrics, design.problem.verify), []
+
+
 def _folder_checks(
     path: Path, by_optiland: bool, request: LightRequest | None
 ) -> tuple[list[Check], list[str], FileLight | None]:
     """Return the checks of the STEP file of a result folder, notes, and the light that is asked for."""
-    from optics.analysis import delivery_checks
-    from optics.api import Design
     from optics.runtime import load_backend
     from optics.verification import (
         StepFile,
@@ -91,7 +103,6 @@ def _folder_checks(
     checks += text_and_occt_checks(system, lens, file, backend)
     checks += run(system, lens, file, backend)
     checks += limit_checks(problem, manufacturability(lens, problem.lens.density or None))
-    checks += delivery_checks(Design.load(path).measurement.metrics, problem.verify)
     if by_optiland and optiland_available():
         checks += optiland_checks(system, lens, file, backend)
     elif by_optiland:
