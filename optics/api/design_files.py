@@ -115,7 +115,8 @@ def write_result(
     clock.lap("export")
     measurement = design.measurement
     figures.draw_light(system, lens, measurement, load_backend("double", problem.run.threads))
-    for sentence in reached_sentences(system, lens, measurement.metrics):
+    etendue = reached_sentences(system, lens, measurement.metrics)
+    for sentence in etendue.limits:
         design.notes(sentence)
     metrics = design.metrics | _of_the_blur(design)
     clock.lap("measure")
@@ -136,7 +137,7 @@ def write_result(
     clock.lap("figures")
     peak = peak_mb() + sum(p.ask("optics.runtime", "peak_mb").result() for p in (solids, figures.process))
     metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
-    return _claimed(design, folder, writer, metrics, checks, product, figures)
+    return _claimed(design, folder, writer, metrics, checks, product, figures, etendue.background)
 
 
 def _of_the_blur(design: DesignRecord) -> Claims:
@@ -159,6 +160,7 @@ def _claimed(
     checks: list[Check],
     product: Manufacturability,
     figures: DesignFigures,
+    background: Sequence[str],
 ) -> Written:
     """Write what is now known of the lens, the record last."""
     from optics.analysis import judged
@@ -177,6 +179,7 @@ def _claimed(
         pictures=figures.pictures,
         levels=figures.levels(),
         verdict=verdict,
+        background=background,
         run=writer.run,
         view=figures.view(),
     )

@@ -99,7 +99,10 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
-    return [*notes, *advice(system), *etendue_notes(system)]
+    etendue = etendue_notes(system)
+    if etendue.background and not etendue.limits:
+        notes.append("etendue forbids nothing here; `thbcad etendue` has the bounds")
+    return [*notes, *advice(system), *etendue.limits]
 
 
 def _by(size: Sequence[int]) -> str:

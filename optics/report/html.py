@@ -70,6 +70,7 @@ class Report:
     manufacture : rows (name, value, unit, position)
     pictures : (caption, PNG bytes) by name
     verdict : on the design as a whole, for the banner, with notes for below it; None for none
+    background : sentences that forbid nothing and ask for nothing, folded below the notes
     run : the run and the solid that the page speaks of: hashes by name
     view : a self-contained HTML page that shows the lens at work, as `optics.view.scene_page`; "" for none
     """
@@ -80,6 +81,7 @@ class Report:
     manufacture: Sequence[tuple[str, float, str, str]]
     pictures: Mapping[str, tuple[str, bytes]]
     verdict: Verdict | None = None
+    background: Sequence[str] = ()
     run: Mapping[str, str] = field(default_factory=dict)
     view: str = ""
     levels: Sequence[tuple[str, bytes]] = ()
@@ -172,7 +174,9 @@ def _banner(report: Report) -> str:
     of_limits = [note for note in verdict.notes if note.split(": got ")[0] in missed]
     problems = [*map(_failure, (c for c in wrong if not LIMIT.search(c.name))), *of_limits]
     notes = [note for note in verdict.notes if note not in of_limits]
-    return f"{banner}{list_html(problems, 'bad')}{list_html(notes, 'notes')}"
+    folded = list_html(report.background, "notes")
+    background = f"<details><summary>Background</summary>{folded}</details>" if folded else ""
+    return f"{banner}{list_html(problems, 'bad')}{list_html(notes, 'notes')}{background}"
 
 
 def _failure(check: Check) -> str:

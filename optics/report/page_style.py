@@ -34,7 +34,7 @@ PAPER = """
 body{font-size:8.5pt;line-height:1.35;margin:0;padding:0;max-width:none;print-color-adjust:exact}
 h1{font-size:15pt;margin:0 0 2mm} h2{font-size:10.5pt;margin:3mm 0 1.5mm;padding-top:1mm;break-after:avoid}
 p,li{max-width:none;margin:1mm 0} ul{margin:1mm 0;padding-left:5mm} .banner{padding:1.5mm 2mm}
-.view,.of-levels,.files,.problem{display:none}
+.view,.of-levels,.files,.problem,details{display:none}
 .first{display:block;margin:2mm 0} .first img{width:150mm;max-width:100%;margin:0 auto}
 .key{grid-template-columns:repeat(3,1fr);gap:0 5mm;margin-top:2mm}
 .key div,.key div:first-child{padding:1mm 0;break-inside:avoid} .key dd:first-of-type{font-size:12pt}

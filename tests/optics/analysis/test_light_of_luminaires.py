@@ -166,7 +166,7 @@ def test_no_bound_is_given_and_a_sentence_says_what_is_assumed(lamp):
 
     system = lit(lamp).optical
     assert system.source.etendue == 0
-    assert etendue_notes(system) == []
+    assert etendue_notes(system) == ([], [])
     assumed = "same intensity from every point"
     assert [assumed in sentence for sentence in advice(system)[:2]] == [True, False]
     own = system.problem.source.flux

@@ -308,7 +308,9 @@ def test_a_design_that_misses_says_so_everywhere_and_ends_with_1(tmp_path, capsy
     metrics = strict_json((tmp_path / "out" / "metrics.json").read_text())
     record = strict_json((tmp_path / "out" / "result.json").read_text())
     assert metrics["grade"] == record["grade"] == "light misses"
-    assert re.match(r"\d+ % off: the light misses what was asked for: rel_l2, without noise", metrics["verdict"])
+    assert re.match(
+        r"\d+ % off: the light misses what was asked for: rel_l2, without noise", metrics["verdict"]
+    )
     (asked,) = [sentence for sentence in metrics["notes"] if "the transport map asks for a sag" in sentence]
     assert asked in captured.err
     assert metrics["verdict"] in captured.out
