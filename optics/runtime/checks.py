@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -77,7 +77,7 @@ def verification(checks: Sequence[Check]) -> dict[str, Any]:
     return {"ok": found == "made", "grade": found, "checks": rows}
 
 
-def checks_of(checked: dict[str, Any]) -> list[Check]:
+def checks_of(checked: Mapping[str, Any]) -> list[Check]:
     """Return the checks of what `verification` returns."""
     return [Check(**{k: v for k, v in c.items() if k not in ("ok", "result")}) for c in checked["checks"]]
 

@@ -58,8 +58,8 @@ def hollow(problem_file):
 
 
 def test_figures_of_an_extended_source(hollow, tmp_path):
-    data, lines, ok = run(hollow(SMALL), out=str(tmp_path / "bound.png"))
-    assert ok
+    data, lines, code = run(hollow(SMALL), out=str(tmp_path / "bound.png"))
+    assert code == 0
     assert data["etendue_mm2_sr"]["source"] == pytest.approx(np.pi)
     assert data["etendue_mm2_sr"]["front"] == pytest.approx(np.pi)  # the rim lies behind the source
     assert data["efficiency"] == pytest.approx(0.96**2)

@@ -309,7 +309,7 @@ def test_a_design_that_misses_says_so_everywhere_and_ends_with_1(tmp_path, capsy
     record = strict_json((tmp_path / "out" / "result.json").read_text())
     assert metrics["grade"] == record["grade"] == "light misses"
     assert re.match(
-        r"\d+ % off: the light misses what was asked for: rel_l2, without noise", metrics["verdict"]
+        r"[\d.]+ % off: the light misses what was asked for: rel_l2, without noise", metrics["verdict"]
     )
     (asked,) = [sentence for sentence in metrics["notes"] if "the transport map asks for a sag" in sentence]
     assert asked in captured.err

@@ -38,7 +38,7 @@ def test_nothing_is_predicted_where_the_bound_of_the_sag_cuts_the_map_off(backen
 
 
 def test_bad_light_on_a_square_is_not_called_good():
-    """A bound that cuts the map off leaves dark corners: U0 is 0.2, and the lens was said to make the light."""
+    """A bound that cuts the map off leaves dark corners, of which the lens was said to make the light."""
     made = optics.design(bright_top_hat(**{"target.pixels": (48, 48), "run.threads": 1}))
     assert made.measurement.metrics["uniformity"]["min_over_mean"] < 0.4
     assert made.verdict.grade == "light misses"
