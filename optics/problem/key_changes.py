@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 from optics.problem.dotted_keys import Key, did_you_mean, keys_of, table_of
 from optics.problem.toml_records import AUTO
 from optics.runtime import UserError
+from thbcad.toml import MOST_PARTS, toml_tables
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -19,11 +19,13 @@ def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> di
 
     Raises
     ------
-    UserError : a key below a value that is no table.
+    UserError : a key below a value that is no table, a key of more than 16 parts.
     """
     changed = dict(tables)
     for key, value in changes.items():
-        *way, name = key.split(".")
+        *way, name = key.split(".", MOST_PARTS)
+        if len(way) == MOST_PARTS:
+            raise UserError(f"the key {key} has more than {MOST_PARTS} parts; `thbcad new` prints all keys")
         node, path = changed, ""
         for part in way:
             path = f"{path}.{part}" if path else part
@@ -55,8 +57,8 @@ def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
         meant = did_you_mean(name, kind) or "; `thbcad new` prints all keys"
         raise UserError(f"unknown key {name}{meant}")
     try:
-        read = tomllib.loads(f"value = {value}")
-    except (ValueError, RecursionError):
+        read = toml_tables(f"value = {value}")
+    except ValueError:
         read = {}
     if list(read) == ["value"]:
         return name, read["value"]

@@ -9,6 +9,7 @@ import re
 
 import pytest
 
+from optics.problem import Problem, assignment
 from optics.problem.problem_file import MAX_FILE_BYTES, load_problem
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
@@ -327,7 +328,7 @@ def test_an_array_of_tables_is_refused(tmp_path):
     ids=repr,
 )
 def test_text_that_is_not_toml_is_refused(tmp_path, text):
-    with pytest.raises(UserError, match=r"is not valid TOML") as caught:
+    with pytest.raises(UserError, match=r"cannot be read as TOML") as caught:
         load_text(tmp_path, text)
     assert one_sentence(str(caught.value))
 
@@ -384,7 +385,7 @@ def test_endless_whole_numbers_are_refused(tmp_path, key, digits):
 
 
 def test_deep_nesting_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"is nested too deep for TOML"):
+    with pytest.raises(UserError, match=r"values are nested more than 16 deep \(at line 1\)"):
         load_text(tmp_path, "x = " + "[" * 50_000)
 
 
@@ -402,3 +403,17 @@ def test_messages_stay_on_one_line_whatever_the_key(tmp_path, name):
 
 def test_messages_stay_short_whatever_the_value(tmp_path):
     assert one_sentence(refusal(tmp_path, {"lens.thickness": "x" * 100_000}))
+
+
+def test_a_change_of_a_key_of_many_parts_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"the key a\.a.* has more than 16 parts"):
+        load_values(tmp_path, SMALL).with_(**{"a" + ".a" * 100_000: 1})
+
+
+@pytest.mark.parametrize(
+    "value", ["{a" + ".a" * 30_000 + "=1}", "[" * 100_000, "1\n[a" + ".a" * 30_000 + "]"]
+)
+def test_an_assignment_of_many_parts_is_refused(value):
+    with pytest.raises(UserError, match=r"lens must be a table") as caught:
+        assignment(f"lens={value}", Problem)
+    assert one_sentence(str(caught.value))
