@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 
-from optics.runtime import UserError
+from optics.runtime import UserError, is_text
 
 PATHS = (
     "PROBLEM.toml",
@@ -21,10 +22,17 @@ PATHS = (
 
 
 def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[str, ArgumentParser]) -> None:
-    """Raise UserError for an unknown command, or for a long option that the command does not have.
+    """Raise UserError for an argument that is no text, an unknown command, or a long option that the command
+    does not have.
 
     words : the arguments of the command line.  Options may be shortened, as argparse allows.
     """
+    for word in words:
+        if not is_text(word):
+            raise UserError(
+                f"the argument {word} is no text in this locale ({sys.getfilesystemencoding()}); "
+                "set LC_ALL=C.UTF-8, or rename what it names"
+            )
     first = words[0]
     if first not in commands and not first.startswith("-"):
         meant = _meant(first, commands)

@@ -16,7 +16,7 @@ from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 from optics.problem.dotted_keys import did_you_mean, hints_of, table_of
-from optics.runtime import UserError
+from optics.runtime import UserError, is_text
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -110,6 +110,7 @@ def checked_values(
             values[f.name] = table(**checked_values(table, value, folder, key + ".", root or kind))
         if folder and f.metadata["picture"] and values[f.name]:
             values[f.name] = str((folder / values[f.name]).absolute())
+            _require_text(key, values[f.name])
     return values
 
 
@@ -136,6 +137,7 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
             raise UserError(f"{key} must be a string, got {_brief(value)}")
         if limits["picture"] and "\0" in value:
             raise UserError(f"{key} must not hold a zero character")
+        _require_text(key, value)
         if limits["choices"] and value not in limits["choices"]:
             raise UserError(
                 f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}"
@@ -159,6 +161,11 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
     value = int(value) if isinstance(value, Integral) else float(value)
     _require_range(key, value, limits)
     return hint(value)
+
+
+def _require_text(key: str, value: str) -> None:
+    if not is_text(value):
+        raise UserError(f"{key} must be text that UTF-8 can hold, got {_brief(value)}; rename what it names")
 
 
 def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:

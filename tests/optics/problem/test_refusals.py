@@ -401,6 +401,20 @@ def test_messages_stay_on_one_line_whatever_the_key(tmp_path, name):
     assert str(caught.value).isprintable()
 
 
+@pytest.mark.parametrize("key", ["title", "lens.material", "target.image"])
+def test_half_a_letter_is_refused(tmp_path, key):
+    """A name of bytes that are no UTF-8 text comes as lone surrogates; no file could hold it."""
+    problem = load_values(tmp_path, SMALL)
+    with pytest.raises(UserError, match=rf"{re.escape(key)} must be text that UTF-8 can hold"):
+        problem.with_(**{key: "Gr\udcc3"})
+
+
+def test_a_picture_in_a_folder_whose_name_is_no_text_is_refused(tmp_path):
+    (tmp_path / "folder\udcff").mkdir()
+    with pytest.raises(UserError, match=r"target\.image must be text that UTF-8 can hold, got .*; rename"):
+        load_values(tmp_path / "folder\udcff", SMALL)
+
+
 def test_messages_stay_short_whatever_the_value(tmp_path):
     assert one_sentence(refusal(tmp_path, {"lens.thickness": "x" * 100_000}))
 
