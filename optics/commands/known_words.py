@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 
+from optics.problem import cannot_do
 from optics.runtime import UserError, is_text
 
+CHOICE = re.compile(r"invalid choice: '(\w+)'")  # of argparse
 PATHS = (
     "PROBLEM.toml",
     "RESULT",
@@ -52,6 +55,12 @@ def require_paths(options: Namespace, command: ArgumentParser) -> None:
         if action.metavar in PATHS and getattr(options, action.dest) == "":
             name = action.option_strings[0] if action.option_strings else action.metavar
             raise UserError(f"{name} must be a path, got ''; {command.prog} --help says more")
+
+
+def refused_choice(message: str) -> str:
+    """Return why the choice that argparse's message refuses cannot be, "" where it is a word like others."""
+    found = CHOICE.search(message)
+    return cannot_do(found[1]) if found else ""
 
 
 def _meant(word: str, known: Iterable[str]) -> str:

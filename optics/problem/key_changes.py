@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, get_args, get_origin
 
+from optics.problem.choices import cannot_do
 from optics.problem.dotted_keys import Key, did_you_mean, keys_of, table_of
 from optics.problem.toml_records import AUTO
 from optics.runtime import UserError
@@ -47,12 +48,18 @@ def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
 
     Raises
     ------
-    UserError : no "=", an unknown key, a value that is no TOML.
+    UserError : no "=" or nothing before it, an unknown key, a value that is no TOML.
     """
     name, equals, value = (part.strip() for part in text.partition("="))
     if not equals:
         raise UserError(f"{text!r} sets no key: write KEY=VALUE, such as target.distance=400")
+    if not name:
+        raise UserError(
+            f"a key is missing before = in {text!r}: write KEY=VALUE, such as target.distance=400"
+        )
     key = next((k for k in keys_of(kind) if k.name == name), None)
+    if key is None and (reason := cannot_do(name) or cannot_do(value.strip("\"'"))):
+        raise UserError(f"unknown key {name}; {reason}")
     if key is None:
         meant = did_you_mean(name, kind) or "; `thbcad new` prints all keys"
         raise UserError(f"unknown key {name}{meant}")

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
+from optics.problem.choices import cannot_do
 from optics.problem.dotted_keys import did_you_mean, hints_of, table_of
 from optics.runtime import UserError, is_text
 
@@ -90,6 +91,9 @@ def checked_values(
     """
     if isinstance(data, kind):
         data = {f.name: getattr(data, f.name) for f in fields(kind)}
+    if isinstance(data, list | tuple) and prefix:
+        name = prefix.rstrip(".")
+        raise UserError(f"{name} must be a table, [{name}], and there is one; got {_brief(data)}")
     if not isinstance(data, Mapping):
         raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
     _require_known(kind, data, prefix, root or kind)
@@ -120,6 +124,8 @@ def _require_known(
     known = [f.name for f in fields(kind)]
     for key in data:
         if key not in known:
+            if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
+                raise UserError(f"unknown key {prefix}{key}; {reason}")
             meant = did_you_mean(f"{prefix}{key}", root)
             where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
             raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
@@ -139,8 +145,10 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
             raise UserError(f"{key} must not hold a zero character")
         _require_text(key, value)
         if limits["choices"] and value not in limits["choices"]:
+            reason = cannot_do(value)
             raise UserError(
                 f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}"
+                + f"; {reason}" * bool(reason)
             )
         return str(value)
     if hint is bool:

@@ -9,10 +9,11 @@ import re
 
 import pytest
 
-from optics.problem import Problem, assignment
+from optics.problem import Problem, assignment, cannot_do, keys_of
 from optics.problem.problem_file import MAX_FILE_BYTES, load_problem
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
+from tests.cases import ROOT
 from tests.optics.cases import SMALL, toml_text, toml_value
 from tests.optics.problem.cases import EXTENDED, REQUIRED, load_text, load_values
 
@@ -431,3 +432,55 @@ def test_an_assignment_of_many_parts_is_refused(value):
     with pytest.raises(UserError, match=r"lens must be a table") as caught:
         assignment(f"lens={value}", Problem)
     assert one_sentence(str(caught.value))
+
+
+# ---- what the program cannot do ----
+
+
+def test_what_the_program_has_learned_is_not_called_impossible():
+    """An entry whose key exists would never be told, or be told of a misspelt one: it leaves the table."""
+    known = {key.name for key in keys_of(Problem)}
+    assert {name for name in known if cannot_do(name)} == set()
+    choices = {word for key in keys_of(Problem) if key.limits for word in key.limits["choices"] or ()}
+    assert {word for word in choices if cannot_do(word)} == set()
+
+
+def test_the_readme_lists_what_the_program_cannot_do():
+    assert re.search(r"^## What \S+ cannot do$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("target.tilt", [0.0, 10.0, 0.0], "target is a plane across the axis"),
+        ("lens.rear.outline", "round", "lenses are designed as rectangles"),
+        ("elements", [{"kind": "mirror"}], "there is one lens and nothing else"),
+        ("source.array", {"columns": 3}, "there is one lens before one source"),
+        ("lens.kind", "mirror", "there is one lens and nothing else"),
+        ("source.kind", "mirror", "there is one lens and nothing else"),
+    ],
+)
+def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tmp_path, key, value, words):
+    with pytest.raises(UserError, match=rf"{re.escape(key)}.*{words}.*README") as caught:
+        load_values(tmp_path, SMALL).with_(**{key: value})
+    assert one_sentence(str(caught.value))
+
+
+def test_a_dead_end_of_the_command_line_says_so_too():
+    with pytest.raises(UserError, match=r"unknown key target\.tilt; thbcad cannot do that: the target is"):
+        assignment("target.tilt=[1, 2, 3]", Problem)
+    with pytest.raises(UserError, match=r"unknown key lens\.kind; thbcad cannot do that: there is one lens"):
+        assignment("lens.kind=mirror", Problem)
+
+
+@pytest.mark.parametrize("table", ["source", "target", "lens.rear"])
+def test_several_of_a_table_are_refused_with_the_table_to_write(tmp_path, table):
+    text = toml_text(SMALL).replace(f"[{table}]", f"[[{table}]]", 1)
+    with pytest.raises(UserError, match=rf"{table} must be a table, \[{table}\], and there is one; got \["):
+        load_text(tmp_path, text)
+
+
+@pytest.mark.parametrize("text", ["=3", " = 3", "="])
+def test_an_assignment_without_a_key_says_that_it_is_missing(text):
+    with pytest.raises(UserError, match=r"a key is missing before = in .*: write KEY=VALUE"):
+        assignment(text, Problem)
