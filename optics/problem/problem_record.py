@@ -187,6 +187,11 @@ def _require_target(target: Target) -> None:
         raise UserError("the key target.image is missing; add it")
     if target.kind == "function" and not target.formula:
         raise UserError("the key target.formula is missing; add it")
+    if target.kind != "image" and target.seen_from == "lens":
+        raise UserError(
+            'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
+            "the page on targets"
+        )
     if math.isinf(target.distance) and max(target.half_width) >= 90:
         raise UserError(
             f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"

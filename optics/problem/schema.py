@@ -264,6 +264,11 @@ class Target:
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
     fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
+    seen_from: str = option(
+        "behind",
+        choices=("behind", "lens"),
+        note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
+    )
 
     @property
     def data(self) -> str:
