@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from optics.commands.command_examples import examples_text
-from optics.commands.known_words import require_known, require_paths
+from optics.commands.known_words import refused_choice, require_known, require_paths
 from optics.commands.making_options import asbuilt_options, sweep_options, tolerance_options, tool_options
 from optics.commands.shared_options import force_option, problem_options
 from optics.problem import ENGINES, STARTS
@@ -20,7 +20,7 @@ class CommandParser(argparse.ArgumentParser):
     """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
 
     def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message}; {self.prog} --help says more")
+        raise UserError(f"{message}; {refused_choice(message) or f'{self.prog} --help says more'}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print help or version; argparse would pass over an OSError."""

@@ -51,6 +51,7 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
         *missed,
         f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
         f"{data['dark_share']:.0%} of them dark",
+        *_side_lines(system),
         "before optimisation: "
         f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm",
         *expectation_lines(system, expectation),
@@ -68,12 +69,26 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     return Outcome(data, lines)
 
 
+def _side_lines(system: OpticalSystem) -> list[str]:
+    """Return from which side a picture reads right; nothing of regions and formulas."""
+    target = system.problem.target
+    if target.kind != "image":
+        return []
+    side, other, name = (
+        ("behind the target, looking at the lens", "a wall seen from the lens's side", "lens")
+        if target.seen_from == "behind"
+        else ("the lens's side, as on a wall", "a screen seen from behind", "behind")
+    )
+    return [f"the picture reads right from {side}; for {other}: --set target.seen_from={name}"]
+
+
 def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
     """Return what is certain before a design."""
     screen, least = system.target.screen(), system.lens.least_thickness()
     return {
         "title": system.problem.title,
         "picture_pixels": list(system.target.light.shape[::-1]),
+        "picture_seen_from": system.problem.target.seen_from,
         "target_pixels": list(screen.pixels),
         "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.source.flux)),
         "least_thickness_mm": least.value,

@@ -17,12 +17,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
 from ctypes import pythonapi
 from importlib import import_module
+from io import TextIOWrapper
+from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
 from typing import Any, TextIO
 
 from optics.commands.arguments import parsed
 from optics.commands.outcome import Outcome
 from optics.commands.stop_signals import stop_signals
 from optics.runtime import NumericalError, UserError, collect_rarely, printable
+from optics.workers import lacks_memory
 from thbcad.doors import missing_packages, pip_command
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
@@ -87,12 +90,10 @@ def _failed(error: Exception, verbose: bool) -> int:
 
     verbose : whether the traceback is shown too, where the input is not to blame
     """
-    from optics.workers import lacks_memory
-
     if isinstance(error, UserError | NumericalError):
         sentence, code = str(error), error.exit_code
     elif lacks_memory(error):
-        sentence, code = "out of memory; use fewer pixels, rays or levels", NumericalError.exit_code
+        sentence, code = f"out of memory; {_more_room()}", NumericalError.exit_code
     elif isinstance(error, OSError):
         where = f" {error.filename}" if error.filename else ""
         sentence = str(UserError(f"cannot write or read{where}: {error.strerror or error}"))
@@ -105,6 +106,13 @@ def _failed(error: Exception, verbose: bool) -> int:
         traceback.print_exception(error)
     print(f"thbcad: {sentence}", file=sys.stderr)
     return code
+
+
+def _more_room() -> str:
+    """Return what to do where memory lacks."""
+    most, _ = getrlimit(RLIMIT_AS)
+    limit = "" if most == RLIM_INFINITY else f"raise its limit (ulimit -v {most >> 10}), or "
+    return f"{limit}use fewer pixels, rays or levels"
 
 
 def _require_extra() -> None:
@@ -174,6 +182,8 @@ def _drop(stream: TextIO) -> None:
 def entry() -> None:
     """Entry point of the installed command."""
     collect_rarely()
+    if isinstance(sys.stdout, TextIOWrapper):  # None where it is closed
+        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: a locale may lack a title's letters
     code = main()
     gc.freeze()  # else Python searches all that is loaded three more times before it ends: 0.3 s
     sys.exit(code)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import reprlib
-import tomllib
 from argparse import Namespace
 from collections.abc import Mapping
 from math import inf
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from optics.runtime import UserError
+from thbcad.toml import toml_tables
 
 LARGEST_FILE = 1 << 20  # bytes of a file of amounts
 FORM = ".form"  # ends the name of a form error, such as rear.form, in nm rms
@@ -72,10 +72,10 @@ def _of_file(path: str | None) -> dict[str, Any]:
             data = opened.read(LARGEST_FILE + 1)
         if len(data) > LARGEST_FILE:
             raise UserError(f"{file} is larger than a file of amounts may be, {LARGEST_FILE} bytes")
-        amounts = dict(_flat(tomllib.loads(data.decode("utf-8"))))
+        amounts = dict(_flat(toml_tables(data.decode("utf-8-sig"))))
     except OSError as error:
         raise UserError(f"cannot read {file}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise UserError(f"{file} is no TOML: {error}") from None
     for name, amount in amounts.items():
         _require_amount(file, name, amount)

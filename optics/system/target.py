@@ -34,6 +34,8 @@ class LightTarget:
     def light(self) -> NDArray[np.float64]:
         """Linear light: a picture at its own resolution, a region or a formula on the target's pixels.
 
+        Row 0 is at the greatest y, column 0 at the least x.
+
         Raises
         ------
         UserError : see `read_picture` and `formula_light`.
@@ -44,7 +46,9 @@ class LightTarget:
         if target.kind == "function":
             return formula_light(target.formula, target.pixels)
         with speaking_of("target.image"):
-            return read_picture(target.image, target.encoding)
+            light = read_picture(target.image, target.encoding)
+        # column 0 is at -x: on the left for one behind the target, on the right for one at the lens
+        return np.ascontiguousarray(light[:, ::-1]) if target.seen_from == "lens" else light
 
     @cached_property
     def lit_pixels(self) -> NDArray[np.bool_] | None:
