@@ -217,11 +217,11 @@ def greatest_slack(system: OpticalSystem, etendue: Array) -> float:
     screen, points = system.target.screen(), _within(system)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     rows, columns = (np.unique(np.linspace(0, n - 1, LOOKED_AT).round().astype(int)) for n in screen.shape)
-    x, y = (
+    along = (
         (centres[at, None] + pitch / 2 * nodes).ravel()
         for centres, at, pitch in zip(screen.centres, (columns, rows), screen.pitch)
     )
-    x, y = np.meshgrid(x, y)
+    x, y = np.meshgrid(*along)
     if screen.angular:
         a, b = np.tan(np.radians(x)), np.tan(np.radians(y))
         seen = _thrown(points, a, b) * (1 + a * a) * (1 + b * b) / (1 + a * a + b * b) ** 2
