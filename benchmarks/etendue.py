@@ -23,12 +23,14 @@ from optics.etendue import (
     Kernel,
     approximate,
     one_blur,
+    radiance,
     rounded_down,
     universal_bound,
     usual_efficiency,
 )
 from optics.runtime import Row
 from optics.system import load_system
+from oracles.seen_envelope import sampled_etendue
 
 T = TypeVar("T")
 
@@ -39,6 +41,12 @@ SCARCE = {  # extended.toml with a source of 8 mm and a target of 40 mm that is 
     "source.distance": 7.0,
     "target.half_width": [20.0, 20.0],
     "target.distance": 50.0,
+}
+WIDE = {  # extended.toml with pixels half as wide as their distance
+    "target.distance": 20.0,
+    "target.half_width": [40.0, 40.0],
+    "target.pixels": [8, 8],
+    "optimizer.merge": 1,
 }
 MEMORY = """
 from pathlib import Path
@@ -52,7 +60,16 @@ print(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) /
 
 def rows() -> list[Row]:
     """Return the measured rows."""
-    return [*_universal(), *_one_blur(), *_landscapes(), *_general(), *_large(), *_analytic(), *_comparison()]
+    return [
+        *_universal(),
+        *_caps(),
+        *_one_blur(),
+        *_landscapes(),
+        *_general(),
+        *_large(),
+        *_analytic(),
+        *_comparison(),
+    ]
 
 
 def picture(pixels: int) -> NDArray[np.float64]:
@@ -90,6 +107,28 @@ def _universal() -> list[Row]:
         Row("   greatest flux on the lit pixels", scarce.most_on_lit, "W"),
         *(Row(f"   least rel_l2 at the efficiency {e:g}", least) for e, least in curve),
     ]
+
+
+def _caps() -> list[Row]:
+    """Return the bound of pixels over what they see of the envelope by dense sampling from within."""
+    found = []
+    for name, where, changes, limit in (
+        ("extended", "", {}, 1.03),
+        ("extended_two", "", {}, 1.03),
+        ("street", "", {}, 1.03),
+        ("extended", ", source of 8 mm, target of 40 mm at 50 mm", SCARCE, 1.03),
+        ("extended", ", pixels of 10 mm at 20 mm", WIDE, 1.5),
+    ):
+        system = load_system(EXAMPLES / f"{name}.toml", changes)
+        universal, (columns, rows) = universal_bound(system), system.target.screen().pixels
+        pixels = [(i, j) for i in (0, rows // 4, rows // 2) for j in (0, columns // 3, columns // 2)]
+        bound = np.array([universal.most[at] for at in pixels])
+        over = bound / radiance(system) / sampled_etendue(system, pixels)
+        found += [
+            Row(f"bound over sampled envelope, {name}{where}", over.max(), "", "greatest", limit),
+            Row("   least", over.min(), "", "", 1.0, sense=">="),
+        ]
+    return found
 
 
 def _one_blur() -> list[Row]:

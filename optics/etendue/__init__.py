@@ -52,6 +52,9 @@ if TYPE_CHECKING:
         universal_sentence as universal_sentence,
         usual_efficiency as usual_efficiency,
     )
+    from optics.etendue.silhouette import (
+        greatest_slack as greatest_slack,
+    )
     from optics.etendue.source_image_bound import (
         ImageBound as ImageBound,
         any_proportions as any_proportions,
@@ -60,6 +63,7 @@ if TYPE_CHECKING:
     from optics.etendue.throughput_bound import (
         Array as Array,
         Throughput as Throughput,
+        radiance as radiance,
         rear_area as rear_area,
         throughput as throughput,
     )
@@ -111,6 +115,7 @@ _FILES = {
         "universal_sentence",
         "usual_efficiency",
     ),
+    "silhouette": ("greatest_slack",),
     "source_image_bound": (
         "ImageBound",
         "any_proportions",
@@ -119,6 +124,7 @@ _FILES = {
     "throughput_bound": (
         "Array",
         "Throughput",
+        "radiance",
         "rear_area",
         "throughput",
     ),

@@ -1,10 +1,10 @@
 """What etendue forbids every lens of a problem, whatever its six faces do: the universal rung.
 
 No passive optics makes light brighter.  At a point x of the target light of radiance L at most comes from
-within the silhouette of the lens's envelope, so that 0 <= E(x) <= L P(x) (`optics.etendue.silhouette`).  That
-holds for light by all paths through the solid, and for all solids in the envelope.  Source and target are in
-air.  With the efficiency eta, the fraction of the source's flux Phi on the pixels of the target, their sum is
-known too.  The light beside the target is free.
+within the silhouette of the lens's envelope, so that 0 <= E(x) <= L P(x), and a pixel gets L times the mean
+of P at most (`optics.etendue.silhouette`).  That holds for light by all paths through the solid, and for all
+solids in the envelope.  Source and target are in air.  With the efficiency eta, the fraction of the source's
+flux Phi on the pixels of the target, their sum is known too.  The light beside the target is free.
 """
 
 from __future__ import annotations

@@ -1,10 +1,16 @@
-"""The light that leaves a lens, for other programs: as rays, and as an intensity over the sphere."""
+"""The light that leaves a lens: as rays and as an intensity for other programs, and where it is hottest."""
 
 from typing import TYPE_CHECKING
 
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.outgoing.concentration import (
+        Concentration as Concentration,
+        concentration_sentence as concentration_sentence,
+        fire_warning as fire_warning,
+        greatest_concentration as greatest_concentration,
+    )
     from optics.outgoing.intensity_of_lens import (
         OutgoingIntensity as OutgoingIntensity,
         outgoing_intensity as outgoing_intensity,
@@ -18,6 +24,12 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "concentration": (
+        "Concentration",
+        "concentration_sentence",
+        "fire_warning",
+        "greatest_concentration",
+    ),
     "intensity_of_lens": (
         "OutgoingIntensity",
         "outgoing_intensity",

@@ -70,6 +70,8 @@ def test_figures_of_an_extended_source(hollow, tmp_path):
     assert 0 <= free["lower_bound"] <= alike["attained"] < 1.05 * alike["lower_bound"]
     assert alike["kkt"] <= 1e-5
     said = "\n".join(lines)
+    assert 1 < universal["cap_over_sampled"] < 1.03
+    assert f"by dense sampling {universal['cap_over_sampled']:.4f} times its etendue at most" in said
     assert "to solids within the envelope (six faces, z_freedom rear 1 mm included)" in said
     assert "no bound for lenses" in said
     assert "304.4 mm^2 as the base lens has it (z_freedom = 1 mm may make it larger" in said

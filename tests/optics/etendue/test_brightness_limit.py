@@ -91,10 +91,11 @@ def test_the_picture_is_forbidden_from_its_efficiency_on(small):
 
 
 def test_the_brightest_light_fills_the_silhouette(small):
-    """Radiance 1 / (64 pi) W / (mm^2 sr), and P above that of the rear's flat square at 51 mm."""
+    """Radiance 1 / (64 pi) W / (mm^2 sr), and P between those of squares as deep as rear rim and vertex."""
     area = 40.0**2
+    low, high = (a / np.sqrt(1 + a * a) for a in (8 / (50 + 6.4 + 1), 8 / (50 - 1)))
     assert small.most_on_lit < small.most_on_target == pytest.approx(small.most.sum())
-    assert small.peak > 1 / (64 * np.pi) * 16**2 / 51**2
+    assert 4 * low * np.arctan(low) < 64 * np.pi * small.peak < 4 * high * np.arctan(high)
     assert small.peak * area > small.most_on_target
 
 
