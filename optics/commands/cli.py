@@ -8,7 +8,6 @@ Exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 70 inter
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import traceback
@@ -20,9 +19,10 @@ from importlib import import_module
 from typing import Any, TextIO
 
 from optics.commands.arguments import parsed
+from optics.commands.launch import entry as entry  # by this name the installed command asks for it
 from optics.commands.outcome import Outcome
 from optics.commands.stop_signals import stop_signals
-from optics.runtime import NumericalError, UserError, collect_rarely, printable
+from optics.runtime import NumericalError, UserError, printable
 from thbcad.doors import missing_packages, pip_command
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
@@ -169,11 +169,3 @@ def _drop(stream: TextIO) -> None:
     """Send nowhere what a stream still holds: Python writes it at its end, and would end with code 120."""
     with suppress(OSError), open(os.devnull, "w") as nowhere:  # a stream in memory has no descriptor
         os.dup2(nowhere.fileno(), stream.fileno())
-
-
-def entry() -> None:
-    """Entry point of the installed command."""
-    collect_rarely()
-    code = main()
-    gc.freeze()  # else Python searches all that is loaded three more times before it ends: 0.3 s
-    sys.exit(code)
