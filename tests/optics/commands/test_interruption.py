@@ -54,7 +54,7 @@ def test_ctrl_c_ends_with_130_and_leaves_a_checkpoint(stopped):
 
 
 def test_ctrl_c_says_what_was_reached_and_the_command_line_that_goes_on(stopped):
-    """The misfit of a level is its rel_l2 on the optimiser's own pixels; the lens has that of the best row."""
+    """A level's misfit is its rel_l2 on the optimiser's own pixels, and the lens that of the best row."""
     out = stopped.folder / "out"
     history = strict_json((out / "checkpoint.json").read_text())["history"]
     reached, level, command = re.search(
