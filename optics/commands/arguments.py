@@ -52,7 +52,7 @@ def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Return the options of a command line; None after the help that a bare `thbcad` prints.
+    """Return the options of a command line, with its `words`; None after the help that `thbcad` alone prints.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         main.print_help()
         return None
     require_known(words, main, commands)
-    options = main.parse_args(words)
+    options = main.parse_args(words, argparse.Namespace(words=tuple(words)))
     require_paths(options, commands[options.command])
     return options
 

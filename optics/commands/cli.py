@@ -8,7 +8,6 @@ failure, 4 the file, a part or a limit of making fails, 70 internal error, 130 i
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import traceback
@@ -17,14 +16,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
 from ctypes import pythonapi
 from importlib import import_module
-from io import TextIOWrapper
 from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
 from typing import Any, TextIO
 
 from optics.commands.arguments import parsed
+from optics.commands.launch import entry as entry  # by this name the installed command asks for it
 from optics.commands.outcome import Outcome
 from optics.commands.stop_signals import stop_signals
-from optics.runtime import NumericalError, UserError, collect_rarely, printable
+from optics.runtime import NumericalError, UserError, printable
 from optics.workers import lacks_memory
 from thbcad.doors import missing_packages, pip_command
 
@@ -177,13 +176,3 @@ def _drop(stream: TextIO) -> None:
     """Send nowhere what a stream still holds: Python writes it at its end, and would end with code 120."""
     with suppress(OSError), open(os.devnull, "w") as nowhere:  # a stream in memory has no descriptor
         os.dup2(nowhere.fileno(), stream.fileno())
-
-
-def entry() -> None:
-    """Entry point of the installed command."""
-    collect_rarely()
-    if isinstance(sys.stdout, TextIOWrapper):  # None where it is closed
-        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: a locale may lack a title's letters
-    code = main()
-    gc.freeze()  # else Python searches all that is loaded three more times before it ends: 0.3 s
-    sys.exit(code)

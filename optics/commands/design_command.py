@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,19 +20,24 @@ from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.api import Written
-    from optics.optimisation import State
+    from optics.optimisation import Row, State
     from optics.photometry import Units
     from optics.problem import Problem
 
 
 @dataclass(frozen=True)
 class _Run:
-    """One design on its way.  asked : the problem as it was read."""
+    """One design on its way.
+
+    asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
+    """
 
     asked: Problem
+    words: Sequence[str]
     folder: ResultFolder
     clock: RunClock
     notes: Notes = field(default_factory=lambda: Notes(listener=note))
+    history: list[Row] = field(default_factory=list)
 
 
 def design(options: Namespace) -> Outcome:
@@ -44,7 +50,7 @@ def design(options: Namespace) -> Outcome:
     system = system_of(options)
     problem = system.problem
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    run = _Run(problem, folder, clock)
+    run = _Run(problem, options.words, folder, clock)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
         try:
             return _designed(run, system, options)
@@ -69,6 +75,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
 
         def keep(state: State) -> None:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
+            run.history[:] = state.history
 
         try:
             design = shaped(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
@@ -95,9 +102,27 @@ def _with_iterations(system: OpticalSystem, iterations: int) -> OpticalSystem:
 
 
 def _what_is_kept(run: _Run) -> str:
-    if run.folder.has_run_of(run.asked):
-        return f"the same command with --resume goes on from {run.folder.checkpoint}"
-    return "nothing was kept, since no level had begun; the same command starts again"
+    """Return how far a run came that was stopped, and the command line that goes on."""
+    if not run.folder.has_run_of(run.asked):
+        return "nothing was kept, since no level had begun; the same command starts again"
+    command = f"to go on: {resuming(run.words)}"
+    if not run.history:
+        return command
+    last = run.history[-1]
+    reached = min(row.fit for row in run.history if row.stage == last.stage)
+    return f"rel_l2 {reached:.3g} so far, on the light that level {last.level} is optimised with; {command}"
+
+
+def resuming(words: Sequence[str]) -> str:
+    """Return the command line, for a shell, that goes on with the design of another one.
+
+    The surface of `--from` stands in the checkpoint.
+    """
+    kept: list[str] = []
+    for before, word in zip(("", *words), words):
+        if before != "--from" and word != "--from" and not word.startswith("--from="):
+            kept.append(word)
+    return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
 
 
 def _outcome(written: Written, units: Units) -> Outcome:
