@@ -1,10 +1,10 @@
-"""The amounts of tolerances that arguments and a file name."""
+"""The amounts of tolerances that arguments and a file name, and the limits that light must keep."""
 
 from __future__ import annotations
 
 import reprlib
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -47,6 +47,26 @@ def periods_of(text: str) -> tuple[float, float]:
     except ValueError:
         raise UserError(f"--periods takes SHORTEST:LONGEST in mm, such as 2:20, got {text!r}") from None
     return short, long
+
+
+def limits_of(texts: Sequence[str]) -> dict[str, float] | None:
+    """Return the limits of --limit by name, None where there are none; a bare number is a rise of rel_l2.
+
+    Raises
+    ------
+    UserError : no number.
+    """
+    limits = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.rpartition("="))
+        try:
+            limits[name if equals else "rise"] = float(value)
+        except ValueError:
+            raise UserError(
+                "--limit takes a rise of rel_l2, such as 0.01, or NAME=VALUE, such as min_over_mean=0.7, got "
+                f"{text!r}"
+            ) from None
+    return limits or None
 
 
 def _amount(text: str) -> tuple[str, Any]:
