@@ -57,7 +57,8 @@ def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[
     from optics.verification import optiland_available
 
     lens, _ = labelled_lens(of)
-    checks, left_out = part_checks(path, lens, by_optiland and optiland_available())
+    system = OpticalSystem(ResultFolder(of).read().problem) if Path(of).is_dir() else None
+    checks, left_out = part_checks(path, lens, by_optiland and optiland_available(), system)
     if by_optiland and not optiland_available():
         left_out.append(f"rays by optiland, which is not installed; {pip_command('verify')}")
     return checks, left_out
