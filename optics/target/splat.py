@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optics.runtime import PACKED
+from optics.target.scatter_operation import scatter_operation
 from optics.target.screen import Screen
 from optics.target.windows import Window
 
@@ -35,6 +36,7 @@ class Splat:
         dr, Float, Index = self.backend.dr, self.backend.Float, self.backend.Index
         screen, taps = self.screen, self.window.taps
         rows, columns = screen.padded
+        dr.schedule(x, y, flux)
         guard = taps - 1  # pixels around the image for windows that lie across its border
         packets = -(-(guard + PACKED) // PACKED)  # of a column: they hold all taps, wherever these begin
         # sizes are opaque, so that every screen runs the same compiled kernel
@@ -48,13 +50,16 @@ class Splat:
         start = Index(dr.select(touches, row + guard, 0))
         first = Index(dr.select(touches, column + guard, 0)) * along + start // PACKED
         wy = self._shifted(wy, start % PACKED, packets * PACKED)
-        image = dr.zeros(Float, stride * PACKED * (columns + 2 * guard))
         flux = flux * dr.opaque(Float, 1.0 / screen.pixel_area)
+        values, numbers = [], []
         for a in range(taps):
             line, weighted = first + Index(a) * along, flux * wx[a]
             for k in range(packets):
-                packet = self.backend.Packet(*(weighted * w for w in wy[k * PACKED : (k + 1) * PACKED]))
-                dr.scatter_reduce(dr.ReduceOp.Add, image, packet, line + k, touches)
+                values.append(self.backend.Packet(*(weighted * w for w in wy[k * PACKED : (k + 1) * PACKED])))
+                numbers.append(line + k)
+        size = stride * PACKED * (columns + 2 * guard)
+        operation = scatter_operation(dr.CustomOp)
+        image = dr.custom(operation, self.backend, size, values, numbers, touches)
         pixel, tall = dr.arange(Index, rows * columns), dr.opaque(Index, rows)
         return dr.gather(Float, image, (pixel // tall + guard) * (along * PACKED) + pixel % tall + guard)
 
