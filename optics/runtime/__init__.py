@@ -47,6 +47,9 @@ if TYPE_CHECKING:
     from optics.runtime.lost_interrupts import (
         lost_interrupts_again as lost_interrupts_again,
     )
+    from optics.runtime.order_free_sums import (
+        OrderFreeSums as OrderFreeSums,
+    )
     from optics.runtime.progress import (
         Moment as Moment,
         Phase as Phase,
@@ -115,6 +118,7 @@ _FILES = {
     ),
     "llvm": ("llvm_library",),
     "lost_interrupts": ("lost_interrupts_again",),
+    "order_free_sums": ("OrderFreeSums",),
     "progress": (
         "Moment",
         "Phase",
