@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,7 +89,7 @@ def _vector(row: object, space: THBSpace, what: str) -> Floats:
     return vector
 
 
-def real_numbers(values: object, what: str) -> Floats:
+def real_numbers(values: Any, what: str) -> Floats:
     """Return finite numbers as float64.
 
     Raises

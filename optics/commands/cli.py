@@ -47,6 +47,7 @@ def _stoppable(options: Namespace) -> int:
     """Run the command of the arguments, and return the exit code also where it fails or is stopped."""
     # only vector operations use BLAS here: its threads would wait for each other, not help
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ["MPLBACKEND"] = "agg"  # pictures are written, never shown
     with stop_signals() as stop:
         try:
             return _run(options)

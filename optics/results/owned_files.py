@@ -116,5 +116,5 @@ def _never(folder: Path) -> str:
         if way.is_symlink() and not way.exists():
             return f"{way} is a link to {way.readlink()}, which does not exist"
         if way.exists() and not way.is_dir():
-            return f"{way} is a file"
+            return f"{way} is no folder"
     return ""

@@ -362,7 +362,7 @@ def test_nothing_is_left_where_a_folder_cannot_be_made(tmp_path, problem):
     before = sorted(p.name for p in tmp_path.iterdir())
     with pytest.raises(
         UserError,
-        match=r"cannot write to the result folder .*file/out: .*file is a file; choose another with --out",
+        match=r"cannot write to the result folder .*file/out: .*file is no folder; choose another with --out",
     ):
         taken(ResultFolder(tmp_path / "file" / "out"), problem)
     assert sorted(p.name for p in tmp_path.iterdir()) == before
