@@ -47,12 +47,12 @@ def square_rows(folder: Path, quick: bool) -> list[Row]:
 
 
 def _by_their_rays(run: CaseRun) -> list[Row]:
-    """Return rel_l2 of our lens by as many hard-binned random rays as they measure by, the noise of such rays,
-    and what their best would be without it.
+    """Return rel_l2 of our lens by as many hard-binned random rays as they measure by, the noise of such
+    rays, and what their best would be without it.
 
     The number of independent rays in a pixel is a Poisson variable; the light of our lens is its mean.
     """
-    light, target = run.design.irradiance, run.design.target
+    light, target = np.maximum(run.design.irradiance, 0.0), run.design.target
     counts = np.random.default_rng(0).poisson(SQUARE_RAYS * light / light.sum()).astype(np.float64)
     noise = rel_l2(counts, light)
     return [
