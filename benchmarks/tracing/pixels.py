@@ -7,8 +7,9 @@ One thread.  Errors are relative L2 distances from a reference that numpy and sc
 lens's STEP file (`oracles/step_light.py`).  Its own error is a third of what doubling the cells changes,
 since it falls with their size squared.  The mean of two sets of binned rays has an error of half their
 distance, and lies as far from the reference as both errors let expect.  Mitsuba's time at an error of GOAL is
-extrapolated: its noise falls with the square root of the time.  Where a rim cuts the light, the flux that
-misses the rear is compared with the exact one.
+extrapolated: its noise falls with the square root of the time.  The ratio to our cells is the product of
+three: the time of a path to that of a ray, random paths to a grid of rays, and bins to cells.  Where a rim
+cuts the light, the flux that misses the rear is compared with the exact one.
 """
 
 from __future__ import annotations
@@ -145,13 +146,21 @@ def _ratios(case: Case, runs: Sequence[tuple[str, float, float]]) -> list[Row]:
         _row(f"   order in paths, from {few.paths}", order, MITSUBA),
         _row(f"{name}: time", noise.seconds, MITSUBA, noise.value, unit="s"),
     ]
+    ratios: dict[str, Row] = {}
     for way, least in LIMITS.items():
         own = [(seconds, error) for estimator, seconds, error in runs if estimator == way]
         seconds, error = next((run for run in own if run[1] <= GOAL), own[-1])
-        out.append(
-            noise.ratio(f"{case.name}: {BOX}, ptracer to {way}", seconds, max(GOAL, error), BOX, least)
-        )
-    return out
+        name = f"{case.name}: {BOX}, ptracer to {way}"
+        ratios[way] = noise.ratio(name, seconds, max(GOAL, error), BOX, least)
+    longest = [seconds for estimator, seconds, _ in runs if estimator == RAYS][-1]
+    per_ray = noise.seconds / noise.paths / (longest / sum(side**2 for side in MOST_RAYS))
+    factors = {
+        "time of a path to that of a ray": per_ray,
+        "random paths to a grid of rays": ratios[RAYS].value / per_ray,
+        "bins to cells": ratios[CELLS].value / ratios[RAYS].value,
+    }
+    parts = [_row(f"   of that, {name}", value, MITSUBA) for name, value in factors.items()]
+    return [*out, ratios[CELLS], *parts, ratios[RAYS]]
 
 
 def _estimate(case: Case, truth: Floats, own: float, backend: Backend) -> list[Row]:

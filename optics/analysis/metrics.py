@@ -68,6 +68,12 @@ class Measurement:
         """Return the verdict on the light alone.  limits : of a problem.  notes : sentences beside it."""
         return judged(self.metrics, delivery_checks(self.metrics, limits), notes, of_file=False)
 
+    def __repr__(self) -> str:
+        rows, columns = self.irradiance.shape
+        names = [name for name in ("rel_l2_debiased", "efficiency", "stray") if name in self.metrics]
+        numbers = ", ".join(f"{name} {self.metrics[name]:.4f}" for name in names)
+        return f"Measurement({columns} x {rows} pixels, {numbers})"
+
     def in_unit(self, unit: float) -> Measurement:
         """Return it with all light times a factor."""
         sharp, colour = (None if light is None else unit * light for light in (self.sharp, self.colour))

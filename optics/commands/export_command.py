@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from optics.export import Labels
     from optics.runtime import Check
+    from optics.system import OpticalSystem
     from thbcad.lens import Flange, Lens
 
 
@@ -100,7 +101,8 @@ def _scene(options: Namespace) -> Outcome:
     require_free_files(scene_file_names(out), options.out, options.force)
     problem, lens, _ = ResultFolder(folder).read()
     current_mitsuba()
-    files = scene_files(OpticalSystem(problem), lens, out)
+    system = OpticalSystem(problem)
+    files = scene_files(system, lens, out)
     write_files(files)
     checks, report = scene_checks(lens, out), report_of(options.out)
     data = {
@@ -111,9 +113,20 @@ def _scene(options: Namespace) -> Outcome:
     }
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
-    return Outcome(
-        data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], OF_GRADES[data["grade"]]
-    )
+    return Outcome(data, [*check_lines(data), *written, *_how_to_render(system, out)], OF_GRADES[data["grade"]])
+
+
+def _how_to_render(system: OpticalSystem, out: Path) -> list[str]:
+    """Return the commands that render a scene's files, and what their pictures mean."""
+    from optics.mitsuba import irradiance_of_one
+
+    density = system.density
+    one = density.factor * irradiance_of_one(system)
+    return [
+        f"render it with: mitsuba {out}, the light on the screen",
+        f"or with: mitsuba -s 1 {out}, past the lens at the screen",
+        f"1 in the pictures is {one:.6g} {density.shown} on the screen",
+    ]
 
 
 def _require_whole_lens(does: str, options: Namespace) -> None:

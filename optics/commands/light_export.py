@@ -17,6 +17,7 @@ from optics.runtime import Check, UserError, check_lines, reading, verification
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from optics.luminaires import Luminaire
     from optics.outgoing import OnTarget
     from optics.runtime import Backend
     from optics.system import OpticalSystem
@@ -71,9 +72,8 @@ def intensity_of_light(options: Namespace) -> Outcome:
     ------
     UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
     """
-    from optics.blur import spot_rms
     from optics.luminaires import LUMINAIRE_WRITERS, read_luminaire
-    from optics.outgoing import StepsOnTarget, outgoing_intensity
+    from optics.outgoing import outgoing_intensity
 
     _require_step(options.step)
     system, lens, backend = _traceable(options)
@@ -95,13 +95,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
         "steps_deg": list(light.steps),
         "noise": light.noise,
     }
-    shown: dict[str, OnTarget] = {}
-    if (of_lens := _light_of(options.result)) is not None:
-        blur = 0.0 if system.target.even_region is None else spot_rms(system, lens, backend)
-        beside = StepsOnTarget(system, lens, of_lens, blur)
-        shown = {"the lens": beside.own, "this file": beside.by_file(read)}
-        finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))
-        shown |= {f"steps of {step:g} alone": beside.by_steps(step) for step in finer}
+    shown = _shown(system, lens, read, options, backend)
     data["on_target"] = {name: vars(one) for name, one in shown.items()}
     c, gamma = light.steps
     lines = [
@@ -122,6 +116,22 @@ def _light_of(result: str) -> NDArray[np.float64] | None:
     with reading(path), np.load(path) as arrays:
         light: NDArray[np.float64] = arrays["irradiance"]
     return light
+
+
+def _shown(
+    system: OpticalSystem, lens: Lens, luminaire: Luminaire, options: Namespace, backend: Backend
+) -> dict[str, OnTarget]:
+    """Return the light on the target of the lens, of its file, and of steps alone; none without the light."""
+    from optics.blur import spot_rms
+    from optics.outgoing import StepsOnTarget
+
+    if (of_lens := _light_of(options.result)) is None:
+        return {}
+    blur = 0.0 if system.target.even_region is None else spot_rms(system, lens, backend)
+    beside = StepsOnTarget(system, lens, of_lens, blur)
+    finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))
+    alone = {f"steps of {step:g} alone": beside.by_steps(step) for step in finer}
+    return {"the lens": beside.own, "this file": beside.by_file(luminaire), **alone}
 
 
 def _on_target(shown: Mapping[str, OnTarget]) -> str:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         scene_dictionary as scene_dictionary,
     )
     from optics.mitsuba.scene_xml import (
+        irradiance_of_one as irradiance_of_one,
         scene_checks as scene_checks,
         scene_file_names as scene_file_names,
         scene_files as scene_files,
@@ -65,6 +66,7 @@ _FILES = {
     "scene_xml": (
         "scene_checks",
         "scene_file_names",
+        "irradiance_of_one",
         "scene_files",
     ),
 }

@@ -6,13 +6,17 @@ from math import atan2, degrees, radians, tan
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
     from optics.target import Screen
+    from thbcad.lens import Lens
 
 FIELD = 40.0  # degrees, of the camera, where the lens leaves room
 NEAREST = 0.9  # of the distance from the screen to the lens: the camera is not farther away
+WIDE = (640, 480)  # pixels of the camera that sees lens and screen
 FLAT = 1e-6  # relative difference of a pixel's sides
 
 
@@ -66,5 +70,34 @@ def watching_camera(
             "height": rows,
             "pixel_format": "luminance",
             "rfilter": {"type": "gaussian", "stddev": sigma} if sigma else {"type": "box"},
+        },
+    }
+
+
+def overview_camera(mi: ModuleType, screen: Screen, z: float, lens: Lens) -> dict[str, Any]:
+    """Return a pinhole camera behind the source that looks past the lens at the whole screen.
+
+    The lens stands dark before a quarter of the screen: paths from the source end in a camera from matt
+    surfaces alone, and glass is none.
+    """
+    (hx, hy), middle = screen.half_width, lens.thickness / 2
+    behind = np.array([hx / 2, -hy / 2, z])  # the point of the screen that the middle of the lens covers
+    size = max(hx, hy, *lens.rear.half_width)
+    away = z - middle + 2 * size / tan(radians(FIELD / 2))
+    origin = behind + (np.array([0.0, 0.0, middle]) - behind) * (away / (z - middle))
+    view = {"origin": origin.tolist(), "target": [0, 0, z], "up": [0, 1, 0]}
+    return {
+        "type": "perspective",
+        "fov": FIELD,
+        "fov_axis": "smaller",
+        "near_clip": 1e-3 * away,
+        "far_clip": 10 * (away + hx + hy),
+        "to_world": mi.ScalarTransform4f().look_at(**view),
+        "film": {
+            "type": "hdrfilm",
+            "width": WIDE[0],
+            "height": WIDE[1],
+            "pixel_format": "luminance",
+            "rfilter": {"type": "box"},
         },
     }

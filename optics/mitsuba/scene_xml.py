@@ -1,9 +1,14 @@
-"""A scene as files that the program `mitsuba` renders: XML, PLY meshes with vertex normals, PFM bitmaps."""
+"""A scene as files that the program `mitsuba` renders: XML, PLY meshes with vertex normals, PFM bitmaps.
+
+The source is brighter than the problem's, so that the picture of the screen goes from 0 to about 1: see
+`irradiance_of_one`.  A second camera looks past the lens at the screen.
+"""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -12,17 +17,19 @@ import numpy as np
 
 from optics.mitsuba.loading import current_mitsuba
 from optics.mitsuba.mesh import FACES, LensMesh
-from optics.mitsuba.scene import VERTICES, scene_dictionary
+from optics.mitsuba.scene import REFLECTANCE, VERTICES, scene_dictionary
+from optics.mitsuba.scene_screen import overview_camera
 from optics.runtime import Check
+from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
-    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 TAGS = {  # of the plugins that `scene_dictionary` names
     "scene": "scene",
     "ptracer": "integrator",
     "perspective": "sensor",
+    "independent": "sampler",
     "hdrfilm": "film",
     "box": "rfilter",
     "ply": "shape",
@@ -40,6 +47,7 @@ TAGS = {  # of the plugins that `scene_dictionary` names
 }
 VERSION = "3.0.0"  # of the XML dialect
 SOURCE = "source.pfm"  # Mitsuba writes EXR by its own threads, and waits for ever where there is one
+SAMPLES = 256  # light paths per pixel: noise of some per cent on coarse pixels
 SINGLE = 2.0**-22  # relative, of coordinates in float32
 
 
@@ -56,7 +64,12 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
     UserError : as `scene_dictionary`.
     """
     mi, mesh = current_mitsuba(), LensMesh.uniform(lens, VERTICES)
-    scene = scene_dictionary(system, mesh)
+    brighter = pi / (REFLECTANCE * irradiance_of_one(system))
+    flux = brighter * system.problem.source.flux
+    scene = scene_dictionary(OpticalSystem(system.problem.with_(**{"source.flux": flux})), mesh)
+    scene["overview"] = overview_camera(mi, system.target.screen(), system.target.z, lens)
+    for name in ("sensor", "overview"):
+        scene[name]["sampler"] = {"type": "independent", "sample_count": SAMPLES}
     glass = {"type": "dielectric", "int_ior": lens.index, "ext_ior": 1.0}
     files: dict[Path, bytes] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -78,6 +91,13 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
         child.set("id", child.attrib.pop("name"))
     ElementTree.indent(root)
     return {out: ElementTree.tostring(root, "utf-8", xml_declaration=True) + b"\n", **files}
+
+
+def irradiance_of_one(system: OpticalSystem) -> float:
+    """Return the irradiance that is 1 in the pictures of a scene's files, W/mm^2: the greatest of the target,
+    were all light of the source there."""
+    screen = system.target.screen()
+    return float(system.target.irradiance(screen, system.problem.source.flux).max())
 
 
 def scene_checks(lens: Lens, path: Path) -> list[Check]:

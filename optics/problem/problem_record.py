@@ -75,7 +75,7 @@ class Problem:
     def _repr_html_(self) -> str:
         """Return the main numbers as a table, for notebooks."""
         rows = _main_numbers(self).items()
-        cells = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows)
+        cells = "".join(f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows)
         return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
 
 

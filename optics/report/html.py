@@ -232,7 +232,7 @@ def _other_ways(metrics: dict[str, Any], units: Units) -> str:
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table whose second column holds numbers."""
-    lines = ["<tr>" + "".join(f"<th>{escape(name)}</th>" for name in head) + "</tr>"]
+    lines = ["<tr>" + "".join(f'<th scope="col">{escape(name)}</th>' for name in head) + "</tr>"]
     for row in rows:
         cells = (
             f'<td class="n">{escape(text)}</td>' if column == 1 else f"<td>{escape(text)}</td>"
@@ -248,7 +248,8 @@ def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
 
 
 def _check_table(verification: Mapping[str, Any]) -> str:
-    rows = ["<tr><th>check</th><th>got</th><th>wanted</th><th></th></tr>"]
+    names = ("check", "got", "wanted", "result")
+    rows = ["<tr>" + "".join(f'<th scope="col">{name}</th>' for name in names) + "</tr>"]
     for check in checks_of(verification):
         rows.append(
             f'<tr><td>{escape(check.name)}</td><td class="n">{escape(check.got)}</td>'

@@ -47,6 +47,13 @@ class FreeformSurface:
         object.__setattr__(self, "half_width", h)
         self.conic.require(h)
 
+    def __repr__(self) -> str:
+        a, b = self.half_width
+        conic = self.conic
+        base = "plane" if conic.is_plane else f"radius {conic.radius:g} mm, K {conic.constant:g}"
+        sag = "no sag" if self.sag is None else f"sag of {self.sag.space.dim} coefficients"
+        return f"FreeformSurface({2 * a:g} x {2 * b:g} mm, {base}, {sag})"
+
     def _repr_html_(self) -> str:
         """Return a map of the sag and some numbers for notebooks."""
         from thbcad.lens.lens_picture import surface_card

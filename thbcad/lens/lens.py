@@ -37,6 +37,9 @@ class Lens:
             require_number(name, getattr(self, name), above=above, finite=True)
             object.__setattr__(self, name, float(getattr(self, name)))
 
+    def __repr__(self) -> str:
+        return f"Lens(front={self.front!r}, rear={self.rear!r}, {self.thickness:g} mm, n {self.index:g})"
+
     def _repr_html_(self) -> str:
         """Return two sections and some numbers for notebooks."""
         from thbcad.lens.lens_picture import lens_card

@@ -58,6 +58,10 @@ class PolynomialSag:
         object.__setattr__(self, "half_width", h)
         object.__setattr__(self, "coefficients", c)
 
+    def __repr__(self) -> str:
+        (a, b), (m, n) = self.half_width, self.coefficients.shape
+        return f"PolynomialSag({2 * a:g} x {2 * b:g} mm, degree {m - 1, n - 1})"
+
     __reduce__ = rebuilt
 
     @classmethod

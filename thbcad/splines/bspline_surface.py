@@ -40,6 +40,11 @@ class BSplineSurface:
 
     __reduce__ = rebuilt
 
+    def __repr__(self) -> str:
+        rows, columns, *rest = self.coefficients.shape
+        values = f"points in {rest[0]} D" if rest else "scalar coefficients"
+        return f"BSplineSurface(degree {self.kv_u.degree, self.kv_v.degree}, {rows} x {columns} {values})"
+
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:
         """Return the values at scattered points (u_k, v_k), (n,) or (n, d).
 

@@ -73,6 +73,9 @@ class PeriodicKnotVector:
 
     __reduce__ = rebuilt
 
+    def __repr__(self) -> str:
+        return f"PeriodicKnotVector(degree {self.degree}, dim {self.dim})"
+
     @classmethod
     def uniform(cls, degree: int, spans: int, start: float = 0.0, stop: float = 1.0) -> PeriodicKnotVector:
         """Return the periodic knot vector with `spans` equal spans on [start, stop)."""

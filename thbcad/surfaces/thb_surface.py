@@ -44,6 +44,11 @@ class THBSurface:
 
     __reduce__ = rebuilt
 
+    def __repr__(self) -> str:
+        rest = self.coefficients.shape[1:]
+        values = f"points in {rest[0]} D" if rest else "scalar coefficients"
+        return f"THBSurface(of {self.space!r}, {values})"
+
     def _repr_html_(self) -> str:
         """Return a map of the values with the mesh, and some numbers, for notebooks."""
         from thbcad.surfaces.surface_picture import surface_card

@@ -14,7 +14,7 @@ pytest.importorskip("mitsuba")
 from optics.mitsuba import scene
 from optics.mitsuba.loading import load_mitsuba
 from optics.mitsuba.scene import REFLECTANCE
-from optics.mitsuba.scene_xml import scene_checks, scene_file_names, scene_files
+from optics.mitsuba.scene_xml import irradiance_of_one, scene_checks, scene_file_names, scene_files
 from optics.problem import load_problem
 from optics.system import OpticalSystem
 from optics.target import PixelWindow, Splat
@@ -75,10 +75,34 @@ def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
     compared = [key for key, _ in given if key in read]
     assert {"front.vertex_normals", "rear.faces", "screen.to_world", "sensor.x_fov"} <= set(compared)
     assert any(key.startswith("source.") for key in compared)
+    brighter = np.pi / REFLECTANCE / irradiance_of_one(system)
     for key in compared:
         if key != "edges.vertex_normals":
             rows = [np.array(getattr(p[key], "matrix", p[key]), dtype=float) for p in (given, read)]
-            np.testing.assert_allclose(*rows, rtol=1e-6, atol=1e-6)
+            light = any(
+                f"{word}.{kind}" in key for word in ("radiance", "intensity") for kind in ("value", "data")
+            )
+            np.testing.assert_allclose(rows[0] * (brighter if light else 1), rows[1], rtol=1e-6, atol=1e-6)
+
+
+def test_files_render_visibly_by_both_cameras_and_name_a_sampler(mi, make):
+    """1 is the target's brightest light; the overview has the lit screen, and the lens dark before it."""
+    system, _, out = make({"target.kind": "tophat", "target.shape": "rectangle", "target.lit": [0.75, 0.75]})
+    read = mi.load_file(str(out))
+    sensors = read.sensors()
+    assert len(sensors) == 2
+    assert [sensor.sampler().sample_count() for sensor in sensors] == [256, 256]
+    light = np.array(mi.render(read, sensor=0, spp=64))[..., 0]
+    lit = system.target.light > 0.5
+    assert 0.3 < light[lit].mean() < 1.2
+    overview = np.array(mi.render(read, sensor=1, spp=16))[..., 0]
+    seen = overview > 0.1
+    assert 0.02 < seen.mean() < 0.9
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    within = overview[rows[0] : rows[-1], columns[0] : columns[-1]]
+    blocks = within[: len(within) // 8 * 8, : within.shape[1] // 8 * 8]
+    blocks = blocks.reshape(len(blocks) // 8, 8, -1, 8).mean(axis=(1, 3))
+    assert (blocks < 1e-3).sum() > 5  # behind the lens
 
 
 @pytest.mark.slow
@@ -87,7 +111,7 @@ def test_a_process_that_knows_mitsuba_alone_sees_our_light(make, backend, tmp_pa
     system, lens, out = make({})
     image = tmp_path / "image.npy"
     subprocess.run([sys.executable, "-c", RENDER, str(out), "256", str(image)], check=True)
-    seen = np.pi / REFLECTANCE * np.load(image)[:, ::-1, 0]
+    seen = irradiance_of_one(system) * np.load(image)[:, ::-1, 0]
     screen = system.target.screen()
     _, landing = Tracer(backend, lens, system.source.rays((301, 301)), system.target.z).trace(
         coefficients(lens)

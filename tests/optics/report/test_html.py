@@ -43,6 +43,13 @@ def test_efficiency_stands_beside_what_two_faces_pass(page):
     assert words in page({})
 
 
+def test_every_head_of_a_table_says_what_it_is_the_head_of(page):
+    heads = re.findall(r"<th\b([^>]*)>([^<]*)</th>", page({}))
+    assert len(heads) >= 9
+    assert {scope.strip() for scope, _ in heads} <= {'scope="col"', 'scope="row"'}
+    assert all(words.strip() for _, words in heads)
+
+
 def test_the_error_stands_with_its_noise_and_the_ways_that_count(page):
     assert "Relative error 9.8 +- 0.07 % (front and rear only)," in page({})
     assert "(all paths)" in page({"paths": "all"})

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER
 from thbcad import body_mesh, to_trimesh
 from thbcad.cad.shapes import flanged_part, lens_part, trimmed_part
+from thbcad.io import obj_bytes, ply_bytes, stl_bytes
 from thbcad.lens import (
     Flange,
     Polygon,
@@ -195,6 +196,36 @@ def test_a_glb_is_in_metres_with_one_coloured_material_per_face():
         [0.4770, 0.6921, 0.8900, 1], abs=1e-4
     )
     assert glb_bytes(mesh, "lamp") == data
+
+
+def test_the_triangles_of_a_glb_close_over_its_one_list_of_vertices():
+    """Read from the bytes: every edge once each way, over all primitives."""
+    data = glb_bytes(tessellated(WAVY, 1e-2, single=True))
+    length = int.from_bytes(data[12:16], "little")
+    header, binary = json.loads(data[20 : 20 + length]), data[20 + length + 8 :]
+    (mesh,) = header["meshes"]
+    assert {part["attributes"]["POSITION"] for part in mesh["primitives"]} == {0}
+    corners = []
+    for part in mesh["primitives"]:
+        accessor = header["accessors"][part["indices"]]
+        start = header["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        corners.append(np.frombuffer(binary, "<u4", accessor["count"], start).reshape(-1, 3))
+    triangles = np.concatenate(corners)
+    edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    assert len(np.unique(edges, axis=0)) == len(edges)
+    assert set(map(tuple, edges.tolist())) == set(map(tuple, edges[:, ::-1].tolist()))
+
+
+@pytest.mark.parametrize("name", ["stl", "ply", "obj", "glb"])
+def test_files_are_closed_as_trimesh_loads_them_but_for_glb_which_has_a_mesh_for_every_face(name):
+    mesh = tessellated(WAVY, 1e-2, single=True)
+    write = {"stl": stl_bytes, "ply": ply_bytes, "obj": obj_bytes, "glb": glb_bytes}
+    read = trimesh.load_mesh(io.BytesIO(write[name](mesh)), file_type=name)
+    if name == "glb":
+        assert not read.is_watertight
+        read.merge_vertices(merge_norm=True, merge_tex=True)
+    assert read.is_watertight
+    assert read.is_winding_consistent
 
 
 @pytest.mark.parametrize(
