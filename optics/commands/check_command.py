@@ -12,6 +12,7 @@ from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
 from optics.etendue import etendue_notes
 from optics.optimisation import surfaces_can_cross
+from optics.outgoing import fire_warning
 from optics.prediction import blur_limits, blur_sentence, expectation_lines, expected, resolved
 from optics.runtime import load_backend, speaking_of
 from optics.system import advice, skip_lines
@@ -88,6 +89,8 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
+    if fire := fire_warning(system, expectation.concentration):
+        notes.append(fire)
     return [*notes, *advice(system), *etendue_notes(system)]
 
 

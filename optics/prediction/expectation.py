@@ -14,6 +14,7 @@ from optics.analysis import cell_irradiance, rel_l2
 from optics.blur import blur_of
 from optics.etendue import image_half_width, usual_efficiency
 from optics.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
+from optics.outgoing import Concentration, greatest_concentration
 from optics.prediction.cost import memory_mb, seconds
 from optics.prediction.picture_error import predicted_rel_l2
 from optics.prediction.sensitivity import Sensitivity, sensitivity
@@ -68,6 +69,7 @@ class Expectation:
     seconds: float
     memory_mb: float
     sensitivity: Sensitivity
+    concentration: Concentration
 
 
 def expected(
@@ -114,6 +116,7 @@ def expected(
         seconds=seconds(system, plan),
         memory_mb=memory_mb(system, plan),
         sensitivity=sensitivity(system, light, slopes),
+        concentration=greatest_concentration(system, lens, backend),
     ), plan
 
 
