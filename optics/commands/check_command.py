@@ -34,7 +34,8 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     backend = load_backend("double", system.problem.run.threads)
     system, start = resolved(system, backend)
     expectation, plan = expected(system, backend, start)
-    data = _data(system, plan) | {"expected": asdict(expectation)}
+    fire = fire_warning(system, expectation.concentration)
+    data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
     picture, least = system.target.light, system.lens.least_thickness()
     lines = [
         f"{system.problem.title}: the problem is valid",
@@ -54,7 +55,7 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
         limits = blur_limits(system, system.lens, backend)
         data["blur"] = asdict(limits)
         lines.append(f"blur: {blur_sentence(system, limits)}")
-    lines += [f"note: {sentence}" for sentence in _notes(system, expectation)]
+    lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation))]
     return Outcome(data, lines)
 
 
@@ -89,8 +90,6 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
-    if fire := fire_warning(system, expectation.concentration):
-        notes.append(fire)
     return [*notes, *advice(system), *etendue_notes(system)]
 
 

@@ -187,7 +187,8 @@ def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int) -> 
     pairs = light[1:] + light[:-1]
     four = (pairs[:, 1:] + pairs[:, :-1]).ravel()
     best = 0.0
-    for k in np.argsort(-four)[:blocks]:
+    brightest = np.argpartition(-four, min(blocks, four.size) - 1)[:blocks]
+    for k in brightest[np.argsort(-four[brightest])]:
         if four[k] <= best:
             break
         row, column = divmod(int(k), columns - 1)
@@ -251,6 +252,6 @@ def fire_warning(system: OpticalSystem, found: Concentration) -> str:
         return ""
     return (
         f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} behind the rear "
-        f"(wood takes about {IGNITING:g}); keep everything out of there, and cover the lens while nobody "
-        "watches it"
+        f"(wood may burn from about {IGNITING:g} kW/m^2 on); "
+        "keep everything out of there, and cover the lens while nobody watches it"
     )
