@@ -125,6 +125,7 @@ QUICK = \
 	tests/thbcad/splines/test_knot_vector.py \
 	tests/thbcad/splines/test_nurbs.py \
 	tests/thbcad/surfaces/test_priced_faces.py \
+	tests/thbcad/toml \
 	tests/thbcad/tools/test_cusps.py
 
 quick: setup

@@ -25,7 +25,7 @@ from tests.source_tree import (
 
 FLOORS = [
     ["thbcad.doors", "thbcad.checks"],
-    ["thbcad.pictures", "thbcad.splines"],
+    ["thbcad.pictures", "thbcad.splines", "thbcad.toml"],
     ["thbcad.hierarchy", "thbcad.sags"],
     ["thbcad.surfaces"],
     ["thbcad.fitting", "thbcad.certified"],

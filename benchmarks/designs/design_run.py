@@ -13,7 +13,7 @@ from typing import Any
 
 from optics.runtime import Row
 
-CHECK_FAILED = 1  # exit code
+LIGHT_MISSES = 1  # exit code
 LANDING = "landing points, independent trace of the file"
 IRRADIANCE = "irradiance, independent trace of the file, relative"
 
@@ -58,7 +58,7 @@ def run_design(problem: Path, folder: Path, must_pass: bool = True) -> DesignRun
     command = [sys.executable, "-m", "optics", "design", str(problem), "--out", str(folder), "--force"]
     done = subprocess.run(command, capture_output=True)
     seconds = perf_counter() - start
-    if must_pass or done.returncode != CHECK_FAILED:
+    if must_pass or done.returncode != LIGHT_MISSES:
         done.check_returncode()
     metrics = json.loads((folder / "metrics.json").read_text("utf-8"))
     verified = json.loads((folder / "verify.json").read_text("utf-8"))

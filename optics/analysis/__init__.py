@@ -11,10 +11,14 @@ if TYPE_CHECKING:
         light_by_other_ways as light_by_other_ways,
     )
     from optics.analysis.judgement import (
+        Verdict as Verdict,
         counted_ways as counted_ways,
         delivery_checks as delivery_checks,
+        error_words as error_words,
+        headline as headline,
+        judged as judged,
         loss_notes as loss_notes,
-        verdict as verdict,
+        picture_limit as picture_limit,
     )
     from optics.analysis.lens_trace import (
         conservation as conservation,
@@ -37,6 +41,7 @@ if TYPE_CHECKING:
     )
     from optics.analysis.metrics import (
         Measurement as Measurement,
+        contrast_error as contrast_error,
         dark_fraction as dark_fraction,
         measure as measure,
         rel_l2 as rel_l2,
@@ -44,6 +49,7 @@ if TYPE_CHECKING:
     )
     from optics.analysis.photometric_metrics import (
         photometric_lines as photometric_lines,
+        uniformity_metrics as uniformity_metrics,
     )
     from optics.analysis.ray_fans import (
         fans as fans,
@@ -51,10 +57,14 @@ if TYPE_CHECKING:
 
 _FILES = {
     "judgement": (
+        "Verdict",
         "counted_ways",
         "delivery_checks",
+        "error_words",
+        "headline",
+        "judged",
         "loss_notes",
-        "verdict",
+        "picture_limit",
     ),
     "lens_trace": (
         "conservation",
@@ -80,12 +90,16 @@ _FILES = {
     ),
     "metrics": (
         "Measurement",
+        "contrast_error",
         "dark_fraction",
         "measure",
         "rel_l2",
         "unit_mean",
     ),
-    "photometric_metrics": ("photometric_lines",),
+    "photometric_metrics": (
+        "photometric_lines",
+        "uniformity_metrics",
+    ),
     "ray_fans": ("fans",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

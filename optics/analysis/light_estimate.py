@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
@@ -48,6 +48,14 @@ class LightEstimate:
             self.on_target + other.on_target,
             self.off_target + other.off_target,
         )
+
+    def over(self, projection: Floats) -> LightEstimate:
+        """Return it with irradiance and error divided by a function of the pixels, (rows, columns)."""
+        return replace(self, irradiance=self.irradiance / projection, error=self.error / projection)
+
+    def lit_error(self, lit: NDArray[np.bool_], pixel_area: float) -> float:
+        """Return the standard deviation of the flux on some pixels, (rows, columns), W."""
+        return float(np.linalg.norm(self.error[lit])) * pixel_area
 
     def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
         """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.

@@ -38,9 +38,7 @@ def ray_irradiance(
     system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance in box pixels through front and rear, W/mm^2, mean flux by fate)."""
-    pixels = screen.pixels[0] * screen.pixels[1]
-    rays = max(LEAST_PER_PIXEL * pixels, min(RAYS_PER_PIXEL * pixels, MOST_RAYS))
-    side = isqrt(rays // REPLICATES) + 1
+    side = isqrt(ray_count(screen) // REPLICATES) + 1
     rng = np.random.default_rng(system.problem.run.seed)
     fates: list[SequentialFates] = []
 
@@ -52,6 +50,12 @@ def ray_irradiance(
 
     light = LightEstimate.of_replicates(replicates())
     return light, reduce(add, fates) / REPLICATES
+
+
+def ray_count(screen: Screen) -> int:
+    """Return how many rays of all replicates together measure the light on a screen, about."""
+    pixels = screen.pixels[0] * screen.pixels[1]
+    return max(LEAST_PER_PIXEL * pixels, min(RAYS_PER_PIXEL * pixels, MOST_RAYS))
 
 
 def _trace(

@@ -7,7 +7,7 @@ followed on all other ways through the closed lens (`light_by_other_ways`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import isqrt, sqrt
 from typing import TYPE_CHECKING, Any
@@ -16,16 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis.closed_lens_light import NEGLIGIBLE, light_by_other_ways
+from optics.analysis.judgement import Verdict, delivery_checks, judged
 from optics.analysis.light_estimate import LightEstimate
 from optics.analysis.light_of_beams import beam_irradiance
 from optics.analysis.light_of_cells import cell_irradiance
-from optics.analysis.light_of_rays import ray_irradiance
+from optics.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.analysis.light_of_wavelengths import colour_metrics, spectral_light
 from optics.analysis.photometric_metrics import photometric_metrics
+from optics.blur import spot_rms
 from optics.tracing import flux_by_fate
 
 if TYPE_CHECKING:
     from optics.analysis.closed_lens_light import OtherWays
+    from optics.problem import Verify
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.target import Screen
@@ -37,6 +40,7 @@ LEAST_CELLS = 64
 COARSER = 2  # the second grid, with which the first is compared
 ORDER = 1.05  # of the error in the number of cells; 1 of the map, 1.5 of what pixel borders cut: measured
 LEAST_PER_PIXEL, MOST_CELLS = 3, 4096  # in each direction, on large screens: per pixel, or in all
+FLAT = 1e-9  # of the norm: what varies less has no contrast
 DARK = 0.01  # of the greatest irradiance: what counts as dark
 
 Floats = NDArray[np.float64]
@@ -59,6 +63,10 @@ class Measurement:
     metrics: dict[str, Any]
     sharp: NDArray[np.float64] | None = None
     colour: NDArray[np.float64] | None = None
+
+    def verdict(self, limits: Verify, notes: Sequence[str] = ()) -> Verdict:
+        """Return the verdict on the light alone.  limits : of a problem.  notes : sentences beside it."""
+        return judged(self.metrics, delivery_checks(self.metrics, limits), notes, of_file=False)
 
     def in_unit(self, unit: float) -> Measurement:
         """Return it with all light times a factor."""
@@ -90,14 +98,21 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     target = system.target.irradiance(screen, light.on_target + light.off_target) / shown
     irradiance, flux = light.irradiance / shown, system.problem.source.flux
     metrics = compare(irradiance, target)
-    metrics |= replace(light, irradiance=irradiance, error=light.error / shown).error_of_rel_l2(target)
-    metrics["rel_l2_sequential"] = rel_l2(direct.irradiance / shown, target)
+    metrics |= light.over(shown).error_of_rel_l2(target)
+    metrics |= contrast_error(metrics, target) if system.target.even_region is None else {}
+    sequential = direct.over(shown).error_of_rel_l2(target)
+    metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
+    metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
     metrics["paths"] = "all" if all_ways else "sequential"
     metrics["estimator"] = estimator
+    if estimator == "rays":
+        metrics["rays"] = ray_count(screen)
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
+    metrics["lit_efficiency_error"] = light.lit_error(target > 0, screen.pixel_area) / flux
     metrics["stray"] = light.off_target / flux
-    metrics |= photometric_metrics(system, screen, irradiance, light.error / shown)
+    blur = spot_rms(system, lens, backend) if system.target.even_region is not None else 0.0
+    metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
     key = system.units.key
     metrics[key("fates")] = flux_by_fate(fates)
     if other:
@@ -214,6 +229,23 @@ def rel_l2(irradiance: NDArray[np.float64], target: NDArray[np.float64]) -> floa
         return 1.0
     e, t = unit_mean(irradiance), unit_mean(target)
     return float(np.linalg.norm(e - t) / np.linalg.norm(t))
+
+
+def contrast_error(metrics: dict[str, Any], target: NDArray[np.float64]) -> dict[str, float | None]:
+    """Return ||E - T|| / ||T - mean T|| of unit means, without noise, and its standard deviation.
+
+    Uniform light scores 1 on every picture.  None of a target without contrast.
+
+    metrics : with rel_l2_debiased and rel_l2_error.
+    """
+    t = unit_mean(target)
+    contrast = float(np.linalg.norm(t - 1) / np.linalg.norm(t))
+    if contrast <= FLAT:
+        return {"contrast_error": None, "contrast_error_std": None}
+    return {
+        "contrast_error": metrics["rel_l2_debiased"] / contrast,
+        "contrast_error_std": metrics["rel_l2_error"] / contrast,
+    }
 
 
 def unit_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:

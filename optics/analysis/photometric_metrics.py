@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.photometry import BEAM, FIELD, plane_curves, uniformity
+from optics.photometry import BEAM, FIELD, edge_width, plane_curves, uniformity
 
 if TYPE_CHECKING:
     from optics.photometry import Density, Units
@@ -20,32 +20,57 @@ Floats = NDArray[np.float64]
 
 
 def photometric_metrics(
-    system: OpticalSystem, screen: Screen, irradiance: Floats, error: Floats
+    system: OpticalSystem, screen: Screen, irradiance: Floats, error: Floats, blur: float
 ) -> dict[str, Any]:
-    """Return the mean light on a target plane or the beam of a far field, and the uniformity of lit pixels.
-
-    A picture has no uniformity.
+    """Return the mean light on a target plane or the beam of a far field, and how uniform even light is.
 
     irradiance, error : as of a Measurement, and as standard deviations, (rows, columns).
+    blur : see `optics.blur.spot_rms`.
     """
     density = system.density
     if system.target.far_field:
         found: dict[str, Any] = {"beam": _beam(system, screen, irradiance)}
     else:
         found = {f"target_mean_{density.suffix}": density.factor * float(irradiance.mean())}
-    lit = system.target.lit_pixels
-    even = None if lit is None else uniformity(irradiance, lit)
-    if lit is None or even is None:
-        return found
-    found["uniformity"] = {
-        "min_over_mean": even.min_over_mean,
-        "min_over_max": even.min_over_max,
-        "noise": float(np.sqrt(np.square(error[lit]).mean())) / even.mean,
-        f"lit_mean_{density.suffix}": density.factor * even.mean,
-        "lit_pixels": int(lit.sum()),
-        f"pixel_{'degrees' if screen.angular else 'mm'}": list(screen.pitch),
-    }
+    if system.target.even_region is not None:
+        found["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
     return found
+
+
+def uniformity_metrics(
+    system: OpticalSystem, irradiance: Floats, error: Floats | None, blur: float
+) -> dict[str, Any]:
+    """Return how uniform light is on the region of a target that asks for the same everywhere, by name.
+
+    irradiance, error, blur : as `photometric_metrics`; no error is None.
+    """
+    target, screen, density = system.target, system.target.screen(), system.density
+    if target.even_region is None or target.lit_pixels is None:
+        raise ValueError("only a target that asks for the same light everywhere has a uniformity")
+    found = uniformity(
+        irradiance, target.even_region, screen.half_width, error, blur, system.problem.verify.grid
+    )
+    unit = "degrees" if screen.angular else "mm"
+    half_lit = target.light >= target.light.max() / 2
+    whole = irradiance[target.lit_pixels]
+    return {
+        "min_over_mean": found.min_over_mean,
+        "min_over_mean_error": found.min_over_mean_error,
+        "min_over_max": found.min_over_max,
+        "min_over_max_error": found.min_over_max_error,
+        "rsd": found.rsd,
+        "rsd_error": found.rsd_error,
+        "noise": found.noise,
+        "reason": found.reason,
+        f"lit_mean_{density.suffix}": density.factor * float(whole.mean()) if whole.size else 0.0,
+        "grid": found.grid,
+        f"box_{unit}": list(found.box),
+        "boxes": found.boxes,
+        "region_left": found.left,
+        f"margin_{unit}": found.margin,
+        f"blur_rms_{unit}": blur,
+        f"edge_width_{unit}": edge_width(irradiance, half_lit, found.mean, screen.pitch),
+    }
 
 
 def _beam(system: OpticalSystem, screen: Screen, intensity: Floats) -> dict[str, float | None]:
@@ -76,20 +101,24 @@ def photometric_lines(metrics: dict[str, Any], units: Units) -> list[str]:
         peak = f"peak intensity {beam[f'peak_{density.suffix}']:.4g} {density.shown}{per_klm}"
         lines.append("; ".join([peak, *angles]))
     if even := metrics.get("uniformity"):
-        lines.append(_uniformity_line(even, units.density("pixel_degrees" in even)))
+        lines.append(_uniformity_line(even, units.density("box_degrees" in even)))
     return lines
 
 
 def _uniformity_line(even: dict[str, Any], density: Density) -> str:
-    unit = "degrees" if "pixel_degrees" in even else "mm"
-    across, down = even[f"pixel_{unit}"]
+    unit = "degrees" if "box_degrees" in even else "mm"
     symbol = "I" if unit == "degrees" else "E"
+    across, down = even[f"box_{unit}"]
+    edge = even[f"edge_width_{unit}"]
+    mean = f"mean {even[f'lit_mean_{density.suffix}']:.4g} {density.shown}"
+    border = "" if edge is None else f"; edge from 90 to 10 % {edge:.3g} {unit} wide"
+    if even["min_over_mean"] is None:
+        return f"uniformity not known, since {even['reason']}; {mean}{border}"
     return (
-        f"uniformity {symbol}_min/{symbol}_mean {even['min_over_mean']:.3f}, "
-        f"{symbol}_min/{symbol}_max {even['min_over_max']:.3f}, "
-        f"mean {even[f'lit_mean_{density.suffix}']:.4g} {density.shown} "
-        f"on {even['lit_pixels']} lit pixels of {across:.3g} x {down:.3g} {unit}; "
-        f"the noise of a pixel is {100 * even['noise']:.1g} % and lowers {symbol}_min"
+        f"uniformity U0 = {symbol}_min/{symbol}_mean {even['min_over_mean']:.3f}, "
+        f"{symbol}_min/{symbol}_max {even['min_over_max']:.3f}, rsd {even['rsd']:.3f} "
+        f"on {even['boxes']} boxes of {across:.3g} x {down:.3g} {unit}, with a noise of {even['noise']:.1%} "
+        f"at most; {mean}{border}"
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optics.runtime import UserError
+from thbcad.checks import floats, require_real
 from thbcad.hierarchy import THBSpace
 
 if TYPE_CHECKING:
@@ -72,14 +73,14 @@ def image_of(values: ArrayLike, shape: tuple[int, int], what: str) -> Floats:
     ------
     UserError : another shape, or what is no finite number.
     """
-    image = _numbers(values, what)
+    image = real_numbers(values, what)
     if image.shape != shape:
         raise UserError(f"{what} must have the shape {shape} of the model's pixels, got {image.shape}")
     return image
 
 
 def _vector(row: object, space: THBSpace, what: str) -> Floats:
-    vector = _numbers(row, what)
+    vector = real_numbers(row, what)
     if vector.shape != (space.dim,):
         raise UserError(
             f"{what} must have the shape ({space.dim},) of its space, got {vector.shape}; "
@@ -88,9 +89,19 @@ def _vector(row: object, space: THBSpace, what: str) -> Floats:
     return vector
 
 
-def _numbers(values: object, what: str) -> Floats:
+def real_numbers(values: object, what: str) -> Floats:
+    """Return finite numbers as float64.
+
+    Raises
+    ------
+    UserError : other values than numbers; complex, masked or infinite ones.
+    """
     try:
-        array = np.asarray(values, dtype=np.float64)
+        require_real(values)
+    except ValueError as error:
+        raise UserError(f"{what}: {error}") from None
+    try:
+        array = floats(values)
     except (TypeError, ValueError):
         raise UserError(f"{what} must be numbers, got {type(values).__name__}") from None
     bad = np.count_nonzero(~np.isfinite(array))

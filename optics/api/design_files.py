@@ -115,7 +115,8 @@ def write_result(
     clock.lap("export")
     measurement = design.measurement
     figures.draw_light(system, lens, measurement, load_backend("double", problem.run.threads))
-    for sentence in reached_sentences(system, lens, measurement.metrics):
+    etendue = reached_sentences(system, lens, measurement.metrics)
+    for sentence in etendue.limits:
         design.notes(sentence)
     metrics = design.metrics | _of_the_blur(design)
     clock.lap("measure")
@@ -136,7 +137,7 @@ def write_result(
     clock.lap("figures")
     peak = peak_mb() + sum(p.ask("optics.runtime", "peak_mb").result() for p in (solids, figures.process))
     metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
-    return _claimed(design, folder, writer, metrics, checks, product, figures)
+    return _claimed(design, folder, writer, metrics, checks, product, figures, etendue.background)
 
 
 def _of_the_blur(design: DesignRecord) -> Claims:
@@ -147,7 +148,7 @@ def _of_the_blur(design: DesignRecord) -> Claims:
 
     backend = load_backend("double", design.problem.run.threads)
     limits = blur_limits(design.system, design.lens, backend)
-    design.notes(blur_sentence(design.system, limits, design.measurement.metrics["rel_l2"]))
+    design.notes(blur_sentence(design.system, limits, design.measurement.metrics["rel_l2_debiased"]))
     return {"rel_l2_one_blur": limits.least}
 
 
@@ -159,14 +160,15 @@ def _claimed(
     checks: list[Check],
     product: Manufacturability,
     figures: DesignFigures,
+    background: Sequence[str],
 ) -> Written:
     """Write what is now known of the lens, the record last."""
-    from optics.analysis import verdict
+    from optics.analysis import judged
     from optics.problem import as_data, manufacture_rows
     from optics.report import Report, report_html
     from optics.runtime import verification
 
-    says: Claims = {"verdict": verdict(checks), "notes": list(design.notes)}
+    verdict = judged(metrics, checks, tuple(design.notes))
     writer.write_claims("manufacture.json", as_data(product))
     checked = writer.write_claims("verify.json", verification(checks) | {"left_out": [LEFT_OUT]})
     page = Report(
@@ -176,14 +178,14 @@ def _claimed(
         manufacture=manufacture_rows(product, design.problem.source.wavelength),
         pictures=figures.pictures,
         levels=figures.levels(),
-        verdict=says["verdict"],
-        notes=says["notes"],
+        verdict=verdict,
+        background=background,
         run=writer.run,
         view=figures.view(),
     )
-    metrics = writer.write_claims("metrics.json", metrics | says)
+    metrics = writer.write_claims("metrics.json", metrics | verdict.data())
     writer.write("report.html", report_html(page, writer.problem_text).encode())
-    writer.finish(design.asked, {"ok": checked["ok"], **says})
+    writer.finish(design.asked, {"ok": checked["ok"], **verdict.data()})
     folder.checkpoint.unlink(missing_ok=True)
     return Written(folder, metrics, checked)
 

@@ -12,7 +12,7 @@ from optics.progress import Notes
 from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
-    from optics.analysis import Measurement
+    from optics.analysis import Measurement, Verdict
     from optics.api.level_records import LevelRecord
     from optics.optimisation import Row
     from optics.problem import Problem
@@ -57,6 +57,22 @@ class DesignRecord:
     def metrics(self) -> dict[str, Any]:
         """Numbers by name, see `optics.analysis.measure`, and those of the run."""
         return self.measurement.metrics | self.run_metrics
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What is to be thought of light and lens, by the limits of the problem; the STEP file is not judged.
+
+        `verify` checks that file.
+        """
+        from optics.analysis import delivery_checks, judged
+        from optics.problem import limit_checks
+        from thbcad.lens import manufacturability
+
+        problem, metrics = self.problem, self.measurement.metrics
+        checks = delivery_checks(metrics, problem.verify)
+        if problem.limits != type(problem.limits)():
+            checks += limit_checks(problem, manufacturability(self.lens, problem.lens.density or None))
+        return judged(metrics, checks, tuple(self.notes), of_file=False)
 
     @property
     def run_metrics(self) -> dict[str, Any]:

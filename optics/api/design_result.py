@@ -30,10 +30,17 @@ if TYPE_CHECKING:
     from optics.optimisation import Row, State
     from optics.problem import Problem, Source
     from optics.toolpaths import ToolFindings, ToolOrder
+    from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 HISTORY, METRICS, IRRADIANCE = "history.csv", "metrics.json", "irradiance.npz"
-OF_THE_RUN = ("run_id", "step_sha256", "verdict", "notes")  # keys of metrics.json that measure nothing
+OF_THE_RUN = (
+    "run_id",
+    "step_sha256",
+    "grade",
+    "verdict",
+    "notes",
+)  # keys of metrics.json that measure nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +96,7 @@ class Design(DesignRecord):
             moved=_moved(system, history),
             levels=read_levels(results.path, levels, system),
         )
-        loaded.__dict__["measurement"] = _read_measurement(results.path)
+        loaded.__dict__["measurement"] = _read_measurement(results.path, system, loaded.lens)
         return loaded
 
     @property
@@ -211,12 +218,24 @@ def _moved(system: OpticalSystem, history: Sequence[Row]) -> bool:
     return any(row.stage >= len(plan) or plan[row.stage].level != row.level for row in history)
 
 
-def _read_measurement(folder: Path) -> Measurement:
-    """Return what a result folder says of the light."""
-    from optics.analysis import Measurement
+def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measurement:
+    """Return what a result folder says of the light.
+
+    What the verdict needs and results of thbcad 0.2 do not hold is computed from their irradiance.
+    """
+    from optics.analysis import Measurement, contrast_error, uniformity_metrics
 
     with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
         irradiance, target, colour = arrays["irradiance"], arrays["target"], arrays.get("xyz")
     metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
     own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
+    if system.target.even_region is None:
+        own = contrast_error(own, target) | own
+    elif "grid" not in own.get("uniformity", {}):
+        from optics.blur import spot_rms
+        from optics.runtime import load_backend
+
+        with DEVICE:
+            blur = spot_rms(system, lens, load_backend("double", system.problem.run.threads))
+        own["uniformity"] = uniformity_metrics(system, irradiance, None, blur)
     return Measurement(irradiance, target, own, colour=colour)

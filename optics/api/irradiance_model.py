@@ -41,15 +41,24 @@ def unit_of(system: OpticalSystem) -> float:
 class Model:
     """Irradiance on the target's pixels as a differentiable function of the sag coefficients.
 
-    Made by `System.model`.  Irradiance is (rows, columns), W/mm^2; in the far field it is intensity, W/sr.
-    For W read lm where that is `source.unit`.
+    Made by `System.model`, and made so again where it is copied or pickled.  Irradiance is (rows, columns),
+    W/mm^2; in the far field it is intensity, W/sr.  For W read lm where that is `source.unit`.
     """
 
-    def __init__(self, spaces: tuple[THBSpace, ...], light: LightModel, objective: Objective) -> None:
-        self._spaces, self._light, self._objective = spaces, light, objective
+    def __init__(
+        self,
+        spaces: tuple[THBSpace, ...],
+        light: LightModel,
+        objective: Objective,
+        again: Callable[[], Model],
+    ) -> None:
+        self._spaces, self._light, self._objective, self._again = spaces, light, objective, again
         self._scale = np.ones(light.screen.shape)
         if light.screen.angular:
             self._scale = PER_STERADIAN / light.screen.projection()
+
+    def __reduce__(self) -> tuple[Callable[[], Model], tuple[()]]:
+        return self._again, ()
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.api.coefficient_vectors import Coefficients, packed
+from optics.api.coefficient_vectors import Coefficients, packed, real_numbers
 from optics.optimisers import LBFGS, Adam, Optimiser
 from optics.runtime import NumericalError, UserError
+from thbcad.checks import floats
 
 Floats = NDArray[np.float64]
 Loss = Callable[[Coefficients], tuple[float, Coefficients]]
@@ -53,9 +55,12 @@ def minimise(
 
     Raises
     ------
-    UserError : an unknown method, or a loss that does not return a number and a gradient of the same shape.
+    UserError : an unknown method, a negative number of iterations, coefficients that are no vectors, or a
+        loss that does not return a number and a gradient of the same shape.
     NumericalError : a loss or gradient that is not finite.
     """
+    if isinstance(iterations, bool) or not isinstance(iterations, Integral) or iterations < 0:
+        raise UserError(f"iterations must be a whole number from 0 on, got {iterations!r}")
     optimiser, search = _optimiser(method), _Search(loss, coefficients, callback)
     try:
         optimiser.run(search, search.start, iterations, search.stepped)
@@ -77,6 +82,13 @@ def _optimiser(method: str | Optimiser) -> Optimiser:
     return method
 
 
+def _vector(row: object) -> Floats:
+    vector = real_numbers(row, "coefficients")
+    if vector.ndim != 1:
+        raise UserError(f"coefficients must be a vector or a tuple of vectors, got the shape {vector.shape}")
+    return vector.copy()
+
+
 class _Search:
     """A loss as a function of one vector, and the best of what was seen."""
 
@@ -87,7 +99,7 @@ class _Search:
         callback: Callable[[int, float, Coefficients], object] | None,
     ) -> None:
         rows = coefficients if isinstance(coefficients, tuple) else (coefficients,)
-        self._first = [np.array(row, dtype=np.float64) for row in rows]
+        self._first = [_vector(row) for row in rows]
         self._ends = np.cumsum([len(row) for row in self._first])[:-1]
         self._loss, self._callback = loss, callback
         self._best, self._steps = (np.inf, self._first), 0
@@ -106,7 +118,7 @@ class _Search:
         try:
             value, gradient = self._loss(packed(rows))
             parts = gradient if isinstance(gradient, tuple) else (gradient,)
-            value, gradients = float(value), [np.asarray(g, dtype=np.float64) for g in parts]
+            value, gradients = float(floats(value)), [floats(g) for g in parts]
         except (TypeError, ValueError) as error:
             raise UserError(f"the loss must return a number and its gradient: {error}") from None
         if [g.shape for g in gradients] != [row.shape for row in rows]:

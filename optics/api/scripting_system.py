@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from math import isqrt
 from typing import TYPE_CHECKING
 
@@ -45,6 +45,8 @@ FINEST = 12  # level, as of max_level
 class System:
     """Base lens, source and target of a problem, built once; every "auto" is resolved.
 
+    It is built again from its problem where it is copied or pickled.
+
     Raises
     ------
     UserError : a problem that cannot be solved; one sentence says why.
@@ -56,6 +58,9 @@ class System:
         with DEVICE:
             ready = prepared(problem)
         self.optical, self._backend, self._start = ready.system, ready.backend, ready.start
+
+    def __reduce__(self) -> tuple[type[System], tuple[Problem]]:
+        return System, (self.problem,)
 
     @property
     def problem(self) -> Problem:
@@ -102,7 +107,8 @@ class System:
             optical, chosen = shaping_by(engine, self.optical, self._backend)
             light = chosen.model(optical, lens, film)
             target = optical.target.irradiance(optical.target.screen(), self._flux)
-            return Model(spaces, light, charged_objective(optical, lens, light, target))
+            again = partial(System.model, self, space, rays, window, engine)
+            return Model(spaces, light, charged_objective(optical, lens, light, target), again)
 
     def transport_start(self, space: Spaces) -> THBSurface | tuple[THBSurface, ...]:
         """Return the sag that optimal transport asks for; a free front before it stays a conic.
@@ -136,10 +142,18 @@ class System:
         """Return irradiance, target and metrics of a lens, by light that no optimiser has seen.
 
         In W/mm^2; in the far field in W/sr, as the model's.
+
+        Raises
+        ------
+        UserError : no Lens.
         """
         from optics.analysis import measure
         from optics.runtime import load_backend
+        from thbcad.lens import Lens
 
+        if not isinstance(lens, Lens):
+            made = "system.lens(space, c) makes one"
+            raise UserError(f"measure takes a Lens, got {type(lens).__name__}; {made}")
         with DEVICE:
             found = measure(self.optical, lens, load_backend("double", self.problem.run.threads))
         return found.in_unit(unit_of(self.optical))

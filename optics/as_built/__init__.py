@@ -10,6 +10,7 @@ if TYPE_CHECKING:
         Motion as Motion,
         best_fit as best_fit,
         by_datums as by_datums,
+        outliers as outliers,
     )
     from optics.as_built.as_built_light import (
         AsBuilt as AsBuilt,
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
         MadeSurface as MadeSurface,
         made_surface as made_surface,
     )
+    from optics.as_built.measured_area import (
+        measured_light as measured_light,
+    )
     from optics.as_built.measured_points import (
         FileFrame as FileFrame,
         MeasuredPoints as MeasuredPoints,
@@ -46,6 +50,7 @@ _FILES = {
         "Motion",
         "best_fit",
         "by_datums",
+        "outliers",
     ),
     "as_built_light": (
         "AsBuilt",
@@ -65,6 +70,7 @@ _FILES = {
         "MadeSurface",
         "made_surface",
     ),
+    "measured_area": ("measured_light",),
     "measured_points": (
         "FileFrame",
         "MeasuredPoints",

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis import Measurement, measure
-from optics.as_built.alignment import Alignment, best_fit, by_datums
+from optics.as_built.alignment import Alignment, best_fit, by_datums, outliers
 from optics.as_built.corrected_surface import MadeSurface, made_surface
+from optics.as_built.measured_area import RAYS, measured_light
 from optics.as_built.rigid_corrections import RigidCorrection, rigid_correction
 from optics.runtime import UserError
+from optics.toolpaths import landing_response
 
 if TYPE_CHECKING:
     from optics.as_built.measured_points import MeasuredPoints
@@ -51,7 +53,11 @@ class AsBuilt:
 
     lens : with the made surface.  way : the alignment that it belongs to.
     correction : the re-positioning that gets most of the light back, if asked for.
-    datums, fitted : both alignments.  rel_l2_of : of the fitted lens by either.
+    datums, fitted : both alignments; None where no best fit was found, and `no_fit` says why.
+    rel_l2_of : of the fitted lens by either.
+    known : fraction of the light for the target that crosses where the surface was measured.
+    light_error : None where less than all does: what was not measured is not known.
+    outlying : that some points lie far from where the others do, a sentence; empty where none do.
     """
 
     designed: Lens
@@ -61,11 +67,14 @@ class AsBuilt:
     way: Way
     made: MadeSurface
     datums: Alignment
-    fitted: Alignment
+    fitted: Alignment | None
+    no_fit: str
+    outlying: str
     nominal: Measurement
     measurement: Measurement
     rel_l2_of: Mapping[Way, float]
-    light_error: LightError
+    known: float
+    light_error: LightError | None
     correction: RigidCorrection | None
 
     @property
@@ -115,17 +124,17 @@ def light_as_built(
 
     Raises
     ------
-    UserError : another surface or alignment, points that do not determine the surface.
+    UserError : another surface or alignment, points that do not determine the surface, or a best fit that is
+        asked for and does not exist.
     """
     designed = surface_of(lens, side)
-    datums, fitted = by_datums(designed, measured.points), best_fit(designed, measured.points)
-    aligned = {"datums": datums, "best fit": fitted}
-    if way not in aligned:
+    if way not in ("datums", "best fit"):
         raise UserError(f"align must be datums or best fit, got {way!r}")
-    hidden: Way = "datums" if way == "best fit" else "best fit"
-    points = aligned[way]
+    datums, fitted, no_fit = _alignments(designed, measured.points, way)
+    points = datums if fitted is None or way == "datums" else fitted
     chosen = made_surface(designed, points)
-    other = made_surface(designed, aligned[hidden], chosen.fit.smoothing)
+    lit = landing_response(system, lens, backend, side, RAYS)
+    known = measured_light(points.points[:2], lit, designed.half_width)
 
     def rel_l2(surface: FreeformSurface) -> float:
         made = with_surface(lens, side, surface)
@@ -133,6 +142,11 @@ def light_as_built(
 
     made = with_surface(lens, side, chosen.surface)
     measurement = measure(system, made, backend)
+    fitted_l2 = measurement.metrics["rel_l2"]
+    rel_l2_of: dict[Way, float] = {way: fitted_l2}
+    other: tuple[Way, Alignment | None] = ("datums", datums) if way == "best fit" else ("best fit", fitted)
+    if other[1] is not None:
+        rel_l2_of[other[0]] = rel_l2(made_surface(designed, other[1], chosen.fit.smoothing).surface)
     return AsBuilt(
         designed=lens,
         lens=made,
@@ -142,12 +156,28 @@ def light_as_built(
         made=chosen,
         datums=datums,
         fitted=fitted,
+        no_fit=no_fit,
+        outlying=outliers(designed, measured.points) or "",
         nominal=nominal or measure(system, lens, backend),
         measurement=measurement,
-        rel_l2_of={way: measurement.metrics["rel_l2"], hidden: rel_l2(other.surface)},
-        light_error=_light_error(chosen, points, measurement.metrics["rel_l2"], rel_l2),
+        rel_l2_of=rel_l2_of,
+        known=known,
+        light_error=_light_error(chosen, points, fitted_l2, rel_l2) if known == 1 else None,
         correction=rigid_correction(system, made, measurement.target, backend) if correct else None,
     )
+
+
+def _alignments(
+    designed: FreeformSurface, points: Floats, way: Way
+) -> tuple[Alignment, Alignment | None, str]:
+    """Return the points by datums, by best fit, and why there is none; datums need none."""
+    datums = by_datums(designed, points)
+    try:
+        return datums, best_fit(designed, points), ""
+    except UserError as error:
+        if way == "best fit":
+            raise
+        return datums, None, str(error)
 
 
 def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: RelL2) -> LightError:

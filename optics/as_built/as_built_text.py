@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import floor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,14 +14,21 @@ if TYPE_CHECKING:
 
 MICROMETRES, NANOMETRES = 1e3, 1e6  # of a millimetre
 GAIN = 0.01  # of rel_l2: what a re-positioning must bring to be worth the work
+ROWS = (
+    "shift in x, y, z / um",
+    "tilt about x, y, z / deg",
+    "error of height, PV / um",
+    "error of height, RMS / um",
+    "points beside the surface",
+    "rel_l2 of the fitted lens",
+)
 LIKE = 0.25  # correlation of neighbouring residuals: that of 100 points of pure noise is below 0.1
-COVERED = 0.5  # of the cells hold a point: with fewer the fit bridges gaps
 
 
 def as_built_data(built: AsBuilt) -> dict[str, Any]:
     """Return the numbers of a made lens by name: mm, degrees, W/mm^2."""
     light, fit = built.light_error, built.made.fit
-    ways: dict[Way, Alignment] = {"datums": built.datums, "best fit": built.fitted}
+    ways: dict[Way, Alignment | None] = {"datums": built.datums, "best fit": built.fitted}
     return {
         "surface": built.side,
         "align": built.way,
@@ -28,19 +36,26 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
         "missing": built.measured.missing,
         "beside": built.measured.beside,
         "alignments": {
-            name: _alignment(alignment) | {"rel_l2": built.rel_l2_of[name]}
+            name: None
+            if alignment is None
+            else _alignment(alignment)
+            | {"beside": _beside(built, alignment), "rel_l2": built.rel_l2_of[name]}
             for name, alignment in ways.items()
         },
+        "no_best_fit": built.no_fit or None,
+        "outliers": built.outlying or None,
         "noise_mm": fit.noise,
         "fitted_degrees_of_freedom": fit.freedom,
         "covered": built.made.covered,
+        "measured_light": built.known,
         "correlation_of_residuals": built.made.unresolved,
         "rel_l2": {
             "designed": built.nominal.metrics["rel_l2"],
-            "made": light.rel_l2,
-            "error": light.error,
+            "decided": light is not None,
+            "made": light and light.rel_l2,
+            "error": light and light.error,
             "fitted_lens": built.measurement.metrics["rel_l2"],
-            "noise_floor": light.floor,
+            "noise_floor": light and light.floor,
         },
         "re_positioning": _correction(built.correction),
         "change": float(np.linalg.norm(built.change) / np.linalg.norm(built.nominal.irradiance)),
@@ -51,6 +66,11 @@ def as_built_data(built: AsBuilt) -> dict[str, Any]:
 def _on_surface(built: AsBuilt) -> int:
     """Return how many points lie on the surface, in the frame of the file."""
     return built.datums.points.shape[1]
+
+
+def _beside(built: AsBuilt, alignment: Alignment) -> int:
+    """Return how many points with a value lie beside the surface."""
+    return _on_surface(built) + built.measured.beside - alignment.points.shape[1]
 
 
 def _correction(correction: RigidCorrection | None) -> dict[str, Any] | None:
@@ -84,31 +104,49 @@ def _alignment(alignment: Alignment) -> dict[str, Any]:
 
 def as_built_lines(built: AsBuilt) -> list[str]:
     """Return what is said of a made lens on the command line."""
-    measured, fit, light = built.measured, built.made.fit, built.light_error
+    measured, fit = built.measured, built.made.fit
     lines = [
         f"{_on_surface(built):,} points of the {built.side}; left out: {measured.missing:,} without a value, "
         f"{measured.beside:,} beside the surface",
         f"{'':26} {'datums':>24} {'best fit':>24}",
     ]
-    ways = [built.datums, built.fitted]
-    rows = [
-        ("shift in x, y, z / um", [_triple(MICROMETRES * a.motion.shift) for a in ways]),
-        ("tilt about x, y, z / deg", [_triple(np.degrees(a.motion.tilt)) for a in ways]),
-        ("error of height, PV / um", [f"{MICROMETRES * a.peak_to_valley:.4g}" for a in ways]),
-        ("error of height, RMS / um", [f"{MICROMETRES * a.rms:.4g}" for a in ways]),
-        ("rel_l2 of the fitted lens", [f"{built.rel_l2_of[way]:.4f}" for way in ("datums", "best fit")]),
-    ]
-    lines += [f"{name:26} {a:>24} {b:>24}" for name, (a, b) in rows]
+    columns = [_column(built, "datums", built.datums), _column(built, "best fit", built.fitted)]
+    lines += [f"{name:26} {a:>24} {b:>24}" for name, a, b in zip(ROWS, *columns)]
     lines.append(
         f"noise of the measurement {NANOMETRES * fit.noise:.3g} nm; "
         f"the correction follows {fit.freedom:,.0f} degrees of freedom"
     )
-    lines.append(
-        f"rel_l2 {built.nominal.metrics['rel_l2']:.4f} as designed, "
-        f"{light.rel_l2:.4f} +- {light.error:.4f} as made, aligned by {built.way}; "
+    lines.append(_light_line(built))
+    return [*lines, *_correction_lines(built.correction), *_notes(built)]
+
+
+def _column(built: AsBuilt, way: Way, alignment: Alignment | None) -> list[str]:
+    """Return what is said of an alignment, under ROWS; dashes where there is none."""
+    if alignment is None:
+        return ["-"] * len(ROWS)
+    return [
+        _triple(MICROMETRES * alignment.motion.shift),
+        _triple(np.degrees(alignment.motion.tilt)),
+        f"{MICROMETRES * alignment.peak_to_valley:.4g}",
+        f"{MICROMETRES * alignment.rms:.4g}",
+        f"{_beside(built, alignment):,}",
+        f"{built.rel_l2_of[way]:.4f}",
+    ]
+
+
+def _light_line(built: AsBuilt) -> str:
+    """Return rel_l2 as designed and as made; what was not measured is not known."""
+    light, designed = built.light_error, f"rel_l2 {built.nominal.metrics['rel_l2']:.4f} as designed"
+    if light is None:
+        part = floor(1000 * built.known) / 10
+        return (
+            f"{designed}; as made not decided: only {part:g} % of the light for the target crosses where the "
+            f"{built.side} was measured. The fitted lens, aligned by {built.way}, is smooth in the gaps"
+        )
+    return (
+        f"{designed}, {light.rel_l2:.4f} +- {light.error:.4f} as made, aligned by {built.way}; "
         f"the noise adds {light.floor:.4f} in squares to the fitted lens"
     )
-    return [*lines, *_correction_lines(built.correction), *_notes(built)]
 
 
 def _correction_lines(correction: RigidCorrection | None) -> list[str]:
@@ -132,14 +170,13 @@ def _correction_lines(correction: RigidCorrection | None) -> list[str]:
 def _notes(built: AsBuilt) -> list[str]:
     """Return sentences on what the numbers cannot tell."""
     notes = []
-    if built.fitted.undetermined:
+    if built.no_fit:
+        notes.append(f"no best fit: {built.no_fit}")
+    if built.outlying and built.outlying not in built.no_fit:
+        notes.append(built.outlying)
+    if built.fitted and built.fitted.undetermined:
         names = ", ".join(built.fitted.undetermined)
         notes.append(f"the surface does not show all motions: the best fit leaves out a part of {names}")
-    if built.made.covered < COVERED:
-        notes.append(
-            f"only {100 * built.made.covered:.0f} % of the surface's cells hold a point: "
-            "in gaps the light is that of a smooth correction, not of the lens"
-        )
     if built.made.unresolved > LIKE:
         notes.append(
             "what the fit leaves is no noise, since neighbouring points agree in it: errors of the surface "

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
         aimed_light as aimed_light,
         aimed_through as aimed_through,
     )
+    from optics.blur.source_images import (
+        patch_images as patch_images,
+        spot_rms as spot_rms,
+    )
     from optics.blur.spot_matrices import (
         LandingShifts as LandingShifts,
         landing_shifts as landing_shifts,
@@ -30,6 +34,10 @@ _FILES = {
         "aimed",
         "aimed_light",
         "aimed_through",
+    ),
+    "source_images": (
+        "patch_images",
+        "spot_rms",
     ),
     "spot_matrices": (
         "LandingShifts",

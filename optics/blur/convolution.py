@@ -103,6 +103,16 @@ class Blur:
             sizes.append(full * _size(self.shifts.beam))
         return float(np.hypot.reduce(sizes))
 
+    @property
+    def rms(self) -> float:
+        """The rms deviation of the spot's light in one direction, of x and y together, mm or degrees."""
+        squares = [(rms * np.linalg.norm(matrix)) ** 2 for rms, matrix in self._gaussians]
+        if self.spread is not None:
+            u = (np.arange(QUANTILES) + 0.5) / QUANTILES
+            sine = self.spread.stretch(u) * np.sqrt(u)
+            squares.append(np.mean(sine**2) / 2 * np.linalg.norm(self.shifts.beam) ** 2)
+        return sqrt(sum(squares) / 2)
+
     def reach(self, screen: Screen) -> int:
         """Return how many pixels of a screen the spot reaches."""
         far = np.zeros(2)

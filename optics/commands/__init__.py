@@ -13,8 +13,10 @@ if TYPE_CHECKING:
         own_pages as own_pages,
     )
     from optics.commands.cli import (
-        entry as entry,
         main as main,
+    )
+    from optics.commands.launch import (
+        entry as entry,
     )
 
 _FILES = {
@@ -23,9 +25,7 @@ _FILES = {
         "benchmark_page",
         "own_pages",
     ),
-    "cli": (
-        "entry",
-        "main",
-    ),
+    "cli": ("main",),
+    "launch": ("entry",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from optics.commands.command_examples import examples_text
-from optics.commands.known_words import require_known, require_paths
+from optics.commands.known_words import refused_choice, require_known, require_paths
 from optics.commands.making_options import asbuilt_options, sweep_options, tolerance_options, tool_options
 from optics.commands.shared_options import force_option, problem_options
 from optics.problem import ENGINES, STARTS
@@ -20,7 +20,7 @@ class CommandParser(argparse.ArgumentParser):
     """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
 
     def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message}; {self.prog} --help says more")
+        raise UserError(f"{message}; {refused_choice(message) or f'{self.prog} --help says more'}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print help or version; argparse would pass over an OSError."""
@@ -52,7 +52,7 @@ def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Return the options of a command line; None after the help that a bare `thbcad` prints.
+    """Return the options of a command line, with its `words`; None after the help that `thbcad` alone prints.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         main.print_help()
         return None
     require_known(words, main, commands)
-    options = main.parse_args(words)
+    options = main.parse_args(words, argparse.Namespace(words=tuple(words)))
     require_paths(options, commands[options.command])
     return options
 

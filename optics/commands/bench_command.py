@@ -11,7 +11,7 @@ from inspect import signature
 from pathlib import Path
 from types import ModuleType
 
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import DONE, MISSED, Outcome
 from optics.runtime import (
     Row,
     StoredRows,
@@ -45,7 +45,7 @@ def bench(options: Namespace) -> Outcome:
     if options.store:
         stored = StoredRows(options.name, date.today().isoformat(), machine_facts(), plain)
         lines.append(f"stored in {store_rows(stored, checkout() / 'docs' / 'data')}")
-    return Outcome(plain, lines, all(row.ok for row in rows))
+    return Outcome(plain, lines, DONE if all(row.ok for row in rows) else MISSED)
 
 
 def _loaded(path: Path) -> ModuleType:

@@ -13,7 +13,14 @@ from optics.commands.problem_options import system_of
 from optics.etendue import etendue_notes
 from optics.optimisation import surfaces_can_cross
 from optics.outgoing import fire_warning
-from optics.prediction import blur_limits, blur_sentence, expectation_lines, expected, resolved
+from optics.prediction import (
+    blur_limits,
+    blur_sentence,
+    expectation_lines,
+    expected,
+    foreseen_misses,
+    resolved,
+)
 from optics.runtime import load_backend, speaking_of
 from optics.system import advice, skip_lines
 
@@ -37,10 +44,16 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     fire = fire_warning(system, expectation.concentration)
     data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
     picture, least = system.target.light, system.lens.least_thickness()
+    limits = blur_limits(system, system.lens, backend) if system.blurred else None
+    missed = foreseen_misses(system, expectation, limits, backend)
+    data["missed"] = missed
     lines = [
-        f"{system.problem.title}: the problem is valid",
+        f"{system.problem.title}: the problem is valid"
+        + (", but its limits may not be kept" if missed else ""),
+        *missed,
         f"picture {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
         f"{data['dark_share']:.0%} of them dark",
+        *_side_lines(system),
         "before optimisation: "
         f"least thickness {least.value:.4g} mm at x = {least.u:.4g}, y = {least.v:.4g} mm",
         *expectation_lines(system, expectation),
@@ -51,12 +64,24 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     ]
     if explain:
         lines += skip_lines(system.skips)
-    if system.blurred:
-        limits = blur_limits(system, system.lens, backend)
+    if limits is not None:
         data["blur"] = asdict(limits)
         lines.append(f"blur: {blur_sentence(system, limits)}")
     lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation))]
     return Outcome(data, lines)
+
+
+def _side_lines(system: OpticalSystem) -> list[str]:
+    """Return from which side a picture reads right; nothing of regions and formulas."""
+    target = system.problem.target
+    if target.kind != "image":
+        return []
+    side, other, name = (
+        ("behind the target, looking at the lens", "a wall seen from the lens's side", "lens")
+        if target.seen_from == "behind"
+        else ("the lens's side, as on a wall", "a screen seen from behind", "behind")
+    )
+    return [f"the picture reads right from {side}; for {other}: --set target.seen_from={name}"]
 
 
 def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
@@ -65,6 +90,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
     return {
         "title": system.problem.title,
         "picture_pixels": list(system.target.light.shape[::-1]),
+        "picture_seen_from": system.problem.target.seen_from,
         "target_pixels": list(screen.pixels),
         "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.source.flux)),
         "least_thickness_mm": least.value,
@@ -90,7 +116,10 @@ def _notes(system: OpticalSystem, expectation: Expectation) -> list[str]:
         notes.append(
             "z_freedom is larger than the least thickness; a design that uses it fully would be refused"
         )
-    return [*notes, *advice(system), *etendue_notes(system)]
+    etendue = etendue_notes(system)
+    if etendue.background and not etendue.limits:
+        notes.append("etendue forbids nothing here; `thbcad etendue` has the bounds")
+    return [*notes, *advice(system), *etendue.limits]
 
 
 def _by(size: Sequence[int]) -> str:

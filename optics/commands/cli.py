@@ -2,13 +2,12 @@
 
 Results go to stdout (--json for machines), progress and messages to stderr (--quiet: errors alone).  Nothing
 ends because stderr is closed or cannot be written.
-Exit codes: 0 done, 1 a check failed, 2 bad input, 3 numerical failure, 70 internal error, 130 interrupted,
-143 terminated.
+Exit codes: 0 done, 1 the light misses what was asked for or that is not decided, 2 bad input, 3 numerical
+failure, 4 the file, a part or a limit of making fails, 70 internal error, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import traceback
@@ -17,12 +16,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
 from ctypes import pythonapi
 from importlib import import_module
+from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
 from typing import Any, TextIO
 
 from optics.commands.arguments import parsed
+from optics.commands.launch import entry as entry  # by this name the installed command asks for it
 from optics.commands.outcome import Outcome
 from optics.commands.stop_signals import stop_signals
-from optics.runtime import NumericalError, UserError, collect_rarely, printable
+from optics.runtime import NumericalError, UserError, printable
+from optics.workers import lacks_memory
 from thbcad.doors import missing_packages, pip_command
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
@@ -72,7 +74,7 @@ def _run(options: Namespace) -> int:
     lines = "\n".join(outcome.lines).split("\n")
     with _printing():
         print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)), flush=True)
-    return 0 if outcome.ok else 1
+    return outcome.code
 
 
 @contextmanager
@@ -87,12 +89,10 @@ def _failed(error: Exception, verbose: bool) -> int:
 
     verbose : whether the traceback is shown too, where the input is not to blame
     """
-    from optics.workers import lacks_memory
-
     if isinstance(error, UserError | NumericalError):
         sentence, code = str(error), error.exit_code
     elif lacks_memory(error):
-        sentence, code = "out of memory; use fewer pixels, rays or levels", NumericalError.exit_code
+        sentence, code = f"out of memory; {_more_room()}", NumericalError.exit_code
     elif isinstance(error, OSError):
         where = f" {error.filename}" if error.filename else ""
         sentence = str(UserError(f"cannot write or read{where}: {error.strerror or error}"))
@@ -105,6 +105,13 @@ def _failed(error: Exception, verbose: bool) -> int:
         traceback.print_exception(error)
     print(f"thbcad: {sentence}", file=sys.stderr)
     return code
+
+
+def _more_room() -> str:
+    """Return what to do where memory lacks."""
+    most, _ = getrlimit(RLIMIT_AS)
+    limit = "" if most == RLIM_INFINITY else f"raise its limit (ulimit -v {most >> 10}), or "
+    return f"{limit}use fewer pixels, rays or levels"
 
 
 def _require_extra() -> None:
@@ -169,11 +176,3 @@ def _drop(stream: TextIO) -> None:
     """Send nowhere what a stream still holds: Python writes it at its end, and would end with code 120."""
     with suppress(OSError), open(os.devnull, "w") as nowhere:  # a stream in memory has no descriptor
         os.dup2(nowhere.fileno(), stream.fileno())
-
-
-def entry() -> None:
-    """Entry point of the installed command."""
-    collect_rarely()
-    code = main()
-    gc.freeze()  # else Python searches all that is loaded three more times before it ends: 0.3 s
-    sys.exit(code)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.analysis import counted_ways, photometric_lines
-from optics.commands.outcome import Outcome, number_text
+from optics.analysis import counted_ways, error_words, photometric_lines
+from optics.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.commands.problem_options import system_of
 from optics.optimisation import Interrupted, earlier_state
 from optics.progress import DesignProgress, Notes, RunClock
@@ -19,19 +20,24 @@ from optics.system import OpticalSystem
 
 if TYPE_CHECKING:
     from optics.api import Written
-    from optics.optimisation import State
+    from optics.optimisation import Row, State
     from optics.photometry import Units
     from optics.problem import Problem
 
 
 @dataclass(frozen=True)
 class _Run:
-    """One design on its way.  asked : the problem as it was read."""
+    """One design on its way.
+
+    asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
+    """
 
     asked: Problem
+    words: Sequence[str]
     folder: ResultFolder
     clock: RunClock
     notes: Notes = field(default_factory=lambda: Notes(listener=note))
+    history: list[Row] = field(default_factory=list)
 
 
 def design(options: Namespace) -> Outcome:
@@ -44,7 +50,7 @@ def design(options: Namespace) -> Outcome:
     system = system_of(options)
     problem = system.problem
     folder = ResultFolder(options.out or Path("exports") / Path(options.problem).stem)
-    run = _Run(problem, folder, clock)
+    run = _Run(problem, options.words, folder, clock)
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
         try:
             return _designed(run, system, options)
@@ -69,6 +75,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
 
         def keep(state: State) -> None:
             write_checkpoint(run.folder.checkpoint, run.asked, resolved, state, run.notes)
+            run.history[:] = state.history
 
         try:
             design = shaped(run.asked, ready, run.clock, run.notes, state=state, keep=keep)
@@ -95,16 +102,34 @@ def _with_iterations(system: OpticalSystem, iterations: int) -> OpticalSystem:
 
 
 def _what_is_kept(run: _Run) -> str:
-    if run.folder.has_run_of(run.asked):
-        return f"the same command with --resume goes on from {run.folder.checkpoint}"
-    return "nothing was kept, since no level had begun; the same command starts again"
+    """Return how far a run came that was stopped, and the command line that goes on."""
+    if not run.folder.has_run_of(run.asked):
+        return "nothing was kept, since no level had begun; the same command starts again"
+    command = f"to go on: {resuming(run.words)}"
+    if not run.history:
+        return command
+    last = run.history[-1]
+    reached = min(row.fit for row in run.history if row.stage == last.stage)
+    return f"rel_l2 {reached:.3g} so far, on the light that level {last.level} is optimised with; {command}"
+
+
+def resuming(words: Sequence[str]) -> str:
+    """Return the command line, for a shell, that goes on with the design of another one.
+
+    The surface of `--from` stands in the checkpoint.
+    """
+    kept: list[str] = []
+    for before, word in zip(("", *words), words):
+        if before != "--from" and word != "--from" and not word.startswith("--from="):
+            kept.append(word)
+    return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
 
 
 def _outcome(written: Written, units: Units) -> Outcome:
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
     lines = _design_lines(written.folder, metrics, checked, photometric_lines(metrics, units))
-    return Outcome(data, lines, checked["ok"])
+    return Outcome(data, lines, OF_GRADES[checked["grade"]])
 
 
 def _design_lines(
@@ -117,11 +142,11 @@ def _design_lines(
     return [
         *check_lines(checked),
         *fit,
-        f"rel_l2 {metrics['rel_l2']:.4f}, without noise {metrics['rel_l2_debiased']:.4f} "
-        f"+- {metrics['rel_l2_error']:.1g} ({counted_ways(metrics)})   "
+        f"rel_l2 {error_words(metrics)} ({counted_ways(metrics)})   "
         f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}",
-        f"efficiency {metrics['efficiency']:.4f}   stray {metrics['stray']:.4f}   DOF {metrics['dof']}   "
-        f"evaluations {metrics['evaluations']}   {metrics['wall_s']['total']:.1f} s",
+        f"efficiency {metrics['efficiency']:.4f}   on the lit region {metrics['lit_efficiency']:.4f}   "
+        f"stray {metrics['stray']:.4f}   DOF {metrics['dof']}   evaluations {metrics['evaluations']}   "
+        f"{metrics['wall_s']['total']:.1f} s",
         *judged,
         metrics["verdict"],
         f"solid {folder.step}   report {folder.path / 'report.html'}",

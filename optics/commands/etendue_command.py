@@ -134,7 +134,7 @@ def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[
 
 def _measured_half_width(system: OpticalSystem, result: str) -> tuple[float, float]:
     """Return half the width and height of a square with the area of the small images of a designed lens."""
-    from optics.etendue import patch_images
+    from optics.blur import patch_images
     from optics.runtime import load_backend
 
     lens = ResultFolder(result).read_lens()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from optics.commands.light_export import intensity_of_light, is_luminaire, rays_of_light
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import OF_GRADES, Outcome
 from optics.results import HASHES, hashes
 from optics.runtime import UserError, check_lines
 
@@ -57,7 +57,7 @@ def export(options: Namespace) -> Outcome:
     }
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
-    return Outcome(data, [*check_lines(data), *written], data["ok"])
+    return Outcome(data, [*check_lines(data), *written], OF_GRADES[data["grade"]])
 
 
 def _mounted(lens: Lens, name: str, options: Namespace, labels: Labels) -> tuple[list[Path], list[Check]]:
@@ -111,7 +111,9 @@ def _scene(options: Namespace) -> Outcome:
     }
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
-    return Outcome(data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], data["ok"])
+    return Outcome(
+        data, [*check_lines(data), *written, f"render it with: mitsuba {out}"], OF_GRADES[data["grade"]]
+    )
 
 
 def _require_whole_lens(does: str, options: Namespace) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 
-from optics.runtime import UserError
+from optics.problem import cannot_do
+from optics.runtime import UserError, is_text
 
+CHOICE = re.compile(r"invalid choice: '(\w+)'")  # of argparse
 PATHS = (
     "PROBLEM.toml",
     "RESULT",
@@ -21,10 +25,17 @@ PATHS = (
 
 
 def require_known(words: Sequence[str], main: ArgumentParser, commands: Mapping[str, ArgumentParser]) -> None:
-    """Raise UserError for an unknown command, or for a long option that the command does not have.
+    """Raise UserError for an argument that is no text, an unknown command, or a long option that the command
+    does not have.
 
     words : the arguments of the command line.  Options may be shortened, as argparse allows.
     """
+    for word in words:
+        if not is_text(word):
+            raise UserError(
+                f"the argument {word} is no text in this locale ({sys.getfilesystemencoding()}); "
+                "set LC_ALL=C.UTF-8, or rename what it names"
+            )
     first = words[0]
     if first not in commands and not first.startswith("-"):
         meant = _meant(first, commands)
@@ -44,6 +55,12 @@ def require_paths(options: Namespace, command: ArgumentParser) -> None:
         if action.metavar in PATHS and getattr(options, action.dest) == "":
             name = action.option_strings[0] if action.option_strings else action.metavar
             raise UserError(f"{name} must be a path, got ''; {command.prog} --help says more")
+
+
+def refused_choice(message: str) -> str:
+    """Return why the choice that argparse's message refuses cannot be, "" where it is a word like others."""
+    found = CHOICE.search(message)
+    return cannot_do(found[1]) if found else ""
 
 
 def _meant(word: str, known: Iterable[str]) -> str:

@@ -7,17 +7,22 @@ from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.commands.outcome import Outcome
+import numpy as np
+from numpy.typing import NDArray
+
+from optics.commands.outcome import OF_GRADES, Outcome
 from optics.results import HASHES, hashes
-from optics.runtime import Check, UserError, check_lines, verification
+from optics.runtime import Check, UserError, check_lines, reading, verification
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from optics.outgoing import OnTarget
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
+LIGHT = "irradiance.npz"  # of a result folder
 MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
 STEPS = 0.5, 30.0  # degrees: from 5 MB of text to what still tells front from side
 DECIMALS = 4  # of the angles in files
@@ -66,8 +71,9 @@ def intensity_of_light(options: Namespace) -> Outcome:
     ------
     UserError : no result folder, too many rays, a step out of range, or no light behind the lens.
     """
+    from optics.blur import spot_rms
     from optics.luminaires import LUMINAIRE_WRITERS, read_luminaire
-    from optics.outgoing import outgoing_intensity
+    from optics.outgoing import StepsOnTarget, outgoing_intensity
 
     _require_step(options.step)
     system, lens, backend = _traceable(options)
@@ -89,14 +95,48 @@ def intensity_of_light(options: Namespace) -> Outcome:
         "steps_deg": list(light.steps),
         "noise": light.noise,
     }
+    shown: dict[str, OnTarget] = {}
+    if (of_lens := _light_of(options.result)) is not None:
+        blur = 0.0 if system.target.even_region is None else spot_rms(system, lens, backend)
+        beside = StepsOnTarget(system, lens, of_lens, blur)
+        shown = {"the lens": beside.own, "this file": beside.by_file(read)}
+        finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))
+        shown |= {f"steps of {step:g} alone": beside.by_steps(step) for step in finer}
+    data["on_target"] = {name: vars(one) for name, one in shown.items()}
     c, gamma = light.steps
     lines = [
         f"wrote {out}, {light.flux:.6g} {units.flux} that leave the lens by any face, "
         f"at most {peak:.4g} {units.in_far_field.shown}",
         f"steps of {c:.4g} degrees in C, {gamma:.4g} in gamma; noise {light.noise:.2%} of the intensity (L2)",
+        _on_target(shown),
         "+z is gamma = 0, +x is C0" + ("; watts stand for lumens" if units.flux == "W" else ""),
     ]
     return _reported(out, checks, data, lines)
+
+
+def _light_of(result: str) -> NDArray[np.float64] | None:
+    """Return the light of a result on the pixels of its target, (rows, columns); None where it is gone."""
+    path = Path(result) / LIGHT
+    if not path.exists():
+        return None
+    with reading(path), np.load(path) as arrays:
+        light: NDArray[np.float64] = arrays["irradiance"]
+    return light
+
+
+def _on_target(shown: Mapping[str, OnTarget]) -> str:
+    """Return what the light on the target is, of the lens and as a luminaire file has it."""
+    if not shown:
+        return (
+            f"what the steps do to the light on the target is not said: {LIGHT} is not in the result folder"
+        )
+    parts = []
+    for name, one in shown.items():
+        even = [] if one.min_over_mean is None else [f"U0 {one.min_over_mean:.2f}"]
+        off = [f"{one.rel_l2:.1%} off"] if one.rel_l2 else []
+        if even or off:
+            parts.append(f"{name} {', '.join([*even, *off])}")
+    return f"on the target (rel_l2 to the light of the lens, seen from the rear's middle): {'; '.join(parts)}"
 
 
 def _require_step(step: float) -> None:
@@ -145,4 +185,4 @@ def _reported(out: Path, checks: Sequence[Check], numbers: dict[str, Any], lines
         HASHES: hashes(report.parent, [out.name]),
     }
     write_text(report, json_text(data))
-    return Outcome(data, [*check_lines(data), *lines], all(check.ok for check in checks))
+    return Outcome(data, [*check_lines(data), *lines], OF_GRADES[data["grade"]])

@@ -52,10 +52,17 @@ def tolerance_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--limit",
-        type=float,
-        default=0.01,
-        metavar="RISE",
-        help="of rel_l2, for which the amount of each tolerance is looked for (default: 0.01)",
+        action="append",
+        default=[],
+        metavar="LIMIT",
+        help="what light must keep, for which the amount of each tolerance is looked for: min_over_mean=0.7, "
+        "efficiency=0.85, rel_l2=0.05, or a rise of rel_l2 such as 0.01; may be repeated (default: "
+        "min_over_mean=0.7 of uniform light that no rays are counted in, else 0.01)",
+    )
+    command.add_argument(
+        "--float-shift",
+        action="store_true",
+        help="the light may shift as a whole on the target, which follows it",
     )
     command.add_argument(
         "--samples",

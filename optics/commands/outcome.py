@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from optics.runtime import Grade
+
+DONE, MISSED, PART_FAILS = 0, 1, 4  # exit codes of what was done
+OF_GRADES: dict[Grade, int] = {
+    "made": DONE,
+    "light misses": MISSED,
+    "not decided": MISSED,
+    "file or part fails": PART_FAILS,
+}
 
 
 class Outcome(NamedTuple):
     """The result of a command.
 
-    data : for --json
-    lines : text for stdout
-    ok : False where a check failed
+    data : for --json.  lines : text for stdout.  code : the exit code.
     """
 
     data: Any
     lines: list[str]
-    ok: bool = True
+    code: int = DONE
 
 
 def number_text(value: float | None, form: str) -> str:

@@ -6,15 +6,13 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import DONE, MISSED, Outcome
 from optics.commands.problem_options import changes_of
 from optics.problem import load_problem
 from optics.runtime import UserError, note, speaking_of
 
 if TYPE_CHECKING:
     from optics.sweeps import Sweep
-
-JUDGED = "rel_l2"  # the metric by which the best variant is named
 
 
 def sweep(options: Namespace) -> Outcome:
@@ -38,9 +36,8 @@ def sweep(options: Namespace) -> Outcome:
         note(f"what is done is stored in {out}; the same command goes on with the rest")
         raise
     counts = found.counts()
-    return Outcome(
-        {"folder": str(out), "counts": counts, "rows": found.table()}, _lines(found), counts["done"] > 0
-    )
+    data = {"folder": str(out), "counts": counts, "grades": found.grades(), "rows": found.table()}
+    return Outcome(data, _lines(found), DONE if found.grades().get("made") else MISSED)
 
 
 def _ranges(options: Namespace) -> dict[str, list[Any]]:
@@ -59,11 +56,10 @@ def _ranges(options: Namespace) -> dict[str, list[Any]]:
 
 def _lines(found: Sweep) -> list[str]:
     counts = ", ".join(f"{count} {status}" for status, count in found.counts().items() if count)
-    lines = [f"{len(found.rows)} variants: {counts}"]
-    judged = [row for row in found.rows if row.metrics.get(JUDGED) is not None]
-    if judged:
-        best = min(judged, key=lambda row: float(row.metrics[JUDGED]))
+    grades = ", ".join(f"{count} {grade}" for grade, count in found.grades().items())
+    lines = [f"{len(found.rows)} variants: {counts}" + (f"; {grades}" if grades else "")]
+    if best := found.best:
         values = ", ".join(f"{key} = {value}" for key, value in zip(found.keys, best.values))
-        lines.append(f"least {JUDGED} {best.metrics[JUDGED]:.4f}: {values}")
+        lines.append(f"best: {values}: {best.metrics.get('verdict', '')}")
     lines += sorted({f"{row.status}: {row.sentence}" for row in found.rows if row.sentence})
     return [*lines, f"table {found.folder / 'sweep.csv'}   page {found.folder / 'sweep.html'}"]

@@ -1,16 +1,16 @@
-"""The amounts of tolerances that arguments and a file name."""
+"""The amounts of tolerances that arguments and a file name, and the limits that light must keep."""
 
 from __future__ import annotations
 
 import reprlib
-import tomllib
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from optics.runtime import UserError
+from thbcad.toml import toml_tables
 
 LARGEST_FILE = 1 << 20  # bytes of a file of amounts
 FORM = ".form"  # ends the name of a form error, such as rear.form, in nm rms
@@ -49,6 +49,26 @@ def periods_of(text: str) -> tuple[float, float]:
     return short, long
 
 
+def limits_of(texts: Sequence[str]) -> dict[str, float] | None:
+    """Return the limits of --limit by name, None where there are none; a bare number is a rise of rel_l2.
+
+    Raises
+    ------
+    UserError : no number.
+    """
+    limits = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.rpartition("="))
+        try:
+            limits[name if equals else "rise"] = float(value)
+        except ValueError:
+            raise UserError(
+                "--limit takes a rise of rel_l2, such as 0.01, or NAME=VALUE, such as min_over_mean=0.7, got "
+                f"{text!r}"
+            ) from None
+    return limits or None
+
+
 def _amount(text: str) -> tuple[str, Any]:
     """Return name and amount of "NAME=AMOUNT"."""
     name, equals, value = (part.strip() for part in text.partition("="))
@@ -72,10 +92,10 @@ def _of_file(path: str | None) -> dict[str, Any]:
             data = opened.read(LARGEST_FILE + 1)
         if len(data) > LARGEST_FILE:
             raise UserError(f"{file} is larger than a file of amounts may be, {LARGEST_FILE} bytes")
-        amounts = dict(_flat(tomllib.loads(data.decode("utf-8"))))
+        amounts = dict(_flat(toml_tables(data.decode("utf-8-sig"))))
     except OSError as error:
         raise UserError(f"cannot read {file}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise UserError(f"{file} is no TOML: {error}") from None
     for name, amount in amounts.items():
         _require_amount(file, name, amount)

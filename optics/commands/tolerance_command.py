@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from optics.api import Design
 from optics.commands.outcome import Outcome
-from optics.commands.tolerance_amounts import Amounts, amounts_of, periods_of
+from optics.commands.tolerance_amounts import Amounts, amounts_of, limits_of, periods_of
 from optics.form_errors import FORM_HEAD, form_obstacle, form_rows, form_sentences
 from optics.making import form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.progress import drawing
@@ -63,7 +63,12 @@ class _Study:
         ]
 
     def of_form(self) -> list[str]:
-        return [self.obstacle] if self.form is None else form_sentences(self.form)
+        if self.form is None:
+            return [self.obstacle]
+        return [
+            f"Form errors are judged by rel_l2 alone: each band may raise it by {self.form.rise:.2%}.",
+            *form_sentences(self.form),
+        ]
 
     def of_made(self) -> list[str]:
         return [] if self.made is None else self.made.sentences()
@@ -71,14 +76,14 @@ class _Study:
 
 def tolerance(options: Namespace) -> Outcome:
     """Trace the lens of a result folder with everything a little wrong, and say what the shop must hold."""
-    amounts = amounts_of(options)
+    amounts, limits = amounts_of(options), limits_of(options.limit)
     periods = periods_of(PERIODS if options.periods is None else options.periods)
     design = Design.load(options.result)
     _require_samples(design, amounts, periods, options)
     folder = Path(options.out or options.result)
     writable_folder(folder)
     require_own(folder, (PAGE, RECORD), RECORD, options.force)
-    study = _study(design, amounts, periods, options)
+    study = _study(design, amounts, limits, periods, options)
     from thbcad.io import json_text, write_text
 
     data = study.data()
@@ -103,9 +108,15 @@ def _require_samples(
         note(f"{', '.join(amounts.forms)}.form: random form errors are for --samples alone")
 
 
-def _study(design: Design, amounts: Amounts, periods: tuple[float, float], options: Namespace) -> _Study:
+def _study(
+    design: Design,
+    amounts: Amounts,
+    limits: dict[str, float] | None,
+    periods: tuple[float, float],
+    options: Namespace,
+) -> _Study:
     with _Shown("tolerances") as shown:
-        budget = tolerances(design, amounts.tolerances, options.limit, shown)
+        budget = tolerances(design, amounts.tolerances, limits, shown, options.float_shift)
     made = form = None
     if options.samples:
         with _Shown("lenses") as shown:
@@ -123,7 +134,7 @@ def _study(design: Design, amounts: Amounts, periods: tuple[float, float], optio
     if not obstacle:
         try:
             with _Shown("form errors") as shown:
-                form = form_tolerances(design, options.limit, shown)
+                form = form_tolerances(design, budget.limit, shown)
         except UserError as error:  # the tolerances are known by now, and worth more than none
             obstacle = f"form errors could not be computed: {error}"
     return _Study(design, budget, form, obstacle, made)
@@ -131,19 +142,20 @@ def _study(design: Design, amounts: Amounts, periods: tuple[float, float], optio
 
 def _page(study: _Study) -> str:
     """Return tolerance.html."""
-    from optics.making_figures import change_figure, share_figure
+    from optics.making_figures import change_figure, cost_figure
     from optics.report import PageSection, section_page
 
     budget, design = study.budget, study.design
-    screen, effects = design.system.target.screen(), {e.tolerance.name: e for e in budget.effects}
-    pictures = [("shares in the expected rise of rel_l2^2", share_figure(budget))]
-    for name in [*budget.shares()][:WORST]:
-        pictures.append((f"change of the light by {name}", change_figure(effects[name], screen)))
+    screen, ranked = design.system.target.screen(), budget.by_cost()
+    pictures = [("amounts in allowed ones", cost_figure(budget))] if ranked[0].cost else []
+    for effect in ranked[:WORST]:
+        name = effect.tolerance.name
+        pictures.append((f"change of the light by {name}", change_figure(effect, screen)))
     sentences = [*study.of_reflections(), *shop_sentences(budget)]
     sections = [
         PageSection("What the shop must hold", sentences, pictures=pictures),
         *_of_lenses(study),
-        PageSection("Every tolerance by itself", head=HEAD, rows=effect_rows(budget)),
+        PageSection("Every tolerance by itself, the costliest first", head=HEAD, rows=effect_rows(budget)),
         _of_form(study),
     ]
     return section_page(f"{design.problem.title or 'Lens'}: tolerances", INTRODUCTION, sections)
@@ -175,7 +187,7 @@ def _lines(budget: ToleranceBudget) -> list[str]:
     rows = [HEAD, *effect_rows(budget)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
-    return [*table, "", *shop_sentences(budget)[:2]]
+    return [*shop_sentences(budget), "", *table, ""]
 
 
 class _Shown:

@@ -6,7 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import OF_GRADES, Outcome
 from optics.results import HASHES, ResultFolder, hashes, remove_files, require_own, writable_folder
 from optics.runtime import check_lines, load_backend, verification
 from optics.system import OpticalSystem
@@ -40,7 +40,7 @@ def tool(options: Namespace) -> Outcome:
     checked, lines = verification(findings.checks), tool_lines(findings)
     data = tool_data(findings) | checked
     _write(folder, f"{problem.title}: tools", findings, data, lines)
-    return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], checked["ok"])
+    return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], OF_GRADES[checked["grade"]])
 
 
 def _write(folder: Path, title: str, findings: ToolFindings, data: dict[str, Any], lines: list[str]) -> None:

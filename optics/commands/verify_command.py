@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optics.commands.light_of_file import FileLight, LightRequest, light_request
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import OF_GRADES, Outcome
 from optics.problem import limit_checks
 from optics.results import ResultFolder
 from optics.runtime import UserError, check_lines, note, reading
@@ -40,12 +40,14 @@ def verify(options: Namespace) -> Outcome:
         checks, left_out = bare_checks(file)
     else:
         checks, notes, light = _folder_checks(path, options.optiland, request)
+        of_light, left_out = _light_checks(path)
+        checks += of_light
     checked = verification(checks) | {"notes": notes, "left_out": left_out}
     lines = check_lines(checked)
     if light is not None:
         checked["light"] = light.data
         lines += light.lines
-    return Outcome(checked, lines, checked["ok"])
+    return Outcome(checked, lines, OF_GRADES[checked["grade"]])
 
 
 def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[str]]:
@@ -55,10 +57,23 @@ def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[
     from optics.verification import optiland_available
 
     lens, _ = labelled_lens(of)
-    checks, left_out = part_checks(path, lens, by_optiland and optiland_available())
+    system = OpticalSystem(ResultFolder(of).read().problem) if Path(of).is_dir() else None
+    checks, left_out = part_checks(path, lens, by_optiland and optiland_available(), system)
     if by_optiland and not optiland_available():
         left_out.append(f"rays by optiland, which is not installed; {pip_command('verify')}")
     return checks, left_out
+
+
+def _light_checks(path: Path) -> tuple[list[Check], list[str]]:
+    """Return the checks of the light that a result folder holds, and what is left out."""
+    from optics.analysis import delivery_checks
+    from optics.api import Design
+
+    try:
+        design = Design.load(path)
+    except UserError as error:
+        return [], [f"the light: {error}"]
+    return delivery_checks(design.measurement.metrics, design.problem.verify), []
 
 
 def _folder_checks(
@@ -78,10 +93,8 @@ def _folder_checks(
     from thbcad.lens import manufacturability
 
     folder = ResultFolder(path)
-    problem, lens, record = folder.read()
+    problem, lens, _ = folder.read()
     system = OpticalSystem(problem)
-    if not record["ok"]:
-        note(f"of the design itself: {record['verdict']}")
     backend = load_backend("double", problem.run.threads)
     file = StepFile(folder.step)
     with reading(file.path):

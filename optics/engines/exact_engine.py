@@ -55,7 +55,8 @@ class ExactEngine:
             fresnel=fresnel,
             absorption=system.absorption,
         )
-        return TracedModel(self.backend, tracer, film.screen, window, mirrors)
+        light = float(rays.flux.sum())
+        return TracedModel(self.backend, tracer, film.screen, window, mirrors, light)
 
 
 def measured_rays(

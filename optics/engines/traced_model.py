@@ -25,6 +25,7 @@ class TracedModel:
     window : in which rays are measured, or the map of the cells whose corners the rays are.
     mirrors : directions (0 for x, 1 for y) in which the rays are one half of the light; the other half is its
         mirror image.
+    light : W, of all rays, as of `Splat`.
     """
 
     def __init__(
@@ -34,13 +35,14 @@ class TracedModel:
         screen: Screen,
         window: Window | MappedCells,
         mirrors: Sequence[int] = (),
+        light: float | None = None,
     ) -> None:
         self.screen = screen
         self._backend, self._tracer = backend, tracer
         self._flipped = [1 - axis for axis in mirrors]
         self._window = None if isinstance(window, MappedCells) else window
         self._cells = window if isinstance(window, MappedCells) else None
-        self._splat = None if isinstance(window, MappedCells) else Splat(backend, screen, window)
+        self._splat = None if isinstance(window, MappedCells) else Splat(backend, screen, window, light)
 
     def light(self, coefficients: Sequence[Floats]) -> TracedLight:
         """Return the light of a lens; its image and what is lost are known, derivatives come when asked."""

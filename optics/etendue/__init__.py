@@ -29,9 +29,6 @@ if TYPE_CHECKING:
         Kernel as Kernel,
         Real as Real,
     )
-    from optics.etendue.measured_images import (
-        patch_images as patch_images,
-    )
     from optics.etendue.nonnegative_solvers import (
         descend as descend,
     )
@@ -97,7 +94,6 @@ _FILES = {
         "Kernel",
         "Real",
     ),
-    "measured_images": ("patch_images",),
     "nonnegative_solvers": ("descend",),
     "problem_bounds": (
         "FIXED",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, log10, prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from optics.etendue.brightness_limit import UniversalBound, universal_bound
 from optics.etendue.image_size import image_half_width
@@ -133,42 +133,61 @@ def stretchable(system: OpticalSystem) -> bool:
     return system.source.image[0].kind == "uniform"
 
 
-def etendue_notes(system: OpticalSystem) -> list[str]:
+class EtendueNotes(NamedTuple):
+    """What etendue says.  limits : sentences on what it forbids.  background : those that forbid nothing."""
+
+    limits: list[str]
+    background: list[str]
+
+
+def etendue_notes(system: OpticalSystem) -> EtendueNotes:
     """Return sentences on what etendue says about a problem; none for sources without extent.
 
     The blur of a beam is known, and needs no bound.  z_freedom must be known.
     """
+    notes = EtendueNotes([], [])
     if not system.source.etendue:
-        return []
+        return notes
     universal = universal_bound(system)
     efficiency = usual_efficiency(system, universal)
     said = [universal_sentence(system, universal, efficiency), *universal_lines(system, universal)]
+    free = universal.least_rel_l2(efficiency) == 0 and universal.exact_efficiency >= 1
+    (notes.background if free else notes.limits).extend(said)
     if system.source.diverging:
-        return said
+        return notes
     images = one_blur(system, system.lens, efficiency, SEARCH_QUICK, stretchable(system))
-    return [
-        *said,
+    _place(
+        notes,
+        images,
         f"{one_blur_sentence(system)}, {base_rear(system)}; at this efficiency "
         f"{blur_sentence(images, stretchable(system))}",
-    ]
+    )
+    return notes
 
 
-def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]) -> list[str]:
+def _place(notes: EtendueNotes, images: OneBlur, sentence: str) -> None:
+    """Add a sentence on one blur everywhere to the notes: to the limits where its bound is more than 0."""
+    forbids = images.bound.lower_bound >= 10.0**-DIGITS
+    (notes.limits if forbids else notes.background).append(sentence)
+
+
+def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]) -> EtendueNotes:
     """Return sentences on what etendue says about a finished design; none where it sets no limit.
 
-    metrics : rel_l2 and efficiency of the design
+    metrics : rel_l2_debiased and efficiency of the design
     """
-    efficiency, rel_l2 = metrics["efficiency"], metrics["rel_l2"]
+    efficiency, rel_l2 = metrics["efficiency"], metrics["rel_l2_debiased"]
+    notes = EtendueNotes([], [])
     if not system.source.etendue or not efficiency:
-        return []
+        return notes
     universal = universal_bound(system)
     least = universal.least_rel_l2(efficiency)
     first = f"rel_l2 reached {rel_l2:.4f}; {universal_sentence(system, universal, efficiency)}"
     if least is None or rel_l2 < least:
         first += "; this lens does, so it is not within the envelope or was not measured well enough"
-    said = [first, curve_sentence(universal)]
+    (notes.background if least == 0 else notes.limits).extend([first, curve_sentence(universal)])
     if system.source.diverging:
-        return said
+        return notes
     forms = [(False, FIXED_QUICK)]
     if stretchable(system):
         forms.insert(0, (True, SEARCH_QUICK))
@@ -177,13 +196,11 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     )
     for any_form, care in forms:
         images = one_blur(system, lens, efficiency, care, any_form)
-        said.append(model + blur_sentence(images, any_form))
-        if rel_l2 < images.bound.lower_bound:
-            said[-1] += (
-                "; this lens lies below and left the class: its images of the source are not all alike"
-            )
+        left = "; this lens lies below and left the class: its images of the source are not all alike"
+        below = rel_l2 < images.bound.lower_bound
+        _place(notes, images, model + blur_sentence(images, any_form) + (left if below else ""))
         model = "one blur everywhere, too: "
-    return said
+    return notes
 
 
 def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:

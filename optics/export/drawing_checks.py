@@ -149,6 +149,6 @@ def _within(body: Body, x: Floats, y: Floats) -> NDArray[np.bool_]:
 
 
 def _height_line(points: Floats, axis: int) -> Floats:
-    """Return points (y, z) of a view along x, (x, z) of one along y."""
-    line: Floats = points[:, ::-1] if axis == 0 else points
+    """Return points (y, z) of the view from -x, (x, z) of that from -y, which has -x and -z for axes."""
+    line: Floats = points[:, ::-1] if axis == 0 else -points
     return line

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 SIZE, DPI = (11.0, 3.4), 80
 SHOWN = (
-    "rel_l2",
     "rel_l2_debiased",
     "psnr_db",
     "ssim",

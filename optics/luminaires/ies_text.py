@@ -20,6 +20,7 @@ from optics.runtime import UserError
 
 TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 LATER = re.compile(r"LM-63-(2002|2019)")  # they have something else in the place of the ballast-lamp factor
+COMMA = re.compile(r"[\d.+-]+,\d+")
 FEET, METRES = 304.8, 1000.0  # mm
 DECIMALS = 4  # of what photompy writes: it writes smaller numbers with an exponent
 # decimal exponent of the greatest number written: rounding changes the flux by at most 2 pi 1e-12 of the
@@ -35,12 +36,37 @@ def luminaire_of_ies(text: str) -> Luminaire:
 
     Raises
     ------
-    UserError : a text that contradicts itself, photometry of type A or B, factors of tilt in another file.
+    UserError : a text that contradicts itself, decimal commas, photometry of type A or B, factors of tilt in
+        another file.
     """
     tilt = TILT.search(text)
     assert tilt is not None
-    numbers = FileNumbers(text[tilt.end() :].replace(",", " ").split())
-    upright = _factor_upright(tilt[1], numbers)
+    numbers = text[tilt.end() :]
+    later = LATER.search(text[: tilt.start()].split("\n", 1)[0]) is not None
+    try:
+        return _read(tilt[1], later, numbers.replace(",", " "))
+    except UserError:
+        comma = COMMA.search(numbers)
+        if comma is None or not _is_read(tilt[1], later, numbers.replace(",", ".")):
+            raise
+    raise UserError(
+        f"its numbers have decimal commas or marks of thousands, such as {comma[0]!r}; a comma separates "
+        "numbers in LM-63: write decimal points, and thousands without a mark"
+    )
+
+
+def _is_read(tilt: str, later: bool, numbers: str) -> bool:
+    try:
+        _read(tilt, later, numbers)
+    except UserError:
+        return False
+    return True
+
+
+def _read(tilt: str, later: bool, text: str) -> Luminaire:
+    """Return the luminaire of the numbers behind what TILT= says.  later : than 1995."""
+    numbers = FileNumbers(text.split())
+    upright = _factor_upright(tilt, numbers)
     lamps = numbers.number("number of lamps")
     each = numbers.number("lumens per lamp")
     factor = upright * _positive(numbers, "candela multiplier")
@@ -50,7 +76,7 @@ def luminaire_of_ies(text: str) -> Luminaire:
     unit = (FEET, METRES)[numbers.whole("units type", 1, 2) - 1]
     width, length, _ = (unit * numbers.number(f"luminous {side}") for side in ("width", "length", "height"))
     factor *= _positive(numbers, "ballast factor")
-    if LATER.search(text[: tilt.start()].split("\n", 1)[0]):
+    if later:
         numbers.number("file generation type")
     else:
         factor *= _positive(numbers, "ballast-lamp factor")

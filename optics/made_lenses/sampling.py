@@ -34,7 +34,7 @@ FIELDS = 4  # form errors, with both signs, whose mean rise of rel_l2^2 is told:
 class ErrorModel:
     """A design, and how wrong a lens made of it may be.
 
-    target : the light asked for, (rows, columns), at any scale.
+    target : the light asked for, (rows, columns), at any scale.  floats : the target follows the light.
     """
 
     system: OpticalSystem
@@ -42,11 +42,12 @@ class ErrorModel:
     target: NDArray[np.float64]
     tolerances: tuple[Tolerance, ...]
     forms: tuple[FormTolerance, ...] = ()
+    floats: bool = False
 
     @cached_property
     def light(self) -> PerturbedLight:
         """What traces the lenses, on one thread; every worker builds its own."""
-        return PerturbedLight(self.system, self.lens, load_backend("double", 1))
+        return PerturbedLight(self.system, self.lens, load_backend("double", 1), floats=self.floats)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is sent to workers: all but the device's part."""

@@ -9,7 +9,7 @@ from optics.api import DEVICE
 from optics.form_errors import form_errors_of
 from optics.made_lenses import ErrorModel, FormTolerance, MonteCarlo, each_set, sample_lenses
 from optics.runtime import UserError
-from optics.tolerancing import LIMIT, tolerance_budget
+from optics.tolerancing import RISE, tolerance_budget
 from optics.workers import require_workers, worker_pool
 
 if TYPE_CHECKING:
@@ -25,14 +25,18 @@ PERIODS = 2.0, 20.0  # mm: shorter ones are roughness, longer ones a wrong power
 def tolerances(
     design: Design,
     amounts: Mapping[str, float] | None = None,
-    limit: float = LIMIT,
+    limit: float | Mapping[str, float] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
+    float_shift: bool = False,
 ) -> ToleranceBudget:
     """Return what each tolerance of lens, source and target does to the light of a design.
 
     amounts : other amounts than the usual ones, by name, such as {"lens.decentre": 0.02}; 0 leaves one out.
-    limit : rise of rel_l2 for which the amount of each is looked for.
+    limit : what the light must keep, for which the amount of each is looked for: a rise of rel_l2 such as
+        0.01, or numbers of "rise", "rel_l2", "min_over_mean" and "efficiency"; None is min_over_mean = 0.7 of
+        uniform light, and a rise by 0.01 of other light.
     progress : called with a tolerance's name, its number from 0, and how many there are.
+    float_shift : light may shift as a whole on the target, which follows it.
 
     Raises
     ------
@@ -43,11 +47,13 @@ def tolerances(
     with DEVICE:
         target = design.measurement.target
         backend = load_backend("double", design.problem.run.threads)
-        return tolerance_budget(design.system, design.lens, target, backend, amounts, limit, progress)
+        return tolerance_budget(
+            design.system, design.lens, target, backend, amounts, limit, progress, float_shift
+        )
 
 
 def form_tolerances(
-    design: Design, limit: float = LIMIT, progress: Callable[[str, int, int], None] | None = None
+    design: Design, limit: float = RISE, progress: Callable[[str, int, int], None] | None = None
 ) -> FormErrors:
     """Return what errors of the form of front and rear do to the light of a design, by bands of period.
 
@@ -94,6 +100,7 @@ def monte_carlo(
         design.measurement.target,
         tuple(effect.tolerance for effect in budget.effects),
         _forms(design, forms, periods),
+        budget.floats,
     )
     with DEVICE, worker_pool(workers, scheduler, samples) as pool:
         sampled = sample_lenses(model, samples, pool, progress)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     )
     from optics.making_figures.tolerance_figures import (
         change_figure as change_figure,
-        share_figure as share_figure,
+        cost_figure as cost_figure,
     )
     from optics.making_figures.tool_figures import (
         figures_of_tool as figures_of_tool,
@@ -32,7 +32,7 @@ _FILES = {
     "made_lens_figures": ("made_lens_figures_of",),
     "tolerance_figures": (
         "change_figure",
-        "share_figure",
+        "cost_figure",
     ),
     "tool_figures": ("figures_of_tool",),
 }

@@ -41,7 +41,7 @@ def made_light_figure(built: AsBuilt, screen: Screen) -> bytes:
     pictures = [
         ("asked for", asked),
         (f"as designed: rel_l2 {designed.metrics['rel_l2']:.3f}", designed.irradiance / mean),
-        (f"as made: rel_l2 {made.metrics['rel_l2']:.3f}", made.irradiance / mean),
+        (f"fitted lens: rel_l2 {made.metrics['rel_l2']:.3f}", made.irradiance / mean),
         ("made - designed", built.change / mean),
     ]
     most = float(np.percentile(np.abs(pictures[-1][1]), CUT)) or 1.0

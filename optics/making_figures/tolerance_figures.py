@@ -1,4 +1,4 @@
-"""Pictures of tolerances: what each brings to the expected error, and how the worst change the light."""
+"""Pictures of tolerances: how much of what is allowed each takes, and how the worst change the light."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ if TYPE_CHECKING:
     from optics.target import Screen
     from optics.tolerancing import ToleranceBudget, ToleranceEffect
 
-MOST_BARS = 12  # what comes behind them brings next to nothing
+MOST_BARS = 12  # what comes behind them costs next to nothing
 CUT = 99.5  # per cent of the pixels within the scale: single ones would darken all others
 
 
-def share_figure(budget: ToleranceBudget) -> bytes:
-    """Draw the shares of the largest tolerances in the expected rise of rel_l2^2, as bars."""
-    rows = list(budget.shares().items())[:MOST_BARS][::-1]
-    amounts = {e.tolerance.name: e.tolerance for e in budget.effects}
+def cost_figure(budget: ToleranceBudget) -> bytes:
+    """Draw the amounts of the costliest tolerances in allowed ones, as bars."""
+    rows = [e for e in budget.by_cost() if 0 < e.cost < np.inf][:MOST_BARS][::-1]
     figure, axes = new_figure()
     figure.subplots_adjust(left=0.42)
-    axes.barh([f"{name} (± {amounts[name].words})" for name, _ in rows], [100 * share for _, share in rows])
-    axes.set_xlabel("share in the expected rise of rel_l2$^2$ / %")
+    names = [f"{e.tolerance.name} (± {e.tolerance.words})" for e in rows]
+    axes.barh(names, [100 * e.cost for e in rows])
+    axes.axvline(100, color="C3", linewidth=1)
+    axes.set_xlabel("amount / allowed amount / %")
     axes.tick_params(axis="y", labelsize=8)
     axes.grid(axis="x", alpha=0.3)
     return png_bytes(figure)

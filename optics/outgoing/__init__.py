@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from optics.outgoing.rays_of_lens import (
         outgoing_rays as outgoing_rays,
     )
+    from optics.outgoing.steps_on_target import (
+        OnTarget as OnTarget,
+        StepsOnTarget as StepsOnTarget,
+    )
 
 _FILES = {
     "concentration": (
@@ -31,5 +35,9 @@ _FILES = {
         "outgoing_intensity",
     ),
     "rays_of_lens": ("outgoing_rays",),
+    "steps_on_target": (
+        "OnTarget",
+        "StepsOnTarget",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.problem import OF_FILES
 from optics.runtime import Check
 from optics.tracing import LandingPoints
 from optics.verification import occt_trace, optiland_trace, trace_step
-from thbcad.cad.parts import PlacedLens
+from thbcad.certified import DIRECTIONS
 from thbcad.lens import OpticalForm, optical_forms
 
 if TYPE_CHECKING:
-    from thbcad.lens import Lens
+    from optics.parts.light_proof import PartLight
+    from thbcad.cad.parts import PlacedLens
 
 RAYS = (21, 22)  # in x and y: numbers without a ray on the axes of symmetry of both
 WITHIN = 0.98  # of the half-widths: rays that meet the front
@@ -31,41 +33,56 @@ class Surfaces(NamedTuple):
     rear: OpticalForm
 
 
-def landing_checks(placed: PlacedLens, lens: Lens, by_optiland: bool) -> list[Check]:
+def landing_checks(placed: PlacedLens, part: PartLight, by_optiland: bool) -> list[Check]:
     """Return the Checks of the landing points of rays through the faces of a part against those through the
     lens in memory.
 
-    Rays of a point source are traced by OCCT's intersections with all faces of the part, and by optiland
-    where it is wanted; the lens in memory by scipy.
+    Rays like those of the source are traced by OCCT's intersections with all faces of the part, and by
+    optiland where it is wanted; the lens in memory by scipy.  Their fates count where the light is proven to
+    be free: elsewhere trims may stop rays that are none of the light.
     """
-    origins, directions = _rays(lens)
+    lens = part.lens
+    origins, directions = _rays(part)
     target = lens.thickness + DISTANCE
     flux = np.ones(len(origins))
     wanted = trace_step(Surfaces(*optical_forms(lens)), origins, directions, flux, lens.index, target)
-    solid = placed.in_lens_frame()
     programs = {
-        "OCCT's intersections": occt_trace(solid, placed.numbers, origins, directions, lens.index, target)
+        "OCCT's intersections": occt_trace(part.solid, part.optical, origins, directions, lens.index, target)
     }
     if by_optiland:
         programs["optiland's trace"] = optiland_trace(*placed.forms, origins, directions, lens.index, target)
-    return [check for name, found in programs.items() for check in _compared(name, found, wanted)]
+    return [
+        check for name, found in programs.items() for check in _compared(name, found, wanted, part.proven)
+    ]
 
 
-def _rays(lens: Lens) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return origins (n, 3) a little before the front, and directions (n, 3) away from a point."""
-    x, y = (WITHIN * h * np.linspace(-1, 1, n) for h, n in zip(lens.front.half_width, RAYS))
+def _rays(part: PartLight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return origins (n, 3) a little before the lit part of the front, and directions (n, 3): parallel to z,
+    from the middle of the source, or from a point where that is not known."""
+    front = part.lens.front
+    x, y = (WITHIN * h * np.linspace(-1, 1, n) for h, n in zip(front.half_width, RAYS))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    points = np.column_stack([grid, lens.front.grid(x, y).ravel()])
-    onward = points - SOURCE * max(lens.front.half_width)
-    onward /= np.linalg.norm(onward, axis=1, keepdims=True)
+    grid = grid[(grid @ DIRECTIONS.T <= WITHIN * part.hulls.lit["front"]).all(axis=1)]
+    points = np.column_stack([grid, front(*grid.T)])
+    onward = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+    if part.system is None or part.system.source.settings.kind != "collimated":
+        onward = points - _middle(part)
+        onward = onward / np.linalg.norm(onward, axis=1, keepdims=True)
     return points - BEFORE * onward, onward
 
 
-def _compared(name: str, found: LandingPoints, wanted: LandingPoints) -> list[Check]:
+def _middle(part: PartLight) -> NDArray[np.float64]:
+    if part.system is None:
+        return SOURCE * max(part.lens.front.half_width)
+    settings = part.system.source.settings
+    shift = settings.shift if settings.kind in OF_FILES else (0.0, 0.0)
+    return np.array([*shift, -settings.distance])
+
+
+def _compared(name: str, found: LandingPoints, wanted: LandingPoints, by_fate: bool) -> list[Check]:
     lit = [points.flux > 0 for points in (found, wanted)]
     both = lit[0] & lit[1]
     error = float(np.abs(found.points[both] - wanted.points[both]).max()) if both.any() else np.inf
-    return [
-        Check(f"rays with another fate by {name} with the part", int((lit[0] != lit[1]).sum()), 0, ""),
-        Check(f"landing points by {name} with the part", error, LANDING, "mm"),
-    ]
+    landing = Check(f"landing points by {name} with the part", error, LANDING, "mm")
+    other = Check(f"rays with another fate by {name} with the part", int((lit[0] != lit[1]).sum()), 0, "")
+    return [other, landing] if by_fate else [landing]

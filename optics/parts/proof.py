@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.parts.light_checks import light_checks
+from optics.parts.light_proof import PartLight
 from optics.parts.part_rays import landing_checks
 from optics.parts.placement_text import placed_text
 from optics.runtime import Check, reading
@@ -24,6 +26,7 @@ from thbcad.io import brep_of_text
 
 if TYPE_CHECKING:
     from optics.parts.placement_text import PlacedText
+    from optics.system import OpticalSystem
     from thbcad.lens import Lens
 
 TOLERANCE = 1e-6  # mm, as of a lens by itself
@@ -34,8 +37,12 @@ AREA = 1e-9  # relative: rims are straight in x and y, and rounding is all that 
 MOTION = 1e-12  # rounding of two rotations
 
 
-def part_checks(path: Path, lens: Lens, by_optiland: bool) -> tuple[list[Check], list[str]]:
-    """Return the Checks of a part with a lens, by its text, by OCCT and by rays, and what is left out.
+def part_checks(
+    path: Path, lens: Lens, by_optiland: bool, system: OpticalSystem | None = None
+) -> tuple[list[Check], list[str]]:
+    """Return the Checks of a part with a lens, by its text, by OCCT and in its light, and what is left out.
+
+    system : whose light the lens shapes; None is not known.
 
     Raises
     ------
@@ -56,8 +63,10 @@ def part_checks(path: Path, lens: Lens, by_optiland: bool) -> tuple[list[Check],
         ], left_out
     apart = float(np.abs(placed.matrix - text.motion).max())
     checks.append(Check("placement by OCCT against that in the text of the file", apart, MOTION, ""))
-    checks += _face_checks(placed, lens)
-    return [*checks, *landing_checks(placed, lens, by_optiland)], left_out
+    checks += _face_checks(placed, lens, system is None)
+    part = PartLight.of(placed, lens, system)
+    of_light, words = light_checks(part)
+    return [*checks, *of_light, *landing_checks(placed, part, by_optiland)], left_out + words
 
 
 def _text_checks(text: PlacedText, lens: Lens) -> list[Check]:
@@ -87,15 +96,14 @@ def _solid_checks(state: SolidState) -> list[Check]:
     ]
 
 
-def _face_checks(placed: PlacedLens, lens: Lens) -> list[Check]:
-    """Return the Checks of the numbers, the points, the edges and the area of front and rear."""
+def _face_checks(placed: PlacedLens, lens: Lens, whole: bool) -> list[Check]:
+    """Return the Checks of the numbers, the points and the edges of front and rear, and of their areas where
+    they are to be whole."""
     checks = []
     back = placed.placement.Inverted()
     for name, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
         geometry = placed.geometry(name)
         differing = surface_numbers(geometry).differing(surface_numbers(placed.surfaces[name]))
-        area = projected_area(placed.faces[name].Moved(back))
-        full = 4 * surface.half_width[0] * surface.half_width[1]
         checks += [
             Check(f"{name} numbers that differ from the lens in memory, by OCCT", differing, 0, ""),
             Check(
@@ -110,8 +118,9 @@ def _face_checks(placed: PlacedLens, lens: Lens) -> list[Check]:
                 TRIM,
                 "mm",
             ),
-            Check(
-                f"area of the {name} that the part covers or cuts, relative", abs(area / full - 1), AREA, ""
-            ),
         ]
+        if whole:
+            area = projected_area(placed.faces[name].Moved(back))
+            off = abs(area / (4 * surface.half_width[0] * surface.half_width[1]) - 1)
+            checks.append(Check(f"area of the {name} that the part covers or cuts, relative", off, AREA, ""))
     return checks

@@ -5,10 +5,6 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
-    from optics.photometry.evenness import (
-        Uniformity as Uniformity,
-        uniformity as uniformity,
-    )
     from optics.photometry.intensity_planes import (
         BEAM as BEAM,
         FIELD as FIELD,
@@ -21,12 +17,18 @@ if TYPE_CHECKING:
         Units as Units,
         units_of as units_of,
     )
+    from optics.photometry.lit_region import (
+        RASTER as RASTER,
+        LitRegion as LitRegion,
+        edge_width as edge_width,
+    )
+    from optics.photometry.uniformity_grid import (
+        GRID as GRID,
+        Uniformity as Uniformity,
+        uniformity as uniformity,
+    )
 
 _FILES = {
-    "evenness": (
-        "Uniformity",
-        "uniformity",
-    ),
     "intensity_planes": (
         "BEAM",
         "FIELD",
@@ -38,6 +40,16 @@ _FILES = {
         "Density",
         "Units",
         "units_of",
+    ),
+    "lit_region": (
+        "RASTER",
+        "LitRegion",
+        "edge_width",
+    ),
+    "uniformity_grid": (
+        "GRID",
+        "Uniformity",
+        "uniformity",
     ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from optics.prediction.expectation_text import (
         expectation_lines as expectation_lines,
     )
+    from optics.prediction.foreseen_verdict import (
+        foreseen_misses as foreseen_misses,
+    )
 
 _FILES = {
     "automatic": ("resolved",),
@@ -33,5 +36,6 @@ _FILES = {
         "expected",
     ),
     "expectation_text": ("expectation_lines",),
+    "foreseen_verdict": ("foreseen_misses",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

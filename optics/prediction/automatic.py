@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from optics.optimisation import TransportStart, transmitted_flux
+from optics.prediction.start_light import seen_level
 from optics.problem import AUTO, FINEST_AUTO, Freeform, base_of
 from optics.runtime import UserError
 from optics.system import OpticalSystem, solvable_system
@@ -54,7 +55,8 @@ SPACE_LEVELS = 2  # of the mesh on which the sag is estimated
 def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, TransportStart | None]:
     """Return the system with numbers for all that is left to the program, and its transport start if known.
 
-    A level is taken from the detail of the transport map (`TransportStart.level`).
+    A level is taken from the detail of the transport map (`TransportStart.level`), as far as a blur leaves it
+    to see (`seen_level`).
 
     Raises
     ------
@@ -65,7 +67,7 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     if all(freeform.max_level != AUTO for freeform in system.freeforms):
         return system, None
     start = TransportStart(system, backend)
-    level = start.level(LEAST, FINEST_AUTO)
+    level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
     spec = system.problem.lens
     front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
     rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.analysis import cell_irradiance, rel_l2
 from optics.blur import blur_of
 from optics.etendue import image_half_width, usual_efficiency
 from optics.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
@@ -18,22 +17,19 @@ from optics.outgoing import Concentration, greatest_concentration
 from optics.prediction.cost import memory_mb, seconds
 from optics.prediction.picture_error import predicted_rel_l2
 from optics.prediction.sensitivity import Sensitivity, sensitivity
-from optics.tracing import Tracer
+from optics.prediction.start_light import light_before
 from thbcad.lens import mass
 
 if TYPE_CHECKING:
     from optics.optimisation import RearLight, Stage
     from optics.runtime import Backend
     from optics.system import OpticalSystem
-    from optics.tracing import SequentialFates
     from thbcad.hierarchy import THBSpace
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
 
 MOST_SPANS = 224  # in a direction, of the mesh on which the start is traced: the map has 512 cells
-CELLS_PER_PIXEL, MOST_CELLS = 4, 2048  # of the source in each direction
-RAYS = 1 << 17  # of an extended source
 SAMPLES = 129  # of the surfaces in each direction, for the lens's depth
 
 
@@ -47,7 +43,8 @@ class Expectation:
     pixel, net, blur : sizes on the target: a pixel, a knot span of the finest mesh, the image of the source
         (None without extent).
     moved : the design starts from the whole transport map.
-    rel_l2 : predicted, None where nothing tells it: without the whole map, or where rays spread in the lens.
+    rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
+        cuts it off, or where rays spread in the lens.
     start_rel_l2 : of the transport start, None where the source has extent.
     seconds, memory_mb : of the design.
     """
@@ -91,7 +88,7 @@ def expected(
     moved = _moves(system, start)
     traced = system.shaping
     plan = stages(traced, moved)
-    fates, error = _traced(system, lens, backend)
+    fates, error = light_before(system, lens, backend)
     flux = system.problem.source.flux
     light, slopes = start.rear_slopes()
     density = system.problem.lens.density
@@ -110,7 +107,7 @@ def expected(
         blur=blur_of(system, lens, backend).width if system.blurred else _blur(system),
         moved=moved,
         rel_l2=predicted_rel_l2(start.lit, error)
-        if error and moved and system.path.parallel and not system.blurred
+        if error and moved and start.within(fit) and system.path.parallel and not system.blurred
         else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),
@@ -134,30 +131,6 @@ def _moves(system: OpticalSystem, start: TransportStart) -> bool:
     if start.traced is not None and not start.within(start.traced):
         return False
     return start.follows(start.fit(first_sags(system, moved=True)[-1].space))
-
-
-def _traced(system: OpticalSystem, lens: Lens, backend: Backend) -> tuple[SequentialFates, float | None]:
-    """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent.
-
-    The fates of blurred light are those of the sharp light on a target that is wider by the blur's reach.
-    """
-    screen, blurred = system.target.screen(), None
-    if system.blurred:
-        blurred, system = blur_of(system, lens, backend).onto(screen), system.sharp
-        screen = blurred.wide
-    if system.source.extended:
-        side = round(sqrt(RAYS))
-        rays = system.source.rays((side, side))
-        tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-        return tracer.fates(landing, screen.half_width), None
-    counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
-    irradiance, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)
-    if blurred:
-        irradiance, screen = blurred(irradiance), system.target.screen()
-    shown = screen.projection()  # in the far field intensities are compared
-    return fates, rel_l2(irradiance / shown, system.target.irradiance(screen, 1.0) / shown)
 
 
 def _size(lens: Lens) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from optics.problem.choices import (
         ENGINES as ENGINES,
         STARTS as STARTS,
+        cannot_do as cannot_do,
     )
     from optics.problem.dotted_keys import (
         Key as Key,
@@ -76,6 +77,7 @@ _FILES = {
     "choices": (
         "ENGINES",
         "STARTS",
+        "cannot_do",
     ),
     "dotted_keys": (
         "Key",

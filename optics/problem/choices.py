@@ -1,6 +1,39 @@
-"""Words to choose from that the help of the commands names; they are all that it loads of this room."""
+"""Words that the help of the commands names, or answers; they are all that it loads of this room."""
 
 from __future__ import annotations
 
 ENGINES = ("exact", "mitsuba-exact", "mitsuba-mesh", "mitsuba-ptracer")  # of optimizer.engine
 STARTS = ("collimated", "far_field", "point", "extended", "two_surfaces")  # problem files to start from
+
+_ONE_LENS = "there is one lens and nothing else that light meets"
+_ON_AXIS = "the target is a plane across the axis, with its middle on it"
+_RECTANGLE = "lenses are designed as rectangles; `thbcad export --aperture` cuts the solid round"
+_BARE = "surfaces are bare: they have no coating and no mirror"
+_ALONG_Z = "this source lies on the axis and shines along +z; the light of a file can be turned and shifted"
+# by key, or by the last name of any key or a choice, without the s of a plural: what stands in its way.  What
+# the program learns leaves this table, as a test of it says
+CANNOT = {
+    **dict.fromkeys(("element", "lense", "mirror", "reflector", "prism", "stop", "shade"), _ONE_LENS),
+    "path": "light goes through the front, then through the rear",
+    **dict.fromkeys(("outline", "clear_aperture", "lens.shape", "lens.aperture"), _RECTANGLE),
+    **dict.fromkeys(("reflectance", "coating"), _BARE),
+    **dict.fromkeys(("zone", "regulation"), "a target has no zones with limits of their own"),
+    "array": "there is one lens before one source",
+    "grin": "the index is the same everywhere in the lens",
+    **dict.fromkeys(("target.tilt", "target.position", "target.shift", "target.turn"), _ON_AXIS),
+    **dict.fromkeys(("target.surface", "target.radius"), "the target is a plane"),
+    **dict.fromkeys(
+        ("lens.position", "lens.tilt"), "the lens lies on the axis, with its front vertex at z = 0"
+    ),
+    "source.position": _ALONG_Z,
+    "run.device": "light is traced on the processor",
+}
+
+
+def cannot_do(word: object) -> str:
+    """Return what keeps the program from what a key or a choice asks for, as a clause; "" of other words."""
+    if not isinstance(word, str):
+        return ""
+    name = word.rpartition(".")[2]
+    reason = CANNOT.get(word) or CANNOT.get(name) or CANNOT.get(name.removesuffix("s"))
+    return f"thbcad cannot do that: {reason} (its README lists what it cannot do)" if reason else ""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, get_args, get_origin
 
+from optics.problem.choices import cannot_do
 from optics.problem.dotted_keys import Key, did_you_mean, keys_of, table_of
 from optics.problem.toml_records import AUTO
 from optics.runtime import UserError
+from thbcad.toml import MOST_PARTS, toml_tables
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -19,11 +20,13 @@ def with_changes(tables: Mapping[str, Any], changes: Mapping[str, object]) -> di
 
     Raises
     ------
-    UserError : a key below a value that is no table.
+    UserError : a key below a value that is no table, a key of more than 16 parts.
     """
     changed = dict(tables)
     for key, value in changes.items():
-        *way, name = key.split(".")
+        *way, name = key.split(".", MOST_PARTS)
+        if len(way) == MOST_PARTS:
+            raise UserError(f"the key {key} has more than {MOST_PARTS} parts; `thbcad new` prints all keys")
         node, path = changed, ""
         for part in way:
             path = f"{path}.{part}" if path else part
@@ -45,18 +48,24 @@ def assignment(text: str, kind: type[DataclassInstance]) -> tuple[str, Any]:
 
     Raises
     ------
-    UserError : no "=", an unknown key, a value that is no TOML.
+    UserError : no "=" or nothing before it, an unknown key, a value that is no TOML.
     """
     name, equals, value = (part.strip() for part in text.partition("="))
     if not equals:
         raise UserError(f"{text!r} sets no key: write KEY=VALUE, such as target.distance=400")
+    if not name:
+        raise UserError(
+            f"a key is missing before = in {text!r}: write KEY=VALUE, such as target.distance=400"
+        )
     key = next((k for k in keys_of(kind) if k.name == name), None)
+    if key is None and (reason := cannot_do(name) or cannot_do(value.strip("\"'"))):
+        raise UserError(f"unknown key {name}; {reason}")
     if key is None:
         meant = did_you_mean(name, kind) or "; `thbcad new` prints all keys"
         raise UserError(f"unknown key {name}{meant}")
     try:
-        read = tomllib.loads(f"value = {value}")
-    except (ValueError, RecursionError):
+        read = toml_tables(f"value = {value}")
+    except ValueError:
         read = {}
     if list(read) == ["value"]:
         return name, read["value"]

@@ -5,7 +5,6 @@ Unknown keys, wrong types and impossible numbers are UserErrors that name the ke
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from optics.problem.key_changes import with_changes
 from optics.problem.problem_record import Problem
 from optics.problem.toml_records import record
 from optics.runtime import UserError, read_at_most, speaking_of
+from thbcad.toml import toml_tables
 
 MAX_FILE_BYTES = 1_000_000
 
@@ -29,12 +29,10 @@ def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) 
     path = Path(path)
     text = read_at_most(path, MAX_FILE_BYTES)
     try:
-        data = tomllib.loads(text.decode("utf-8-sig"))  # editors of Windows put a mark before the text
+        data = toml_tables(text.decode("utf-8-sig"))  # editors of Windows put a mark before the text
     except UnicodeDecodeError as error:
         raise UserError(f"{path} is no UTF-8 text from byte {error.start} on; save it as UTF-8") from None
-    except RecursionError:
-        raise UserError(f"{path} is nested too deep for TOML; write it in a simpler way") from None
     except ValueError as error:
-        raise UserError(f"{path} is not valid TOML: {error}; mend it there") from None
+        raise UserError(f"{path} cannot be read as TOML: {error}; mend it there") from None
     with speaking_of(path):
         return record(Problem, with_changes(data, changes or {}), path.parent)

@@ -187,10 +187,30 @@ def _require_target(target: Target) -> None:
         raise UserError("the key target.image is missing; add it")
     if target.kind == "function" and not target.formula:
         raise UserError("the key target.formula is missing; add it")
+    if target.kind != "image" and target.seen_from == "lens":
+        raise UserError(
+            'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
+            "the page on targets"
+        )
     if math.isinf(target.distance) and max(target.half_width) >= 90:
         raise UserError(
             f"target.half_width must be less than 90 degrees in the far field, got {list(target.half_width)}"
         )
+
+
+def _require_placed(source: Source) -> None:
+    """Refuse a rotation that is said twice, and a place for light that no file describes."""
+    if any(source.tilt) and any(source.turn):
+        raise UserError(
+            "source.tilt (about own axes) and source.turn (about axes that stay) say one rotation twice; "
+            "leave one of them out"
+        )
+    for key in ("shift", "tilt", "turn"):
+        if source.kind not in OF_FILES and any(getattr(source, key)):
+            raise UserError(
+                f"source.{key} is that of a file's light; a {source.kind} source lies on the axis and "
+                "shines along +z"
+            )
 
 
 def _require_source(source: Source) -> None:
@@ -206,6 +226,7 @@ def _require_source(source: Source) -> None:
     if source.file and source.kind not in OF_FILES:
         kinds = " and ".join(f'"{kind}"' for kind in OF_FILES)
         raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {source.kind!r}")
+    _require_placed(source)
     if not source.flux and source.kind != "luminaire":
         raise UserError(f"source.flux must be at least {LEAST_FLUX:.7g}, got {source.flux!r}")
     if source.kind not in ("point", *OF_FILES) and min(source.half_width) < SHORTEST:

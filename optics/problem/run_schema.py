@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from optics.problem.choices import ENGINES
-from optics.problem.toml_records import option
+from optics.problem.toml_records import AUTO, option
 
 Number = TypeVar("Number", int, float)
 
@@ -133,9 +133,30 @@ class Verify:
     )
     irradiance: float = option(1e-6, above=0, note="limit of the relative difference of the irradiance")
     volume: float = option(1e-6, above=0, note="limit of the relative difference of the volume")
-    rel_l2: float = option(0.5, above=0, note="greatest error of the light that a design may end with")
+    grid: int = option(
+        21, low=5, high=101, note="boxes in each direction over the lit region, on which uniformity is judged"
+    )
+    min_over_mean: float = option(
+        0.7, low=0, high=1, note="least U0 = E_min / E_mean of uniform light; 0 is none"
+    )
+    min_over_max: float = option(0.5, low=0, high=1, note="least E_min / E_max of uniform light; 0 is none")
+    rsd: float = option(
+        0.12, above=0, infinite=True, note="greatest std E / E_mean of uniform light; inf is none"
+    )
+    rel_l2: float | str = option(
+        AUTO, above=0, infinite=True, auto=True, note="greatest error of the light; auto is 0.1 of a picture"
+    )
+    contrast_error: float = option(
+        0.25,
+        above=0,
+        infinite=True,
+        note="greatest ||E - T|| / ||T - mean T|| of a picture; inf is none",
+    )
     lit_efficiency: float = option(
-        0.5, low=0, high=1, note="least fraction of the light behind the lens that meets the lit pixels"
+        0.5, low=0, high=1, note="least flux on the lit region / flux of the source; 0 is none"
+    )
+    stray: float = option(
+        math.inf, above=0, infinite=True, note="greatest flux beside the target / flux of the source"
     )
 
 

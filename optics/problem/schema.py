@@ -59,10 +59,15 @@ class Source:
     shift: tuple[float, float] = option(
         (0.0, 0.0), size=(0, LONGEST), note="mm in x and y, of a file's origin; distance is that along -z"
     )
+    tilt: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0),
+        size=(0, 360),
+        note="right-handed degrees about own x, then own y, then own z, of a file's light around its origin",
+    )
     turn: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
         size=(0, 360),
-        note="degrees about x, then y, then z, of a file's light around its origin",
+        note="the same about axes that stay: x, then y, then z; tilt or turn, not both",
     )
     half_angle: float = option(
         90.0, low=1e-3, high=90, note="degrees, of the cone that a lambertian or a point source lights"
@@ -259,6 +264,11 @@ class Target:
     encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
     fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
+    seen_from: str = option(
+        "behind",
+        choices=("behind", "lens"),
+        note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
+    )
 
     @property
     def data(self) -> str:

@@ -15,8 +15,9 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
+from optics.problem.choices import cannot_do
 from optics.problem.dotted_keys import did_you_mean, hints_of, table_of
-from optics.runtime import UserError
+from optics.runtime import UserError, is_text
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -90,6 +91,9 @@ def checked_values(
     """
     if isinstance(data, kind):
         data = {f.name: getattr(data, f.name) for f in fields(kind)}
+    if isinstance(data, list | tuple) and prefix:
+        name = prefix.rstrip(".")
+        raise UserError(f"{name} must be a table, [{name}], and there is one; got {_brief(data)}")
     if not isinstance(data, Mapping):
         raise UserError(f"{prefix.rstrip('.')} must be a table, got {_brief(data)}")
     _require_known(kind, data, prefix, root or kind)
@@ -110,6 +114,7 @@ def checked_values(
             values[f.name] = table(**checked_values(table, value, folder, key + ".", root or kind))
         if folder and f.metadata["picture"] and values[f.name]:
             values[f.name] = str((folder / values[f.name]).absolute())
+            _require_text(key, values[f.name])
     return values
 
 
@@ -119,6 +124,8 @@ def _require_known(
     known = [f.name for f in fields(kind)]
     for key in data:
         if key not in known:
+            if reason := cannot_do(f"{prefix}{key}") or cannot_do(data[key]):
+                raise UserError(f"unknown key {prefix}{key}; {reason}")
             meant = did_you_mean(f"{prefix}{key}", root)
             where = f"[{prefix.rstrip('.')}]" if prefix else "the top level"
             raise UserError(f"unknown key {prefix}{key}{meant}; {where} takes {', '.join(known)}")
@@ -136,9 +143,12 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
             raise UserError(f"{key} must be a string, got {_brief(value)}")
         if limits["picture"] and "\0" in value:
             raise UserError(f"{key} must not hold a zero character")
+        _require_text(key, value)
         if limits["choices"] and value not in limits["choices"]:
+            reason = cannot_do(value)
             raise UserError(
                 f"{key} must be one of {', '.join(map(repr, limits['choices']))}, got {_brief(value)}"
+                + f"; {reason}" * bool(reason)
             )
         return str(value)
     if hint is bool:
@@ -159,6 +169,11 @@ def _value(key: str, hint: Any, value: Any, limits: Mapping[str, Any]) -> Any:
     value = int(value) if isinstance(value, Integral) else float(value)
     _require_range(key, value, limits)
     return hint(value)
+
+
+def _require_text(key: str, value: str) -> None:
+    if not is_text(value):
+        raise UserError(f"{key} must be text that UTF-8 can hold, got {_brief(value)}; rename what it names")
 
 
 def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:

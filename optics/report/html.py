@@ -9,15 +9,18 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from optics.analysis import NEGLIGIBLE, counted_ways, photometric_lines
+from optics.analysis import NEGLIGIBLE, counted_ways, error_words, photometric_lines
 from optics.photometry import units_of
 from optics.report.key_numbers import key_list
 from optics.report.metric_words import PERCENT, metric_rows, number_text
 from optics.report.page_style import STYLE
+from optics.runtime import checks_of
 
 if TYPE_CHECKING:
+    from optics.analysis import Verdict
     from optics.photometry import Units
     from optics.problem import Problem
+    from optics.runtime import Check, Grade, Result
 
 OF_THE_SPLINES = (
     "Heights, slopes and radii are those of the splines that the CAD files hold; a sphere differs from its "
@@ -25,6 +28,13 @@ OF_THE_SPLINES = (
 )
 # in the name of a check of a limit of manufacturing; a note says more of what was missed
 LIMIT = re.compile(r" (?:beyond|short of) limits\.")
+COLOURS: dict[Grade, str] = {
+    "made": "good",
+    "light misses": "bad",
+    "file or part fails": "bad",
+    "not decided": "open",
+}  # classes of the page's style
+RESULTS: dict[Result, str] = {"passed": "good", "failed": "bad", "undecided": "open"}
 FIRST = "photo"  # of the pictures
 OF_LENS = (
     "scene",
@@ -59,7 +69,8 @@ class Report:
     verification : as `optics.runtime.verification`
     manufacture : rows (name, value, unit, position)
     pictures : (caption, PNG bytes) by name
-    verdict : a sentence on the design as a whole, for the banner; "" for none.  notes : sentences below it
+    verdict : on the design as a whole, for the banner, with notes for below it; None for none
+    background : sentences that forbid nothing and ask for nothing, folded below the notes
     run : the run and the solid that the page speaks of: hashes by name
     view : a self-contained HTML page that shows the lens at work, as `optics.view.scene_page`; "" for none
     """
@@ -69,8 +80,8 @@ class Report:
     verification: dict[str, Any]
     manufacture: Sequence[tuple[str, float, str, str]]
     pictures: Mapping[str, tuple[str, bytes]]
-    verdict: str = ""
-    notes: Sequence[str] = ()
+    verdict: Verdict | None = None
+    background: Sequence[str] = ()
     run: Mapping[str, str] = field(default_factory=dict)
     view: str = ""
     levels: Sequence[tuple[str, bytes]] = ()
@@ -114,16 +125,12 @@ def _pictures(report: Report) -> str:
 
 def _numbers(report: Report, units: Units) -> str:
     """Return the tables."""
-    verdict = (
-        '<span class="good">every check passed</span>'
-        if report.verification["ok"]
-        else '<span class="bad">a check failed</span>'
-    )
+    passed = f'<span class="{COLOURS[report.verification["grade"]]}">{report.verification["grade"]}</span>'
     rows = metric_rows(report.metrics, units)
     return (
         f"<h2>Metrics</h2>{_table(('name', 'value', 'unit', 'meaning'), rows)}"
         f"<h2>Manufacture</h2><p>{OF_THE_SPLINES}</p>{_manufacture_table(report.manufacture)}"
-        f"<h2>Verification of lens.step: {verdict}</h2>{_check_table(report.verification)}"
+        f"<h2>Verification: {passed}</h2>{_check_table(report.verification)}"
     )
 
 
@@ -158,21 +165,24 @@ def page_head(title: str) -> str:
 
 def _banner(report: Report) -> str:
     """Return the verdict, what is wrong, and the other notes."""
-    colour = "good" if report.verification["ok"] else "bad"
-    verdict = f'<p class="banner {colour}">{escape(report.verdict)}</p>' if report.verdict else ""
-    failed = [c for c in report.verification["checks"] if not c["ok"]]
-    missed = {LIMIT.split(c["name"])[0] for c in failed if LIMIT.search(c["name"])}
-    of_limits = [note for note in report.notes if note.split(": got ")[0] in missed]
-    problems = [*map(_failure, (c for c in failed if not LIMIT.search(c["name"]))), *of_limits]
-    notes = [note for note in report.notes if note not in of_limits]
-    return f"{verdict}{list_html(problems, 'bad')}{list_html(notes, 'notes')}"
+    verdict = report.verdict
+    if verdict is None:
+        return ""
+    banner = f'<p class="banner {COLOURS[verdict.grade]}">{escape(verdict.sentence)}</p>'
+    wrong = [c for c in verdict.checks if not c.ok]
+    missed = {LIMIT.split(c.name)[0] for c in wrong if LIMIT.search(c.name)}
+    of_limits = [note for note in verdict.notes if note.split(": got ")[0] in missed]
+    problems = [*map(_failure, (c for c in wrong if not LIMIT.search(c.name))), *of_limits]
+    notes = [note for note in verdict.notes if note not in of_limits]
+    folded = list_html(report.background, "notes")
+    background = f"<details><summary>Background</summary>{folded}</details>" if folded else ""
+    return f"{banner}{list_html(problems, 'bad')}{list_html(notes, 'notes')}{background}"
 
 
-def _failure(check: dict[str, Any]) -> str:
-    """Return "quantity: got ..., wanted ..." of a failed check, as in `optics.runtime.verification`."""
-    unit = f" {check['unit']}".rstrip()
-    got, wanted = number_text(float(check["value"])), number_text(float(check["limit"]))
-    return f"{check['name']}: got {got}{unit}, wanted at most {wanted}{unit}"
+def _failure(check: Check) -> str:
+    """Return "quantity: got ..., wanted ..." of a check that failed or is undecided."""
+    remark = f"; {check.remark}" if check.remark else ""
+    return f"{check.name}: got {check.got}, wanted {check.wanted} {check.unit}".rstrip() + remark
 
 
 def _frame(page: str) -> str:
@@ -196,7 +206,7 @@ def _file_list() -> str:
 
 def _summary(metrics: dict[str, Any], units: Units) -> str:
     return (
-        f"Relative error {_error(metrics)} ({counted_ways(metrics)}), "
+        f"Relative error {error_words(metrics)} ({counted_ways(metrics)}), "
         f"{metrics['efficiency']:.1%} of the source flux inside the target "
         f"(two uncoated faces at normal incidence pass {metrics['normal_incidence_transmittance']:.1%}), "
         f"{metrics['stray']:.2%} stray; "
@@ -204,13 +214,6 @@ def _summary(metrics: dict[str, Any], units: Units) -> str:
         f"{metrics['wall_s']['total']:.1f} s."
         f"{_other_ways(metrics, units)}"
     )
-
-
-def _error(metrics: dict[str, Any]) -> str:
-    """Return rel_l2 in percent; behind it what is left without the estimate's noise, and how sure that is."""
-    raw = f"{number_text(metrics['rel_l2'], PERCENT)} %"
-    debiased = number_text(metrics["rel_l2_debiased"], PERCENT)
-    return f"{raw}, without noise {debiased} +- {100 * metrics['rel_l2_error']:.1g} %"
 
 
 def _other_ways(metrics: dict[str, Any], units: Units) -> str:
@@ -245,12 +248,11 @@ def _manufacture_table(rows: Sequence[tuple[str, float, str, str]]) -> str:
 
 
 def _check_table(verification: Mapping[str, Any]) -> str:
-    rows = ["<tr><th>check</th><th>got</th><th>at most</th><th>unit</th><th></th></tr>"]
-    for check in verification["checks"]:
-        mark = '<td class="good">passed</td>' if check["ok"] else '<td class="bad">failed</td>'
+    rows = ["<tr><th>check</th><th>got</th><th>wanted</th><th></th></tr>"]
+    for check in checks_of(verification):
         rows.append(
-            f'<tr><td>{escape(check["name"])}</td><td class="n">{check["value"]:.3g}</td>'
-            f'<td class="n">{check["limit"]:g}</td><td>{escape(check["unit"])}</td>{mark}</tr>'
+            f'<tr><td>{escape(check.name)}</td><td class="n">{escape(check.got)}</td>'
+            f'<td class="n">{check.wanted}</td><td class="{RESULTS[check.result]}">{check.result}</td></tr>'
         )
     left_out = "".join(f"<p>Left out: {escape(text)}.</p>" for text in verification.get("left_out", ()))
     return f'<div class="table"><table>{"".join(rows)}</table></div>{left_out}'

@@ -32,7 +32,12 @@ WORDS = {
     "shift": ("", "mean distance of their landing points, mm; degrees in the far field"),
     "shift_pixels": ("pixels", "the same in pixels"),
     "fringe": ("", "mean distance of the chromaticity (u', v') from the source's, by luminance"),
-    "rel_l2_sequential": (PERCENT, "rel_l2 of the light through front and rear only"),
+    "rel_l2_sequential": (PERCENT, "rel_l2 of the light through front and rear only, without noise"),
+    "rel_l2_sequential_error": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "contrast_error": (PERCENT, "||E - T|| / ||T - mean T|| of unit means, without noise; 100 of even light"),
+    "contrast_error_std": (PERCENT, "how far that value may be off, as a standard deviation"),
+    "rays": ("", "rays that measured the light, about"),
+    "lit_efficiency_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "paths": ("", "light that counts: all ways through the lens, or front and rear only"),
     "estimator": ("", "what was traced: cells between rays, beams of such cells, or single rays"),
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
@@ -51,15 +56,27 @@ WORDS = {
 }
 # of the light on pixels that are lit wholly, and of the beam in the far field
 JUDGED = {
-    "min_over_mean": ("", "least over mean light of the pixels that are to be lit wholly"),
-    "min_over_max": ("", "least over greatest light of these pixels"),
-    "noise": (
-        PERCENT,
-        "standard deviation of a pixel's light there; it lowers the least, raises the greatest",
-    ),
-    "lit_pixels": ("", "number of these pixels"),
-    "pixel_mm": ("mm", "their width and height"),
-    "pixel_degrees": ("degrees", "their width and height"),
+    "min_over_mean": ("", "U0: least over mean light of the boxes that count"),
+    "min_over_max": ("", "least over greatest light of these boxes"),
+    "rsd": ("", "relative standard deviation of their light, without noise"),
+    "min_over_mean_error": ("", "how far that value may be off, as a standard deviation"),
+    "min_over_max_error": ("", "how far that value may be off, as a standard deviation"),
+    "rsd_error": ("", "how far that value may be off, as a standard deviation"),
+    "noise": (PERCENT, "greatest standard deviation of a box, relative to the mean light"),
+    "reason": ("", "why there is no uniformity; empty where there is"),
+    "grid": ("", "boxes in each direction over the lit region's bounding rectangle"),
+    "boxes": ("", "boxes that count: those in the region without its margin"),
+    "region_left": (PERCENT, "of the region, without its margin"),
+    **{
+        f"{name}_{unit}": (unit, meaning)
+        for unit in ("mm", "degrees")
+        for name, meaning in (
+            ("box", "width and height of a box"),
+            ("margin", "taken off along the region's border"),
+            ("blur_rms", "rms deviation of the light of one point of the lens, in one direction"),
+            ("edge_width", "over which light falls from 90 to 10 % at the region's border"),
+        )
+    },
     "peak_cd_per_klm": ("cd/klm", "intensity of the brightest pixel for 1000 lm of the source"),
     **{
         f"{angle}_{plane.lower()}": ("degrees", f"full width at {share:.0%} of the peak, plane {plane}")

@@ -9,7 +9,7 @@ p,li{max-width:70rem;overflow-wrap:anywhere}
 .table{overflow-x:auto} table{border-collapse:collapse;margin:1rem 0}
 td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left;vertical-align:top}
 td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
-.bad{color:#b00020;font-weight:600} .good{color:#1b7f3b}
+.bad{color:#b00020;font-weight:600} .good{color:#1b7f3b} .open{color:#8a5a00;font-weight:600}
 .banner{padding:.8rem 1rem;border-left:.4rem solid;font-weight:600;background:#f6f6f6;max-width:none}
 .first{display:grid;grid-template-columns:minmax(0,1fr) 20rem;gap:1.5rem;align-items:start;margin:1.5rem 0}
 .first img{display:block;width:100%;border-radius:.4rem}
@@ -34,7 +34,7 @@ PAPER = """
 body{font-size:8.5pt;line-height:1.35;margin:0;padding:0;max-width:none;print-color-adjust:exact}
 h1{font-size:15pt;margin:0 0 2mm} h2{font-size:10.5pt;margin:3mm 0 1.5mm;padding-top:1mm;break-after:avoid}
 p,li{max-width:none;margin:1mm 0} ul{margin:1mm 0;padding-left:5mm} .banner{padding:1.5mm 2mm}
-.view,.of-levels,.files,.problem{display:none}
+.view,.of-levels,.files,.problem,details{display:none}
 .first{display:block;margin:2mm 0} .first img{width:150mm;max-width:100%;margin:0 auto}
 .key{grid-template-columns:repeat(3,1fr);gap:0 5mm;margin-top:2mm}
 .key div,.key div:first-child{padding:1mm 0;break-inside:avoid} .key dd:first-of-type{font-size:12pt}

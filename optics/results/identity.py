@@ -9,13 +9,17 @@ from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.problem import Export, Problem
+from optics.problem import Export, Problem, Verify
 from optics.results.owned_files import sha256_of
 from thbcad.io import lens_to_dict
 
 if TYPE_CHECKING:
     from thbcad.lens import Lens
 
+OF_THE_LIGHT = (
+    *("grid", "min_over_mean", "min_over_max", "rsd"),
+    *("rel_l2", "contrast_error", "lit_efficiency", "stray"),
+)  # keys of verify
 KEPT = "result"  # default of run.keep
 DATA = ("target", "source")  # tables that may name a file: a picture, or rays
 
@@ -33,11 +37,14 @@ def fingerprint(problem: Problem) -> str:
 def run_id(problem: Problem, lens: Lens) -> str:
     """Return the hash of a resolved problem and the lens made for it.
 
-    Pictures and rays do not count: the run's record holds the hashes of the files.  Nor does the table
-    export: the names in CAD files may be changed after a design.
+    Pictures and rays do not count: the run's record holds the hashes of the files.  Nor do the table export
+    and the limits of the light: names in CAD files, and what light will do, may be changed after a design.
     """
     files = {f"{table}.{part.data}": table for table, part, _ in data_of(problem)}
-    return _sha256(_set_keys(replace(problem, export=Export()), files) + json.dumps(lens_to_dict(lens)))
+    limits = {f"verify.{f.name}": f.default for f in fields(Verify) if f.name in OF_THE_LIGHT}
+    return _sha256(
+        _set_keys(replace(problem, export=Export()), {**files, **limits}) + json.dumps(lens_to_dict(lens))
+    )
 
 
 def differing_keys(mine: Any, other: Any, prefix: str = "") -> Iterator[str]:

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from optics.runtime import UserError
+from optics.runtime import UserError, is_text
 
 HASHES = "sha256"  # key of a record: hashes by file name, relative to the record's folder
 NAMED = 3  # files in a sentence
@@ -78,18 +78,22 @@ def writable_folder(path: Path) -> None:
     UserError : it cannot.
     """
     try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path) as probe:
-            probe.write(b"0")
+        reason = _never(path)
+        if not reason:
+            path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path) as probe:
+                probe.write(b"0")
     except OSError as error:
-        raise UserError(
-            f"cannot write to the result folder {path}: {error.strerror}; choose another with --out"
-        ) from None
+        reason = str(error.strerror)
+    if reason:
+        raise UserError(f"cannot write to the result folder {path}: {reason}; choose another with --out")
 
 
 def require_writable(path: Path) -> None:
     """Raise UserError unless a file can be written there, before any work is done."""
     reason = "it is a folder" if path.is_dir() else ""
+    if not is_text(str(path)):
+        reason = "its name is no UTF-8 text, which CAD kernels want"
     if path.exists() and not path.is_dir() and not path.is_file():
         reason = "it is a device or a pipe, not a file"
     if not path.parent.is_dir():
@@ -102,3 +106,15 @@ def require_writable(path: Path) -> None:
         reason = str(error.strerror)
     if reason:
         raise UserError(f"cannot write {path}: {reason}; choose another --out")
+
+
+def _never(folder: Path) -> str:
+    """Return why a folder cannot be made whoever asks, "" where nothing is in its way."""
+    if not is_text(str(folder)):
+        return "its name is no UTF-8 text, which CAD kernels want"
+    for way in (folder, *folder.parents):
+        if way.is_symlink() and not way.exists():
+            return f"{way} is a link to {way.readlink()}, which does not exist"
+        if way.exists() and not way.is_dir():
+            return f"{way} is a file"
+    return ""

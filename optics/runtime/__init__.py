@@ -14,13 +14,18 @@ if TYPE_CHECKING:
     )
     from optics.runtime.checks import (
         Check as Check,
+        Grade as Grade,
+        Result as Result,
         check_lines as check_lines,
+        checks_of as checks_of,
+        grade as grade,
         verification as verification,
     )
     from optics.runtime.errors import (
         LONGEST as LONGEST,
         NumericalError as NumericalError,
         UserError as UserError,
+        is_text as is_text,
         note as note,
         printable as printable,
         speaking_of as speaking_of,
@@ -41,6 +46,9 @@ if TYPE_CHECKING:
     )
     from optics.runtime.lost_interrupts import (
         lost_interrupts_again as lost_interrupts_again,
+    )
+    from optics.runtime.order_free_sums import (
+        OrderFreeSums as OrderFreeSums,
     )
     from optics.runtime.progress import (
         Moment as Moment,
@@ -83,13 +91,18 @@ _FILES = {
     ),
     "checks": (
         "Check",
+        "Grade",
+        "Result",
         "check_lines",
+        "checks_of",
+        "grade",
         "verification",
     ),
     "errors": (
         "LONGEST",
         "NumericalError",
         "UserError",
+        "is_text",
         "note",
         "printable",
         "speaking_of",
@@ -105,6 +118,7 @@ _FILES = {
     ),
     "llvm": ("llvm_library",),
     "lost_interrupts": ("lost_interrupts_again",),
+    "order_free_sums": ("OrderFreeSums",),
     "progress": (
         "Moment",
         "Phase",

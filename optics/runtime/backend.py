@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 from importlib import import_module
+from resource import RLIMIT_AS, getrlimit
 from types import ModuleType
 from typing import Any, TypeAlias
 
@@ -12,11 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.runtime.garbage import give_back_memory
-from optics.runtime.llvm import llvm_library
+from optics.runtime.llvm import llvm_library, require_loadable
 from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
 
+LEAST_ROOM = 320 << 20  # bytes of addresses, which LLVM needs; Dr.Jit ends the process where it finds less
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
 # by name: Dr.Jit's and numpy's type, resolution
@@ -88,9 +90,14 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     ------
     ImportError : Dr.Jit is not installed.
     UserError : no usable LLVM library.
+    MemoryError : too little for it.
     """
-    os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library()
+    os.environ["DRJIT_LIBLLVM_PATH"] = library = llvm_library()
+    if 0 <= getrlimit(RLIMIT_AS)[0] < LEAST_ROOM:  # infinity is -1
+        raise MemoryError("there is too little room for LLVM")
     drjit = loaded("drjit")
+    if not drjit.has_backend(drjit.JitBackend.LLVM):  # Dr.Jit says of any failure that there is no library
+        require_loadable(library)
     types = import_module("drjit.llvm.ad")
     if threads is not None:
         drjit.set_thread_count(threads or _cores())

@@ -38,6 +38,15 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
 
 
+def is_text(text: str) -> bool:
+    """Return whether UTF-8 can hold a text: bytes that the locale cannot read are none."""
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 @contextmanager
 def speaking_of(subject: object) -> Iterator[None]:
     """Put a file or a key before the message of every UserError of the block."""

@@ -14,6 +14,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from fcntl import F_SETFL, F_SETOWN, fcntl
 from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -36,22 +37,23 @@ class ProcessEnded(RuntimeError):
 class HelperProcess:
     """A Python process that calls functions for this one, one after the other, as it is asked.
 
-    It ends when this process ends, however that ends, since its pipe closes then.  Ctrl-C in a terminal does
-    not reach it.
+    It ends when this process ends, however that ends, since its pipes close then: see `_end_with`.  Ctrl-C in
+    a terminal does not reach it.
     """
 
     def __init__(self) -> None:
         self._pipe, theirs = Pipe()
+        alive, self._alive = Pipe(duplex=False)  # nothing is ever sent
         paths = os.pathsep.join(map(os.path.abspath, sys.path))
         # not before `serve` listens: Python's start would print what Ctrl-C stops
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        with theirs:
+        with theirs, alive:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-c", PROGRAM, str(theirs.fileno())],
+                [sys.executable, "-P", "-c", PROGRAM, str(theirs.fileno()), str(alive.fileno())],
                 env=os.environ | {"PYTHONPATH": paths},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                pass_fds=[theirs.fileno()],
+                pass_fds=[theirs.fileno(), alive.fileno()],
                 process_group=0,
             )
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -73,6 +75,7 @@ class HelperProcess:
                 break
         self._caller.shutdown(cancel_futures=True)
         self._pipe.close()
+        self._alive.close()
 
     def _answer(self, module: str, function: str, arguments: Sequence[Any]) -> Any:
         try:
@@ -107,6 +110,7 @@ _KEPT: dict[str, HelperProcess] = {}
 
 def serve() -> None:
     """Answer the requests of the process that started this one, until that ends."""
+    _end_with(int(sys.argv[2]))
     collect_rarely()
     with (
         suppress(EOFError, OSError, KeyboardInterrupt),
@@ -121,6 +125,18 @@ def serve() -> None:
             pipe.send(_called(*request))
             collect_and_give_back()
     os._exit(0)  # to take the loaded packages down takes longer than some requests
+
+
+def _end_with(pipe: int) -> None:
+    """Let the kernel end this process when the other end of a pipe closes (Linux).
+
+    OCCT holds Python's lock for seconds: neither a thread nor a handler of Python would see it before.
+    Elsewhere what is being done is done first.
+    """
+    if sys.platform == "linux":
+        signal.signal(signal.SIGIO, signal.SIG_DFL)  # which ends the process
+        fcntl(pipe, F_SETOWN, os.getpid())
+        fcntl(pipe, F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
 
 
 def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, BaseException | None]:

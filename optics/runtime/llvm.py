@@ -96,6 +96,22 @@ def llvm_library(environment: Mapping[str, str] = os.environ, folders: Sequence[
     return path
 
 
+def require_loadable(path: str) -> None:
+    """Raise what keeps an LLVM library from being loaded.
+
+    Raises
+    ------
+    MemoryError : there is too little of it.
+    UserError : any other reason.
+    """
+    try:
+        ctypes.CDLL(path)
+    except OSError as error:
+        if "failed to map" in str(error) or "allocate" in str(error):  # of the loader of glibc and musl
+            raise MemoryError(f"there is too little memory to load {path}") from None
+        raise UserError(f"cannot load the LLVM library {path}: {error}; {REMEDY}") from None
+
+
 def main() -> None:
     """Print the path of the LLVM library to use, or the reason why there is none (exit code 2)."""
     try:

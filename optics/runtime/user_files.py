@@ -22,6 +22,10 @@ def require_regular_file(path: str | Path, noun: str = "") -> None:
     name = f"{noun} {path}".lstrip()
     try:
         mode = Path(path).stat().st_mode
+    except UnicodeEncodeError as error:
+        raise UserError(
+            f"cannot read {name}: this locale ({error.encoding}) has no such name; set LC_ALL=C.UTF-8"
+        ) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise UserError(f"cannot read {name}: {reason}; check the path") from None

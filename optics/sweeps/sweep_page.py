@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 from optics.sweeps.sweep_tables import cell, columns
 
 if TYPE_CHECKING:
-    from optics.sweeps.sweep_rows import Sweep
+    from optics.sweeps.sweep_rows import Sweep, SweepRow
 
 PAGE = Path(__file__).with_suffix(".html")
 MOST_PICTURES = 1000  # in the table: about 5 kB each
+WORDY = ("sentence", "verdict", "notes")  # columns of sentences
 MARK = re.compile("TITLE|SUMMARY|HEAD|BODY|PLOTS")
 
 
@@ -26,11 +27,12 @@ def sweep_page(sweep: Sweep, title: str, plots: Mapping[str, bytes]) -> str:
     names = columns(sweep)
     parts = {
         "TITLE": escape(title),
-        "SUMMARY": f"{len(sweep.rows)} variants: " + ", ".join(f"{n} {s}" for s, n in counts.items() if n),
+        "SUMMARY": f"{len(sweep.rows)} variants: "
+        + ", ".join(f"{n} {word}" for word, n in {**counts, **sweep.grades()}.items() if n),
         "HEAD": ("<th>light</th>" if pictured else "")
         + "".join(f'<th scope="col"><button type="button">{escape(name)}</button></th>' for name in names),
         "BODY": "".join(
-            f'<tr class="{row.status}">{_picture(row.picture) if pictured else ""}'
+            f'<tr class="{_colour(row)}">{_picture(row.picture) if pictured else ""}'
             f"{''.join(_cell(line[name], name) for name in names)}</tr>\n"
             for row, line in zip(sweep.rows, sweep.table())
         ),
@@ -39,6 +41,11 @@ def sweep_page(sweep: Sweep, title: str, plots: Mapping[str, bytes]) -> str:
         ),
     }
     return MARK.sub(lambda found: parts[found[0]], PAGE.read_text("utf-8"))
+
+
+def _colour(row: SweepRow) -> str:
+    """Return the class of a row: its grade where it has one, else its status."""
+    return str(row.metrics.get("grade", row.status)).replace(" ", "-")
 
 
 def _picture(png: bytes) -> str:
@@ -50,7 +57,7 @@ def _cell(value: Any, name: str) -> str:
     if isinstance(value, float):
         return f'<td class="n" data-v="{value!r}">{value:.6g}</td>'
     text = escape(str(cell(value)))
-    return f'<td class="{"n" if isinstance(value, int) else "s" if name == "sentence" else "t"}">{text}</td>'
+    return f'<td class="{"n" if isinstance(value, int) else "s" if name in WORDY else "t"}">{text}</td>'
 
 
 def _source(png: bytes) -> str:

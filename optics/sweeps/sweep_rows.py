@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+JUDGED = "rel_l2_debiased"  # the metric by which the best variant is named
+FIRST = (
+    "grade",
+    JUDGED,
+    "uniformity.min_over_mean",
+    "contrast_error",
+    "lit_efficiency",
+    "efficiency",
+    "stray",
+    "dof",
+    "verdict",
+    "notes",
+)  # of the metrics in tables
 DONE, FAILED, KILLED, INVALID = "done", "failed", "killed", "invalid"  # status of a row
 
 
@@ -39,8 +53,20 @@ class Sweep:
 
     @property
     def metrics(self) -> list[str]:
-        """Names of all metrics that a row has."""
-        return list(dict.fromkeys(name for row in self.rows for name in row.metrics))
+        """Names of all metrics that a row has, what a reader looks for first."""
+        known = dict.fromkeys(name for row in self.rows for name in row.metrics)
+        return [*(name for name in FIRST if name in known), *(name for name in known if name not in FIRST)]
+
+    @property
+    def best(self) -> SweepRow | None:
+        """The row of least error, of those that are made where there are any; None without a finished one."""
+        judged = [row for row in self.rows if row.metrics.get(JUDGED) is not None]
+        order = ((row.metrics.get("grade") != "made", row.metrics[JUDGED], k) for k, row in enumerate(judged))
+        return judged[min(order)[-1]] if judged else None
+
+    def grades(self) -> dict[str, int]:
+        """Return the number of finished rows by grade."""
+        return dict(Counter(str(row.metrics["grade"]) for row in self.rows if "grade" in row.metrics))
 
     def counts(self) -> dict[str, int]:
         """Return the number of rows by status."""

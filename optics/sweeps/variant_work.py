@@ -62,7 +62,9 @@ def designed(shared: Shared, work: Work) -> Designed:
         made = design(_with_files(problem, shared.files, Path(folder)))
         if made.interrupted:
             raise KeyboardInterrupt
-        return Designed(_flat(made.metrics), _picture(made), _lens_text(made) if work.keep_lens else "")
+        judged = made.verdict.data() | {"notes": "; ".join(made.verdict.notes)}
+        metrics = _flat(judged | dict(made.metrics))
+        return Designed(metrics, _picture(made), _lens_text(made) if work.keep_lens else "")
 
 
 def _with_files(problem: Problem, files: Mapping[str, bytes], folder: Path) -> Problem:

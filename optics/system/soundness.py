@@ -148,7 +148,7 @@ def require_room(system: OpticalSystem) -> None:
 def _require_forward(rays: Rays) -> None:
     """Refuse a luminaire that lights nothing in front of it."""
     if rays.direction[2].max() <= 0:
-        raise UserError("no light of source.file goes to +z, where its gamma is 0; turn it with source.turn")
+        raise UserError("no light of source.file goes to +z, where its gamma is 0; turn it with source.tilt")
 
 
 def _require_before(system: OpticalSystem, origin: NDArray[np.float64]) -> None:

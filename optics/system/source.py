@@ -81,7 +81,7 @@ class LightSource:
         source = self.settings
         with speaking_of("source.file"):
             rays = read_rays(source.file)
-        return placed_rays(rays, (*source.shift, -source.distance), self._turn, source.flux)
+        return placed_rays(rays, (*source.shift, -source.distance), self.rotation, source.flux)
 
     @cached_property
     def luminaire(self) -> PlacedLuminaire:
@@ -91,14 +91,20 @@ class LightSource:
         ------
         UserError : see `read_luminaire`.
         """
-        return placed_luminaire(self.settings, self._turn)
+        return placed_luminaire(self.settings, self.rotation)
 
     @property
-    def _turn(self) -> NDArray[np.float64]:
-        """The rotation of a file's light, (3, 3): about x, then y, then z."""
+    def rotation(self) -> NDArray[np.float64]:
+        """The rotation of a file's light, (3, 3), from its frame to the scene's.
+
+        X, Y and Z turn about one axis each, right-handed.  By `tilt`, about own axes, it is X Y Z; by `turn`,
+        about axes that stay, Z Y X.
+        """
         from scipy.spatial.transform import Rotation
 
-        return np.array(Rotation.from_euler("xyz", self.settings.turn, degrees=True).as_matrix())
+        source = self.settings
+        axes, angles = ("xyz", source.turn) if any(source.turn) else ("XYZ", source.tilt)
+        return np.array(Rotation.from_euler(axes, angles, degrees=True).as_matrix())
 
     def without_extent(self) -> LightSource:
         """Return the source without its spread: of a beam parallel light, of a glowing area the point in its

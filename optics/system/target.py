@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.photometry import RASTER, LitRegion
 from optics.runtime import UserError, speaking_of
 from optics.target import Screen, fit_picture, formula_light, formula_pixels, read_picture, uniform_region
 
@@ -33,6 +34,8 @@ class LightTarget:
     def light(self) -> NDArray[np.float64]:
         """Linear light: a picture at its own resolution, a region or a formula on the target's pixels.
 
+        Row 0 is at the greatest y, column 0 at the least x.
+
         Raises
         ------
         UserError : see `read_picture` and `formula_light`.
@@ -43,7 +46,9 @@ class LightTarget:
         if target.kind == "function":
             return formula_light(target.formula, target.pixels)
         with speaking_of("target.image"):
-            return read_picture(target.image, target.encoding)
+            light = read_picture(target.image, target.encoding)
+        # column 0 is at -x: on the left for one behind the target, on the right for one at the lens
+        return np.ascontiguousarray(light[:, ::-1]) if target.seen_from == "lens" else light
 
     @cached_property
     def lit_pixels(self) -> NDArray[np.bool_] | None:
@@ -54,6 +59,21 @@ class LightTarget:
         if target.kind == "function":
             return formula_pixels(target.formula, target.pixels)
         return self.light > 1 - WHOLE
+
+    @cached_property
+    def even_region(self) -> LitRegion | None:
+        """The region on which the same light is asked for everywhere.
+
+        None of a picture, and of a formula whose light varies: that is judged as a picture.
+        """
+        target, lit = self.settings, self.lit_pixels
+        if target.kind == "tophat":
+            x, y = (h * part for h, part in zip(target.half_width, target.lit))
+            inside = uniform_region(target.shape, (RASTER, RASTER), (1.0, 1.0)) > 1 - WHOLE
+            return LitRegion((-x, x), (-y, y), inside)
+        if lit is None or not lit.any() or np.ptp(self.light[lit]) > WHOLE * self.light.max():
+            return None
+        return LitRegion.of_pixels(lit, target.half_width)
 
     @property
     def far_field(self) -> bool:

@@ -15,14 +15,14 @@ from optics.target.pixel_lines import PixelLines
 from optics.target.pixel_walk import Edges, Numbers, Pieces, walk
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend, DrArray
+    from optics.runtime import Backend, DrArray, OrderFreeSums
 
 Point: TypeAlias = "tuple[DrArray, DrArray]"
 
 TRIANGLES = (0, 2, 3), (0, 3, 1)  # corners of a cell
 # of a cell: from corner to corner, the triangle on the left, and that on the right where it is the cell's too
 SIDES = ((0, 2), 0, None), ((2, 3), 0, None), ((0, 3), 1, 0), ((3, 1), 1, None), ((1, 0), 1, None)
-LEAST_AREA = 1e-9  # square pixels: what lies on a caustic, or is folded there
+LEAST_AREA = 1e-6  # square pixels: what lies on a caustic, or is folded there
 LEAST = 1e-300  # what is divided by where edges, square pixels, or their parts have no length
 
 
@@ -65,6 +65,12 @@ class _Side:
     spread: DrArray
 
 
+def signed_area(corners: Sequence[Point]) -> DrArray:
+    """Return the area of a triangle."""
+    (pa, pb), (qa, qb), (ra, rb) = corners
+    return 0.5 * ((qa - pa) * (rb - pb) - (ra - pa) * (qb - pb))
+
+
 class CutCells:
     """Some cells of a grid, by their numbers.
 
@@ -90,7 +96,7 @@ class CutCells:
         self._triangles = [self._triangle(k, (whole & (k + 1)) == 0) for k in (0, 1)]
         self._sides = [self._side(*side) for side in SIDES]
 
-    def add(self, differences: DrArray) -> DrArray:
+    def add(self, differences: OrderFreeSums) -> DrArray:
         """Add the triangles that are spread, and return which cells have a thin one."""
         for side in self._sides:
 
@@ -102,10 +108,10 @@ class CutCells:
 
             walk(self._dr, side.edges, side.density != 0, self._lines.counts, add)
         thin = self._triangles[0].thin | self._triangles[1].thin
-        self._dr.eval(differences, thin)
+        self._dr.eval(differences.whole, thin)
         return thin
 
-    def add_thin(self, differences: DrArray) -> None:
+    def add_thin(self, differences: OrderFreeSums) -> None:
         """Add the triangles that are thin, along their longest edges."""
         for triangle in self._triangles:
             self._lay(triangle, differences)
@@ -143,8 +149,11 @@ class CutCells:
             dr.scatter_reduce(dr.ReduceOp.Add, by_corners, pair, corner, mode=dr.ReduceMode.NoConflicts)
             dr.eval(by_corners)
 
-    def sweep(self, differences: DrArray, da: DrArray, db: DrArray, passing: DrArray) -> None:
-        """Add what the triangles change where corners move by (da, db) and more of their flux arrives."""
+    def swept(self, da: DrArray, db: DrArray, passing: DrArray, most: float) -> OrderFreeSums:
+        """Return what the triangles change where corners move by (da, db) and more of their flux arrives.
+
+        most : of all fluxes that arrive more, the sum of the moduli.
+        """
         dr, moves = self._dr, self._at_corners(da, db)
         flux = self._share * sum(self._grid.of_corners(passing, self._cells))
         rates = []
@@ -152,29 +161,36 @@ class CutCells:
             area = triangle.area_change([moves[k] for k in numbers])
             rate = (flux - triangle.density * area) / triangle.area
             rates.append(dr.select(triangle.spread, rate, 0.0))
+        changes = [self._change(side, rates, moves) for side in self._sides]
+        every = sum(dr.abs(number) for change in changes for number in change)
+        differences = self._lines.differences(most + float(dr.sum(every).numpy()[0]))
+        for triangle in self._triangles:
             inside, pixel = self._middle(triangle)
             self._lines.add_at(differences, flux, pixel, inside)
-        for side in self._sides:
-            more = rates[side.left] if side.right is None else rates[side.left] - rates[side.right]
-            first, last = (
-                side.edges.db * moves[k][0] - side.edges.da * moves[k][1] for k in (side.start, side.end)
-            )
+        for side, change in zip(self._sides, changes):
 
             def add(
-                numbers: Numbers,
-                piece: Pieces,
-                side: _Side = side,
-                rate: DrArray = more,
-                moved: Point = (first, last),
+                numbers: Numbers, piece: Pieces, side: _Side = side, change: tuple[DrArray, ...] = change
             ) -> Numbers:
+                rate, first, last = change
                 within = self._lines.within(side.edges, piece)
                 part = rate * (piece.length * side.edges.db)
-                swept = side.density * piece.length * (moved[0] + piece.middle * (moved[1] - moved[0]))
+                swept = piece.length * (first + piece.middle * (last - first))
                 self._lines.add(differences, piece, part * (within - 1) + swept, -part * within - swept)
                 return numbers
 
             walk(dr, side.edges, side.spread, self._lines.counts, add)
-        dr.eval(differences)
+        dr.eval(differences.whole)
+        return differences
+
+    def _change(self, side: _Side, rates: Sequence[DrArray], moves: Sequence[Point]) -> tuple[DrArray, ...]:
+        """Return by how much the density on the left of an edge grows, less that on its right, and what its
+        ends sweep."""
+        rate = rates[side.left] if side.right is None else rates[side.left] - rates[side.right]
+        return rate, *(
+            side.density * (side.edges.db * moves[k][0] - side.edges.da * moves[k][1])
+            for k in (side.start, side.end)
+        )
 
     def _at_corners(self, a: DrArray, b: DrArray) -> list[Point]:
         return list(zip(*(self._grid.of_corners(values, self._cells) for values in (a, b))))
@@ -186,8 +202,7 @@ class CutCells:
         for along, count in zip(zip(*corners), self._lines.counts):
             least, most = (reduce(extreme, along) for extreme in (dr.minimum, dr.maximum))
             counts = counts & (most >= 0) & (least < self._Float(count))
-        (pa, pb), (qa, qb), (ra, rb) = corners
-        area = 0.5 * ((qa - pa) * (rb - pb) - (ra - pa) * (qb - pb))
+        area = signed_area(corners)
         spread = counts & (dr.abs(area) >= LEAST_AREA)
         density = dr.select(spread, self._flux / area, 0.0)
         return _Triangle(corners, area, density, spread, counts & ~spread)
@@ -215,7 +230,7 @@ class CutCells:
         zeros = tuple(dr.zeros(self._Float, dr.width(self._cells)) for _ in range(3))
         return walk(dr, side.edges, side.spread, lines.counts, integrate, zeros)
 
-    def _lay(self, triangle: _Triangle, differences: DrArray) -> None:
+    def _lay(self, triangle: _Triangle, differences: OrderFreeSums) -> None:
         """Lay thin triangles along their longest edges."""
         dr, corners = self._dr, triangle.corners
         rows = self._lines.counts[0]

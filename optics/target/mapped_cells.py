@@ -36,11 +36,11 @@ from numpy.typing import NDArray
 
 from optics.target.cell_grid import CellGrid, Corners
 from optics.target.cell_operation import cell_operation
-from optics.target.cut_cells import TRIANGLES, CutCells
+from optics.target.cut_cells import LEAST_AREA, TRIANGLES, CutCells, signed_area
 from optics.target.pixel_lines import PixelLines
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend, DrArray
+    from optics.runtime import Backend, DrArray, OrderFreeSums
     from optics.target.screen import Screen
 
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
@@ -74,7 +74,9 @@ class MappedCells:
     ) -> None:
         self._backend, self._screen, self._double = backend, screen, backend.doubled()
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))
-        self._shares = self._double.array(SHARE / screen.pixel_area * cells)
+        shares = SHARE / screen.pixel_area * cells
+        self._shares = self._double.array(shares)
+        self._light = float(8 * shares.sum())  # of all cells
         self._inverse = self._double.array(
             np.divide(1, corners, out=np.zeros_like(corners), where=corners > 0)
         )
@@ -117,17 +119,24 @@ class MappedCells:
 
     def image(self, corners: Corners) -> tuple[DrArray, Places]:
         """Return the image, and where the cells lie, which its derivatives take up."""
-        dr, differences = self._backend.dr, self._lines.differences()
-        whole, cut, flux = self._sorted(corners)
-        self._add_whole(differences, whole, flux)
-        dr.eval(differences, whole, cut)
+        dr, pixels = self._backend.dr, self._lines.pixels(self._light)
+        whole, cut, flux, densest = self._sorted(corners)
+        self._add_whole(pixels, whole, flux)
+        dr.eval(pixels.whole, whole, cut, densest)
         places = Places(whole, dr.compress(cut))
+        image = self._lines.light(pixels)
         if dr.width(places.cut):
-            thin = dr.compress(self._cut(corners, places).add(differences))
+            cells = self._cut(corners, places)
+            # of both sides of an edge; all sums are bound by the light and by that of all edges
+            greatest = 2 * float(densest.numpy()[0])
+            most = max(greatest, min(self._light, greatest * dr.width(places.cut)))
+            differences = self._lines.differences(most)
+            thin = dr.compress(cells.add(differences))
             if dr.width(thin):
                 rest = Places(whole, dr.gather(self._backend.Index, places.cut, thin))
                 self._cut(corners, rest).add_thin(differences)
-        return self._lines.summed(differences), places
+            image = image + self._lines.summed(differences)
+        return image, places
 
     def adjoint(self, corners: Corners, places: Places, g: DrArray) -> tuple[DrArray, DrArray, DrArray]:
         """Return the derivatives by a, b and the corners' flux of the sum of g times the image."""
@@ -149,18 +158,21 @@ class MappedCells:
 
         The transpose of `adjoint`: a moving edge sweeps J1 and J2, and densities f / A change.
         """
-        dr, differences, passing = self._backend.dr, self._lines.differences(), change * self._inverse
+        dr, passing = self._backend.dr, change * self._inverse
         dr.eval(passing)
         flux = self._shares * sum(self._grid.of_corners(passing, *self._grid.cells()))
-        self._add_whole(differences, places.whole, flux)
-        dr.eval(differences)
+        most = 2 * float(dr.sum(dr.abs(flux)).numpy()[0])
+        pixels = self._lines.pixels(most)
+        self._add_whole(pixels, places.whole, flux)
+        image = self._lines.light(pixels)
         if dr.width(places.cut):
-            self._cut(corners, places).sweep(differences, da, db, passing)
-        return self._lines.summed(differences)
+            differences = self._cut(corners, places).swept(da, db, passing, most)
+            image = image + self._lines.summed(differences)
+        return image
 
-    def _add_whole(self, differences: DrArray, whole: DrArray, flux: DrArray) -> None:
+    def _add_whole(self, pixels: OrderFreeSums, whole: DrArray, flux: DrArray) -> None:
         """Add the triangles that lie in one pixel.  flux : half of that of every cell."""
-        self._lines.add_at(differences, _triangles_in(whole, flux) * flux, whole >> 2, (whole & 3) > 0)
+        pixels.add((_triangles_in(whole, flux) * flux,), whole >> 2, (whole & 3) > 0)
 
     def _cut(self, corners: Corners, places: Places) -> CutCells:
         whole = self._backend.dr.gather(self._backend.Index, places.whole, places.cut)
@@ -171,10 +183,8 @@ class MappedCells:
         dr, Index = self._backend.dr, self._backend.Index
         cell, exists = self._grid.cells()
         flux = self._shares * sum(self._grid.of_corners(corners.passing, cell, exists))
-        pixels = [
-            [dr.floor(v) for v in self._grid.of_corners(values, cell, exists)]
-            for values in (corners.a, corners.b)
-        ]
+        points = [self._grid.of_corners(values, cell, exists) for values in (corners.a, corners.b)]
+        pixels = [[dr.floor(v) for v in along] for along in points]
         meets = lit = exists & (flux > 0)  # not where a corner is not sound
         for at, count in zip(pixels, self._lines.counts):
             meets = (
@@ -188,7 +198,12 @@ class MappedCells:
         inside = (first | second) & self._lines.on_screen(i, j)
         number = self._lines.number(dr.select(inside, i, 0), dr.select(inside, j, 0))
         bits = dr.select(first, Index(1), 0) | dr.select(second, Index(2), 0)
-        return dr.select(inside, 4 * number | bits, 0), meets & ~(first & second), flux
+        cut = meets & ~(first & second)
+        areas = (dr.abs(signed_area([(points[0][k], points[1][k]) for k in t])) for t in TRIANGLES)
+        least = reduce(dr.minimum, (dr.select(area >= LEAST_AREA, area, 1) for area in areas))
+        densest = dr.zeros(self._double.Float, 1)
+        dr.scatter_reduce(dr.ReduceOp.Max, densest, flux / least, Index(0), cut)
+        return dr.select(inside, 4 * number | bits, 0), cut, flux, densest
 
 
 def _triangles_in(whole: DrArray, like: DrArray) -> DrArray:

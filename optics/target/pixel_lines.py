@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.runtime import OrderFreeSums
 from optics.target.pixel_walk import Edges, Pieces
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
 
 ROUNDING = 2.0**-48  # of all steps of a line: 16 roundings
+QUANTA = 2.0**10  # as many as a million summands of a line leave at most, each rounded by half of one
 
 
 class PixelLines:
@@ -25,9 +27,13 @@ class PixelLines:
         Int = backend.dr.int32_array_t(backend.Index)
         self.counts = backend.dr.opaque(Int, self._rows), backend.dr.opaque(Int, self._columns)
 
-    def differences(self) -> DrArray:
+    def pixels(self, most: float) -> OrderFreeSums:
+        """Return no light in every pixel, by `number`.  most : as of `OrderFreeSums`."""
+        return OrderFreeSums(self._backend, (self._rows + 2) * self._columns, most)
+
+    def differences(self, most: float) -> OrderFreeSums:
         """Return no differences: of every pixel a pair, what begins in it and what ends behind it."""
-        return self._backend.dr.zeros(self._backend.Float, 2 * (self._rows + 2) * self._columns)
+        return OrderFreeSums(self._backend, 2 * (self._rows + 2) * self._columns, most)
 
     def number(self, i: DrArray, j: DrArray) -> DrArray:
         """Return the number of a pixel; -1 and the number of pixels count to a line as well."""
@@ -39,18 +45,15 @@ class PixelLines:
         rows, columns = (type(a)(n) for n in self.counts)
         return (a >= 0) & (a < rows) & (b >= 0) & (b < columns)
 
-    def add_at(self, differences: DrArray, flux: DrArray, number: DrArray, exists: DrArray) -> None:
+    def add_at(self, differences: OrderFreeSums, flux: DrArray, number: DrArray, exists: DrArray) -> None:
         """Add flux that lies in the pixels of some numbers."""
-        dr = self._backend.dr
-        pair = self._backend.Pair(flux, -flux)
-        dr.scatter_reduce(dr.ReduceOp.Add, differences, pair, number, exists)
+        differences.add((flux, -flux), number, exists)
 
-    def add(self, differences: DrArray, piece: Pieces, at: DrArray, behind: DrArray) -> None:
+    def add(self, differences: OrderFreeSums, piece: Pieces, at: DrArray, behind: DrArray) -> None:
         """Add to the differences before a piece's pixel and behind it."""
-        dr, (rows, columns) = self._backend.dr, self.counts
+        rows, columns = self.counts
         seen = piece.on & (piece.i < rows) & (piece.j >= 0) & (piece.j < columns)
-        pair, number = self._backend.Pair(at, behind), self.number(piece.i, piece.j)
-        dr.scatter_reduce(dr.ReduceOp.Add, differences, pair, number, seen)
+        differences.add((at, behind), self.number(piece.i, piece.j), seen)
 
     def within(self, edges: Edges, piece: Pieces) -> DrArray:
         """Return how far the middle of a piece lies inside its pixel, 0 to 1.
@@ -63,17 +66,22 @@ class PixelLines:
         """Return how far the middle of a piece lies behind the start of its pixel."""
         return edges.a + edges.da * piece.middle - self._backend.Float(piece.i)
 
-    def summed(self, differences: DrArray) -> DrArray:
+    def light(self, pixels: OrderFreeSums) -> DrArray:
+        """Return the image of light in pixels, flat, line by line."""
+        return self._backend.array(pixels.values().numpy().reshape(self._columns, self._rows + 2)[:, 1:-1])
+
+    def summed(self, differences: OrderFreeSums) -> DrArray:
         """Return the image of differences, flat, line by line.
 
         What rounding leaves in dark pixels is taken away, but for cells that are far narrower than a pixel.
         """
-        pairs = differences.numpy().reshape(self._columns, self._rows + 2, 2)
+        pairs = differences.whole.numpy().reshape(self._columns, self._rows + 2, 2)
         steps = pairs[:, :, 0].copy()
         steps[:, 1:] += pairs[:, :-1, 1]
-        image = np.cumsum(steps, axis=1)[:, 1:-1]
-        image[np.abs(image) < ROUNDING * np.abs(steps).sum(axis=1, keepdims=True)] = 0.0
-        return self._backend.array(image)
+        image = np.cumsum(steps, axis=1)[:, 1:-1].astype(np.float64)
+        dark = np.maximum(ROUNDING * np.abs(steps).sum(axis=1, keepdims=True, dtype=np.float64), QUANTA)
+        image[np.abs(image) < dark] = 0.0
+        return self._backend.array(image * differences.quantum)
 
     def integrated(self, image: DrArray) -> tuple[DrArray, DrArray]:
         """Return by `number` the values of an image, and their sums up to the start of every pixel."""

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optics.runtime import PACKED
+from optics.target.scatter_operation import scatter_operation
 from optics.target.screen import Screen
 from optics.target.windows import Window
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
+
+WEIGHT = 2.0  # more than the weights of a ray sum up to: 1, of a Gaussian window of 0.3 pixels 1.8
 
 
 @dataclass(frozen=True)
@@ -18,11 +21,14 @@ class Splat:
     """Irradiance of a screen, W/mm^2, from landing points and fluxes.
 
     window : in which the light is measured.
+    light : W, the fluxes of a call sum up to no more; left out, they are summed, which takes a pass over the
+        rays.
     """
 
     backend: Backend
     screen: Screen
     window: Window
+    light: float | None = None
 
     def __call__(self, x: DrArray, y: DrArray, flux: DrArray) -> DrArray:
         """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.
@@ -34,6 +40,8 @@ class Splat:
         """
         dr, Float, Index = self.backend.dr, self.backend.Float, self.backend.Index
         screen, taps = self.screen, self.window.taps
+        if self.light is None:
+            dr.schedule(x, y, flux)  # which are then read twice
         rows, columns = screen.padded
         guard = taps - 1  # pixels around the image for windows that lie across its border
         packets = -(-(guard + PACKED) // PACKED)  # of a column: they hold all taps, wherever these begin
@@ -48,13 +56,17 @@ class Splat:
         start = Index(dr.select(touches, row + guard, 0))
         first = Index(dr.select(touches, column + guard, 0)) * along + start // PACKED
         wy = self._shifted(wy, start % PACKED, packets * PACKED)
-        image = dr.zeros(Float, stride * PACKED * (columns + 2 * guard))
         flux = flux * dr.opaque(Float, 1.0 / screen.pixel_area)
+        values, numbers = [], []
         for a in range(taps):
             line, weighted = first + Index(a) * along, flux * wx[a]
             for k in range(packets):
-                packet = self.backend.Packet(*(weighted * w for w in wy[k * PACKED : (k + 1) * PACKED]))
-                dr.scatter_reduce(dr.ReduceOp.Add, image, packet, line + k, touches)
+                values.append(self.backend.Packet(*(weighted * w for w in wy[k * PACKED : (k + 1) * PACKED])))
+                numbers.append(line + k)
+        size = stride * PACKED * (columns + 2 * guard)
+        most = None if self.light is None else WEIGHT * self.light / screen.pixel_area
+        operation = scatter_operation(dr.CustomOp)
+        image = dr.custom(operation, self.backend, size, values, numbers, touches, most)
         pixel, tall = dr.arange(Index, rows * columns), dr.opaque(Index, rows)
         return dr.gather(Float, image, (pixel // tall + guard) * (along * PACKED) + pixel % tall + guard)
 

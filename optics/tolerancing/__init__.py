@@ -5,6 +5,11 @@ from typing import TYPE_CHECKING
 from thbcad.doors import lazy_door
 
 if TYPE_CHECKING:
+    from optics.tolerancing.light_limits import (
+        EVEN as EVEN,
+        RISE as RISE,
+        LightNumbers as LightNumbers,
+    )
     from optics.tolerancing.linear_light import (
         LinearLight as LinearLight,
     )
@@ -24,14 +29,16 @@ if TYPE_CHECKING:
         shop_sentences as shop_sentences,
     )
     from optics.tolerancing.tolerance_effects import (
-        LIMIT as LIMIT,
+        Allowed as Allowed,
         ToleranceBudget as ToleranceBudget,
         ToleranceEffect as ToleranceEffect,
-        tolerance_budget as tolerance_budget,
     )
     from optics.tolerancing.tolerance_names import (
         Tolerance as Tolerance,
         tolerances_of as tolerances_of,
+    )
+    from optics.tolerancing.tolerance_trials import (
+        tolerance_budget as tolerance_budget,
     )
     from optics.tolerancing.traced_light import (
         PerturbedLight as PerturbedLight,
@@ -39,6 +46,11 @@ if TYPE_CHECKING:
     )
 
 _FILES = {
+    "light_limits": (
+        "EVEN",
+        "RISE",
+        "LightNumbers",
+    ),
     "linear_light": ("LinearLight",),
     "perturbation": (
         "NOMINAL",
@@ -52,15 +64,15 @@ _FILES = {
         "shop_sentences",
     ),
     "tolerance_effects": (
-        "LIMIT",
+        "Allowed",
         "ToleranceBudget",
         "ToleranceEffect",
-        "tolerance_budget",
     ),
     "tolerance_names": (
         "Tolerance",
         "tolerances_of",
     ),
+    "tolerance_trials": ("tolerance_budget",),
     "traced_light": (
         "PerturbedLight",
         "perturbed_light",

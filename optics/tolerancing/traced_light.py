@@ -16,6 +16,7 @@ from optics.sources import RayGrid, Rays, SourceCells, single_rays
 from optics.target import BoxWindow, Splat
 from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
 from optics.tolerancing.perturbed_parts import PerturbedParts
+from optics.tolerancing.rigid_motion import RigidMotion
 from optics.tracing import SMOOTH, SlopeErrors, Tracer
 
 if TYPE_CHECKING:
@@ -52,12 +53,18 @@ class PerturbedLight:
     light are those of the perturbations; where a parallel beam moves, as many, where it meets the lens.
 
     backend : of double precision.  per_pixel : cells in each direction, or rays; None is the usual number.
+    floats : the target follows the light, see `aimed`.
     """
 
     def __init__(
-        self, system: OpticalSystem, lens: Lens, backend: Backend, per_pixel: int | None = None
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        backend: Backend,
+        per_pixel: int | None = None,
+        floats: bool = False,
     ) -> None:
-        self.system, self.lens, self.backend = system, lens, backend
+        self.system, self.lens, self.backend, self.floats = system, lens, backend, floats
         self.screen = system.target.screen()
         self.by_cells = not (system.source.extended or system.blurred)
         self._shown = self.screen.projection()
@@ -76,25 +83,53 @@ class PerturbedLight:
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
-        lights = [self._light(colour, perturbation) for colour in self._colours]
+        placed = self.aimed(perturbation)
+        lights = [self._light(colour, placed) for colour in self._colours]
         image = sum(colour.weight * light[0] for colour, light in zip(self._colours, lights))
         fates = reduce(add, (light[1] * colour.weight for colour, light in zip(self._colours, lights)))
         return image / self._shown, fates
 
     def moved_by(self, perturbation: Perturbation) -> float:
         """Return how far light moves on the target, flux-weighted mean, mm (degrees in the far field)."""
-        rays = single_rays(self.system.source.rays(SHIFT_RAYS), self.lens)
-        landings = []
-        for p in (NOMINAL, perturbation):
-            parts = PerturbedParts.of(self.system, self.lens, p)
-            _, landing = self.tracer_of(parts, self.system)(parts.rays(rays))
-            landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
-        before, behind = landings
+        apart, flux = self._moves(perturbation)
+        return float((flux * np.hypot(*apart)).sum() / flux.sum()) if flux.any() else 0.0
+
+    def aimed(self, perturbation: Perturbation) -> Perturbation:
+        """Return it with the target moved as far as the light is on average, where the target follows it.
+
+        The target moves in its own plane, and in the far field it turns.  The average is over the flux of the
+        light that the design brings to the target.
+        """
+        if not self.floats:
+            return perturbation
+        apart, flux = self._moves(perturbation)
+        flux = np.where((np.abs(self._at_rest[:2].T) <= self.screen.half_width).all(axis=1), flux, 0.0)
+        dx, dy = ((flux * apart).sum(axis=1) / (flux.sum() or 1.0)).tolist()
+        if self.system.target.far_field:
+            return perturbation + Perturbation(target_tilt=(-np.radians(dy), np.radians(dx), 0.0))
+        turn = RigidMotion.about((0.0, 0.0, 0.0), perturbation.target_tilt, (0.0, 0.0, 0.0)).turn
+        x, y, z = (turn @ (dx, dy, 0.0)).tolist()
+        return perturbation + Perturbation(target_shift=(x, y, z))
+
+    def _moves(self, perturbation: Perturbation) -> tuple[Floats, Floats]:
+        """Return how far single rays move on the target, (2, n), and their flux, (n,), 0 where they miss."""
+        before, behind = self._at_rest, self._landed(perturbation)
         flux = np.where((before[2] > 0) & (behind[2] > 0), before[2], 0.0)
-        if not flux.any():
-            return 0.0
-        apart = np.where(flux > 0, np.hypot(*(behind[:2] - before[:2])), 0.0)
-        return float((flux * apart).sum() / flux.sum())
+        return np.where(flux > 0, behind[:2] - before[:2], 0.0), flux
+
+    @cached_property
+    def _at_rest(self) -> Floats:
+        return self._landed(NOMINAL)
+
+    def _landed(self, perturbation: Perturbation) -> Floats:
+        """Return x, y and flux of single rays on the target, (3, n)."""
+        parts = PerturbedParts.of(self.system, self.lens, perturbation)
+        _, landing = self.tracer_of(parts, self.system, perturbation)(parts.rays(self._single_rays))
+        return np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)])
+
+    @cached_property
+    def _single_rays(self) -> Rays:
+        return single_rays(self.system.source.rays(SHIFT_RAYS), self.lens)
 
     def colours(self, perturbation: Perturbation) -> Iterator[tuple[float, PerturbedParts, Trace]]:
         """Yield weight, parts, and what traces rays through them, of every wavelength."""

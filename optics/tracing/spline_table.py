@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from optics.runtime import PACKED
+from optics.runtime import PACKED, OrderFreeSums
 from optics.tracing.proven_steps import Fall, box_bounds, first_fall, rounding_errors
 from optics.tracing.ray_roots import conic_jet
 from thbcad.splines import KnotVector
@@ -47,6 +47,8 @@ class PolynomialTable:
         self._find = [Cells(backend, kv.breaks) for kv in knots]
         self._middles = [backend.array((kv.breaks[1:] + kv.breaks[:-1]) / 2) for kv in knots]
         self._rates = [backend.array(2 / np.diff(kv.breaks)) for kv in knots]
+        # more than the derivatives of all powers of s or t by x or y
+        self._steepest = [2 * kv.degree / np.diff(kv.breaks).min() for kv in knots]
         self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
 
     def power(self, net: NDArray[np.float64]) -> DrArray:
@@ -103,18 +105,24 @@ class PolynomialTable:
         first, s, t, rx, ry = self._locate(x, y)
         (p, q), (nx, ny) = self._orders, self._cells
         width = self._packets * PACKED
-        power = dr.zeros(Float, nx * ny * p * width)
         xs, ys = _powers(s, p), _powers(t, q)
         slopes = [0.0, *(b * ry * ys[b - 1] for b in range(1, q))]
+        steepest = [k * float(dr.max(r).numpy()[0]) for k, r in zip((p - 1, q - 1), self._rates)]
+        of_ray = (
+            dr.abs(gz)
+            + dr.abs(gx) * dr.opaque(Float, steepest[0])
+            + dr.abs(gy) * dr.opaque(Float, steepest[1])
+        )
+        power = OrderFreeSums(self._backend, nx * ny * p * width, most=float(dr.sum(of_ray).numpy()[0]))
         for a in range(p):
             across = gz * xs[a] + (gx * (a * xs[a - 1] * rx) if a else 0.0)
             along = gy * xs[a]
             row = [across * ys[b] + along * slopes[b] for b in range(q)] + [Float(0)] * (width - q)
             for k in range(self._packets):
-                packet = self._backend.Packet(*row[k * PACKED : (k + 1) * PACKED])
-                dr.scatter_reduce(dr.ReduceOp.Add, power, packet, first + (a * self._packets + k))
+                power.add(row[k * PACKED : (k + 1) * PACKED], first + (a * self._packets + k))
         ax, ay = self._maps
-        table = power.numpy().reshape(nx, ny, p, width)[..., :q].transpose(0, 2, 1, 3).reshape(nx * p, ny * q)
+        table = power.values().numpy().reshape(nx, ny, p, width)[..., :q]
+        table = table.transpose(0, 2, 1, 3).reshape(nx * p, ny * q)
         return ax.T @ (ay.T @ table.T).T
 
     def _locate(self, x: DrArray, y: DrArray) -> tuple[DrArray, DrArray, DrArray, DrArray, DrArray]:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.runtime import OrderFreeSums
+
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
 
@@ -41,7 +43,8 @@ def push_forward(backend: Backend, psi: Floats, light: Floats, spacing: Sequence
     # how far the corners are displaced, in cells
     dx = [(p[a][b] + p[a][b + 1] - p[a + 1][b] - p[a + 1][b + 1]) * scale[0] for a, b in corners]
     dy = [(p[a][b] + p[a + 1][b] - p[a][b + 1] - p[a + 1][b + 1]) * scale[1] for a, b in corners]
-    quads = dr.zeros(Float, 4 * nx * ny)  # parts of the cells (k, m), (k, m + 1), (k + 1, m), (k + 1, m + 1)
+    # parts of the cells (k, m), (k, m + 1), (k + 1, m), (k + 1, m + 1)
+    quads = OrderFreeSums(backend, 4 * nx * ny, most=float(np.abs(light).sum()))
     middles = [(s + 0.5) / SAMPLES for s in range(SAMPLES)]
     for u, v in product(middles, middles):
         shares = ((1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v)
@@ -50,9 +53,9 @@ def push_forward(backend: Backend, psi: Floats, light: Floats, spacing: Sequence
         k, m = Index(x), Index(y)
         wx, wy = x - Float(k), y - Float(m)
         low, high = part * (1 - wx), part * wx
-        packet = backend.Packet(low * (1 - wy), low * wy, high * (1 - wy), high * wy)
-        dr.scatter_reduce(dr.ReduceOp.Add, quads, packet, k * columns + m)
-    return _summed(quads.numpy().reshape(nx, ny, 4))
+        parts = low * (1 - wy), low * wy, high * (1 - wy), high * wy
+        quads.add(parts, k * columns + m)
+    return _summed(quads.values().numpy().reshape(nx, ny, 4))
 
 
 def _weighted(weights: Sequence[float], values: Sequence[DrArray]) -> DrArray:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-DRJIT_WORDS = ("out of memory", "could not allocate")  # of Dr.Jit 1.5: jit_malloc and jit_llvm_compile
+from errno import ENOMEM
+
+WORDS = {
+    RuntimeError: ("out of memory", "could not allocate"),  # of Dr.Jit 1.5: jit_malloc and jit_llvm_compile
+    ImportError: ("failed to map segment", "cannot allocate memory"),  # of the loader of packages
+}
 
 
 def lacks_memory(error: BaseException | None) -> bool:
@@ -12,9 +17,10 @@ def lacks_memory(error: BaseException | None) -> bool:
     whose cause is the error.
     """
     while error is not None:
-        if isinstance(error, MemoryError):
+        if isinstance(error, MemoryError) or getattr(error, "errno", None) == ENOMEM:
             return True
-        if isinstance(error, RuntimeError) and any(words in str(error) for words in DRJIT_WORDS):
-            return True
+        for kind, words in WORDS.items():
+            if isinstance(error, kind) and any(word in str(error) for word in words):
+                return True
         error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
     return False

@@ -16,7 +16,9 @@ from thbcad import (
     THBSpace,
     THBSurface,
     circular_arc,
+    conic_arc,
     interpolate,
+    line,
     quasi_interpolate,
     remove_knots,
 )
@@ -69,6 +71,10 @@ OF_A_ROW = {
     "polynomial": lambda u: POLYNOMIAL(u, u),
     "polynomial grid": lambda u: POLYNOMIAL.grid(u, u),
     "samples": lambda u: Samples(u, u, u),
+    "start of a line": lambda u: line(u, ROW),
+    "end of a line": lambda u: line(ROW, u),
+    "middle of a conic arc": lambda u: conic_arc(ROW, u, ROW, 1.0),
+    "centre of an arc": lambda u: circular_arc(1.0, 1.0, centre=u),
     "weights of samples": lambda u: Samples(np.ones(7), np.ones(7), np.ones(7), u),
 }
 ROW = np.linspace(0.1, 0.9, 7)

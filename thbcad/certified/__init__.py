@@ -12,6 +12,15 @@ if TYPE_CHECKING:
         cell_bounds as cell_bounds,
         rounding as rounding,
     )
+    from thbcad.certified.convex_regions import (
+        DIRECTIONS as DIRECTIONS,
+        ConvexRegion as ConvexRegion,
+        Stack as Stack,
+        ellipse_supports as ellipse_supports,
+        rectangle_supports as rectangle_supports,
+        region_between as region_between,
+        supports_of as supports_of,
+    )
     from thbcad.certified.extreme_values import (
         Assessment as Assessment,
         Enclosure as Enclosure,
@@ -38,6 +47,15 @@ _FILES = {
         "bernstein",
         "cell_bounds",
         "rounding",
+    ),
+    "convex_regions": (
+        "DIRECTIONS",
+        "ConvexRegion",
+        "Stack",
+        "ellipse_supports",
+        "rectangle_supports",
+        "region_between",
+        "supports_of",
     ),
     "extreme_values": (
         "Assessment",

@@ -14,12 +14,14 @@ from thbcad.drawings.cut_outlines import THINNEST, CutLens, Shape, box_of, inter
 from thbcad.drawings.cut_silhouettes import GraphOverStrips
 from thbcad.drawings.views import (
     NAMES,
+    SECTION_AXES,
+    SIDE_AXES,
     Piece,
     View,
     distinct,
-    oriented,
+    of_section,
+    of_side,
     scaled,
-    side_axes,
     transposed,
 )
 from thbcad.lens import ALLOWANCE, Polygon
@@ -61,9 +63,9 @@ def cut_section(cut: CutLens, across: int, chord: float) -> View:
                 steps = [(inside, low), (beside, low), (beside, high), (inside, high)]
             edges.append(np.array([front[end], *steps, rear[end]]))
         lines = zip((*NAMES, "edge", "edge"), (front, rear, *edges))
-        curves += [Curve(name, oriented(line, across)) for name, line in lines]
+        curves += [Curve(name, of_section(line, across)) for name, line in lines]
     axis = "xy"[across]
-    return View(f"SECTION {axis} = {at:.12g}", side_axes(across), tuple(curves), bound + ALLOWANCE)
+    return View(f"SECTION {axis} = {at:.12g}", SECTION_AXES[across], tuple(curves), bound + ALLOWANCE)
 
 
 def _section_lines(
@@ -92,10 +94,10 @@ def cut_side(cut: CutLens, along: int, chord: float) -> View:
     allowed = chord - ALLOWANCE
     pieces = [*_silhouettes(cut, along, allowed), *_upright(cut, along), *_flange_box(cut, along)]
     curves = tuple(
-        Curve(name, oriented(line, along), style) for name, line, style, _ in distinct(pieces, chord)
+        Curve(name, of_side(line, along), style) for name, line, style, _ in distinct(pieces, chord)
     )
     bound = max(piece[3] for piece in pieces)
-    return View(f"SEEN FROM -{'xy'[along]}", side_axes(along), curves, bound + ALLOWANCE)
+    return View(f"SEEN FROM -{'xy'[along]}", SIDE_AXES[along], curves, bound + ALLOWANCE)
 
 
 def _silhouettes(cut: CutLens, along: int, chord: float) -> list[Piece]:

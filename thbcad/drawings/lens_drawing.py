@@ -1,8 +1,9 @@
 """The drawing of a lens: rear and front, two sections, two sides, dimensions and tables on one sheet.
 
-Views stand in third-angle projection round the section across x: the front to its left, the rear to its
-right, what is seen from -y below the front.  A lens that is cut to an outline, or has a flange, is drawn with
-it.
+Views stand in third-angle projection: what is seen from -x to the right of the front, what is seen from -y
+below it, front at the top, so that every point lies right of and below its place in the front.  Of the rear
+the section across x stands to the left, the section across y below.  A lens that is cut to an outline, or has
+a flange, is drawn with it.
 """
 
 from __future__ import annotations
@@ -145,7 +146,7 @@ def _captions(placed: list[PlacedView], scale: float) -> Marks:
     marks: Marks = []
     for one in placed:
         low, high = _frame(one, scale)
-        drop = 10.0 if one.view.axes == ("x", "z") else 23.0  # below a dimension and a section mark
+        drop = 10.0 if one.view.axes[1] != "y" else 23.0  # below a dimension and a section mark
         title = one.view.title.replace("SECTION x", "A-A   x").replace("SECTION y", "B-B   y")
         marks.append(caption(title, (float((low[0] + high[0]) / 2), float(low[1] - drop))))
     return marks
@@ -168,7 +169,7 @@ def _axes(placed: list[PlacedView], scale: float, planes: tuple[float, float]) -
     for one in placed:
         low, high = _frame(one, scale)
         x, y = one.origin
-        if one.view.axes != ("x", "z"):
+        if one.view.axes[1] == "y":
             marks.append(centre_line(np.array([low[0], y]), np.array([high[0], y])))
         if one.view.axes != ("z", "y"):
             marks.append(centre_line(np.array([x, low[1]]), np.array([x, high[1]])))

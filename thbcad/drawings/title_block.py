@@ -66,7 +66,6 @@ def _material(lens: Lens, product: Product) -> list[str]:
     rows = [product.material or "material not stated", f"n = {lens.index:.6g}"]
     if product.density:
         rows.append(f"density {product.density:g} g/cm3")
-    rows.append(f"vertices {number(lens.thickness)} mm apart")
     return rows
 
 

@@ -1,7 +1,8 @@
 """Views and sections of a lens as plane curves, mm, with a proven error.
 
-Seen from the front, x runs to the left; from the rear, to the right.  Seen along x, light runs to the right;
-seen along y, upwards.
+Seen from the front, x runs to the left; from the rear, to the right.  Seen from -x, light runs to the right;
+seen from -y, downwards and x to the left, as third-angle projection wants it below the front.  In a section
+y = at it runs upwards and x to the right, as below the rear.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from thbcad.splines import BSplineSurface
 
 NAMES = ("front", "rear")
 AXES = ("x", "y")
+SECTION_AXES = (("z", "y"), ("x", "z"))  # to the right and upwards, across x and across y
+SIDE_AXES = (("z", "y"), ("-x", "-z"))  # seen from -x and from -y
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +115,13 @@ def section_view(lens: Lens, axis: str, at: float = 0.0, chord: float = 1e-3) ->
         lines.append(line)
         bounds.append(bound)
     names = (*NAMES, "edge", "edge")
-    curves = tuple(Curve(name, oriented(line, across)) for name, line in zip(names, lines))
-    return View(f"SECTION {axis} = {at:g}", side_axes(across), curves, max(bounds) + ALLOWANCE)
+    curves = tuple(Curve(name, of_section(line, across)) for name, line in zip(names, lines))
+    return View(f"SECTION {axis} = {at:g}", SECTION_AXES[across], curves, max(bounds) + ALLOWANCE)
 
 
 def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
-    """Return the lens as seen along x (from -x) or along y (from -y): outlines, and rims.
+    """Return the lens as seen along x (from -x) or along y (from -y, -x to the right, the front at the top):
+    outlines, and rims.
 
     Outlines are the least and the greatest z of front, rear and slanted edges at every y, or x.  The far rim,
     and outlines behind glass, are hidden lines.  Folds within the outline are left out.
@@ -138,10 +142,10 @@ def side_view(lens: Lens, axis: str, chord: float = 1e-3) -> View:
         *_rims(lens, along, allowed),
     ]
     curves = tuple(
-        Curve(name, oriented(line, along), style) for name, line, style, _ in distinct(pieces, chord)
+        Curve(name, of_side(line, along), style) for name, line, style, _ in distinct(pieces, chord)
     )
     bound = max(piece[3] for piece in pieces)
-    return View(f"SEEN FROM -{axis}", side_axes(along), curves, bound + ALLOWANCE)
+    return View(f"SEEN FROM -{axis}", SIDE_AXES[along], curves, bound + ALLOWANCE)
 
 
 Piece = tuple[str, Floats, Style, float]  # name, points (y or x, z), style, proven error
@@ -238,14 +242,14 @@ def _require_chord(chord: float) -> None:
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
 
 
-def side_axes(along: int) -> tuple[str, str]:
-    """Return the axes of a view or a section along x (0) or y (1)."""
-    return ("z", "y") if along == 0 else ("x", "z")
+def of_section(line: Floats, across: int) -> Floats:
+    """Return points (y, z) or (x, z) along the axes of a section across x (0) or y (1)."""
+    return line[:, ::-1] if across == 0 else line
 
 
-def oriented(line: Floats, along: int) -> Floats:
-    """Return points (y, z) as (z, y); points (x, z) stay."""
-    return line[:, ::-1] if along == 0 else line
+def of_side(line: Floats, along: int) -> Floats:
+    """Return points (y, z) or (x, z) along the axes of a view along x (0) or y (1)."""
+    return line[:, ::-1] if along == 0 else 0.0 - line
 
 
 def transposed(graph: BSplineSurface) -> BSplineSurface:

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
         having as having,
         read_file as read_file,
         read_part21 as read_part21,
+        rewritten as rewritten,
     )
     from thbcad.io.step_values import (
         direction_of as direction_of,
@@ -128,6 +129,7 @@ _FILES = {
         "having",
         "read_file",
         "read_part21",
+        "rewritten",
     ),
     "step_values": (
         "direction_of",

@@ -181,9 +181,8 @@ def _head(text: str) -> re.Match[str]:
 def entities_of_text(text: str) -> dict[int, Entity]:
     """Return the entities of a STEP file's text; raise ValueError as `read_part21`."""
     text = _without_comments(text)
-    head = _head(text)
     entities: dict[int, Entity] = {}
-    start = head.end()
+    start = _head(text).end()
     last = 0
     while entity := ENTITY.match(text, start):
         number, body = entity.groups()
@@ -202,6 +201,19 @@ def entities_of_text(text: str) -> dict[int, Entity]:
     if lacking:
         raise ValueError(f"it lacks entity #{min(lacking)}, to which others refer")
     return entities
+
+
+def rewritten(text: str, change: Callable[[str], str]) -> str:
+    """Return the text of a STEP file, without its comments, with what stands between "=" and ";" changed; one
+    that is damaged keeps all that follows the damage."""
+    text = _without_comments(text)
+    head = HEAD.match(text)
+    place = head.end() if head else len(text)
+    pieces = [text[:place]]
+    while entity := ENTITY.match(text, place):
+        pieces += [text[place : entity.start(2)], change(entity[2]), text[entity.end(2) : entity.end()]]
+        place = entity.end()
+    return "".join([*pieces, text[place:]])
 
 
 def having(entities: Mapping[int, Entity], keyword: str) -> list[Entity]:

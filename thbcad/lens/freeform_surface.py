@@ -122,6 +122,7 @@ class FreeformSurface:
         """Return the surface as a scalar BSplineSurface z(x, y) on x, y in mm.
 
         degrees : in x and y, of a surface without sag; with one, the sag's degree and needed knots are used.
+        A conic near its end, or far beyond its radius, gets degree 5 (`conic_graph`).
         Paraboloids, planes and sags are exact but for rounding, other conics are within a proven 1e-11 mm.
         """
         if self.sag is None:

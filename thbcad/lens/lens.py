@@ -63,12 +63,12 @@ class Lens:
 
         Raises
         ------
-        ValueError : degree 1, or a conic that needs more than 2000 control points per direction.
+        ValueError : degree 1, or a conic that needs more than 2000 control points per direction of degree 5.
         """
         return self._elevated
 
     def own_graphs(self) -> tuple[BSplineSurface, BSplineSurface]:
-        """Return front and rear as `graphs`, each in the degrees of its own sag."""
+        """Return front and rear as `graphs`, each in the degrees that its own sag and conic need."""
         return self._own
 
     @cached_property
@@ -78,7 +78,9 @@ class Lens:
 
     @cached_property
     def _elevated(self) -> tuple[BSplineSurface, BSplineSurface]:
-        front, rear = (graph.elevated(self._degrees) for graph in self._own)
+        own = self._own
+        p, q = (max(getattr(graph, kv).degree for graph in own) for kv in ("kv_u", "kv_v"))
+        front, rear = (graph.elevated((p, q)) for graph in own)
         return front, rear
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thbcad.mounts.records import Gate, Hole, Mount, MountFlange, Places, Post
+from thbcad.toml import toml_tables
 
 MOST_BYTES = 1 << 20  # a mount has some kB
 
@@ -28,12 +28,10 @@ def read_mount(path: str | Path) -> Mount:
     try:
         if len(data) > MOST_BYTES:
             raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
-        tables = tomllib.loads(data.decode("utf-8-sig"))  # editors of Windows put a mark before the text
+        tables = toml_tables(data.decode("utf-8-sig"))  # editors of Windows put a mark before the text
         return mount_of(tables)
     except UnicodeDecodeError:
         raise ValueError(f"{path}: it is not UTF-8 text") from None
-    except RecursionError:
-        raise ValueError(f"{path}: its values are nested too deeply; a mount has tables of numbers") from None
     except ValueError as error:  # that of TOML too
         raise ValueError(f"{path}: {error}") from None
 

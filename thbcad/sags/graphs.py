@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import combinations
 
 import numpy as np
@@ -9,10 +10,12 @@ from scipy.sparse import csr_array
 
 from thbcad.checks import Floats
 from thbcad.sags.conic import Conic
-from thbcad.sags.proven_approximation import approximated
+from thbcad.sags.proven_approximation import MOST_CONTROL_POINTS, approximated
 from thbcad.splines import BSplineSurface, KnotVector, gauss_rule, tensor_apply
 
 CONIC_TOLERANCE = 1e-11  # mm, of conics up to 100 mm from the axis
+HIGHER = 5  # the degree of conics that want many cubics: 280 control points per direction for 1900
+FEW = 1000  # control points per direction that a conic may take in the degree of the sag
 CONIC_SHARE = 1e-13  # of the half-width, of wider ones: rounding grows with them
 
 
@@ -33,14 +36,15 @@ def conic_graph(
     """Return conic + sag as one BSplineSurface, on the given knots, refined where the conic needs it.
 
     Planes and paraboloids are exact but for rounding and keep the knots.  Other conics are within 1e-11 mm,
-    or 1e-13 of a half-width beyond 100 mm.
+    or 1e-13 of a half-width beyond 100 mm; where 1000 control points per direction, or three times those of
+    the knots, do not reach that, the degrees become 5 at least.
 
     sag : (kv_x.dim, kv_y.dim) or None.
 
     Raises
     ------
-    ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs
-        more than 2000 control points per direction for that.
+    ValueError : degree 1 (its surfaces have no normals along the knots), or a conic that needs more than 2000
+        control points per direction in degree 5, too.
     """
     if min(kv_x.degree, kv_y.degree) < 2:
         raise ValueError("a lens surface needs degree 2 or more: degree 1 has no normal along the knot lines")
@@ -48,11 +52,35 @@ def conic_graph(
         heights = _paraboloid(conic, kv_x, kv_y)
         return BSplineSurface(kv_x, kv_y, heights if sag is None else heights + sag)
     tolerance = max(CONIC_TOLERANCE, CONIC_SHARE * max(kv_x.stop, kv_y.stop))
-    graph = approximated(conic, kv_x, kv_y, tolerance).surface
+    own = BSplineSurface(kv_x, kv_y, np.zeros((kv_x.dim, kv_y.dim)) if sag is None else sag)
+    try:
+        # in a higher degree the sag itself takes up to three times its points
+        most = min(max(FEW, 3 * kv_x.dim, 3 * kv_y.dim), MOST_CONTROL_POINTS)
+        graph = approximated(conic, kv_x, kv_y, tolerance, most).surface
+    except ValueError:
+        own = own.elevated((max(kv_x.degree, HIGHER), max(kv_y.degree, HIGHER)))
+        graph = _of_higher_degree(conic, own, tolerance)
     if sag is None:
         return graph
-    sag = tensor_apply(kv_x.prolongation(graph.kv_u), kv_y.prolongation(graph.kv_v), sag)
-    return BSplineSurface(graph.kv_u, graph.kv_v, graph.coefficients + sag)
+    added = tensor_apply(
+        own.kv_u.prolongation(graph.kv_u), own.kv_v.prolongation(graph.kv_v), own.coefficients
+    )
+    return BSplineSurface(graph.kv_u, graph.kv_v, graph.coefficients + added)
+
+
+def _of_higher_degree(conic: Conic, over: BSplineSurface, tolerance: float) -> BSplineSurface:
+    """Return a conic on the knots of a spline, refined; raise ValueError with the remedy where that fails."""
+    if max(over.kv_u.dim, over.kv_v.dim) <= MOST_CONTROL_POINTS:
+        with suppress(ValueError):
+            return approximated(conic, over.kv_u, over.kv_v, tolerance).surface
+    corner = float(np.hypot(over.kv_u.stop, over.kv_v.stop))
+    ends = abs(conic.radius) / np.sqrt(1 + conic.constant) if conic.constant > -1 else np.inf
+    where = f", at {corner / ends:.7g} of the radius where the conic ends" if np.isfinite(ends) else ""
+    raise ValueError(
+        f"{conic} cannot be written as a spline to {tolerance:g} mm with {MOST_CONTROL_POINTS} control "
+        f"points per direction of degree {over.kv_u.degree}: the corner of the surface lies at r = "
+        f"{corner:.6g} mm{where}; make the half-width smaller, or the radius larger"
+    )
 
 
 def _paraboloid(conic: Conic, kv_x: KnotVector, kv_y: KnotVector) -> Floats:

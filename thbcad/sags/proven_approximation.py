@@ -134,17 +134,23 @@ def error_bounds(function: BoundedFunction, surface: BSplineSurface) -> CellBoun
 
 
 def approximated(
-    function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, tolerance: float
+    function: BoundedFunction,
+    kv_x: KnotVector,
+    kv_y: KnotVector,
+    tolerance: float,
+    most: int = MOST_CONTROL_POINTS,
 ) -> Approximation:
     """Return a spline whose distance from the function is proven to be at most `tolerance`, mm.
 
     It interpolates at the Greville abscissae; spans are bisected until the bound holds.  The knots of
     `kv_x` and `kv_y` stay.
 
+    most : control points per direction.
+
     Raises
     ------
     ValueError : a tolerance that is not positive, that rounding errors do not allow to prove, or that needs
-        more than 2000 control points per direction; a function without finite bounds.
+        more control points than that; a function without finite bounds.
     """
     require_number("tolerance", tolerance, above=0)
     while True:
@@ -154,13 +160,13 @@ def approximated(
         if bound <= tolerance:
             return Approximation(surface, bound)
         _require_provable(function, bounds, tolerance)
-        finer = _graded(function, kv_x, kv_y, tolerance)
+        finer = _graded(function, kv_x, kv_y, tolerance, most)
         if (finer[0].dim, finer[1].dim) == (kv_x.dim, kv_y.dim):
             finer = _bisected_where_failing(bounds, kv_x, kv_y, tolerance)
         kv_x, kv_y = finer
-        if max(kv_x.dim, kv_y.dim) > MOST_CONTROL_POINTS:
+        if max(kv_x.dim, kv_y.dim) > most:
             raise ValueError(
-                f"{function} cannot be written as a spline to {tolerance:g} mm with {MOST_CONTROL_POINTS} "
+                f"{function} cannot be written as a spline to {tolerance:g} mm with {most} "
                 "control points per direction; "
                 "use a higher degree or a larger tolerance"
             )
@@ -189,7 +195,7 @@ def _greatest_at_nodes(function: BoundedFunction, surface: BSplineSurface) -> Fl
 
 
 def _graded(
-    function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, tolerance: float
+    function: BoundedFunction, kv_x: KnotVector, kv_y: KnotVector, tolerance: float, most: int
 ) -> tuple[KnotVector, KnotVector]:
     """Return the knot vectors with spans bisected until the expected error at the nodes takes half the
     tolerance in each direction."""
@@ -198,7 +204,7 @@ def _graded(
     for axis, kv in enumerate((kv_x, kv_y)):
         n = kv.degree + 1
         large = np.ones(1, dtype=bool)
-        while large.any() and kv.dim <= MOST_CONTROL_POINTS:
+        while large.any() and kv.dim <= most:
             cells = (kv.breaks, kv_y.breaks[[0, -1]]) if axis == 0 else (kv_x.breaks[[0, -1]], kv.breaks)
             steepest = function.derivative_bound(n, axis, *cells).ravel()
             large = growth * _expected_share(kv) * _remainder(kv) * steepest > tolerance / 2

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import require_number, require_type
+from thbcad.checks import floats, require_number, require_type
 from thbcad.splines.knot_vector import UNIT, KnotVector
 from thbcad.splines.nurbs import NURBSCurve, NURBSSurface
 
@@ -17,7 +17,7 @@ QUADRATIC = KnotVector(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))
 
 def line(start: ArrayLike, stop: ArrayLike) -> NURBSCurve:
     """Return the straight segment (1 - u) start + u stop over [0, 1]; start and stop (d,)."""
-    return NURBSCurve(UNIT, np.array([start, stop], dtype=np.float64))
+    return NURBSCurve(UNIT, np.array([floats(start), floats(stop)]))
 
 
 def circular_arc(
@@ -54,7 +54,7 @@ def circular_arc(
         points[-1] = points[0]
     breaks = np.arange(segments + 1) / segments
     return NURBSCurve(
-        KnotVector(2, np.repeat(breaks, [3, *[2] * (segments - 1), 3])), points + np.asarray(centre), weights
+        KnotVector(2, np.repeat(breaks, [3, *[2] * (segments - 1), 3])), points + floats(centre), weights
     )
 
 
@@ -73,9 +73,8 @@ def conic_arc(start: ArrayLike, middle: ArrayLike, stop: ArrayLike, weight: floa
 
     Source: The NURBS Book, 7.3.
     """
-    return NURBSCurve(
-        QUADRATIC, np.array([start, middle, stop], dtype=np.float64), np.array([1.0, weight, 1.0])
-    )
+    points = np.array([floats(point) for point in (start, middle, stop)])
+    return NURBSCurve(QUADRATIC, points, np.array([1.0, weight, 1.0]))
 
 
 def revolved(curve: NURBSCurve, angle: float = 2 * np.pi) -> NURBSSurface:

@@ -91,7 +91,8 @@ def test_where_next_to_nothing_comes_by_other_ways_a_few_rays_say_so(tmp_path, b
     assert len(replicates) == PILOT
     assert metrics["paths"] == "sequential"
     assert metrics["nonsequential"]["by_other_ways"] < NEGLIGIBLE
-    assert metrics["rel_l2"] == metrics["rel_l2_sequential"]
+    assert metrics["rel_l2_debiased"] == metrics["rel_l2_sequential"]
+    assert metrics["rel_l2_error"] == metrics["rel_l2_sequential_error"]
 
 
 def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):

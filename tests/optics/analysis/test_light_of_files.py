@@ -53,16 +53,19 @@ def test_a_file_of_a_lamp_lights_as_the_lamp(lamp, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("turn", "axis"),
+    ("key", "angles", "axis"),
     [
-        ([0.0, 0.0, 90.0], [0, 0, 1]),
-        ([30.0, 0.0, 0.0], [0, -0.5, np.sqrt(0.75)]),  # about x: z towards -y
-        ([0.0, 30.0, 0.0], [0.5, 0, np.sqrt(0.75)]),  # about y: z towards x
-        ([30.0, 0.0, 90.0], [0.5, 0, np.sqrt(0.75)]),  # then about z: -y towards x
+        ("turn", [0.0, 0.0, 90.0], [0, 0, 1]),
+        ("turn", [30.0, 0.0, 0.0], [0, -0.5, np.sqrt(0.75)]),  # about x: z towards -y
+        ("turn", [0.0, 30.0, 0.0], [0.5, 0, np.sqrt(0.75)]),  # about y: z towards x
+        ("turn", [30.0, 0.0, 90.0], [0.5, 0, np.sqrt(0.75)]),  # then about z: -y towards x
+        ("tilt", [30.0, 0.0, 90.0], [0, -0.5, np.sqrt(0.75)]),  # then about its own z, along which it shines
+        ("tilt", [30.0, 30.0, 0.0], [0.5, -0.5 * np.sqrt(0.75), 0.75]),  # about its own y, still across x
     ],
 )
-def test_a_file_is_turned_about_x_then_y_then_z_and_shifted(lamp, turn, axis):
-    rays = of_file(lamp, **{"source.turn": turn, "source.shift": [3.0, -2.0]}).optical.source.of_file
+def test_a_file_is_turned_about_x_then_y_then_z_and_shifted(lamp, key, angles, axis):
+    """By a turn about axes that stay, by a tilt about its own."""
+    rays = of_file(lamp, **{f"source.{key}": angles, "source.shift": [3.0, -2.0]}).optical.source.of_file
     mean = (rays.direction * rays.flux).sum(axis=1)
     np.testing.assert_allclose(mean / np.linalg.norm(mean), axis, atol=2e-3)
     np.testing.assert_allclose(rays.origin.mean(axis=1), [3, -2, -20], atol=2e-3)

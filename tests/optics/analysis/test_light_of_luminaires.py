@@ -166,7 +166,7 @@ def test_no_bound_is_given_and_a_sentence_says_what_is_assumed(lamp):
 
     system = lit(lamp).optical
     assert system.source.etendue == 0
-    assert etendue_notes(system) == []
+    assert etendue_notes(system) == ([], [])
     assumed = "same intensity from every point"
     assert [assumed in sentence for sentence in advice(system)[:2]] == [True, False]
     own = system.problem.source.flux
@@ -194,5 +194,5 @@ def test_what_does_not_go_together_is_one_sentence(lamp, more, words):
 def test_a_luminaire_that_lights_nothing_in_front_is_refused(tmp_path):
     dark = Luminaire([0.0, 360.0], [0.0, 80.0, 90.0], [[1.0, 1.0, 0.0]] * 2)
     write_ies(dark, tmp_path / "lamp.ies")
-    with pytest.raises(optics.UserError, match=r"turn it with source\.turn"):
+    with pytest.raises(optics.UserError, match=r"turn it with source\.tilt"):
         lit(tmp_path, **{"source.turn": [180.0, 0.0, 0.0]})

@@ -65,8 +65,8 @@ def test_an_isotropic_point_behind_a_window_has_the_intensity_of_its_cone(metric
         assert beam[angle] == pytest.approx(40, abs=50 / 101)  # a pixel
     darkest = transmittance(radians(15.0)) / ON_AXIS  # at the rim of the lit disk, 0.9996
     assert even["min_over_max"] == pytest.approx(darkest, abs=2 * WORST)
-    assert even["noise"] < WORST / 10
-    assert even["pixel_degrees"] == pytest.approx([50 / 101] * 2)
+    assert even["noise"] < WORST / 5  # the greatest of all boxes
+    assert even["box_degrees"] == pytest.approx([59 * 50 / 101 / 21] * 2)  # 59 pixels lie wholly in the disk
     assert "target_mean_lx" not in found
 
 
@@ -78,7 +78,7 @@ def test_parallel_light_behind_a_window_has_its_illuminance(metrics):
     assert even["lit_mean_lx"] == pytest.approx(lux, rel=1e-9)
     assert found["target_mean_lx"] == pytest.approx(lux / 4, rel=1e-9)
     assert (even["min_over_mean"], even["min_over_max"]) == pytest.approx((1, 1), abs=1e-9)
-    assert (even["lit_pixels"], even["pixel_mm"]) == (400, pytest.approx([0.95, 0.95]))
+    assert (even["boxes"], even["box_mm"]) == (19 * 19, pytest.approx([38 * 0.52 / 21] * 2))
     assert "beam" not in found
 
 
@@ -111,16 +111,19 @@ def test_a_picture_has_a_mean_and_no_uniformity(metrics):
     assert photometric_lines(found, units_of("W")) == []
 
 
-def test_sentences_name_units_pixels_and_what_noise_does(metrics):
+def test_sentences_name_units_and_boxes(metrics):
     beam, even = photometric_lines(metrics(CONE | {"source.unit": "lm"}), units_of("lm"))
     assert re.match(r"peak intensity 12\d\d cd \(24\d\d cd/klm\); beam angle 40 degrees in C0-C180, ", beam)
     assert "in C90-C270; field angle" in beam
-    assert even.startswith("uniformity I_min/I_mean 0.99")
-    assert " cd on " in even
-    assert "lit pixels of 0.495 x 0.495 degrees" in even
+    assert even.startswith("uniformity U0 = I_min/I_mean 1.000, I_min/I_max ")
+    assert " boxes of 1.39 x 1.39 degrees" in even
+    assert even.endswith(" degrees wide")
+    assert re.search(r"; mean 12\d\d cd; edge from 90 to 10 % ", even)
     (plane,) = photometric_lines(metrics(SQUARE), units_of("W"))
-    assert plane.startswith("uniformity E_min/E_mean 1.000, E_min/E_max 1.000, mean 1.276e+06 W/m^2 on 400")
-    assert plane.endswith(" % and lowers E_min")
+    assert plane.startswith(
+        "uniformity U0 = E_min/E_mean 1.000, E_min/E_max 1.000, rsd 0.000 on 361 boxes of "
+    )
+    assert "; mean 1.276e+06 W/m^2; edge" in plane
 
 
 def test_a_beam_that_fills_the_target_has_no_angle(metrics):

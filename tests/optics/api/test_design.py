@@ -84,7 +84,8 @@ def test_verify_checks_file_and_light(done):
     assert checked["ok"]
     names = " ".join(check["name"] for check in checked["checks"])
     assert "rear face" in names
-    assert "rel_l2" in names
+    assert "uniformity U0 = E_min / E_mean" in names
+    assert checked["grade"] == design.verdict.grade == "made"
 
 
 def test_it_shows_itself_without_touching_the_scripts_plots(done):

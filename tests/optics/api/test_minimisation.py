@@ -90,3 +90,36 @@ def test_a_bad_loss_gets_one_sentence(loss, error, sentence):
 def test_an_unknown_method_is_refused():
     with pytest.raises(optics.UserError, match=r"method must be one of 'lbfgs', 'adam', or an .*'newton'"):
         optics.minimise(bowl, np.zeros(3), "newton")
+
+
+@pytest.mark.parametrize(
+    ("start", "options", "message"),
+    [
+        (np.zeros(3), {"iterations": -1}, "iterations must be a whole number from 0 on, got -1"),
+        (np.zeros(3), {"iterations": 2.5}, "iterations must be a whole number from 0 on, got 2.5"),
+        (np.zeros(3) + 1j, {}, "coefficients: numbers must be real, got complex128"),
+        (np.ma.array(np.zeros(3), mask=[0, 1, 0]), {}, "coefficients: numbers must not be masked, got 1"),
+        (
+            np.zeros((3, 1)),
+            {},
+            r"coefficients must be a vector or a tuple of vectors, got the shape \(3, 1\)",
+        ),
+        (None, {}, "coefficients must be"),
+    ],
+)
+def test_starts_and_counts_that_cannot_be_are_refused(start, options, message):
+    with pytest.raises(optics.UserError, match=message):
+        optics.minimise(bowl, start, **options)
+
+
+@pytest.mark.parametrize("part", [0, 1])
+def test_a_complex_loss_or_gradient_is_refused(part):
+    """numpy would drop the imaginary part with a warning."""
+
+    def loss(c):
+        found = [np.float64(1.0), np.zeros(3)]
+        found[part] = found[part] + 1j
+        return tuple(found)
+
+    with pytest.raises(optics.UserError, match=r"its gradient: numbers must be real, got complex128"):
+        optics.minimise(loss, np.zeros(3))

@@ -1,6 +1,8 @@
 """The model of scripts: its derivatives, its units, its refusals, and the loss of the project."""
 
+import copy
 import inspect
+import pickle
 import threading
 
 import numpy as np
@@ -193,3 +195,54 @@ def test_the_transport_start_is_near_the_light_asked_for(tmp_path):
     start = system.transport_start(space)
     model = system.model(space, RAYS, "cells")
     assert model.loss(start.coefficients)[0] < 0.2 * model.loss(np.zeros(space.dim))[0]
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "message"),
+    [
+        (lambda x: x + 1j, "numbers must be real, got complex128"),
+        (lambda x: np.ma.array(x, mask=np.arange(x.size).reshape(x.shape) == 2), "must not be masked, got 1"),
+    ],
+    ids=["complex", "masked"],
+)
+def test_numbers_with_more_to_them_are_refused(tmp_path, spoilt, message):
+    system = small_system(tmp_path)
+    space = system.space()
+    model, c = system.model(space, RAYS), at_of(space)
+    _, pull = model.vjp(c)
+    for call in (
+        lambda: model(spoilt(c)),
+        lambda: model.vjp(spoilt(c)),
+        lambda: model.jvp(c, spoilt(c)),
+        lambda: pull(spoilt(np.ones(model.shape))),
+        lambda: model.loss(spoilt(c)),
+        lambda: system.lens(space, spoilt(c)),
+    ):
+        with pytest.raises(optics.UserError, match=message):
+            call()
+
+
+@pytest.mark.parametrize("lens", [None, 3, "lens.json"])
+def test_what_is_no_lens_is_not_measured(tmp_path, lens):
+    with pytest.raises(
+        optics.UserError, match=rf"measure takes a Lens, got {type(lens).__name__}; system\.lens"
+    ):
+        small_system(tmp_path).measure(lens)
+
+
+@pytest.mark.parametrize(
+    "again",
+    [copy.copy, copy.deepcopy, lambda noun: pickle.loads(pickle.dumps(noun))],
+    ids=["copy", "deepcopy", "pickle"],
+)
+@pytest.mark.parametrize("name", ["cells", "two free surfaces", "glowing area"])
+def test_copies_of_systems_and_models_make_the_same_light(tmp_path, name, again):
+    changes, window = CASES[name]
+    system = small_system(tmp_path, changes | {"lens.rear.freeform.z_freedom": "auto"})
+    space = system.space(level=1)
+    model, c = system.model(space, RAYS, window), at_of(space)
+    other, (whole, part) = again(model), again((system, model))
+    assert whole.problem == system.problem
+    np.testing.assert_array_equal(other(c), model(c))
+    np.testing.assert_array_equal(part.loss(c)[0], model.loss(c)[0])
+    np.testing.assert_array_equal(whole.model(space, RAYS, window)(c), model(c))

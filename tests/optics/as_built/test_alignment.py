@@ -6,13 +6,23 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from optics.as_built import Motion, best_fit, by_datums
+from optics.as_built import Motion, best_fit, by_datums, outliers
 from optics.runtime import UserError
 from tests.optics.as_built.cases import freeform, ripple, scattered
+from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+from thbcad.surfaces import THBSurface
 
 SMALL = st.floats(-0.3, 0.3)
+
+
+def freeform_of(height: float, half_width: float = 50.0) -> THBSurface:
+    """Return a sag of waves, mm, without symmetry."""
+    kv = KnotVector.uniform(3, 4, -half_width, half_width)
+    space = THBSpace(kv, kv)
+    return THBSurface(space, height * np.sin(1.7 * np.arange(space.dim)))
 
 
 def points_of(surface: FreeformSurface, inside: float = 0.9, count: int = 3000) -> np.ndarray:
@@ -63,6 +73,45 @@ def test_the_best_fit_hides_a_tilt_that_datums_show() -> None:
     assert datums.rms > 10 * own
     assert fitted.rms < 1.01 * own
     assert abs(fitted.motion.tilt[0] - 1e-3) < 1e-5
+
+
+@pytest.mark.parametrize("away", [1e-5, 1e-3, 9e-3])
+def test_points_on_the_rim_belong_to_the_best_fit(away: float) -> None:
+    """A grid from rim to rim, of a part that lies a little aside: no row is lost, and the motion is found."""
+    surface = freeform()
+    x, y = (g.ravel() for g in np.meshgrid(*(np.linspace(-h, h, 60) for h in surface.half_width)))
+    motion = Motion(np.array([away, -away / 3, 3e-4]), np.array([2e-6, 1e-6, -3e-6]))
+    found = best_fit(surface, motion.done(np.stack([x, y, surface(x, y)])))
+    assert found.points.shape[1] == x.size
+    assert np.abs(found.motion.shift - motion.shift).max() < 1e-9
+    assert np.abs(found.motion.tilt - motion.tilt).max() < 1e-10
+    assert (np.abs(found.points[:2]) <= np.reshape(surface.half_width, (2, 1))).all()
+
+
+def test_a_patch_of_outliers_is_named_with_its_place() -> None:
+    surface = freeform()
+    x, y, z = points_of(surface)
+    patch = (np.abs(x - 4) < 1) & (np.abs(y + 3) < 1)
+    assert outliers(surface, np.stack([x, y, z + ripple(x, y)])) is None
+    assert outliers(surface, np.stack([x, y, 1.0001 * z])) is None
+    said = outliers(surface, np.stack([x, y, z + ripple(x, y) + np.where(patch, 0.5, 0.0)]))
+    assert said is not None
+    assert said.startswith(f"{patch.sum()} of 3,000 points lie up to 500 um from where the others do, round")
+    assert "x = 3.9" in said or "x = 4" in said
+
+
+@settings(deadline=None, max_examples=8)
+@given(st.floats(0.96, 1.04), st.sampled_from([-1.0, 0.0, 0.5]), st.sampled_from([0, 1]))
+def test_a_best_fit_brings_points_nearer_however_weak_a_motion_is(
+    power: float, cut: float, axis: int
+) -> None:
+    """Half of a lens of other power, on a surface that hardly shows most motions."""
+    surface = FreeformSurface((50.0, 50.0), Conic(150.0, -1.0), freeform_of(0.002))
+    x, y = np.random.default_rng(0).uniform(-49, 49, (2, 2000))
+    x, y = (a[(x, y)[axis] > 50 * cut] for a in (x, y))
+    z = surface(x, y) + Conic(150 / power, -1.0)(x, y) - surface.conic(x, y)
+    points = np.stack([x, y, z])
+    assert best_fit(surface, points).rms <= by_datums(surface, points).rms + 1e-12
 
 
 def test_points_that_leave_the_surface_are_refused() -> None:

@@ -268,7 +268,18 @@ TEXTS = [
     ("UTF-16", lambda text: text.encode("utf-16"), "UTF-8", "save it as UTF-8"),
     ("Latin-1", lambda text: ("# für\n" + text).encode("latin-1"), "UTF-8", "save it as UTF-8"),
     ("a picture", lambda text: b"\x89PNG\r\n\x1a\n" + bytes(99), "UTF-8", "save it as UTF-8"),
-    ("nesting without end", lambda text: "x = " + "[" * 9000 + text, "nested", "in a simpler way"),
+    (
+        "nesting without end",
+        lambda text: "x = " + "[" * 9000 + text,
+        "nested more than 16 deep",
+        "mend it there",
+    ),
+    (
+        "a key without end",
+        lambda text: text + "\na" + ".a" * 100_000 + "=1",
+        "a key has more than 16 parts",
+        "mend it there",
+    ),
     ("two megabytes", lambda text: text + "#" * 2_000_000, "larger than", "the 1000000 bytes allowed"),
     (
         "cut in the middle",

@@ -267,3 +267,13 @@ def test_bash_completes_commands_options_choices_and_paths(words, wanted, tmp_pa
     )
     done = subprocess.run(["bash", "-c", program], cwd=EXAMPLES, capture_output=True, text=True, check=True)
     assert set(done.stdout.split()) == wanted
+
+
+def test_a_choice_that_the_program_cannot_make_says_why(capsys):
+    told = refused(capsys, "new", "--kind", "mirror")
+    assert "invalid choice: 'mirror'" in told
+    assert told.endswith(
+        "; thbcad cannot do that: there is one lens and nothing else that light meets "
+        "(its README lists what it cannot do)"
+    )
+    assert refused(capsys, "new", "--kind", "square").endswith("; thbcad new --help says more")

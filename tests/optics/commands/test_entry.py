@@ -3,13 +3,14 @@
 import gc
 import io
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from optics.commands import cli, main
+from optics.commands import cli, launch, main
 from optics.commands.outcome import Outcome
 from optics.progress import drawing
 from optics.runtime import Phase, Progress, note
@@ -42,7 +43,7 @@ def test_a_command_searches_for_garbage_rarely_and_not_at_its_end(monkeypatch):
     monkeypatch.setattr(cli, "main", ran)
     try:
         with pytest.raises(SystemExit) as ended:
-            cli.entry()
+            launch.entry()
         assert ended.value.code == 3
         assert seen[0][0] > 10 * before[0]
         assert gc.get_freeze_count() > 0
@@ -170,3 +171,48 @@ def test_a_reader_that_has_gone_is_no_error(words):
     done = ended(*words, stdout=writer)
     os.close(writer)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+STOPPED = """
+import os, signal, sys
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == MODULE:
+            os.kill(os.getpid(), NUMBER)
+sys.meta_path.insert(0, Stop())
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run in the background
+sys.argv[1:] = ["check", "none.toml"]
+from optics.commands import entry
+entry()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["gc", "argparse", "optics.commands.cli", "optics.commands.check_command"])
+def test_a_signal_ends_the_command_with_one_line_and_its_code_also_among_its_imports(module, number):
+    program = STOPPED.replace("MODULE", repr(module)).replace("NUMBER", str(int(number)))
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    word = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", f"thbcad: {word}\n")
+
+
+@pytest.mark.parametrize("moment", ["sys.exit", "again"])
+def test_a_signal_ends_the_command_with_one_line_also_while_it_ends(moment):
+    """And a second one, while the first is answered."""
+    program = f"""
+import atexit, os, signal, sys
+from optics.commands import cli, entry
+signal.signal(signal.SIGINT, signal.default_int_handler)
+stop = lambda *_: os.kill(os.getpid(), signal.SIGINT)
+if {moment!r} == "again":
+    cli.main = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
+else:
+    cli.main = lambda: atexit.register(stop) and 0
+entry()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "thbcad: interrupted\n")

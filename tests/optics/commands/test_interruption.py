@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import shutil
 import signal
 import time
@@ -11,6 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from optics.commands import main
+from optics.commands.design_command import resuming
 from optics.optimisation import Interrupted
 from tests.optics.cases import picture, write_problem
 from tests.optics.commands.cases import command, refused, strict_json
@@ -47,8 +50,33 @@ def stopped_copy(stopped, tmp_path):
 def test_ctrl_c_ends_with_130_and_leaves_a_checkpoint(stopped):
     assert stopped.code == 130
     assert "Traceback" not in stopped.stderr
-    assert "--resume goes on" in stopped.stderr
     assert len(strict_json((stopped.folder / "out" / "checkpoint.json").read_text())["history"]) > 0
+
+
+def test_ctrl_c_says_what_was_reached_and_the_command_line_that_goes_on(stopped):
+    """A level's misfit is its rel_l2 on the optimiser's own pixels, and the lens that of the best row."""
+    out = stopped.folder / "out"
+    history = strict_json((out / "checkpoint.json").read_text())["history"]
+    reached, level, command = re.search(
+        r"rel_l2 (\S+) so far, on the light that level (\d) is .*; to go on: (.*)", stopped.stderr
+    ).groups()
+    words = shlex.split(command)
+    assert words == ["thbcad", "design", str(stopped.folder / "problem.toml"), "--out", str(out), "--resume"]
+    fits = [row[4] for row in history if row[6] == history[-1][6]]
+    assert int(level) == history[-1][0]
+    assert float(reached) == pytest.approx(min(fits), rel=6e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "command"),
+    [
+        (["design", "a b.toml", "--from", "old", "-q"], "thbcad design 'a b.toml' -q --resume"),
+        (["design", "--from=old", "a.toml", "--resume"], "thbcad design a.toml --resume"),
+        (["design", "a.toml", "--set", 'title="x"'], """thbcad design a.toml --set 'title="x"' --resume"""),
+    ],
+)
+def test_the_command_line_that_goes_on_can_be_copied(words, command):
+    assert resuming(words) == command
 
 
 @pytest.mark.slow
@@ -169,4 +197,5 @@ def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, ca
     arguments = ["design", str(problem), "--out", str(tmp_path / "out")]
     for more in ([], ["--resume", "--iterations", "9"], ["--resume"], ["--resume", "--iterations", "7"]):
         assert main([*arguments, *more]) == 130
-        assert "the same command with --resume goes on" in capsys.readouterr().err
+        assert f"--out {tmp_path / 'out'}" in (said := capsys.readouterr().err)
+        assert "to go on: thbcad design" in said

@@ -111,16 +111,26 @@ def test_bad_ray_files_are_one_sentence_before_light_is_traced(
 
 @pytest.mark.parametrize("suffix", [".ies", ".LDT"])
 def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suffix):
+    light = 1 + np.sin(np.arange(48 * 48)).reshape(48, 48) ** 2
+    np.savez(result / "irradiance.npz", irradiance=light)
     out = tmp_path / f"light{suffix}"
     done = run(capsys, "export", result, "--rays", 4000, "--step", 10, "--out", out, "--json")
     assert done.code == 0, done.err
     data = json.loads(done.out)
     assert data["ok"]
     assert data["steps_deg"] == [20.0, 10.0]
+    shown = ["the lens", "this file", "steps of 10 alone", "steps of 5 alone", "steps of 0.5 alone"]
+    assert list(data["on_target"]) == shown
+    off = [data["on_target"][name]["rel_l2"] for name in shown]
+    assert off[0] == 0 < off[4] < off[3] < off[2]
     assert read_luminaire(out).flux == pytest.approx(data["flux_w"], rel=1e-6)
     once = out.read_bytes()
     again = run(capsys, "export", result, "--rays", 4000, "--step", 10, "--out", out)
     assert "noise" in again.out
+    assert f"steps of 10 alone {off[2]:.1%} off" in again.out
+    (result / "irradiance.npz").unlink()
+    bare = run(capsys, "export", result, "--rays", 4000, "--step", 10, "--out", out)
+    assert "irradiance.npz is not in the result folder" in bare.out
     assert out.read_bytes() == once
 
 

@@ -27,7 +27,7 @@ def test_a_sweep_says_how_many_variants_are_done_and_which_is_best(by, tmp_path,
     by(quick)
     assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path), "--quiet"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[:2] == ["2 variants: 2 done", "least rel_l2 0.0033: target.distance = 300"]
+    assert lines[:2] == ["2 variants: 2 done; 1 made, 1 light misses", "best: target.distance = 200: fine"]
     assert lines[2] == f"table {tmp_path / 'sweep.csv'}   page {tmp_path / 'sweep.html'}"
 
 

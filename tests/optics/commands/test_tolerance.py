@@ -30,6 +30,7 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
     amounts.write_text(f"{rest}\nindex = 0.002\n", "utf-8")
     before = {file: sha256_of(file) for file in copy.iterdir() if file.is_file()}
     words = ["tolerance", copy, "--tolerances", amounts, "--set", "lens.decentre_x=0.03", "--json"]
+    words += ["--limit", "0.01", "--limit", "efficiency=0.5", "--float-shift"]
     done = run(capsys, *words)
     assert done.code == 0
     data = json.loads(done.out)
@@ -37,9 +38,11 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
         "index": 0.002,
         "lens.decentre_x": 0.03,
     }
+    assert data["limits"] == {"rel_l2": pytest.approx(data["rel_l2"] + 0.01), "efficiency": 0.5}
+    assert data["shift_floats"]
     page = (copy / "tolerance.html").read_text("utf-8")
     assert "What the shop must hold" in page
-    # the shares, two changes of the light, the allowed form error and a map of it on either side
+    # the costs, two changes of the light, the allowed form error and a map of it on either side
     assert page.count("<img ") == 6
     assert {*data["form_error"]["sides"]} == {"front", "rear"}
     assert all(sentence in unescape(page) for sentence in data["form_error"]["sentences"])
@@ -98,6 +101,10 @@ def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):
         (["--set", "lens.decenter=1"], "did you mean lens.decentre"),
         (["--set", "index"], "NAME=AMOUNT"),
         (["--limit", "-1"], "limit must be"),
+        (["--limit", "much"], "--limit takes a rise of rel_l2"),
+        (["--limit", "efficiency="], "--limit takes a rise of rel_l2"),
+        (["--limit", "u0=0.7"], "there is no limit 'u0'"),
+        (["--limit", "efficiency=0.85", "--limit", "min_over_mean=0.7"], "the target is a picture"),
         (["--tolerances", "none.toml"], "none.toml"),
         (["--tolerances", "/dev/zero"], "larger than a file of amounts"),
         (["--tolerances", "lens.toml"], "lens.toml: title must be a number from 0, got 'small'; a file of"),

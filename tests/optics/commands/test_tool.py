@@ -57,7 +57,7 @@ def test_the_same_tool_leaves_the_same_bytes(result):
 
 
 def test_a_ball_that_does_not_fit_is_a_failed_check(capsys, result, tmp_path):
-    assert main(["tool", str(result), "--ball", "41", "--out", str(tmp_path / "out")]) == 1
+    assert main(["tool", str(result), "--ball", "41", "--out", str(tmp_path / "out")]) == 4
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("a ball end of 41 mm does not fit the rear for certain")
     assert any(line.startswith("FAILED a ball end of 41 mm on the rear") for line in lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-from html import unescape
+from html import escape, unescape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -160,10 +160,10 @@ def test_the_report_shows_figures_checks_and_problem_with_names_escaped(golden):
     text = (golden.path / "report.html").read_text("utf-8")
     assert "quick &lt;b&gt;&quot;&amp;" in text
     assert "quick <b>" not in text
-    assert "every check passed" in text
+    assert "the lens makes the light asked for, and the file is the lens" in text
     for check in strict_json((golden.path / "verify.json").read_text())["checks"]:
-        assert check["name"] in text
-    for name in set(strict_json((golden.path / "metrics.json").read_text())) - {"verdict", "notes"}:
+        assert escape(check["name"]) in text
+    for name in set(strict_json((golden.path / "metrics.json").read_text())) - {"grade", "verdict", "notes"}:
         assert name in text
     assert "z_freedom = 1.0" in text
 
@@ -232,7 +232,7 @@ def test_verify_fails_a_changed_step_file(copy, capsys):
     )
     at = text.index("B_SPLINE_SURFACE") + number.end(1) - 1
     (copy / "lens.step").write_text(text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1 :])
-    assert main(["verify", str(copy), "--no-optiland"]) == 1
+    assert main(["verify", str(copy), "--no-optiland"]) == 4
     captured = capsys.readouterr()
     assert "FAILED" in captured.out
     assert captured.err == ""
@@ -307,7 +307,10 @@ def test_a_design_that_misses_says_so_everywhere_and_ends_with_1(tmp_path, capsy
     captured = capsys.readouterr()
     metrics = strict_json((tmp_path / "out" / "metrics.json").read_text())
     record = strict_json((tmp_path / "out" / "result.json").read_text())
-    assert metrics["verdict"].startswith("the design misses rel_l2")
+    assert metrics["grade"] == record["grade"] == "light misses"
+    assert re.match(
+        r"[\d.]+ % off: the light misses what was asked for: rel_l2, without noise", metrics["verdict"]
+    )
     (asked,) = [sentence for sentence in metrics["notes"] if "the transport map asks for a sag" in sentence]
     assert asked in captured.err
     assert metrics["verdict"] in captured.out

@@ -10,8 +10,8 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import dblquad
 from scipy.optimize import minimize
 
+from optics.blur import patch_images
 from optics.etendue.image_size import image_half_width, least_mean
-from optics.etendue.measured_images import PATCHES, patch_images
 from optics.etendue.throughput_bound import (
     RAYS,
     aperture_etendue,
@@ -267,11 +267,12 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     """
     problem, lens = load_problem(ROOT / "examples" / "extended.toml"), hollow_lens()
     images = patch_images(OpticalSystem(problem), lens, backend)
-    at = (2 * np.arange(PATCHES) + 1) / PATCHES - 1
+    patches = len(images.flux)
+    at = (2 * np.arange(patches) + 1) / patches - 1
     middle = np.ix_(*[np.abs(at) < 0.5] * 2)
     zx, zy = (lens.rear.grid(8 * at, 8 * at, d) for d in ((1, 0), (0, 1)))
     areas = (np.prod(images.width, axis=0) * np.sqrt(1 + zx * zx + zy * zy))[middle].sum() * (
-        16 / PATCHES
+        16 / patches
     ) ** 2
     rays = OpticalSystem(problem).source.rays((512, 512))
     tracer = Tracer(backend, lens, rays, problem.target_z)

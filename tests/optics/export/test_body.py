@@ -186,7 +186,7 @@ def test_a_bare_file_cut_off_or_in_another_unit_is_caught(capsys, tmp_path, word
     text = out.read_text()
     out.write_text(text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT(.CENTI.,.METRE.)"))
     done = run(capsys, "verify", out)
-    assert done.code == 1
+    assert done.code == 4
     assert "FAILED text of the file: unit of length that is not mm" in done.out
     out.write_text(text[: len(text) // 2])
     done = run(capsys, "verify", out)
@@ -202,7 +202,7 @@ def test_a_face_missing_from_a_bare_file_is_caught(capsys, tmp_path, word):
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", text)[1]
     out.write_text(text.replace(shell, ",".join(shell.split(",")[:-1])))
     done = run(capsys, "verify", out)
-    assert done.code == 1
+    assert done.code == 4
     assert "FAILED text of the file: edges that do not border two faces" in done.out
 
 

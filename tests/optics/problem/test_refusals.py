@@ -9,9 +9,11 @@ import re
 
 import pytest
 
+from optics.problem import Problem, assignment, cannot_do, keys_of
 from optics.problem.problem_file import MAX_FILE_BYTES, load_problem
 from optics.problem.toml_text import problem_to_toml
 from optics.runtime import UserError
+from tests.cases import ROOT
 from tests.optics.cases import SMALL, toml_text, toml_value
 from tests.optics.problem.cases import EXTENDED, REQUIRED, load_text, load_values
 
@@ -327,7 +329,7 @@ def test_an_array_of_tables_is_refused(tmp_path):
     ids=repr,
 )
 def test_text_that_is_not_toml_is_refused(tmp_path, text):
-    with pytest.raises(UserError, match=r"is not valid TOML") as caught:
+    with pytest.raises(UserError, match=r"cannot be read as TOML") as caught:
         load_text(tmp_path, text)
     assert one_sentence(str(caught.value))
 
@@ -384,7 +386,7 @@ def test_endless_whole_numbers_are_refused(tmp_path, key, digits):
 
 
 def test_deep_nesting_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"is nested too deep for TOML"):
+    with pytest.raises(UserError, match=r"values are nested more than 16 deep \(at line 1\)"):
         load_text(tmp_path, "x = " + "[" * 50_000)
 
 
@@ -400,5 +402,85 @@ def test_messages_stay_on_one_line_whatever_the_key(tmp_path, name):
     assert str(caught.value).isprintable()
 
 
+@pytest.mark.parametrize("key", ["title", "lens.material", "target.image"])
+def test_half_a_letter_is_refused(tmp_path, key):
+    """A name of bytes that are no UTF-8 text comes as lone surrogates; no file could hold it."""
+    problem = load_values(tmp_path, SMALL)
+    with pytest.raises(UserError, match=rf"{re.escape(key)} must be text that UTF-8 can hold"):
+        problem.with_(**{key: "Gr\udcc3"})
+
+
+def test_a_picture_in_a_folder_whose_name_is_no_text_is_refused(tmp_path):
+    (tmp_path / "folder\udcff").mkdir()
+    with pytest.raises(UserError, match=r"target\.image must be text that UTF-8 can hold, got .*; rename"):
+        load_values(tmp_path / "folder\udcff", SMALL)
+
+
 def test_messages_stay_short_whatever_the_value(tmp_path):
     assert one_sentence(refusal(tmp_path, {"lens.thickness": "x" * 100_000}))
+
+
+def test_a_change_of_a_key_of_many_parts_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"the key a\.a.* has more than 16 parts"):
+        load_values(tmp_path, SMALL).with_(**{"a" + ".a" * 100_000: 1})
+
+
+@pytest.mark.parametrize(
+    "value", ["{a" + ".a" * 30_000 + "=1}", "[" * 100_000, "1\n[a" + ".a" * 30_000 + "]"]
+)
+def test_an_assignment_of_many_parts_is_refused(value):
+    with pytest.raises(UserError, match=r"lens must be a table") as caught:
+        assignment(f"lens={value}", Problem)
+    assert one_sentence(str(caught.value))
+
+
+# ---- what the program cannot do ----
+
+
+def test_what_the_program_has_learned_is_not_called_impossible():
+    """An entry whose key exists would never be told, or be told of a misspelt one: it leaves the table."""
+    known = {key.name for key in keys_of(Problem)}
+    assert {name for name in known if cannot_do(name)} == set()
+    choices = {word for key in keys_of(Problem) if key.limits for word in key.limits["choices"] or ()}
+    assert {word for word in choices if cannot_do(word)} == set()
+
+
+def test_the_readme_lists_what_the_program_cannot_do():
+    assert re.search(r"^## What \S+ cannot do$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("target.tilt", [0.0, 10.0, 0.0], "target is a plane across the axis"),
+        ("lens.rear.outline", "round", "lenses are designed as rectangles"),
+        ("elements", [{"kind": "mirror"}], "there is one lens and nothing else"),
+        ("source.array", {"columns": 3}, "there is one lens before one source"),
+        ("lens.kind", "mirror", "there is one lens and nothing else"),
+        ("source.kind", "mirror", "there is one lens and nothing else"),
+    ],
+)
+def test_a_dead_end_says_what_the_program_cannot_do_and_where_that_is_written(tmp_path, key, value, words):
+    with pytest.raises(UserError, match=rf"{re.escape(key)}.*{words}.*README") as caught:
+        load_values(tmp_path, SMALL).with_(**{key: value})
+    assert one_sentence(str(caught.value))
+
+
+def test_a_dead_end_of_the_command_line_says_so_too():
+    with pytest.raises(UserError, match=r"unknown key target\.tilt; thbcad cannot do that: the target is"):
+        assignment("target.tilt=[1, 2, 3]", Problem)
+    with pytest.raises(UserError, match=r"unknown key lens\.kind; thbcad cannot do that: there is one lens"):
+        assignment("lens.kind=mirror", Problem)
+
+
+@pytest.mark.parametrize("table", ["source", "target", "lens.rear"])
+def test_several_of_a_table_are_refused_with_the_table_to_write(tmp_path, table):
+    text = toml_text(SMALL).replace(f"[{table}]", f"[[{table}]]", 1)
+    with pytest.raises(UserError, match=rf"{table} must be a table, \[{table}\], and there is one; got \["):
+        load_text(tmp_path, text)
+
+
+@pytest.mark.parametrize("text", ["=3", " = 3", "="])
+def test_an_assignment_without_a_key_says_that_it_is_missing(text):
+    with pytest.raises(UserError, match=r"a key is missing before = in .*: write KEY=VALUE"):
+        assignment(text, Problem)

@@ -5,11 +5,12 @@ from html import unescape
 
 import pytest
 
+from optics.analysis import Verdict
 from optics.photometry import units_of
 from optics.problem import load_problem
 from optics.report.html import STYLE, Report, report_html
 from optics.report.metric_words import metric_rows, number_text
-from optics.runtime import Check, verification
+from optics.runtime import Check, grade, verification
 
 METRICS = {
     "rel_l2": 0.1,
@@ -31,7 +32,7 @@ def page(problem_file):
     """A function from further metrics to the report's page."""
 
     def make(more):
-        report = Report(load_problem(problem_file()), METRICS | more, {"ok": True, "checks": []}, [], {})
+        report = Report(load_problem(problem_file()), METRICS | more, verification([]), [], {})
         return report_html(report, "")
 
     return make
@@ -43,7 +44,7 @@ def test_efficiency_stands_beside_what_two_faces_pass(page):
 
 
 def test_the_error_stands_with_its_noise_and_the_ways_that_count(page):
-    assert "Relative error 10 %, without noise 9.8 +- 0.07 % (front and rear only)," in page({})
+    assert "Relative error 9.8 +- 0.07 % (front and rear only)," in page({})
     assert "(all paths)" in page({"paths": "all"})
 
 
@@ -65,29 +66,45 @@ def test_nothing_is_said_of_what_was_not_traced_or_is_dark(page, more):
     assert "by other ways:" not in page(more)
 
 
-def judged(problem_file, changes, *checks, **more):
+def judged(problem_file, changes, *checks, notes=(), sentence="", **more):
     """Return the page of a report with these checks."""
     problem = load_problem(problem_file(changes))
-    return report_html(Report(problem, METRICS, verification(checks), [], {}, **more), "")
+    verdict = Verdict(grade(checks), sentence, checks, tuple(notes))
+    return report_html(Report(problem, METRICS, verification(checks), [], {}, verdict, **more), "")
 
 
 def test_the_verdict_and_the_notes_stand_first_and_are_escaped(problem_file):
-    page = judged(problem_file, None, verdict="rel_l2 < 0.5 & lit", notes=["<b>dark</b>", "second"])
+    page = judged(problem_file, None, sentence="rel_l2 < 0.5 & lit", notes=["<b>dark</b>", "second"])
     assert '<p class="banner good">rel_l2 &lt; 0.5 &amp; lit</p>' in page
     assert "<li>&lt;b&gt;dark&lt;/b&gt;</li><li>second</li>" in page
     assert page.index("banner good") < page.index("source flux inside the target")
-    failed = judged(problem_file, None, Check("free edges", 2, 0, ""), verdict="no")
-    assert '<p class="banner bad">no</p>' in failed
 
 
-def test_without_a_verdict_there_is_no_banner(problem_file):
-    assert '<p class="banner' not in judged(problem_file, None)
+@pytest.mark.parametrize(
+    ("check", "colour"),
+    [
+        (Check("free edges", 2, 0, ""), "bad"),
+        (Check("U0", 0.3, 0.7, "", at_least=True, subject="light"), "bad"),
+        (Check("U0", 0.71, 0.7, "", at_least=True, error=0.02, subject="light"), "open"),
+        (Check("U0", 0.8, 0.7, "", at_least=True, subject="light"), "good"),
+    ],
+)
+def test_the_colour_of_the_banner_is_that_of_the_grade(problem_file, check, colour):
+    assert f'<p class="banner {colour}">no</p>' in judged(problem_file, None, check, sentence="no")
+
+
+def test_without_a_verdict_there_is_no_banner(page):
+    assert '<p class="banner' not in page({})
 
 
 def test_a_failed_check_says_what_was_got_and_wanted(problem_file):
     words = "<li>free edges: got 2, wanted at most 0</li>"
     assert words in judged(problem_file, None, Check("free edges", 2, 0, ""))
     assert words not in judged(problem_file, None, Check("free edges", 0, 0, ""))
+    unsure = Check("U0", 0.71, 0.7, "", at_least=True, error=0.02, subject="light", remark="more rays would")
+    assert "<li>U0: got 0.71 +- 0.02, wanted at least 0.7; more rays would</li>" in judged(
+        problem_file, None, unsure
+    )
 
 
 def test_of_a_missed_limit_a_note_says_more(problem_file):
@@ -141,7 +158,7 @@ def test_light_in_lumens_has_its_units_and_its_meaning():
     beam = {f"{angle}_{plane}": 9.0 for angle in ("beam_angle", "field_angle") for plane in ("c0", "c90")}
     found = {
         "target_mean_lx": 7.0,
-        "uniformity": {"min_over_mean": 0.9, "noise": 0.02, "lit_mean_lx": 8.0, "pixel_mm": [0.5, 0.25]},
+        "uniformity": {"min_over_mean": 0.9, "noise": 0.02, "lit_mean_lx": 8.0, "box_mm": [0.5, 0.25]},
         "beam": {"peak_cd": 50.0, "peak_cd_per_klm": 100.0, **beam},
         "fates_lm": {"on_target": 0.8},
         "nonsequential": {"target_lm": 0.8, "fates_lm": {"on_target": 0.8}},
@@ -153,7 +170,7 @@ def test_light_in_lumens_has_its_units_and_its_meaning():
     assert (units["beam beam_angle_c0"], units["uniformity min_over_mean"]) == ("degrees", "")
     fluxes = ("fates_lm on_target", "nonsequential target_lm", "nonsequential on_target")
     assert [units[name] for name in fluxes] == ["lm"] * 3
-    assert rows["uniformity pixel_mm"][:2] == ["0.5 x 0.25", "mm"]
+    assert rows["uniformity box_mm"][:2] == ["0.5 x 0.25", "mm"]
     assert rows["uniformity noise"][:2] == ["2", "%"]
     assert rows["beam field_angle_c90"][2] == "full width at 10% of the peak, plane C90"
     assert all(meaning for *_, meaning in rows.values())

@@ -362,10 +362,26 @@ def test_nothing_is_left_where_a_folder_cannot_be_made(tmp_path, problem):
     before = sorted(p.name for p in tmp_path.iterdir())
     with pytest.raises(
         UserError,
-        match=r"cannot write to the result folder .*file/out: Not a directory; choose another with --out",
+        match=r"cannot write to the result folder .*file/out: .*file is a file; choose another with --out",
     ):
         taken(ResultFolder(tmp_path / "file" / "out"), problem)
     assert sorted(p.name for p in tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("out", ["link", "link/below"])
+def test_a_link_that_leads_nowhere_is_named_with_where_it_leads(tmp_path, problem, out):
+    (tmp_path / "link").symlink_to("gone")
+    with pytest.raises(
+        UserError, match=r"folder .*: .*link is a link to gone, which does not exist; choose another with"
+    ):
+        taken(ResultFolder(tmp_path / out), problem)
+    assert not (tmp_path / "gone").exists()
+
+
+def test_a_name_that_no_cad_kernel_takes_is_refused_before_it_is_made(tmp_path, problem):
+    with pytest.raises(UserError, match=r"out\\xdcff: its name is no UTF-8 text"):
+        taken(ResultFolder(tmp_path / "out\udcff"), problem)
+    assert not (tmp_path / "out\udcff").exists()
 
 
 @pytest.mark.parametrize("name", ["lens.json", "target.png", "checkpoint.json", "figures/sag.png"])

@@ -1,5 +1,6 @@
 """A helper process: what it returns, how it fails, and that it never outlives the first."""
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -215,6 +216,30 @@ def test_a_process_that_dies_is_an_error_not_a_wait(process):
         process_for("test") as process,
     ):
         process.ask("os", "kill", process.ask("os", "getpid").result(), signal.SIGKILL).result()
+
+
+def hold_the_lock(begun):
+    """Hold Python's lock for longer than anybody waits, as OCCT does for seconds."""
+    Path(begun).touch()
+    ctypes.PyDLL(None).usleep(200_000_000)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel tells it of a pipe on Linux only")
+def test_it_ends_when_the_first_process_is_killed_also_where_python_cannot_listen(tmp_path):
+    begun = tmp_path / "begun"
+    request = f'ask("tests.optics.runtime.test_helper_process", "hold_the_lock", {str(begun)!r})'
+    first = subprocess.Popen(
+        [sys.executable, "-c", ORPHAN.replace('ask("time", "sleep", SECONDS)', request)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    pid = int(first.stdout.readline())
+    while not begun.exists():
+        time.sleep(0.01)
+    first.kill()
+    first.communicate()
+    assert gone(pid)
 
 
 @pytest.mark.parametrize("seconds", [0, 2], ids=["idle", "at work"])

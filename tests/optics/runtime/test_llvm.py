@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from optics.runtime.errors import UserError
-from optics.runtime.llvm import OLDEST, candidates, llvm_library
+from optics.runtime.llvm import OLDEST, candidates, llvm_library, require_loadable
 
 NAMES = {
     "libLLVM-14.so.1": 14,
@@ -127,3 +127,18 @@ def test_drjit_computes_with_it_in_double_precision(backend):
     third = backend.Float([1.0, 2.0]) / 3
     np.testing.assert_array_equal(third.numpy(), np.array([1.0, 2.0]) / 3)
     assert third.numpy().dtype == np.float64
+
+
+def test_a_library_that_cannot_be_loaded_is_named(tmp_path):
+    (tmp_path / "libLLVM.so.19").write_bytes(b"no library")
+    with pytest.raises(UserError, match=r"cannot load the LLVM library .*libLLVM\.so\.19.*; install LLVM 17"):
+        require_loadable(str(tmp_path / "libLLVM.so.19"))
+
+
+def test_a_library_that_finds_no_memory_is_a_lack_of_memory(monkeypatch):
+    def failing(path):
+        raise OSError(f"{path}: failed to map segment from shared object")
+
+    monkeypatch.setattr("ctypes.CDLL", failing)
+    with pytest.raises(MemoryError):
+        require_loadable("libLLVM.so.19")

@@ -34,6 +34,8 @@ def quick(shared, work):
     distance = made.target.distance
     metrics = {"rel_l2": 1 / distance, "dof": made.lens.rear.freeform.max_level, "estimator": "cells"}
     metrics["rounded"] = 1 + 1e-13 * distance
+    metrics |= {"rel_l2_debiased": 1 / distance, "grade": "made" if distance < 250 else "light misses"}
+    metrics["verdict"] = "fine" if distance < 250 else "poor"
     return Designed(metrics, png(), '{"lens": 1}' if work.keep_lens else "")
 
 

@@ -276,3 +276,20 @@ def test_knots_too_uneven_for_a_grid_leave_all_poles_beside_it():
     knots = KnotVector(2, np.array([0.0, 0, 0, 0.3, 0.6, 1e300, 1e300, 1e300]))
     _, beside = _axis(knots, np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(4))
     assert beside.all()
+
+
+def test_a_lens_whose_splines_are_complex_entities_without_weights_verifies(good, tmp_path):
+    """ISO 10303-21 allows `(BOUNDED_SURFACE() B_SPLINE_SURFACE(...) ...)`; OCCT wants weights."""
+    simple = re.compile(r"= *B_SPLINE_SURFACE_WITH_KNOTS *\('',([^;]*?\.[TFU]\.),(\([\d,]+\),[^;]*)\);")
+    text, count = simple.subn(
+        r"=(SURFACE()B_SPLINE_SURFACE_WITH_KNOTS(\2)REPRESENTATION_ITEM('')"
+        r"GEOMETRIC_REPRESENTATION_ITEM()B_SPLINE_SURFACE(\1)BOUNDED_SURFACE());",
+        re.sub(r"\s+", " ", good.text).replace(", ", ",").replace("; ", ";\n"),
+    )
+    assert count
+    (tmp_path / "simple.step").write_text(good.text)
+    (tmp_path / "complex.step").write_text(text)
+    by_file = [bare_checks(StepFile(tmp_path / f"{name}.step")) for name in ("simple", "complex")]
+    assert [c.name for c in by_file[1].checks if not c.ok] == []
+    assert [c.name for c in by_file[1].checks] == [c.name for c in by_file[0].checks]
+    assert by_file[1].left_out == by_file[0].left_out

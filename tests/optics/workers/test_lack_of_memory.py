@@ -1,5 +1,7 @@
 """A lack of memory is known by what an error follows from, also where Dr.Jit wraps it."""
 
+import errno
+
 import pytest
 
 from optics.workers import lacks_memory
@@ -31,9 +33,23 @@ def test_a_lack_of_memory_inside_an_operation_is_known(backend, error):
     assert lacks_memory(operation(backend.dr, error))
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+        ImportError("_flapack.so: failed to map segment from shared object"),
+        ImportError("_core.so: cannot allocate memory in static TLS block"),
+    ],
+)
+def test_a_lack_of_memory_of_the_system_is_known(error):
+    assert lacks_memory(error)
+
+
 def test_other_errors_are_none(backend):
     assert not lacks_memory(operation(backend.dr, ZeroDivisionError("by four")))
     assert not lacks_memory(ValueError("out of memory"))
+    assert not lacks_memory(OSError(errno.ENOENT, "No such file"))
+    assert not lacks_memory(ImportError("no module named memory"))
 
 
 def after_a_lack(error, cause):

@@ -23,4 +23,12 @@ WIDER = Lens(
     1.5,
 )
 BALL = Lens(FreeformSurface((5, 4), Conic(12.0)), FreeformSurface((5, 4), Conic(-12.0, 0.5)), 5.0, 1.5)
+
+
+def height_line(view, points):
+    """Return points of a side or a section as (y, z) or (x, z), by the axes that the view says it has."""
+    named = {axis[-1]: column * (-1 if axis[0] == "-" else 1) for axis, column in zip(view.axes, points.T)}
+    return np.column_stack([named.get("x", named.get("y")), named["z"]])
+
+
 LENSES = {"plano": PLAIN, "wavy": WAVY, "of two sizes": WIDER, "of conics": BALL}

@@ -4,7 +4,7 @@ trimesh cuts the same body."""
 import numpy as np
 import pytest
 
-from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER
+from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER, height_line
 from thbcad import Product, body_mesh, to_trimesh
 from thbcad.drawings import Style, drawing_bytes, lens_sheet
 from thbcad.drawings.cut_outlines import cut_lens, intervals
@@ -55,7 +55,7 @@ def test_silhouettes_lie_within_their_bound_of_brute_force(lens, body, along):
     assert view.bound <= CHORD
     for face, name in enumerate(("front", "rear")):
         sign = (1, -1)[face]
-        lines = [c.points[:, :: -1 if along == 0 else 1] for c in view.curves if c.name == name]
+        lines = [height_line(view, c.points) for c in view.curves if c.name == name]
         v = np.unique(np.concatenate([line[:, 0] for line in lines]))
         v = v[:: max(1, len(v) // 25)]
         v = np.sort(np.concatenate([v, v[:-1] + np.diff(v) * 0.4]))
@@ -96,7 +96,7 @@ def test_a_side_view_is_as_large_as_the_mesh(lens, body):
     low, high = to_trimesh(body_mesh(lens, CHORD, **body)).bounds
     for along in (0, 1):
         view = cut_side(cut_of(lens, body), along, CHORD)
-        box = view.box()[:, ::-1] if along == 0 else view.box()
+        box = np.sort(height_line(view, view.box()), axis=0)
         assert box == pytest.approx(np.array([low, high])[:, [1 - along, 2]], abs=2 * CHORD)
 
 
@@ -113,8 +113,9 @@ def test_a_plan_shows_the_outline_and_the_flange_mirrored_from_the_front():
 
 
 def test_corners_behind_glass_are_hidden():
-    lines = [c for c in cut_side(cut_of(WAVY, BODIES["U"]), 1, CHORD).curves if c.name == "edge"]
-    styles = {float(c.points[0, 0]): c.style for c in lines}
+    view = cut_side(cut_of(WAVY, BODIES["U"]), 1, CHORD)
+    lines = [c for c in view.curves if c.name == "edge"]
+    styles = {float(height_line(view, c.points)[0, 0]): c.style for c in lines}
     hidden = Style.HIDDEN
     assert styles == {-4: Style.OUTLINE, -2: hidden, 2: hidden, 4: Style.OUTLINE}
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from tests.thbcad.cases import random_knot_vector, seeds
-from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER
+from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, height_line
 from thbcad.drawings import Style, plan_view, section_view, side_view
 from thbcad.drawings.envelopes import lowest_outline
 from thbcad.splines import BSplineSurface
@@ -52,7 +52,7 @@ def test_a_section_lies_on_both_surfaces(lens, axis, at):
     assert view.bound <= CHORD
     for name, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
         (curve,) = (c for c in view.curves if c.name == name)
-        across, z = (curve.points if axis == "y" else curve.points[:, ::-1]).T
+        across, z = height_line(view, curve.points).T
         half = surface.half_width[1 if axis == "x" else 0]
         assert (across[0], across[-1]) == (-half, half)
         fine = np.linspace(-half, half, LINES)
@@ -87,7 +87,7 @@ def test_no_point_of_the_surfaces_lies_beyond_the_outline_of_a_side(lens, axis):
         ("rear", lens.rear, lens.thickness, 1),
     ):
         curve = next(c for c in view.curves if c.name == name and c.style is Style.OUTLINE)
-        across, z = (curve.points[:, ::-1] if axis == "x" else curve.points).T
+        across, z = height_line(view, curve.points).T
         grid = surface.grid(*(np.linspace(-h, h, 601) for h in surface.half_width))
         extreme = vertex + sign * (sign * grid).max(axis=k)
         half = surface.half_width[1 - k]

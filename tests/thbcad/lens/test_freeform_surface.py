@@ -207,12 +207,47 @@ def test_spheres_of_any_size_have_a_graph(half_width, degree):
     assert abs(corner - conic(half_width, half_width)).max() <= 1e-11
 
 
+STEEP = {
+    "a mild hyperboloid far beyond its radius": ((74.6, 74.6), Conic(56.2, -2.0)),
+    "a sphere to 0.94 of its radius": ((20.0, 20.0), Conic(30.0)),
+    "a sphere to 0.9999 of its radius": ((5.0, 5.0), Conic(np.hypot(5.0, 5.0) / 0.9999)),
+    "an oblate ellipsoid": ((6.0, 3.0), Conic(-9.6, 1.0)),
+}
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+@pytest.mark.parametrize(("half_width", "conic"), STEEP.values(), ids=STEEP)
+def test_steep_conics_with_a_sag_become_splines_of_degree_five(half_width, conic, degree):
+    """Cubics want more than 1000 control points per direction for them, or more than 2000."""
+    space = THBSpace(KnotVector.uniform(degree, 4), KnotVector.uniform(degree, 5))
+    space = space.refine({0: [(0, 0), (1, 0), (0, 1), (1, 1)]})
+    surface = FreeformSurface(half_width, conic, THBSurface(space, 0.1 * np.sin(np.arange(space.dim))))
+    graph = surface.graph()
+    assert (graph.kv_u.degree, graph.kv_v.degree) == (5, 5)
+    assert max(graph.coefficients.shape) <= 1000
+    x, y = (np.concatenate([np.linspace(-h, h, 211), h * (1 - np.logspace(-9, -2, 40))]) for h in half_width)
+    z = surface.grid(x, y)
+    assert abs(graph.grid(x, y) - z).max() <= CONIC_TOLERANCE + 100 * EPS * abs(z).max()
+    assert surface.sag.to_bspline().kv_u.degree == degree  # the sag itself stays what it is
+
+
+def test_a_lens_with_a_steep_rear_is_sound_and_has_graphs_of_one_degree():
+    surface = FreeformSurface((20.0, 20.0), Conic(30.0), flat_sag())
+    lens = Lens(FreeformSurface((20.0, 20.0), Conic(), flat_sag()), surface, 4.0, 1.5)
+    front, rear = require_sound(lens).graphs()
+    assert {front.kv_u.degree, front.kv_v.degree, rear.kv_u.degree, rear.kv_v.degree} == {5}
+    assert [graph.kv_u.degree for graph in lens.own_graphs()] == [3, 5]
+
+
 def test_conics_that_no_spline_of_that_size_follows_are_refused():
+    """The sentence names the limit and the remedy."""
     with pytest.raises(
         ValueError,
-        match=r"radius 5\.001 and K 0\.0 cannot be written as a spline to 1e-11 mm with 2000 control points",
+        match=r"radius 5\.000001 and K 0\.0 cannot be written as a spline to 1e-11 mm with 2000 control "
+        r"points per direction of degree 5: the corner of the surface lies at r = 5 mm, at 0\.9999998 of the "
+        "radius where the conic ends; make the half-width smaller, or the radius larger",
     ):
-        FreeformSurface((5, 1e-3), Conic(5.001)).graph()
+        FreeformSurface((5, 1e-4), Conic(5.000001)).graph()
 
 
 def test_degree_one_is_refused():

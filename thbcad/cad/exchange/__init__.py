@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         write_faces as write_faces,
     )
     from thbcad.cad.exchange.part_triangles import (
+        face_triangles as face_triangles,
         part_mesh as part_mesh,
         solid_mesh as solid_mesh,
     )
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         step_solid as step_solid,
     )
     from thbcad.cad.exchange.reading import (
+        OCCT_ERRORS as OCCT_ERRORS,
         brep_shape as brep_shape,
         explore as explore,
         iges_shape as iges_shape,
@@ -91,6 +93,7 @@ _FILES = {
         "write_faces",
     ),
     "part_triangles": (
+        "face_triangles",
         "part_mesh",
         "solid_mesh",
     ),
@@ -99,6 +102,7 @@ _FILES = {
         "step_solid",
     ),
     "reading": (
+        "OCCT_ERRORS",
         "brep_shape",
         "explore",
         "iges_shape",

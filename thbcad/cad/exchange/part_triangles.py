@@ -8,6 +8,7 @@ The mesher is slow on spline faces: the room of meshes has proven ones of lenses
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -83,6 +84,32 @@ def solid_mesh(
             f"OCCT's mesh of {count:,} triangles is {error:.2g} mm off; allow a chord error of more than that"
         )
     return _joined(pieces, error, names or tuple(f"face {k + 1}" for k in range(len(faces))))
+
+
+def face_triangles(faces: Sequence[TopoDS_Face], chord: float) -> Floats:
+    """Return the corners of triangles of some faces, (n, 3, 3), mm.
+
+    chord : mm, that OCCT is asked for; for splines it is asked again where the measured error exceeds it.
+
+    Raises
+    ------
+    RuntimeError : OCCT leaves a face without triangles.
+    """
+    found = [np.empty((0, 3, 3))]
+    for face in faces:
+        deflection = chord
+        for _ in range(ROUNDS):
+            BRepTools.Clean_s(face)
+            BRepMesh_IncrementalMesh(face, deflection, False, ANGLE, False)
+            piece = _piece(face, False)
+            spline = isinstance(BRep_Tool.Surface_s(face), Geom_BSplineSurface)
+            error = _error(face, piece) if spline else 0.0
+            if error <= chord or len(piece.triangles) > SLOWEST:
+                break
+            deflection *= min(0.5, 0.7 * chord / error)
+        BRepTools.Clean_s(face)
+        found.append(piece.points[piece.triangles])
+    return np.concatenate(found)
 
 
 @dataclass(frozen=True, eq=False)

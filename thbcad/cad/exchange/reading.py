@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from OCP import Standard, TopoDS as Topology
 from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
-from OCP.IFSelect import IFSelect_RetDone
+from OCP.IFSelect import IFSelect_RetDone, IFSelect_ReturnStatus
 from OCP.IGESControl import IGESControl_Reader
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPControl import STEPControl_Reader
@@ -31,6 +32,7 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape
 
+from thbcad.cad.exchange.complex_splines import common_splines
 from thbcad.cad.exchange.step_writing import occt_settings
 
 if TYPE_CHECKING:
@@ -110,10 +112,12 @@ def _transfer(
 
     kinds : of entities that must be whole.
     """
-    _require_harmless(path)
+    data = path.read_bytes()
+    _require_harmless(path, data)
+    common = common_splines(data)
     try:
         with occt_settings({"xstep.cascade.unit": "MM"}):
-            if reader.ReadFile(str(path)) == IFSelect_RetDone:
+            if _read(reader, path, None if common == data else common) == IFSelect_RetDone:
                 _require_filled(path, reader, kinds)
                 if transfer():
                     return
@@ -122,10 +126,16 @@ def _transfer(
     raise ValueError(f"{path} is not a readable STEP file")
 
 
-def _require_harmless(path: Path) -> None:
+def _read(reader: STEPControl_Reader, path: Path, instead: bytes | None) -> IFSelect_ReturnStatus:
+    """Read a file, or what comes instead of its bytes."""
+    if instead is None:
+        return reader.ReadFile(str(path))
+    return reader.ReadStream(str(path), BytesIO(instead))
+
+
+def _require_harmless(path: Path, data: bytes) -> None:
     """Raise ValueError for an empty list of a direction or a curve and for a number from 1e100 on: OCCT ends
     the process over them."""
-    data = path.read_bytes()
     for pattern, context, what in (
         (EMPTY, NEVER_EMPTY, "an empty list"),
         (HUGE, IN_ENTITY, "a number from 1e100 on"),

@@ -18,6 +18,8 @@ from thbcad.splines import BSplineSurface
 
 GRAPH = 1e-3  # of the first singular value: the second, up to which a spline counts as a graph
 NEAR = 0.9  # cosine between an axis and the mean normal of the surface: 25 degrees
+ELLIPSE = 1e-6  # of the size of a rim, by which it may be off an ellipse
+ELLIPTIC = 1e-4  # relative difference of the squares of axes, from which an ellipse has directions
 SNAP = 1e-12  # directions nearer to an axis of the file are it
 SAME = 1e-9  # between unit vectors
 ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
@@ -109,11 +111,30 @@ def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats
     alike = [d for d in walls if not graph or any(abs(d @ g) > ALIKE for g in graph)]
     candidates = [d for one in alike or graph for d in (one, np.cross(axis, one))]
     toward = np.eye(3)[0] if abs(axis[0]) < 0.9 else np.eye(3)[1]
-    if not candidates:
-        candidates = [_unit(toward - (toward @ axis) * axis)]
+    level = np.array([(own := _unit(toward - (toward @ axis) * axis)), np.cross(axis, own)])
+    candidates = candidates or [*(_ellipse_axes(main.rim @ level.T) @ level), level[0]][:2]
     best = max(candidates, key=lambda d: abs(round(float(d @ toward), 9)))
     best = best - (best @ axis) * axis
     return _snapped(best * (1 if best @ toward >= 0 else -1))
+
+
+def _ellipse_axes(points: Floats) -> Floats:
+    """Return the axes of the ellipse on which points (n, 2) lie as rows, (2, 2), (0, 2) where they lie on a
+    circle or on no ellipse.
+
+    Fitted is the quadratic polynomial without constant that is 1 on the ellipse.
+    """
+    none = np.empty((0, 2))
+    if len(points) < 5:
+        return none
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y = ((points - (low + high) / 2) / (high - low).max()).T
+    columns = np.column_stack([x * x, 2 * x * y, y * y, x, y])
+    form, *_ = np.linalg.lstsq(columns, np.ones(len(x)), rcond=None)
+    values, axes = np.linalg.eigh(form[[0, 1, 1, 2]].reshape(2, 2))
+    beside = np.abs(columns @ form - 1).max()
+    round_ = values[1] - values[0] < ELLIPTIC * abs(values[1])
+    return none if beside > ELLIPSE or values[0] <= 0 or round_ else axes.T
 
 
 def _unit(vector: Floats) -> Floats:

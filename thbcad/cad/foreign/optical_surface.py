@@ -57,7 +57,8 @@ class OpticalFace:
 def optical_face(group: list[SurveyedFace], frame: LensFrame) -> OpticalFace:
     """Return what is known of an optical surface in a frame."""
     outline = frame.local(np.concatenate([face.rim for face in group]))[:, :2]
-    low, high = outline.min(axis=0), outline.max(axis=0)
+    reach = np.array([[max(f.reach(way * d) for f in group) for d in frame.axes[:2]] for way in (-1, 1)])
+    low, high = reach * [[-1], [1]] - frame.axes[:2] @ frame.origin
     half, centre = (high - low) / 2, (high + low) / 2
     spline = group[0].spline if len(group) == 1 else None
     kind = group[0].kind

@@ -32,6 +32,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_REVERSED
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
+from scipy.optimize import minimize_scalar
 
 from thbcad.cad.exchange import explore
 from thbcad.cad.shapes import spline_surface
@@ -56,6 +57,7 @@ STRAIGHT = ("plane", "cylinder", "cone", "extrusion")  # kinds with straight lin
 FLAT = 1e-9  # between unit normals: of a plane that was written as something else
 GRID = 7  # samples along each parameter of a face
 RIM = 33  # samples of an edge
+STEP = 1e-6  # of two samples' distance: a greatest value errs by its square
 SMOOTH = 1e-3  # rad between normals on a common edge: one surface that was split
 
 
@@ -156,17 +158,38 @@ class SurveyedFace:
         }
         return np.array(directions[self.kind]().Coord()) if self.kind in directions else None
 
-    @cached_property
+    @property
     def rim(self) -> Floats:
         """Points of its edges, both ends included, (n, 3); seams lie within the face and are left out."""
-        rows = []
+        return np.concatenate([np.empty((0, 3)), *(points for _, _, points in self._edges)])
+
+    def reach(self, direction: Floats) -> float:
+        """Return the greatest d . p over the points p of its edges, mm; seams are left out."""
+        farthest = -np.inf
+        for curve, t, points in self._edges:
+            along = points @ direction
+            first = int(np.argmax(along))
+            ends = t[[max(first - 1, 0), min(first + 1, RIM - 1)]]
+            between = minimize_scalar(
+                lambda at, curve=curve: -float(direction @ curve.Value(float(at)).Coord()),
+                bounds=ends,
+                method="bounded",
+                options={"xatol": STEP * (ends[1] - ends[0])},
+            )
+            farthest = max(farthest, float(along[first]), -float(between.fun))
+        return farthest
+
+    @cached_property
+    def _edges(self) -> list[tuple[BRepAdaptor_Curve, Floats, Floats]]:
+        """The curves of its edges, with parameters from end to end (n,) and the points there (n, 3)."""
+        found = []
         for edge in map(TopoDS.Edge_s, explore(self.face, TopAbs_EDGE)):
             if BRep_Tool.Degenerated_s(edge) or BRep_Tool.IsClosed_s(edge, self.face):
                 continue
             curve = BRepAdaptor_Curve(edge)
             t = np.linspace(curve.FirstParameter(), curve.LastParameter(), RIM)
-            rows += [curve.Value(each).Coord() for each in t.tolist()]
-        return np.array(rows)
+            found.append((curve, t, np.array([curve.Value(each).Coord() for each in t.tolist()])))
+        return found
 
 
 def surveyed(solid: TopoDS_Shape) -> list[SurveyedFace]:

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
         face_deviation as face_deviation,
         projected_area as projected_area,
     )
+    from thbcad.cad.parts.faces_in_regions import (
+        edges_within as edges_within,
+        faces_within as faces_within,
+        on_face as on_face,
+    )
     from thbcad.cad.parts.mount_solids import (
         mounted_part as mounted_part,
     )
@@ -30,6 +35,14 @@ if TYPE_CHECKING:
     from thbcad.cad.parts.own_surfaces import (
         exact_part as exact_part,
     )
+    from thbcad.cad.parts.part_topology import (
+        cavity_faces as cavity_faces,
+        inner_wires as inner_wires,
+        outline_segments as outline_segments,
+        own_edges as own_edges,
+        rim_faces as rim_faces,
+        solid_faces as solid_faces,
+    )
     from thbcad.cad.parts.search import (
         PlacedLens as PlacedLens,
         placed_lens as placed_lens,
@@ -42,8 +55,17 @@ if TYPE_CHECKING:
 _FILES = {
     "build123d_lens": ("LensPart",),
     "cadquery_lens": ("workplane",),
+    "faces_in_regions": ("edges_within", "faces_within", "on_face"),
     "own_surfaces": ("exact_part",),
     "operations": ("cut", "join"),
+    "part_topology": (
+        "cavity_faces",
+        "inner_wires",
+        "outline_segments",
+        "own_edges",
+        "rim_faces",
+        "solid_faces",
+    ),
     "search": ("PlacedLens", "placed_lens"),
     "face_measures": ("edge_deviation", "face_deviation", "projected_area"),
     "mount_solids": ("mounted_part",),

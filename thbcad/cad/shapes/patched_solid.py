@@ -106,12 +106,15 @@ def _placed(
         )
         for d in (0, 1)
     ]
+    graphs = []
     for patch in patches:
         kv_x, kv_y = (
             KnotVector(kv.degree, _mapped(kv.knots, domain, h))
             for kv, domain, h in zip((patch.kv_u, patch.kv_v), domains, surface.half_width)
         )
-        graph = conic_graph(surface.conic, kv_x, kv_y, patch.coefficients)
+        graphs.append(conic_graph(surface.conic, kv_x, kv_y, patch.coefficients))
+    p, q = (max(getattr(graph, kv).degree for graph in graphs) for kv in ("kv_u", "kv_v"))
+    for graph in (one.elevated((p, q)) for one in graphs):
         x, y = np.meshgrid(graph.kv_u.greville(), graph.kv_v.greville(), indexing="ij")
         poles = np.stack([x, y, vertex + graph.coefficients], axis=-1)
         kv_u, kv_v = (

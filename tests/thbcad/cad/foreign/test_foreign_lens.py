@@ -3,11 +3,14 @@ placements and surfaces; refits that are as near as they say."""
 
 import random
 import re
+import tempfile
 from itertools import pairwise
+from pathlib import Path
 
 import build123d as bd
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
@@ -228,6 +231,32 @@ def test_the_seam_of_a_round_face_is_no_part_of_its_outline(tmp_path):
     found = read_lens_solid(written(tmp_path / "lens.step", lens.wrapped))
     assert (found.front.outline, found.rear.outline) == ("ellipse", "ellipse")
     assert found.rear.half_width == pytest.approx([116**0.5] * 2, rel=1e-6)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.tuples(*[st.floats(-60, 60)] * 3), st.floats(2.0, 14.0), st.one_of(st.just(1.0), st.floats(0.3, 0.99))
+)
+def test_an_elliptic_rim_keeps_its_size_however_the_lens_is_turned(turn, a, ratio):
+    """The box of the rim, in the lens's own frame, has the axes of the ellipse, which samples miss."""
+    b = ratio * a
+    round_ = bd.Cylinder(a, 5) if ratio == 1 else bd.Pos(0, 0, -2.5) * bd.extrude(bd.Ellipse(a, b), 5)
+    lens = bd.Pos(0, 0, -35) * bd.Sphere(40) & bd.Pos(0, 0, 2.5) * round_
+    with tempfile.TemporaryDirectory() as folder:
+        found = read_lens_solid(
+            written(Path(folder) / "lens.step", (bd.Pos(3, 4, 5) * bd.Rot(*turn) * lens).wrapped)
+        )
+    for face in (found.front, found.rear):
+        assert face.outline == "ellipse"
+        assert sorted(face.half_width) == pytest.approx([b, a], rel=1e-7)
+        assert face.centre == pytest.approx([0, 0], abs=1e-6)
+
+
+def test_a_ball_without_rim_is_no_lens(tmp_path):
+    with pytest.raises(
+        ValueError, match=r"the lens has no surface opposite|one curved face and none opposite"
+    ):
+        read_lens_solid(written(tmp_path / "ball.step", bd.Sphere(5).wrapped))
 
 
 def test_a_revolved_parabola_is_a_conic(tmp_path):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.blur.convolution import blur_of
 from optics.tracing import Tracer
 
 if TYPE_CHECKING:
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 PATCHES = 16  # in each direction, over the rear
-RAYS = (2048, 512)  # their product counts
+RAYS = (2048, 512)
+FEWER_RAYS = (512, 512)  # for the mean over all patches
 LEAST_RAYS = 100  # per patch, for its image to be measured
 
 Array = NDArray[np.float64]
@@ -43,13 +45,38 @@ class PatchImages:
         return float(area[known][order][np.searchsorted(light, fraction * light[-1])])
 
 
-def patch_images(system: OpticalSystem, lens: Lens, backend: Backend) -> PatchImages:
-    """Trace rays from the whole source and return the PatchImages of a lens.  backend : of double precision.
+def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
+    """Return how far the light of one point of the rear spreads on the target, mm; in the far field degrees.
+
+    It is the rms deviation in one direction, of x and y together: sqrt((sx^2 + sy^2) / 2).  Of a source with
+    extent it is the median over the lens, by flux: near total reflection light is thrown any distance.  It is
+    0 of a source without extent and divergence, behind smooth surfaces.  backend : of double precision.
+    """
+    if system.blurred:
+        return blur_of(system, lens, backend).rms
+    if not system.source.extended:
+        return 0.0
+    images = patch_images(system, lens, backend, FEWER_RAYS)
+    known = np.isfinite(images.width).all(axis=0) & (images.flux > 0)
+    if not known.any():
+        return 0.0
+    deviations, flux = np.sqrt(np.mean(images.width[:, known] ** 2, axis=0) / 12), images.flux[known]
+    order = np.argsort(deviations)
+    light = np.cumsum(flux[order])
+    return float(deviations[order][np.searchsorted(light, light[-1] / 2)])
+
+
+def patch_images(
+    system: OpticalSystem, lens: Lens, backend: Backend, rays: tuple[int, int] = RAYS
+) -> PatchImages:
+    """Trace rays from the whole source and return the PatchImages of a lens.
+
+    backend : of double precision.  rays : their product counts.
 
     The position in a patch at which a ray leaves the rear moves its image.  A quadratic in this position is
     fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the image.
     """
-    tracer = Tracer(backend, lens, system.source.rays(RAYS), system.target.z)
+    tracer = Tracer(backend, lens, system.source.rays(rays), system.target.z)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at_rear(coefficients)
