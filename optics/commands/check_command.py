@@ -12,6 +12,7 @@ from optics.commands.outcome import Outcome
 from optics.commands.problem_options import system_of
 from optics.etendue import etendue_notes
 from optics.optimisation import surfaces_can_cross
+from optics.outgoing import fire_warning
 from optics.prediction import (
     blur_limits,
     blur_sentence,
@@ -40,7 +41,8 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     backend = load_backend("double", system.problem.run.threads)
     system, start = resolved(system, backend)
     expectation, plan = expected(system, backend, start)
-    data = _data(system, plan) | {"expected": asdict(expectation)}
+    fire = fire_warning(system, expectation.concentration)
+    data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
     picture, least = system.target.light, system.lens.least_thickness()
     limits = blur_limits(system, system.lens, backend) if system.blurred else None
     missed = foreseen_misses(system, expectation, limits, backend)
@@ -65,7 +67,7 @@ def _checked(system: OpticalSystem, explain: bool) -> Outcome:
     if limits is not None:
         data["blur"] = asdict(limits)
         lines.append(f"blur: {blur_sentence(system, limits)}")
-    lines += [f"note: {sentence}" for sentence in _notes(system, expectation)]
+    lines += [f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation))]
     return Outcome(data, lines)
 
 

@@ -1,4 +1,4 @@
-"""The light that leaves a lens: as rays and as an intensity for other programs, and where it is hottest."""
+"""The light that leaves a lens: rays and an intensity for other programs, where it is concentrated most."""
 
 from typing import TYPE_CHECKING
 

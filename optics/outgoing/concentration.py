@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from math import inf, pi, sqrt
+from math import inf, isqrt, pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,12 +42,13 @@ Floats = NDArray[np.float64]
 SMALLEST_DISK = 1.0  # mm: heat spreads from smaller ones before paper or wood burns
 CELLS = 512  # of sharp light in each direction; their square is the number of rays of other light
 RAYS_IN_DISK = 16, 400  # at the irradiance of the front: cells, and rays at random, whose noise is 5 %
-PARTS = 4  # of a cell in each direction
+PARTS, MOST_PARTS = 4, 1 << 16  # of a cell in each direction; of all cells, where they are not more
 FAR = 10_000.0  # mm behind the rear, as far as light to the far field is followed
 PLANES, CLOSER = 48, 12  # looked at, close together near the rear; steps around the two best of them
 LEAST_RAYS = 4  # on the front, that tell how much of it is lit
 ACROSS = 6  # bins across a disk
-BLOCKS, SEARCHED = 512, 4  # of the light in each direction; of these, where disks are looked for
+BLOCKS = 512  # of the light in each direction, at most
+SEARCHED, SEARCHED_LAST = 4, 64  # of these, the brightest, for disks; on the plane that is found
 SUNLIGHT = 1.0  # kW/m^2, across the beam
 KW_PER_M2 = 1000.0  # in W/mm^2
 IGNITING = 10.0  # kW/m^2, below what wood takes to burn within minutes (docs/sources.md)
@@ -106,10 +107,10 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
     farthest = max(bundle.z0, min(system.target.z - lens.thickness, FAR))
     planes = bundle.z0 + (farthest - bundle.z0) * (np.arange(PLANES + 1) / PLANES) ** 2
 
-    def on_plane(s: float) -> tuple[float, float, float]:
+    def on_plane(s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
         """Return (greatest mean irradiance on a disk, its diameter, s)."""
         disk = max(SMALLEST_DISK, bundle.disk, 2 * (s - bundle.depth) * sine / sqrt(1 - sine * sine))
-        return 4 * _most_in_disk(bundle, s - bundle.z0, disk) / (pi * disk**2), disk, float(s)
+        return 4 * _most_in_disk(bundle, s - bundle.z0, disk, blocks) / (pi * disk**2), disk, float(s)
 
     found = [on_plane(s) for s in planes]
     for k in np.argsort([-light for light, _, _ in found])[:2]:
@@ -117,7 +118,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
         steps = {"maxiter": CLOSER}
         closest = minimize_scalar(lambda s: -on_plane(s)[0], bounds=ends, method="bounded", options=steps)
         found.append(on_plane(closest.x))
-    light, disk, behind = max(found)
+    light, disk, behind = on_plane(max(found)[2], SEARCHED_LAST)
     times = light / bundle.front
     beam = system.problem.source.kind == "collimated"
     return Concentration(times, light, SUNLIGHT * times if beam else None, behind, disk, float(farthest))
@@ -171,8 +172,10 @@ def _corners(traced: Floats, cells: SourceCells | None) -> Floats:
     return np.stack([at[i : i - 1 or None, j : j - 1 or None].ravel() for i in (0, 1) for j in (0, 1)])
 
 
-def _most_in_disk(bundle: _Bundle, way: float, diameter: float) -> float:
-    """Return the greatest flux within a disk on a plane, W.  way : mm behind the plane z0.
+def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int) -> float:
+    """Return the greatest flux within a disk on a plane, W.
+
+    way : mm behind the plane z0.  blocks : to look in
 
     A disk lies in 2 x 2 blocks of its size.  It is looked for in the brightest of these.
     """
@@ -184,7 +187,8 @@ def _most_in_disk(bundle: _Bundle, way: float, diameter: float) -> float:
     pairs = light[1:] + light[:-1]
     four = (pairs[:, 1:] + pairs[:, :-1]).ravel()
     best = 0.0
-    for k in np.argsort(-four)[:SEARCHED]:
+    brightest = np.argpartition(-four, min(blocks, four.size) - 1)[:blocks]
+    for k in brightest[np.argsort(-four[brightest])]:
         if four[k] <= best:
             break
         row, column = divmod(int(k), columns - 1)
@@ -197,13 +201,14 @@ def _most_in_disk(bundle: _Bundle, way: float, diameter: float) -> float:
 def _most_of_few(x: Floats, y: Floats, flux: Floats, diameter: float) -> float:
     """Return the same of light that is near: on bins, summed over disks around bins.
 
-    Cells are cut into PARTS x PARTS equal ones.  Every part is shared by the four bins around its middle.
+    Where they are few, cells are cut into equal parts.  Each is shared by the four bins around its middle.
     """
     if len(x) > 1:
-        at = (np.arange(PARTS) + 0.5) / PARTS
+        parts = max(1, min(PARTS, isqrt(MOST_PARTS // len(flux))))
+        at = (np.arange(parts) + 0.5) / parts
         s, t = (a.ravel() for a in np.meshgrid(at, at))
         weights = np.stack([(1 - s) * (1 - t), (1 - s) * t, s * (1 - t), s * t], axis=1)
-        x, y, flux = weights @ x, weights @ y, np.tile(flux / PARTS**2, (PARTS**2, 1))
+        x, y, flux = weights @ x, weights @ y, np.tile(flux / parts**2, (parts**2, 1))
     a, b = ((c - c.min()) * ACROSS / diameter for c in (x.ravel(), y.ravel()))
     i, j = a.astype(int), b.astype(int)
     shape = i.max() + 2, j.max() + 2
@@ -241,11 +246,12 @@ def _length(mm: float) -> str:
 def fire_warning(system: OpticalSystem, found: Concentration) -> str:
     """Return a warning where light may set fire to things, "" elsewhere."""
     own = 0.0 if system.units.luminous else found.irradiance * KW_PER_M2
-    hot, light = max((own, "the light"), (found.sunlight or 0.0, "sunlight of 1 kW/m^2"))
-    if hot < IGNITING:
+    each = {"the source": own, f"sunlight of {SUNLIGHT:g} kW/m^2": found.sunlight or 0.0}
+    hot = [f"{heat:.3g} kW/m^2 with {light}" for light, heat in each.items() if heat >= IGNITING]
+    if not hot:
         return ""
     return (
-        f"{light} is concentrated to {hot:.3g} kW/m^2 {_length(found.behind)} behind the rear: from about "
-        f"{IGNITING:g} kW/m^2 on, things may catch fire; keep them out of the beam, and cover the lens where "
-        "nobody watches it"
+        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} behind the rear "
+        f"(wood may burn from about {IGNITING:g} kW/m^2 on); "
+        "keep everything out of there, and cover the lens while nobody watches it"
     )

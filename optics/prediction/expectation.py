@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from optics.blur import blur_of
 from optics.etendue import image_half_width, usual_efficiency
 from optics.optimisation import TransportStart, first_sags, last_level, stages, transmitted_flux
+from optics.outgoing import Concentration, greatest_concentration
 from optics.prediction.cost import memory_mb, seconds
 from optics.prediction.picture_error import predicted_rel_l2
 from optics.prediction.sensitivity import Sensitivity, sensitivity
@@ -65,6 +66,7 @@ class Expectation:
     seconds: float
     memory_mb: float
     sensitivity: Sensitivity
+    concentration: Concentration
 
 
 def expected(
@@ -111,6 +113,7 @@ def expected(
         seconds=seconds(system, plan),
         memory_mb=memory_mb(system, plan),
         sensitivity=sensitivity(system, light, slopes),
+        concentration=greatest_concentration(system, lens, backend),
     ), plan
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from optics.outgoing import concentration_sentence
 from optics.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"z_freedom allows +-{expected.freedom:.3g} mm",
         f"light: {expected.efficiency:.1%} of the source on the target at the start of the design, "
         f"{expected.stray:.1%} beside it",
+        f"{concentration_sentence(system, expected.concentration)}; at the start of the design",
         _detail_line(system, expected),
         _error_line(system, expected),
         f"cost: about {expected.seconds:.2g} s on two cores as in docs/benchmarks.md, "

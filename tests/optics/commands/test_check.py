@@ -1,5 +1,7 @@
 """What `thbcad check` prints."""
 
+import json
+
 import pytest
 
 from optics.commands.cli import main
@@ -38,3 +40,22 @@ def test_an_illuminant_may_be_named_on_the_command_line(tmp_path, capsys):
     assert "the index falls by" in capsys.readouterr().out
     assert main(["check", path, "--set", "source.spectrum=F11"]) == 2
     assert "source.spectrum must be a list of rows, such as" in capsys.readouterr().err
+
+
+def test_check_says_where_light_is_hottest_and_warns_of_fire(tmp_path, capsys):
+    path = str(write_problem(tmp_path, {}))
+    assert main(["check", path]) == 0
+    calm = capsys.readouterr().out
+    assert "greatest concentration of light: " in calm
+    assert "at the start of the design" in calm
+    assert "fire" not in calm
+    focus = ["lens.rear.radius=-40", "lens.rear.conic=-2.25", "target.half_width=[1, 1]"]
+    focus = [word for change in (*focus, "target.distance=80") for word in ("--set", change)]
+    assert main(["check", path, *focus, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    found = data["expected"]["concentration"]
+    assert found["times"] == found["sunlight"] > 50
+    assert 0 < found["behind"] <= found["searched"] == 80
+    assert data["fire"].startswith("light that may start a fire: ")
+    assert main(["check", path, *focus]) == 0
+    assert f"note: {data['fire']}" in capsys.readouterr().out
