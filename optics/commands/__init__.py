@@ -13,10 +13,8 @@ if TYPE_CHECKING:
         own_pages as own_pages,
     )
     from optics.commands.cli import (
-        main as main,
-    )
-    from optics.commands.launch import (
         entry as entry,
+        main as main,
     )
 
 _FILES = {
@@ -25,7 +23,9 @@ _FILES = {
         "benchmark_page",
         "own_pages",
     ),
-    "cli": ("main",),
-    "launch": ("entry",),
+    "cli": (
+        "entry",
+        "main",
+    ),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

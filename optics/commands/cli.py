@@ -16,10 +16,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
 from ctypes import pythonapi
 from importlib import import_module
+from runpy import run_module
 from typing import Any, TextIO
 
 from optics.commands.arguments import parsed
-from optics.commands.launch import entry as entry  # by this name the installed command asks for it
 from optics.commands.outcome import Outcome
 from optics.commands.stop_signals import stop_signals
 from optics.runtime import NumericalError, UserError, printable
@@ -169,3 +169,8 @@ def _drop(stream: TextIO) -> None:
     """Send nowhere what a stream still holds: Python writes it at its end, and would end with code 120."""
     with suppress(OSError), open(os.devnull, "w") as nowhere:  # a stream in memory has no descriptor
         os.dup2(nowhere.fileno(), stream.fileno())
+
+
+def entry() -> None:
+    """Run the installed command: it is `python -m optics`."""
+    run_module("optics", run_name="__main__")
