@@ -9,12 +9,12 @@ from optics.api.design_result import Design
 from optics.api.engine_choice import shaping_by
 from optics.api.irradiance_model import DEVICE
 from optics.api.level_records import LevelKeeper
-from optics.api.prepared_problem import prepared
+from optics.api.prepared_problem import prepared_system
 from optics.optimisation import Interrupted, design as shape, stages
 from optics.problem import Problem
 from optics.progress import DesignProgress, Notes, RunClock, Size
 from optics.runtime import UserError
-from optics.system import advice
+from optics.system import advice, solvable_system
 
 if TYPE_CHECKING:
     from optics.api.prepared_problem import Prepared
@@ -47,7 +47,9 @@ def design(
     clock, notes = RunClock(_progress(progress)), Notes()
     try:
         with clock.progress, DEVICE:
-            ready = prepared(problem)
+            system = solvable_system(problem)
+            clock.progress.asked(system)
+            ready = prepared_system(system)
             return shaped(problem, ready, clock, notes, engine)
     except Interrupted as stop:
         notes("stopped by Ctrl-C: this is the best lens so far")

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from optics.commands.cli import (
         main as main,
     )
-    from optics.commands.launch import (
-        entry as entry,
-    )
 
 _FILES = {
     "arguments": ("parsers",),
@@ -26,6 +23,5 @@ _FILES = {
         "own_pages",
     ),
     "cli": ("main",),
-    "launch": ("entry",),
 }
 __getattr__, __dir__, __all__ = lazy_door(__name__, _FILES)

@@ -20,7 +20,6 @@ from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
 from typing import Any, TextIO
 
 from optics.commands.arguments import parsed
-from optics.commands.launch import entry as entry  # by this name the installed command asks for it
 from optics.commands.outcome import Outcome
 from optics.commands.stop_signals import stop_signals
 from optics.runtime import NumericalError, UserError, printable

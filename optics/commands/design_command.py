@@ -64,6 +64,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace) -> Outcome:
 
     with run.clock.progress, helpers() as (solids, drawing):
         solids.ask("optics.runtime", "load", "optics.verification", "export_step")
+        run.clock.progress.asked(system)
         ready = prepared_system(system)
         resolved = ready.system.problem  # a checkpoint belongs to it, also with other --iterations
         state = _resumed(run, ready.system) if options.resume else None

@@ -113,7 +113,8 @@ def _scene(options: Namespace) -> Outcome:
     }
     write_text(report, json_text(data))
     written = [f"wrote {file}, {file.stat().st_size / 1e6:.3g} MB" for file in files]
-    return Outcome(data, [*check_lines(data), *written, *_how_to_render(system, out)], OF_GRADES[data["grade"]])
+    lines = [*check_lines(data), *written, *_how_to_render(system, out)]
+    return Outcome(data, lines, OF_GRADES[data["grade"]])
 
 
 def _how_to_render(system: OpticalSystem, out: Path) -> list[str]:

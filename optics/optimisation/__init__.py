@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         MARGIN as MARGIN,
         Stage as Stage,
         last_level as last_level,
+        stage_seconds as stage_seconds,
         stages as stages,
     )
     from optics.optimisation.state import (
@@ -85,6 +86,7 @@ _FILES = {
         "MARGIN",
         "Stage",
         "last_level",
+        "stage_seconds",
         "stages",
     ),
     "state": (

@@ -70,12 +70,17 @@ class Stage:
         rays = self.rays[0] * self.rays[1]
         if not self.iterations:
             return MARKING_PER_RAY * rays
-        return self.before + self.evaluations * (PER_EVALUATION + PER_RAY * rays + PER_DOF * dof)
+        return self.before + stage_seconds(self.iterations, rays, dof)
 
     @property
     def before(self) -> float:
         """The expected seconds before the first evaluation."""
         return BACKGROUND if self.finish else 0.0
+
+
+def stage_seconds(iterations: int, rays: float, dof: float) -> float:
+    """Return the expected seconds of the evaluations of a stage, see `Stage.seconds`."""
+    return (iterations + 1 + PROBES) * (PER_EVALUATION + PER_RAY * rays + PER_DOF * dof)
 
 
 def first_level(problem: Problem, moved: bool) -> int:

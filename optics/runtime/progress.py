@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from threading import RLock
 from time import perf_counter
 
-# of all work: so much counts as done at the expected speed before anything is measured
-PRIOR = 0.005
+# of all work: with so much of it done, its speed counts as much as the expected one; later far more
+PRIOR = 0.03
 # of a phase: so much of it counts as done at the speed of the phases before, which steadies its first moments
 STEADY = 0.05
 OVERDUE = 0.1  # of its time so far: what is left of a phase that takes longer than expected
@@ -22,10 +22,12 @@ class Phase:
     """A part of a job.
 
     work : expected seconds on some machine; how fast this one is turns out
+    telling : how much its own seconds count for that, beside those of others: little of the disk's work
     """
 
     name: str
     work: float
+    telling: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class Progress:
         self._now, *self._ahead = phases
         self._begun = self._since = clock()
         self._done = 0.0  # work
+        self._heard = self._heard_work = 0.0  # seconds and work of the phases before, as far as they tell
         self._part, self._told = 0.0, 0.0  # of the present phase, and its seconds when it last said so
         self._detail = ""
         self._fraction = 0.0
@@ -85,6 +88,8 @@ class Progress:
             at = [phase.name for phase in self._ahead].index(name)
             self.tell()
             self._done += self._now.work
+            self._heard += self._now.telling * (self._clock() - self._since)
+            self._heard_work += self._now.telling * self._now.work
             self._now, *self._ahead = self._ahead[at:]
             self._since, self._part, self._told, self._detail = self._clock(), 0.0, 0.0, ""
             self.tell()
@@ -114,9 +119,20 @@ class Progress:
         """Return the estimated seconds that are left, and those of the whole job at the speed so far."""
         elapsed, now = self._clock() - self._since, self._now.work
         ahead = sum(phase.work for phase in self._ahead)
-        work, seconds = self._done + self._part * now, self._since - self._begun + self._told
-        prior = PRIOR * (self._done + now + ahead)
-        speed = (seconds + prior) / (work + prior)  # seconds per expected second
-        whole = (self._told + STEADY * speed * now) / (self._part + STEADY)  # of the present phase
-        left = max(whole - elapsed, OVERDUE * (1 - self._part) * elapsed) + speed * ahead
-        return left, speed * (self._done + now + ahead)
+        whole = self._done + now + ahead
+        tells, heard, known = self._now.telling, self._heard, self._heard_work
+        # the second would be the speed if the present phase ended now
+        speed = max(
+            _speed(heard + tells * self._told, known + tells * self._part * now, whole),
+            _speed(heard + tells * elapsed, known + tells * now, whole),
+        )
+        present = (self._told + STEADY * speed * now) / (self._part + STEADY)
+        left = max(present - elapsed, OVERDUE * (1 - self._part) * elapsed) + speed * ahead
+        return left, speed * whole
+
+
+def _speed(seconds: float, work: float, whole: float) -> float:
+    """Return the seconds per expected second, of which little work tells little."""
+    if not (seconds and work):
+        return 1.0
+    return float((seconds / work) ** (work**2 / (work**2 + (PRIOR * whole) ** 2)))

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from optics.commands import cli, launch, main
+from optics.__main__ import entry
+from optics.commands import main
 from optics.commands.outcome import Outcome
 from optics.progress import drawing
 from optics.runtime import Phase, Progress, note
@@ -35,21 +36,24 @@ def ended(*arguments, closed="", **streams):
 
 def test_a_command_searches_for_garbage_rarely_and_not_at_its_end(monkeypatch):
     before, seen = gc.get_threshold(), []
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
 
     def ran():
         seen.append(gc.get_threshold())
         return 3
 
-    monkeypatch.setattr(cli, "main", ran)
+    monkeypatch.setattr("optics.commands.main", ran)
     try:
         with pytest.raises(SystemExit) as ended:
-            launch.entry()
+            entry()
         assert ended.value.code == 3
         assert seen[0][0] > 10 * before[0]
         assert gc.get_freeze_count() > 0
     finally:
         gc.set_threshold(*before)
         gc.unfreeze()
+        for number, handler in zip((signal.SIGINT, signal.SIGTERM), handlers):
+            signal.signal(number, handler)
 
 
 @pytest.mark.parametrize("debug", [False, True])
@@ -182,7 +186,7 @@ class Stop:
 sys.meta_path.insert(0, Stop())
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run in the background
 sys.argv[1:] = ["check", "none.toml"]
-from optics.commands import entry
+from optics.__main__ import entry
 entry()
 """
 
@@ -203,13 +207,14 @@ def test_a_signal_ends_the_command_with_one_line_also_while_it_ends(moment):
     """And a second one, while the first is answered."""
     program = f"""
 import atexit, os, signal, sys
-from optics.commands import cli, entry
+from optics import commands
+from optics.__main__ import entry
 signal.signal(signal.SIGINT, signal.default_int_handler)
 stop = lambda *_: os.kill(os.getpid(), signal.SIGINT)
 if {moment!r} == "again":
-    cli.main = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
+    commands.main = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
 else:
-    cli.main = lambda: atexit.register(stop) and 0
+    commands.main = lambda: atexit.register(stop) and 0
 entry()
 """
     done = subprocess.run(
