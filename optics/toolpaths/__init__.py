@@ -14,10 +14,14 @@ if TYPE_CHECKING:
         light_with_cusps as light_with_cusps,
     )
     from optics.toolpaths.findings import (
+        RowCut as RowCut,
         SpiralMotion as SpiralMotion,
         SurfaceFindings as SurfaceFindings,
         ToolFindings as ToolFindings,
         tool_findings as tool_findings,
+    )
+    from optics.toolpaths.present_blur import (
+        present_blur as present_blur,
     )
     from optics.toolpaths.response_to_slopes import (
         LandingResponse as LandingResponse,
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
         traced_points as traced_points,
     )
     from optics.toolpaths.tool_order import (
+        SPEED as SPEED,
         ToolOrder as ToolOrder,
     )
     from optics.toolpaths.tool_words import (
@@ -44,18 +49,23 @@ _FILES = {
         "light_with_cusps",
     ),
     "findings": (
+        "RowCut",
         "SpiralMotion",
         "SurfaceFindings",
         "ToolFindings",
         "tool_findings",
     ),
+    "present_blur": ("present_blur",),
     "response_to_slopes": (
         "LandingResponse",
         "crossings",
         "landing_response",
         "traced_points",
     ),
-    "tool_order": ("ToolOrder",),
+    "tool_order": (
+        "SPEED",
+        "ToolOrder",
+    ),
     "tool_words": (
         "fit_word",
         "tool_data",
