@@ -141,13 +141,7 @@ def local_formula_of(
     """
     if side not in SIDES:
         raise UserError(f'the side of a form error must be "front" or "rear", got {side!r}')
-    whole = form_trace(system, lens, backend, counts)
-    nominal, inside = whole.traced(), _scaled(whole, 1 - INSIDE)
-    beyond = _scaled(whole, 1 + INSIDE).traced()
-    lit = whole.cells.emitted > 0
-    # light ends at a rim of the lens where its corners, moved outwards, do not arrive
-    ends = bool((lit & (middles(nominal.passing) > 0) & (_least(beyond.passing) == 0)).any())
-    trace = inside if ends else whole
+    trace, nominal = _traced_inside(form_trace(system, lens, backend, counts))
     cells = trace.cells
 
     def derivative(before: Traced, after: Traced, step: float) -> Floats:
@@ -169,7 +163,7 @@ def local_formula_of(
         side=side,
         trace=trace,
         screen=system.target.screen(),
-        nominal=trace.traced() if ends else nominal,
+        nominal=nominal,
         by_source=moves[:2],
         surface=moves[2:],
         by_slope=np.stack([by_jet(1), by_jet(2)], axis=1),
@@ -202,6 +196,19 @@ def solved(matrix: Floats, vector: Floats) -> Floats:
     x, y = vector
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([d * x - b * y, a * y - c * x]) / (a * d - b * c)
+
+
+def _traced_inside(trace: FormTrace) -> tuple[FormTrace, Traced]:
+    """Return a trace and where its corners go; cells that reach to a rim of the lens end a little before it.
+
+    They do where corners that are moved outwards no longer arrive.
+    """
+    nominal, beyond = trace.traced(), _scaled(trace, 1 + INSIDE).traced()
+    arriving = (trace.cells.emitted > 0) & (middles(nominal.passing) > 0)
+    if not (arriving & (_least(beyond.passing) == 0)).any():
+        return trace, nominal
+    inside = _scaled(trace, 1 - INSIDE)
+    return inside, inside.traced()
 
 
 def _least(corners: Floats) -> Floats:

@@ -9,6 +9,9 @@ if TYPE_CHECKING:
         CuspBlur as CuspBlur,
         cusp_blur as cusp_blur,
     )
+    from optics.toolpaths.blur_without_cusps import (
+        present_blur as present_blur,
+    )
     from optics.toolpaths.cusp_light import (
         CuspLight as CuspLight,
         light_with_cusps as light_with_cusps,
@@ -19,9 +22,6 @@ if TYPE_CHECKING:
         SurfaceFindings as SurfaceFindings,
         ToolFindings as ToolFindings,
         tool_findings as tool_findings,
-    )
-    from optics.toolpaths.present_blur import (
-        present_blur as present_blur,
     )
     from optics.toolpaths.response_to_slopes import (
         LandingResponse as LandingResponse,
@@ -55,7 +55,7 @@ _FILES = {
         "ToolFindings",
         "tool_findings",
     ),
-    "present_blur": ("present_blur",),
+    "blur_without_cusps": ("present_blur",),
     "response_to_slopes": (
         "LandingResponse",
         "crossings",

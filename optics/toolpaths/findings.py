@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from optics.runtime import Check
 from optics.toolpaths.blur_of_cusps import CuspBlur, cusp_blur, cusps_of
+from optics.toolpaths.blur_without_cusps import present_blur
 from optics.toolpaths.cusp_light import CuspLight, light_with_cusps
-from optics.toolpaths.present_blur import present_blur
 from optics.toolpaths.response_to_slopes import landing_response
 from optics.toolpaths.tool_order import SPEED
 from thbcad.tools import (
