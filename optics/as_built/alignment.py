@@ -169,8 +169,7 @@ def _nearest(
 def _near(surface: FreeformSurface, points: Floats, motion: Motion, beside: float) -> NDArray[np.bool_]:
     """Return which points lie over a surface, or beside it by a part of its half-width at most."""
     reach = (1 + beside) * np.reshape(surface.half_width, (2, 1))
-    near: NDArray[np.bool_] = (np.abs(motion.undone(points)[:2]) <= reach).all(axis=0)
-    return near
+    return np.asarray((np.abs(motion.undone(points)[:2]) <= reach).all(axis=0))
 
 
 def _aligned(surface: FreeformSurface, points: Floats, motion: Motion, beside: float) -> Alignment:

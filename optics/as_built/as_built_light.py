@@ -130,11 +130,10 @@ def light_as_built(
     designed = surface_of(lens, side)
     if way not in ("datums", "best fit"):
         raise UserError(f"align must be datums or best fit, got {way!r}")
-    datums, fitted, no_fit = _alignments(designed, measured.points, way)
-    points = datums if fitted is None or way == "datums" else fitted
-    chosen = made_surface(designed, points)
+    aligned, no_fit = _alignments(designed, measured.points, way)
+    chosen = made_surface(designed, aligned[way])
     lit = landing_response(system, lens, backend, side, RAYS)
-    known = measured_light(points.points[:2], lit, designed.half_width)
+    known = measured_light(aligned[way].points[:2], lit, designed.half_width)
 
     def rel_l2(surface: FreeformSurface) -> float:
         made = with_surface(lens, side, surface)
@@ -142,11 +141,9 @@ def light_as_built(
 
     made = with_surface(lens, side, chosen.surface)
     measurement = measure(system, made, backend)
-    fitted_l2 = measurement.metrics["rel_l2"]
-    rel_l2_of: dict[Way, float] = {way: fitted_l2}
-    other: tuple[Way, Alignment | None] = ("datums", datums) if way == "best fit" else ("best fit", fitted)
-    if other[1] is not None:
-        rel_l2_of[other[0]] = rel_l2(made_surface(designed, other[1], chosen.fit.smoothing).surface)
+    rel_l2_of = {way: float(measurement.metrics["rel_l2"])}
+    for other in {*aligned} - {way}:
+        rel_l2_of[other] = rel_l2(made_surface(designed, aligned[other], chosen.fit.smoothing).surface)
     return AsBuilt(
         designed=lens,
         lens=made,
@@ -154,30 +151,28 @@ def light_as_built(
         side=side,
         way=way,
         made=chosen,
-        datums=datums,
-        fitted=fitted,
+        datums=aligned["datums"],
+        fitted=aligned.get("best fit"),
         no_fit=no_fit,
         outlying=outliers(designed, measured.points) or "",
         nominal=nominal or measure(system, lens, backend),
         measurement=measurement,
         rel_l2_of=rel_l2_of,
         known=known,
-        light_error=_light_error(chosen, points, fitted_l2, rel_l2) if known == 1 else None,
+        light_error=None if known < 1 else _light_error(chosen, aligned[way], rel_l2_of[way], rel_l2),
         correction=rigid_correction(system, made, measurement.target, backend) if correct else None,
     )
 
 
-def _alignments(
-    designed: FreeformSurface, points: Floats, way: Way
-) -> tuple[Alignment, Alignment | None, str]:
-    """Return the points by datums, by best fit, and why there is none; datums need none."""
-    datums = by_datums(designed, points)
+def _alignments(designed: FreeformSurface, points: Floats, way: Way) -> tuple[dict[Way, Alignment], str]:
+    """Return the points by datums and by best fit, and why there is no fit; datums need none."""
+    aligned: dict[Way, Alignment] = {"datums": by_datums(designed, points)}
     try:
-        return datums, best_fit(designed, points), ""
+        return aligned | {"best fit": best_fit(designed, points)}, ""
     except UserError as error:
         if way == "best fit":
             raise
-        return datums, None, str(error)
+        return aligned, str(error)
 
 
 def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: RelL2) -> LightError:

@@ -144,7 +144,7 @@ def _light_line(built: AsBuilt) -> str:
             f"{built.side} was measured. The fitted lens, aligned by {built.way}, is smooth in the gaps"
         )
     return (
-        f"{designed}, {light.rel_l2:.4f} +- {light.error:.4f} as made, aligned by {built.way}; "
+        f"{designed}, {light.rel_l2:.4f} +- {light.error:.2g} as made, aligned by {built.way}; "
         f"the noise adds {light.floor:.4f} in squares to the fitted lens"
     )
 

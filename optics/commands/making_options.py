@@ -94,7 +94,14 @@ def tool_options(command: argparse.ArgumentParser) -> None:
         "--step",
         type=float,
         metavar="MM",
-        help="with --ball: distance of rows (default: the largest that blurs by one pixel nowhere)",
+        help="with --ball: distance of rows (default: the largest whose cusps blur nowhere by more than a "
+        "pixel, or than the blur that there is)",
+    )
+    command.add_argument(
+        "--speed",
+        type=float,
+        metavar="MM/MIN",
+        help="with --ball: along the rows, for the hours of a pass (default: 1000)",
     )
     command.add_argument(
         "--rows", choices=("x", "y"), default="x", help="with --ball: along which rows run (default: x)"
@@ -103,7 +110,7 @@ def tool_options(command: argparse.ArgumentParser) -> None:
         "--feed",
         type=float,
         metavar="MM",
-        help="with --nose: for each revolution (default: the largest that blurs by one pixel nowhere)",
+        help="with --nose: for each revolution (default: as of --step)",
     )
     command.add_argument("--rpm", type=float, metavar="N", help="with --nose: revolutions for each minute")
     command.add_argument(

@@ -66,7 +66,8 @@ class _Study:
         if self.form is None:
             return [self.obstacle]
         return [
-            f"Form errors are judged by rel_l2 alone: each band may raise it by {self.form.rise:.2%}.",
+            f"Form errors are judged by rel_l2 alone: each band may raise it from {self.form.rel_l2:.2%} by "
+            f"{self.form.rise:.2%}.",
             *form_sentences(self.form),
         ]
 

@@ -30,6 +30,7 @@ def tool(options: Namespace) -> Outcome:
         rpm=options.rpm,
         acceleration=options.acceleration,
         surface=options.surface,
+        speed=options.speed,
     )
     problem, lens, _ = ResultFolder(options.result).read()
     folder = Path(options.out or Path(options.result) / "tool")

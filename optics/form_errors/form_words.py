@@ -11,7 +11,7 @@ FORM_HEAD = (
     "side",
     "period",
     "allowed rms",
-    "peak to valley of a ripple",
+    "peak to valley of a regular ripple",
     "of a random field",
     "formula / probes",
     "MTF",
@@ -63,8 +63,9 @@ def _danger(cost: SideCost) -> str:
     (short, long), band = cost.danger.band, cost.danger
     return (
         f"Ripples of the {cost.side} with periods from {short:g} to {long:g} mm are the most dangerous: "
-        f"there an error of given slope costs most. Hold {height_text(band.allowed_rms)} rms in this band; "
-        f"a regular ripple then has {height_text(band.allowed_pv_sine)} peak to valley."
+        f"there an error of given slope costs most. Hold {height_text(band.allowed_rms)} rms in this band, "
+        f"and a regular ripple, at its worst period and direction, {height_text(band.allowed_pv_sine)} peak "
+        "to valley."
     )
 
 

@@ -141,7 +141,7 @@ def local_formula_of(
     """
     if side not in SIDES:
         raise UserError(f'the side of a form error must be "front" or "rear", got {side!r}')
-    trace = _inside(form_trace(system, lens, backend, counts))
+    trace, nominal = _traced_inside(form_trace(system, lens, backend, counts))
     cells = trace.cells
 
     def derivative(before: Traced, after: Traced, step: float) -> Floats:
@@ -163,7 +163,7 @@ def local_formula_of(
         side=side,
         trace=trace,
         screen=system.target.screen(),
-        nominal=trace.traced(),
+        nominal=nominal,
         by_source=moves[:2],
         surface=moves[2:],
         by_slope=np.stack([by_jet(1), by_jet(2)], axis=1),
@@ -198,7 +198,26 @@ def solved(matrix: Floats, vector: Floats) -> Floats:
         return np.stack([d * x - b * y, a * y - c * x]) / (a * d - b * c)
 
 
-def _inside(trace: FormTrace) -> FormTrace:
-    """Return the trace of cells that end a little before the rim."""
-    s, t = ((1 - INSIDE) * a for a in (trace.cells.s, trace.cells.t))
+def _traced_inside(trace: FormTrace) -> tuple[FormTrace, Traced]:
+    """Return a trace and where its corners go; cells that reach to a rim of the lens end a little before it.
+
+    They do where corners that are moved outwards no longer arrive.
+    """
+    nominal, beyond = trace.traced(), _scaled(trace, 1 + INSIDE).traced()
+    arriving = (trace.cells.emitted > 0) & (middles(nominal.passing) > 0)
+    if not (arriving & (_least(beyond.passing) == 0)).any():
+        return trace, nominal
+    inside = _scaled(trace, 1 - INSIDE)
+    return inside, inside.traced()
+
+
+def _least(corners: Floats) -> Floats:
+    """Return the least of the four corners of cells, (nx, ny)."""
+    along = np.minimum(corners[1:], corners[:-1])
+    return np.minimum(along[:, 1:], along[:, :-1])
+
+
+def _scaled(trace: FormTrace, factor: float) -> FormTrace:
+    """Return the trace of cells whose parameters are larger or smaller."""
+    s, t = (factor * a for a in (trace.cells.s, trace.cells.t))
     return replace(trace, cells=replace(trace.cells, s=s, t=t))

@@ -56,12 +56,14 @@ class BandChange:
     relative : rms of dE / E, (nx, ny) 1/mm, on `BandFormula.points`.
     norm : |dE| / |E| over the target, 1/mm; in the far field of intensities.
     curvature : the part of the curvature term in norm^2.  mtf : what pixels leave, rms over the light.
+    worst : norm of the worst single wave of the band, in that of the band.
     """
 
     relative: Floats
     norm: float
     curvature: float
     mtf: float
+    worst: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,29 +74,29 @@ class BandFormula:
 
     def change(self, band: Band) -> BandChange:
         """Return the BandChange of a band of period, mm."""
-        pitch = self.formula.screen.pitch
-        landing, surface, slope, second = self._fields
-        by_x, by_y = self._steps
-        curvature, transport, seen = (np.zeros(self.flux.shape) for _ in range(3))
-        for wave in _waves(band):
-            kx, ky = (2 * pi * w for w in wave)
-            in_phase = (
-                kx * kx * second[0, 0] + kx * ky * (second[0, 1] + second[1, 0]) + ky * ky * second[1, 1]
-            )
-            along_x, along_y = (kx * row[0] + ky * row[1] for row in slope)
-            passed = pixel_mtf(on_target(wave, landing, surface), pitch) ** 2 / (DIRECTIONS * PERIODS)
-            curvature += np.nan_to_num(in_phase**2 * passed)
-            transport += np.nan_to_num(((along_x * by_x) ** 2 + (along_y * by_y) ** 2) * passed)
-            seen += np.nan_to_num(passed)
+        terms = [self._terms(wave) for wave in _waves(band)]
+        curvature, transport, seen = np.mean(terms, axis=0)
         light = self.flux * self._irradiance / self._at(self.formula.shown) ** 2
-        total = light.sum()
         bent, carried = float((light * curvature).sum()), float((light * transport).sum())
+        single = (float((light * sum(self._terms(wave)[:2])).sum()) for wave in _outer_waves(band))
         return BandChange(
             relative=np.sqrt(curvature + transport),
-            norm=sqrt((bent + carried) / total),
+            norm=sqrt((bent + carried) / light.sum()),
             curvature=bent / (bent + carried),
             mtf=sqrt((self.flux * seen).sum() / self.flux.sum()),
+            worst=sqrt(max(1.0, max(single) / (bent + carried))),
         )
+
+    def _terms(self, wave: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
+        """Return the curvature and the transport term of a wave, and what pixels leave, (nx, ny) each."""
+        landing, surface, slope, second = self._fields
+        by_x, by_y = self._steps
+        kx, ky = (2 * pi * w for w in wave)
+        in_phase = kx * kx * second[0, 0] + kx * ky * (second[0, 1] + second[1, 0]) + ky * ky * second[1, 1]
+        along_x, along_y = (kx * row[0] + ky * row[1] for row in slope)
+        passed = pixel_mtf(on_target(wave, landing, surface), self.formula.screen.pitch) ** 2
+        bend, carry = in_phase**2 * passed, ((along_x * by_x) ** 2 + (along_y * by_y) ** 2) * passed
+        return np.nan_to_num(bend), np.nan_to_num(carry), np.nan_to_num(passed)
 
     @cached_property
     def points(self) -> Floats:
@@ -149,6 +151,23 @@ class BandFormula:
         return np.asarray(values[..., by_s // 2 :: by_s, by_t // 2 :: by_t])
 
 
+def seen_by_cells(band: Band, cell: tuple[float, float]) -> float:
+    """Return what cells leave of the curvature term of a band, rms over its waves.
+
+    Corners are moved exactly, and between them linearly: the derivatives along the sides of a cell are
+    differences over it, and means over its other sides,
+
+        sinc(fx cx) cos(pi fy cy)        sinc(fy cy) cos(pi fx cx).
+
+    cell : (cx, cy), its sides on the surface, mm.
+    """
+    (cx, cy), squares = cell, []
+    for fx, fy in _waves(band):
+        by_x, by_y = np.sinc(fx * cx) * cos(pi * fy * cy), np.sinc(fy * cy) * cos(pi * fx * cx)
+        squares.append(((fx**2 * by_x + fy**2 * by_y) / (fx**2 + fy**2)) ** 2)
+    return sqrt(np.mean(squares))
+
+
 def _waves(band: Band) -> Iterator[tuple[float, float]]:
     """Yield waves (fx, fy) of a band, cycles per mm, at equal steps in direction and in the octave."""
     for i in range(PERIODS):
@@ -156,6 +175,14 @@ def _waves(band: Band) -> Iterator[tuple[float, float]]:
         for j in range(DIRECTIONS):
             direction = pi * (j + 0.5) / DIRECTIONS
             yield cos(direction) / period, sin(direction) / period
+
+
+def _outer_waves(band: Band) -> Iterator[tuple[float, float]]:
+    """Yield waves (fx, fy) from end to end of a band, cycles per mm, along the axes too."""
+    for i in range(PERIODS + 1):
+        period = band[0] * (band[1] / band[0]) ** (i / PERIODS)
+        for j in range(DIRECTIONS):
+            yield cos(pi * j / DIRECTIONS) / period, sin(pi * j / DIRECTIONS) / period
 
 
 def _both_sides(between: Floats, axis: int) -> Floats:

@@ -25,7 +25,7 @@ def form_figures_of(errors: FormErrors) -> Figures:
     figures = {
         "form_allowed": (
             f"Form error that each band of period may have for {rise}: the rms, and the peak to valley of a "
-            "regular ripple with this rms",
+            "regular ripple at its worst period and direction",
             allowed_figure(errors),
         )
     }

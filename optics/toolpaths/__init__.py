@@ -9,11 +9,15 @@ if TYPE_CHECKING:
         CuspBlur as CuspBlur,
         cusp_blur as cusp_blur,
     )
+    from optics.toolpaths.blur_without_cusps import (
+        present_blur as present_blur,
+    )
     from optics.toolpaths.cusp_light import (
         CuspLight as CuspLight,
         light_with_cusps as light_with_cusps,
     )
     from optics.toolpaths.findings import (
+        RowCut as RowCut,
         SpiralMotion as SpiralMotion,
         SurfaceFindings as SurfaceFindings,
         ToolFindings as ToolFindings,
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
         traced_points as traced_points,
     )
     from optics.toolpaths.tool_order import (
+        SPEED as SPEED,
         ToolOrder as ToolOrder,
     )
     from optics.toolpaths.tool_words import (
@@ -44,18 +49,23 @@ _FILES = {
         "light_with_cusps",
     ),
     "findings": (
+        "RowCut",
         "SpiralMotion",
         "SurfaceFindings",
         "ToolFindings",
         "tool_findings",
     ),
+    "blur_without_cusps": ("present_blur",),
     "response_to_slopes": (
         "LandingResponse",
         "crossings",
         "landing_response",
         "traced_points",
     ),
-    "tool_order": ("ToolOrder",),
+    "tool_order": (
+        "SPEED",
+        "ToolOrder",
+    ),
     "tool_words": (
         "fit_word",
         "tool_data",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import atan, degrees
+from math import atan, ceil, degrees
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from optics.runtime import Check
 from optics.toolpaths.blur_of_cusps import CuspBlur, cusp_blur, cusps_of
+from optics.toolpaths.blur_without_cusps import present_blur
 from optics.toolpaths.cusp_light import CuspLight, light_with_cusps
 from optics.toolpaths.response_to_slopes import landing_response
+from optics.toolpaths.tool_order import SPEED
 from thbcad.tools import (
     SURFACES,
     Draft,
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 RAYS = 257  # in each direction: a map finer than a picture shows
+ANYWHERE = 257  # points in each direction, on the rim too
 ROUND_DOWN = 1 - 1e-14  # below the roundings of an arctangent and a product
 
 
@@ -71,12 +74,25 @@ class SpiralMotion:
         return highest_rpm(limit, self.greatest)
 
 
+@dataclass(frozen=True)
+class RowCut:
+    """A ball on a surface, row by row.  rows : how many.  length : m, of all rows.  hours : of one pass."""
+
+    rows: int
+    length: float
+    hours: float
+
+
 @dataclass(frozen=True, eq=False)
 class SurfaceFindings:
     """A tool on one surface.
 
     graph : with air above it.  blur : None where the tool fits nowhere.  pitch : mm, step or feed
+    yardstick : pixels, by which light is blurred without cusps, at least one.
+    height_anywhere : mm, of cusps on the whole surface for each mm^2 of the pitch squared, sampled; NaN where
+        the tool fits nowhere.
     light : with the cusps; None where it is unknown.  motion : of a nose that fits, else None
+    rows : of a ball
     """
 
     name: str
@@ -84,20 +100,23 @@ class SurfaceFindings:
     fit: Fit
     blur: CuspBlur | None
     pitch: float | None
+    yardstick: float
+    height_anywhere: float
     light: CuspLight | None
     motion: SpiralMotion | None
+    rows: RowCut | None
 
     @property
     def cusp_height(self) -> float:
-        """The greatest height of cusps at this pitch, mm; NaN where it is unknown."""
+        """The greatest height of cusps where light for the target crosses, mm; NaN where it is unknown."""
         if self.blur is None or self.pitch is None:
             return float("nan")
         return float(np.nanmax(self.blur.heights)) * self.pitch**2
 
     @property
     def largest_pitch(self) -> float | None:
-        """The step or feed, mm, whose cusps blur by one pixel at most; None where blur is unknown."""
-        return None if self.blur is None else 1 / self.blur.worst()[0]
+        """The step or feed, mm, whose cusps blur by the yardstick at most; None where blur is unknown."""
+        return None if self.blur is None else self.yardstick / self.blur.worst()[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +151,20 @@ def tool_findings(
     names = [order.surface] if order.surface else [n for n in SURFACES if not getattr(lens, n).is_plane]
     if order.radius is None:
         names = []
-    surfaces = tuple(_surface(system, lens, order, backend, name, rays) for name in names)
+    pixel = float(np.mean(system.target.screen().pitch))
+    yardstick = max(1.0, present_blur(system, lens, backend) / pixel) if names else 1.0
+    surfaces = tuple(_surface(system, lens, order, backend, name, rays, yardstick) for name in names)
     return ToolFindings(order, surfaces, draft(lens))
 
 
 def _surface(
-    system: OpticalSystem, lens: Lens, order: ToolOrder, backend: Backend, name: str, rays: int
+    system: OpticalSystem,
+    lens: Lens,
+    order: ToolOrder,
+    backend: Backend,
+    name: str,
+    rays: int,
+    yardstick: float,
 ) -> SurfaceFindings:
     graph, radius = air_side(lens, name), order.radius
     assert radius is not None  # surfaces are looked at for a tool
@@ -148,7 +175,7 @@ def _surface(
         blur = None
     pitch = order.pitch
     if pitch is None and blur is not None:
-        pitch = 1 / blur.worst()[0]
+        pitch = yardstick / blur.worst()[0]
     light = None
     if blur is not None and pitch is not None and not blur.unknown:
 
@@ -159,7 +186,32 @@ def _surface(
     motion = None
     if order.spiral and fit.proven and pitch is not None:
         motion = spiral_motion(graph, radius, pitch)
-    return SurfaceFindings(name, graph, fit, blur, pitch, light, motion)
+    rows = None if order.spiral or pitch is None else row_cut(graph, order, pitch)
+    anywhere = _greatest_height(graph, order)
+    return SurfaceFindings(name, graph, fit, blur, pitch, yardstick, anywhere, light, motion, rows)
+
+
+def _grid(graph: BSplineSurface) -> tuple[Floats, Floats]:
+    """Return x and y of points all over a surface, its rim too, (n,) each."""
+    sides = (np.linspace(kv.start, kv.stop, ANYWHERE) for kv in (graph.kv_u, graph.kv_v))
+    x, y = np.meshgrid(*sides)
+    return x.ravel(), y.ravel()
+
+
+def _greatest_height(graph: BSplineSurface, order: ToolOrder) -> float:
+    """Return the greatest height of cusps all over a surface for a pitch of 1 mm, mm; NaN where none fits."""
+    heights = cusps_of(graph, *_grid(graph), order, 1.0).height
+    return float(np.nanmax(heights)) if np.isfinite(heights).any() else float("nan")
+
+
+def row_cut(graph: BSplineSurface, order: ToolOrder, step: float) -> RowCut:
+    """Return the rows of a ball over a surface, along its slopes, and the hours at its speed."""
+    x, y = _grid(graph)
+    along, across = (graph.kv_u, graph.kv_v) if order.rows == "x" else (graph.kv_v, graph.kv_u)
+    slope = graph(x, y, (1, 0) if order.rows == "x" else (0, 1))
+    rows = ceil((across.stop - across.start) / step) + 1
+    length = rows * (along.stop - along.start) * float(np.sqrt(1 + slope**2).mean())
+    return RowCut(rows, length / 1e3, length / (order.speed or SPEED) / 60)
 
 
 def spiral_motion(graph: BSplineSurface, nose: float, feed: float) -> SpiralMotion:

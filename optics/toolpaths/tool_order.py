@@ -14,9 +14,11 @@ POSITIVE = {
     "feed": "mm for each revolution",
     "rpm": "revolutions for each minute",
     "acceleration": "m/s^2",
+    "speed": "mm for each minute",
 }
+SPEED = 1000.0  # mm for each minute: a ball end of some mm that finishes a plastic
 LEAST, MOST = 1e-6, 1e6  # of any number: what is smaller or larger is a slip of the unit
-OF_BALL, OF_NOSE = ("step",), ("feed", "rpm", "acceleration")
+OF_BALL, OF_NOSE = ("step", "speed"), ("feed", "rpm", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,9 @@ class ToolOrder:
 
     ball : mm, radius of a ball end that cuts in rows.  nose : mm, radius of a nose that turns on a spiral
     step : mm between the rows' points of contact.  feed : mm for each revolution
-    None is the largest that blurs by one pixel nowhere.
+    None is the largest whose cusps blur nowhere by more than a pixel, or than the blur that there is.
     rows : "x" or "y", along which the rows of a ball run
+    speed : mm for each minute of a ball along its rows; None is SPEED
     rpm : revolutions for each minute.  acceleration : m/s^2, that the machine's z axis can do
     surface : "front" or "rear"; None is every surface that is no plane
 
@@ -43,6 +46,7 @@ class ToolOrder:
     rpm: float | None = None
     acceleration: float | None = None
     surface: str | None = None
+    speed: float | None = None
 
     def __post_init__(self) -> None:
         for name, unit in POSITIVE.items():

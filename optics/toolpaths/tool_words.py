@@ -7,14 +7,17 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from optics.problem import position
+from optics.toolpaths.tool_order import SPEED
 
 if TYPE_CHECKING:
-    from optics.toolpaths.findings import SpiralMotion, SurfaceFindings, ToolFindings
+    from optics.toolpaths.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
     from optics.toolpaths.tool_order import ToolOrder
     from thbcad.certified import Enclosure
     from thbcad.tools import Draft, Fit
 
 NM = 1e6  # of a mm
+LONG = 24.0  # hours of one pass: no machine keeps its temperature so long
+ENOUGH = 1.5  # times as large as a ball: a larger one is worth a word
 VERDICTS = {
     "fits": "{tool} fits the {name} for certain",
     "does not fit": "{tool} does not fit the {name} for certain",
@@ -44,6 +47,7 @@ def tool_data(findings: ToolFindings) -> dict[str, Any]:
         "rows": order.rows,
         "rpm": order.rpm,
         "acceleration_m_s2": order.acceleration,
+        "speed_mm_min": order.speed,
     }
     surfaces = {s.name: _surface_data(order, s) for s in findings.surfaces}
     return {"order": asked, "surfaces": surfaces, "draft": _draft_data(findings.draft)}
@@ -73,14 +77,25 @@ def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
         yield f"cusps on the {surface.name} {sentence}"
         return
     worst, x, y = blur.worst()
+    anywhere = surface.height_anywhere * pitch**2
     path = f"a feed of {pitch:.4g} mm" if order.spiral else f"rows along {order.rows}, {pitch:.4g} mm apart"
     yield (
-        f"cusps of {path} on the {surface.name} are up to {surface.cusp_height * NM:.3g} nm high and blur "
-        f"the light by up to {worst * pitch:.3g} pixels (rms {blur.rms * pitch:.3g}), most at x = {x:.4g}, "
-        f"y = {y:.4g} mm"
+        f"cusps of {path} on the {surface.name} are up to {surface.cusp_height * NM:.3g} nm high where light "
+        f"for the target crosses it, and up to {anywhere * NM:.3g} nm anywhere on it; "
+        f"they blur the light by up to {worst * pitch:.3g} pixels (rms {blur.rms * pitch:.3g}), most at "
+        f"x = {x:.4g}, y = {y:.4g} mm"
     )
     what = "feed" if order.spiral else "step"
-    yield f"the largest {what} on the {surface.name} that blurs by one pixel at most is {1 / worst:.4g} mm"
+    yardstick = (
+        "one pixel"
+        if surface.yardstick == 1
+        else f"{surface.yardstick:.3g} pixels, the blur that there is without cusps,"
+    )
+    yield (
+        f"the largest {what} on the {surface.name} that blurs by {yardstick} at most is "
+        f"{surface.largest_pitch:.4g} mm"
+    )
+    yield from _row_lines(order, surface)
     if surface.light is not None:
         yield (
             f"with these cusps rel_l2 of the picture is {surface.light.with_cusps:.4f}, without them "
@@ -90,6 +105,28 @@ def _cusp_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
         yield (
             f"{blur.unknown:.2%} of the light crosses places of the {surface.name} where the tool does not "
             "fit; they are left out of the blur"
+        )
+
+
+def _row_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
+    """Yield what it takes to cut with a ball, and what to do where that is long."""
+    cut = surface.rows
+    if cut is None:
+        return
+    speed = order.speed or SPEED
+    default = "" if order.speed else ", as nothing else is said (--speed)"
+    yield (
+        f"one pass over the {surface.name} is {cut.rows:,} rows, {cut.length / 1e3:.3g} km of cutting, and "
+        f"takes {cut.hours:.3g} hours at {speed:g} mm for each minute{default}; turns between rows, roughing "
+        "and polishing are not in them"
+    )
+    if cut.hours > LONG:
+        larger = surface.fit.least.lower
+        yield (
+            f"rows become fewer in proportion to the radius of the ball, of which up to {larger:.3g} mm fit"
+            if larger > ENOUGH * surface.fit.tool
+            else "a lens that is polished may be cut in coarser rows: the form that polishing leaves counts "
+            "then (thbcad tolerance)"
         )
 
 
@@ -126,6 +163,11 @@ def _motion_lines(order: ToolOrder, surface: SurfaceFindings) -> Iterator[str]:
             f"{motion.acceleration(rpm):.4g} m/s^2; one pass of {motion.cut.turns:.5g} turns, "
             f"{motion.cut.length:.4g} m long, takes {motion.cut.hours(rpm):.4g} hours"
         )
+    else:
+        yield (
+            f"one pass has {motion.cut.turns:.5g} turns and is {motion.cut.length:.4g} m long; --rpm or "
+            "--acceleration tell its hours"
+        )
 
 
 def _draft_lines(draft: Draft) -> Iterator[str]:
@@ -148,7 +190,10 @@ def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
             "pitch_mm": pitch,
             "height_mm": surface.cusp_height,
             "blur_pixels": {"greatest": worst * pitch, "rms": blur.rms * pitch, "x": x, "y": y},
+            "height_anywhere_mm": surface.height_anywhere * pitch**2,
             "one_pixel_mm": 1 / worst,
+            "yardstick_pixels": surface.yardstick,
+            "largest_mm": surface.largest_pitch,
             "left_out": blur.unknown,
             "rel_l2": None
             if surface.light is None
@@ -158,7 +203,17 @@ def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
         "fit": fit_word(surface.fit),
         "least_concave_radius_mm": _bounds(surface.fit.least),
         "cusps": cusps,
+        "rows": None if surface.rows is None else _rows_data(order, surface.rows),
         "spiral": None if surface.motion is None else _motion_data(order, surface.motion),
+    }
+
+
+def _rows_data(order: ToolOrder, cut: RowCut) -> dict[str, float]:
+    return {
+        "rows": cut.rows,
+        "length_m": cut.length,
+        "speed_mm_min": order.speed or SPEED,
+        "hours": cut.hours,
     }
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from optics.analysis import measure
+from optics.analysis import measure, rel_l2
 from optics.form_errors import (
     BandFormula,
     form_errors_of,
@@ -16,7 +16,7 @@ from optics.form_errors import (
     pixel_mtf,
 )
 from optics.form_errors.pixel_transfer import on_target
-from optics.heights import random_field, shortest_period
+from optics.heights import Sine, random_field, shortest_period
 from optics.runtime import UserError
 from tests.optics.cases import WIDE
 from tests.optics.form_errors.cases import PLATE, system_and_lens
@@ -108,3 +108,52 @@ def test_a_rise_that_is_not_positive_is_refused(tmp_path, backend, rise):
     system, lens = system_and_lens(tmp_path)
     with pytest.raises(UserError, match="must be positive, got"):
         form_errors_of(system, lens, backend, rise)
+
+
+@pytest.mark.parametrize("band", [(1.0, 2.0), (2.0, 5.0)])
+def test_the_cost_of_short_ripples_is_that_of_many_more_cells(tmp_path, backend, band):
+    """As many cells as a band asks for, and what they leave of it, against four times as many."""
+    from optics.form_errors.allowed_errors import _Probed
+
+    system, lens = system_and_lens(tmp_path, PLATE, bumps=0.003)
+    target = system.target.irradiance(system.target.screen(), 1.0)
+
+    def finer(counts):
+        return local_formula_of(system, lens, "rear", backend, counts)
+
+    def of(counts):
+        return _Probed(finer(counts), target, lens.rear.half_width, finer).cost(band, RISE)[0]
+
+    usual, fine = of((48, 48)), of((640, 640))
+    assert usual.change_per_mm == pytest.approx(fine.change_per_mm, rel=0.03)
+    assert usual.traced_rel_l2 - of((48, 48)).traced_rel_l2 == 0
+
+
+def test_light_that_ends_before_the_rim_starts_from_the_same_rel_l2_as_the_report(tmp_path, backend):
+    """A top hat's edge shows cells that end a ten-thousandth too early."""
+    beam = {"target.kind": "tophat", "target.lit": [0.75, 0.75], "target.pixels": [160, 160]}
+    system, lens = system_and_lens(tmp_path, PLATE | beam | {"target.half_width": [12.6, 12.6]})
+    own = local_formula_of(system, lens, "rear", backend, (640, 640))
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    report = measure(system, lens, backend).metrics["rel_l2_sequential"]
+    assert rel_l2(own.irradiance / own.shown, target) == pytest.approx(report, rel=1e-3)
+
+
+@pytest.mark.parametrize("period", [1.05, 1.4, 1.9])
+def test_no_regular_ripple_of_the_allowed_height_brings_more_than_the_rise(tmp_path, backend, period):
+    """Of any period and direction of the band, each with 25 cells on it."""
+    from optics.form_errors.allowed_errors import _Probed
+
+    system, lens = system_and_lens(tmp_path, PLATE, bumps=0.003)
+    target = system.target.irradiance(system.target.screen(), 1.0)
+
+    def finer(counts):
+        return local_formula_of(system, lens, "rear", backend, counts)
+
+    probed = _Probed(finer((160, 160)), target, lens.rear.half_width, finer)
+    cost, _ = probed.cost((1.0, 2.0), RISE)
+    fine = finer((480, 480))
+    for direction in (11.0, 34.0, 80.0):
+        ripple = Sine(cost.allowed_pv_sine / 2, period, direction)
+        rise = rel_l2(fine.traced_irradiance(ripple) / fine.shown, target) - probed.rel_l2
+        assert rise < 1.05 * RISE

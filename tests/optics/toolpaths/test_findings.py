@@ -8,11 +8,11 @@ import pytest
 from optics import UserError
 from optics.problem import load_problem
 from optics.system import OpticalSystem
-from optics.toolpaths import ToolOrder, tool_data, tool_findings, tool_lines
+from optics.toolpaths import ToolOrder, present_blur, tool_data, tool_findings, tool_lines
 from tests.optics.cases import small_lens, write_problem
 from tests.optics.toolpaths.cases import bowl_lens
 from thbcad.sags import Conic
-from thbcad.tools import air_side, ball_fit
+from thbcad.tools import air_side, ball_cusps, ball_fit
 
 
 @pytest.fixture
@@ -98,6 +98,82 @@ def test_without_a_tool_draft_angles_are_left(found):
     assert tool_data(findings)["draft"]["front_degrees"]["value"] == 90.0
 
 
+NARROW = {"source.half_width": [5.0, 5.0]}
+
+
+def test_cusps_are_told_where_light_crosses_and_anywhere(tmp_path, backend):
+    """Against the closed form of both: a beam over the middle half of a bowl, whose rim is steep."""
+    system = OpticalSystem(load_problem(write_problem(tmp_path, NARROW)))
+    lens = small_lens(rear=Conic(-25.0, -1.0))
+    found = tool_findings(system, lens, ToolOrder(ball=3.0, step=0.05), backend, rays=65)
+    (surface,), graph = found.surfaces, air_side(lens, "rear")
+    heights = [ball_cusps(graph, x, x, 3.0, 0.05, "x").height.max() for x in map(np.array, ([5.0], [10.0]))]
+    assert heights[1] > 1.15 * heights[0]
+    assert surface.cusp_height == pytest.approx(heights[0], rel=0.03)
+    data = tool_data(found)["surfaces"]["rear"]["cusps"]
+    assert data["height_anywhere_mm"] == pytest.approx(heights[1], rel=1e-6)
+    (line,) = (line for line in tool_lines(found) if line.startswith("cusps of"))
+    assert f"{1e6 * surface.cusp_height:.3g} nm high where light for the target crosses it" in line
+    assert f"up to {1e6 * heights[1]:.3g} nm anywhere on it" in line
+
+
+@pytest.mark.parametrize(("rows", "speed", "step"), [("x", None, 0.004), ("y", 500.0, 0.01)])
+def test_rows_kilometres_and_hours_are_told(found, rows, speed, step):
+    """By the arc of a parabola z = x^2 / (2 R), the same in every row."""
+    radius, half = 40.0, 10.0
+    findings = found(ToolOrder(ball=3.0, step=step, rows=rows, speed=speed), small_lens())
+    cut = findings.surfaces[0].rows
+    t = half / radius
+    arc = half * np.sqrt(1 + t * t) + radius * np.arcsinh(t)
+    assert cut.rows == round(2 * half / step) + 1
+    assert cut.length == pytest.approx(cut.rows * arc / 1e3, rel=1e-4)
+    assert cut.hours == pytest.approx(1e3 * cut.length / (speed or 1000.0) / 60, rel=1e-12)
+    (line,) = (line for line in tool_lines(findings) if line.startswith("one pass over the rear"))
+    assert f"{cut.rows:,} rows" in line
+    assert "polishing are not in them" in line
+    assert ("as nothing else is said" in line) == (speed is None)
+
+
+def test_days_of_cutting_have_one_remedy(found):
+    long = ToolOrder(ball=3.0, step=0.0005, speed=100.0)
+    lines = tool_lines(found(long, small_lens()))
+    (remedy,) = (line for line in lines if line.startswith(("rows become fewer", "a lens that is polished")))
+    assert remedy.startswith(
+        "rows become fewer in proportion to the radius of the ball, of which up to 40 mm"
+    )
+    tight = tool_lines(found(ToolOrder(ball=38.0, step=0.0005, speed=100.0), small_lens()))
+    assert any(line.startswith("a lens that is polished may be cut in coarser rows") for line in tight)
+
+
+def test_without_rpm_the_turns_are_told(found):
+    (line,) = (line for line in tool_lines(found(ToolOrder(nose=1.0, feed=0.01))) if "turns and is" in line)
+    assert "--rpm or --acceleration tell its hours" in line
+
+
+SUN = {"source.divergence": 2.0}
+LAMP = {"source.kind": "lambertian", "source.half_width": [0.6, 0.6], "source.distance": 30.0}
+
+
+@pytest.mark.parametrize("changes", [SUN, LAMP], ids=["sun", "lamp"])
+def test_the_yardstick_is_the_blur_that_there_is(tmp_path, backend, changes):
+    """A plane plate: the sun's disk over the way to the target, and the lamp's image by a pinhole."""
+    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    lens = small_lens(rear=Conic())
+    wide = present_blur(system, lens, backend)
+    # behind a plate light has the angle that it had before; a lamp is seen over its optical distance
+    expected = 2 * 60 * np.tan(np.radians(2.0)) if changes is SUN else 1.2 * 60 / (30 + 6 / 1.5)
+    assert wide == pytest.approx(expected, rel=0.1)
+    (surface,) = tool_findings(system, lens, ToolOrder(ball=6.0, surface="rear"), backend, 65).surfaces
+    assert surface.yardstick == pytest.approx(wide / (40 / 48), rel=1e-12)
+    assert surface.pitch * surface.blur.worst()[0] == pytest.approx(surface.yardstick)
+    assert surface.largest_pitch == pytest.approx(surface.pitch)
+
+
+def test_sharp_light_keeps_the_pixel_as_yardstick(found):
+    (surface,) = found(ToolOrder(ball=5.0)).surfaces
+    assert surface.yardstick == 1.0
+
+
 @pytest.mark.parametrize(
     ("order", "sentence"),
     [
@@ -110,6 +186,8 @@ def test_without_a_tool_draft_angles_are_left(found):
         ({"ball": 1.0, "nose": 1.0}, "give a ball or a nose, not both"),
         ({"nose": 1.0, "step": 0.1}, "step goes with a ball; give the radius of one"),
         ({"ball": 1.0, "rpm": 10.0}, "rpm goes with a nose"),
+        ({"nose": 1.0, "speed": 10.0}, "speed goes with a ball"),
+        ({"ball": 1.0, "speed": -1.0}, "speed must be a positive number of mm for each minute"),
         ({"acceleration": 10.0}, "acceleration goes with a nose"),
         ({"ball": 1.0, "rows": "z"}, 'rows must be "x" or "y"'),
         ({"ball": 1.0, "surface": "side"}, 'surface must be "front" or "rear"'),
