@@ -7,10 +7,10 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from runpy import run_module
 
 import pytest
 
-from optics.__main__ import entry
 from optics.commands import main
 from optics.commands.outcome import Outcome
 from optics.progress import drawing
@@ -45,7 +45,7 @@ def test_a_command_searches_for_garbage_rarely_and_not_at_its_end(monkeypatch):
     monkeypatch.setattr("optics.commands.main", ran)
     try:
         with pytest.raises(SystemExit) as ended:
-            entry()
+            run_module("optics", run_name="__main__")
         assert ended.value.code == 3
         assert seen[0][0] > 10 * before[0]
         assert gc.get_freeze_count() > 0
@@ -186,7 +186,6 @@ class Stop:
 sys.meta_path.insert(0, Stop())
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run in the background
 sys.argv[1:] = ["check", "none.toml"]
-from optics.__main__ import entry
 entry()
 """
 
@@ -208,7 +207,6 @@ def test_a_signal_ends_the_command_with_one_line_also_while_it_ends(moment):
     program = f"""
 import atexit, os, signal, sys
 from optics import commands
-from optics.__main__ import entry
 signal.signal(signal.SIGINT, signal.default_int_handler)
 stop = lambda *_: os.kill(os.getpid(), signal.SIGINT)
 if {moment!r} == "again":
