@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from optics.made_lenses import ErrorModel
 from optics.photometry import uniformity
 from optics.problem import load_problem
 from optics.runtime import UserError
@@ -122,6 +123,15 @@ def test_a_shift_of_the_whole_light_costs_nothing_where_it_floats(tmp_path, back
     both = follows(wider + shift)[0]
     alone = follows(wider)[0]
     assert np.linalg.norm(both - alone) < 0.01 * np.linalg.norm(alone - nominal)
+
+
+def test_made_lenses_float_as_their_budget_does(even) -> None:
+    system, lens = even
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    shift = Perturbation(target_shift=(0.4, 0.0, 0.0))
+    lights = [ErrorModel(system, lens, target, (), (), floats).light for floats in (False, True)]
+    moved = [np.linalg.norm(light(shift)[0] - light()[0]) for light in lights]
+    assert moved[1] < 1e-3 * moved[0]
 
 
 def test_what_floats_is_not_what_is_held(even, backend) -> None:
