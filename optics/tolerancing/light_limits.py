@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.analysis import rel_l2
-from optics.photometry import uniformity
+from optics.analysis import rel_l2, uniformity_metrics
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
+    from optics.system import OpticalSystem
     from optics.tolerancing.traced_light import PerturbedLight
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,10 @@ NAMES = ("rise", "rel_l2", "min_over_mean", "efficiency")
 
 @dataclass(frozen=True)
 class LightNumbers:
-    """What light is judged by.  min_over_mean : E_min / E_mean on the lit pixels; None of a picture."""
+    """What light is judged by.
+
+    min_over_mean : U0 on boxes, see `optics.photometry.uniformity`; None of a picture.
+    """
 
     rel_l2: float
     efficiency: float
@@ -48,31 +51,36 @@ class LightNumbers:
 
 @dataclass(frozen=True, eq=False)
 class LightJudge:
-    """What is asked for, and of how much flux.
+    """What is asked for.
 
-    target : at any scale, lit : pixels that must be uniform or None, (rows, columns).  flux : of the source.
+    target : of the system, (rows, columns), at any scale.  blur : see `optics.blur.spot_rms`.
     """
 
     target: Floats
-    lit: NDArray[np.bool_] | None
-    flux: float
+    system: OpticalSystem
+    blur: float = 0.0
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the same light is asked for everywhere in a region."""
+        return self.system.target.even_region is not None
 
     def numbers(self, irradiance: Floats, on_target: float) -> LightNumbers:
         """Return the numbers of light, (rows, columns).  on_target : its flux there."""
-        even = None if self.lit is None else uniformity(irradiance, self.lit)
-        found = None if even is None else even.min_over_mean
-        if self.lit is not None and self.lit.any() and even is None:
-            found = 0.0  # all is dark
-        return LightNumbers(rel_l2(irradiance, self.target), on_target / self.flux, found)
+        least = None
+        if self.uniform:
+            least = uniformity_metrics(self.system, irradiance, None, self.blur)["min_over_mean"]
+            least = 0.0 if least is None and irradiance.sum() <= 0 else least
+        flux = self.system.problem.source.flux
+        return LightNumbers(rel_l2(irradiance, self.target), on_target / flux, least)
 
 
 def usual_limits(light: PerturbedLight, judge: LightJudge) -> dict[str, float]:
     """Return what holds where no limits are given: min_over_mean EVEN of uniform light, else a rise by RISE.
 
-    Pixels that rays are counted in differ by chance, and the least of them most of all.
+    Boxes that rays are counted in differ by chance, and the least of them most of all.
     """
-    uniform = judge.lit is not None and judge.lit.any() and light.by_cells
-    return {"min_over_mean": EVEN} if uniform else {"rise": RISE}
+    return {"min_over_mean": EVEN} if judge.uniform and light.by_cells else {"rise": RISE}
 
 
 def limits_of(asked: float | Limits | None, usual: Limits) -> dict[str, float]:

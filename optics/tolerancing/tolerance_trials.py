@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.analysis import rel_l2, unit_mean
+from optics.blur import spot_rms
 from optics.runtime import UserError, speaking_of
 from optics.tolerancing.allowed_amount import amount_of
 from optics.tolerancing.light_limits import (
@@ -89,7 +90,8 @@ class _Trial:
     def __init__(self, light: PerturbedLight, target: Floats, limits: Mapping[str, float] | None) -> None:
         self._light, self._linear = light, LinearLight(light)
         system = light.system
-        self.judge = LightJudge(unit_mean(target), system.target.lit_pixels, system.problem.source.flux)
+        blur = 0.0 if light.by_cells else spot_rms(system, light.lens, light.backend)
+        self.judge = LightJudge(unit_mean(target), system, blur)
         irradiance = self._linear.irradiance
         self.scaled = unit_mean(irradiance)
         self.here = self.judge.numbers(irradiance, self._linear.fates.on_target)

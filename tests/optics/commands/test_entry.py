@@ -186,6 +186,7 @@ class Stop:
 sys.meta_path.insert(0, Stop())
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run in the background
 sys.argv[1:] = ["check", "none.toml"]
+from optics.__main__ import entry
 entry()
 """
 
@@ -213,6 +214,7 @@ if {moment!r} == "again":
     commands.main = lambda: (_ for _ in ()).throw(KeyboardInterrupt)
 else:
     commands.main = lambda: atexit.register(stop) and 0
+from optics.__main__ import entry
 entry()
 """
     done = subprocess.run(

@@ -66,7 +66,7 @@ def even(tmp_path_factory):
     ],
 )
 def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, backend, limits, reached) -> None:
-    """By traces of their own, and the uniformity of lit pixels."""
+    """By traces of their own, and the uniformity on boxes."""
     system, lens = even
     found = budget_of(system, lens, backend, limits, **DECENTRE)
     (effect,) = [e for e in found.effects if e.tolerance.name == "target.decentre_x"]
@@ -79,7 +79,8 @@ def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, back
             irradiance, _ = perturbed_light(system, lens, p, backend)
             e = irradiance / irradiance.mean()
             rel = np.linalg.norm(e - found.target) / np.linalg.norm(found.target)
-            u0 = uniformity(irradiance, system.target.lit_pixels).min_over_mean
+            region, half_width = system.target.even_region, system.target.settings.half_width
+            u0 = uniformity(irradiance, region, half_width).min_over_mean
             ok.append(rel <= limits.get("rel_l2", 9.0) and u0 >= limits.get("min_over_mean", 0.0))
         assert all(ok) is kept
     assert effect.cost == pytest.approx(0.2 / effect.allowed.amount)
