@@ -84,6 +84,10 @@ class NURBSCurve:
         """Return the curve with the coefficients (w_i P_i, w_i), (dim, d + 1)."""
         return cls(kv, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
 
+    def __repr__(self) -> str:
+        n, d = self.points.shape
+        return f"NURBSCurve(degree {self.kv.degree}, {n} points in {d} dimensions)"
+
     @cached_property
     def homogeneous(self) -> Floats:
         """The coefficients (w_i P_i, w_i), (dim, d + 1)."""
@@ -157,6 +161,12 @@ class NURBSSurface:
     def from_homogeneous(cls, kv_u: KnotVector, kv_v: KnotVector, coefficients: Floats) -> NURBSSurface:
         """Return the surface with the coefficients (w_ij P_ij, w_ij), (n_u, n_v, d + 1)."""
         return cls(kv_u, kv_v, coefficients[..., :-1] / coefficients[..., -1:], coefficients[..., -1])
+
+    def __repr__(self) -> str:
+        u, v, d = self.points.shape
+        return (
+            f"NURBSSurface(degree {self.kv_u.degree, self.kv_v.degree}, {u} x {v} points in {d} dimensions)"
+        )
 
     @cached_property
     def homogeneous(self) -> BSplineSurface:

@@ -359,3 +359,10 @@ def test_affine_maps_of_wrong_shape_are_refused():
         QUARTER.transformed(np.eye(3))
     with pytest.raises(ValueError, match=r"offset must be one number or have shape \(2,\), got \(3,\)"):
         QUARTER.transformed(np.eye(2), [0, 0, 1])
+
+
+def test_a_printed_curve_or_surface_is_one_line_whatever_its_net():
+    kv = KnotVector.uniform(3, 30)
+    points = np.random.default_rng(0).uniform(size=(kv.dim, kv.dim, 3))
+    assert repr(NURBSSurface(kv, kv, points)) == "NURBSSurface(degree (3, 3), 33 x 33 points in 3 dimensions)"
+    assert repr(NURBSCurve(kv, points[0])) == "NURBSCurve(degree 3, 33 points in 3 dimensions)"
