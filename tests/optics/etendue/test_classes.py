@@ -90,7 +90,7 @@ def test_images_of_different_sizes_are_outside_the_class_of_one_blur():
 def test_a_design_with_such_images_is_told_which_class_it_left():
     system = OpticalSystem(load_problem(ROOT / "examples" / "extended.toml"))
     found = reached_sentences(system, system.lens, {"rel_l2_debiased": 0.016, "efficiency": EFFICIENCY})
-    (every, _), (free, alike) = found.background, found.limits
+    (every, _, free), (alike,) = found.background, found.limits
     bound = one_blur(system, system.lens, EFFICIENCY, FIXED_QUICK, any_form=False).bound.lower_bound
     assert bound > 0.08
     assert alike.endswith("left the class: its images of the source are not all alike")
