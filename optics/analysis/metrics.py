@@ -22,7 +22,7 @@ from optics.analysis.light_of_beams import beam_irradiance
 from optics.analysis.light_of_cells import cell_irradiance
 from optics.analysis.light_of_rays import ray_count, ray_irradiance
 from optics.analysis.light_of_wavelengths import colour_metrics, spectral_light
-from optics.analysis.photometric_metrics import photometric_metrics
+from optics.analysis.photometric_metrics import photometric_metrics, uniformity_metrics
 from optics.blur import spot_rms
 from optics.tracing import flux_by_fate
 
@@ -252,6 +252,25 @@ def contrast_error(metrics: dict[str, Any], target: NDArray[np.float64]) -> dict
         "contrast_error": metrics["rel_l2_debiased"] / contrast,
         "contrast_error_std": metrics["rel_l2_error"] / contrast,
     }
+
+
+def delivered(
+    system: OpticalSystem, shown_light: Floats, on_target: float, off_target: float, blur: float
+) -> dict[str, Any]:
+    """Return the metrics that the verdict needs, of light without noise.
+
+    shown_light : as the irradiance of a Measurement.  on_target, off_target : W.
+    blur : see `optics.blur.spot_rms`.
+    """
+    screen, flux = system.target.screen(), system.problem.source.flux
+    shown = screen.projection()
+    target = system.target.irradiance(screen, 1.0) / shown
+    found: dict[str, Any] = {"rel_l2_debiased": rel_l2(shown_light, target), "rel_l2_error": 0.0}
+    found |= {"efficiency": on_target / flux, "stray": off_target / flux}
+    found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
+    if system.target.even_region is None:
+        return found | contrast_error(found, target)
+    return found | {"uniformity": uniformity_metrics(system, shown_light, None, blur)}
 
 
 def unit_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,16 +10,25 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.analysis import Measurement, measure
+from optics.analysis import (
+    Measurement,
+    Verdict,
+    contrast_error,
+    delivery_checks,
+    judged,
+    measure,
+    picture_limit,
+)
 from optics.as_built.alignment import Alignment, best_fit, by_datums, outliers
 from optics.as_built.corrected_surface import MadeSurface, made_surface
 from optics.as_built.measured_area import RAYS, measured_light
 from optics.as_built.rigid_corrections import RigidCorrection, rigid_correction
-from optics.runtime import UserError
+from optics.runtime import Check, UserError
 from optics.toolpaths import landing_response
 
 if TYPE_CHECKING:
     from optics.as_built.measured_points import MeasuredPoints
+    from optics.problem import Verify
     from optics.runtime import Backend
     from optics.system import OpticalSystem
     from thbcad.lens import FreeformSurface, Lens
@@ -76,6 +85,21 @@ class AsBuilt:
     known: float
     light_error: LightError | None
     correction: RigidCorrection | None
+
+    def verdict(self, limits: Verify) -> Verdict:
+        """Return the verdict on the light of the made lens; not decided where part of it was not measured.
+
+        limits : of a problem.
+        """
+        metrics = self.measurement.metrics
+        if self.light_error is None:
+            remark = f"only {100 * self.known:.3g} % of the light crosses where the {self.side} was measured"
+            unknown = Check("light of the made lens", None, picture_limit(limits, False), "", remark=remark)
+            return judged(metrics, [replace(unknown, subject="light")], of_file=False)
+        light = {"rel_l2_debiased": self.light_error.rel_l2, "rel_l2_error": self.light_error.error}
+        if metrics.get("contrast_error") is not None:
+            light |= contrast_error(light, self.measurement.target)
+        return judged(metrics | light, delivery_checks(metrics | light, limits), of_file=False)
 
     @property
     def change(self) -> Floats:

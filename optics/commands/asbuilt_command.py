@@ -10,7 +10,7 @@ import numpy as np
 
 from optics.api import Design
 from optics.as_built import FileFrame, as_built_data, as_built_lines
-from optics.commands.outcome import Outcome
+from optics.commands.outcome import OF_GRADES, Outcome
 from optics.results import HASHES, hashes, remove_files, require_own, writable_folder
 
 if TYPE_CHECKING:
@@ -40,10 +40,12 @@ def asbuilt(options: Namespace) -> Outcome:
     _write(folder, design, built, options.step)
     from thbcad.io import json_text, write_text
 
-    data = as_built_data(built)
+    verdict = built.verdict(design.problem.verify)
+    data = as_built_data(built) | verdict.data()
     files = (*FILES, STEP) if options.step else FILES
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))
-    return Outcome(data, [*as_built_lines(built), f"wrote {folder}"])
+    lines = [*as_built_lines(built), f"as made: {verdict}", f"wrote {folder}"]
+    return Outcome(data, lines, OF_GRADES[verdict.grade])
 
 
 def _write(folder: Path, design: Design, built: AsBuilt, step: bool) -> None:

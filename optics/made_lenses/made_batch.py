@@ -32,13 +32,15 @@ class Range:
 class MadeBatch:
     """The light of made lenses, in independent sets of the same size.
 
-    rel_l2, efficiency : (sets, lenses), inf and 0 of lenses that could not be traced.
+    rel_l2, efficiency, made : (sets, lenses), inf, 0 and False of lenses that could not be traced.
+    made : the verdict on the light.
     failures : the different sentences why not.
     seconds : of all traces together.  peak_mb : the most memory that one worker held.
     """
 
     rel_l2: Floats
     efficiency: Floats
+    made: NDArray[np.bool_]
     failures: tuple[str, ...] = ()
     seconds: float = 0.0
     peak_mb: float = 0.0
@@ -54,15 +56,24 @@ class MadeBatch:
         return self._around(float(sets.mean()), sets)
 
     def passing(self, limit: float) -> Range:
-        """Return the yield: the part of all lenses whose rel_l2 is at most a limit.
+        """Return the part of all lenses whose rel_l2 is at most a limit."""
+        return self._part(self.rel_l2 <= limit)
+
+    @property
+    def good(self) -> Range:
+        """The yield: the part of all lenses whose light keeps the limits of the problem, as a verdict says."""
+        return self._part(self.made)
+
+    def _part(self, kept: NDArray[np.bool_]) -> Range:
+        """Return the part of lenses that are kept.
 
         The interval is that of the sets' spread (Student's t); of sets that agree it is Wilson's, which holds
         for independent lenses.
         """
-        sets = (self.rel_l2 <= limit).mean(axis=1)
+        sets = kept.mean(axis=1)
         found = self._around(float(sets.mean()), sets)
         if found.low == found.high:
-            test = stats.binomtest(int((self.rel_l2 <= limit).sum()), self.rel_l2.size)
+            test = stats.binomtest(int(kept.sum()), kept.size)
             wilson = test.proportion_ci(CONFIDENCE, method="wilson")
             return Range(found.value, float(wilson.low), float(wilson.high))
         return Range(found.value, max(found.low, 0.0), min(found.high, 1.0))
@@ -84,8 +95,9 @@ class MadeBatch:
             "rel_l2": {f"{part:.0%}": self.quantile(part).data() for part in SHOWN},
             "efficiency_mean": float(finite.mean()) if finite.size else 0.0,
             "efficiency_least": float(finite.min()) if finite.size else 0.0,
+            "yield": self.good.data(),
             "limit_rel_l2": limit,
-            "yield": self.passing(limit).data(),
+            "within_limit": self.passing(limit).data(),
             "not_traced": int((~np.isfinite(self.rel_l2)).sum()),
             "failures": list(self.failures),
         }

@@ -76,12 +76,13 @@ class MonteCarlo:
         """Return what to expect of a batch."""
         batch = self.batch
         median, worst = (batch.quantile(part) for part in SHOWN[1:])
-        passing = batch.passing(self.limit)
+        passing, good = batch.passing(self.limit), batch.good
         lines = [
             f"{batch.rel_l2.size} lenses were traced, each with all errors at once. Half of them have a "
             f"rel_l2 of at most {median.value:.2%}, and {SHOWN[2]:.0%} of at most {worst.value:.2%}.",
-            f"{passing.value:.1%} of the lenses keep rel_l2 below {self.limit:.2%}; with {CONFIDENCE:.0%} "
-            f"confidence the yield lies between {passing.low:.1%} and {passing.high:.1%}.",
+            f"{good.value:.1%} of the lenses make the light that was asked for, by the limits of [verify]; "
+            f"with {CONFIDENCE:.0%} confidence the yield lies between {good.low:.1%} and {good.high:.1%}. "
+            f"{passing.value:.1%} keep rel_l2 below {self.limit:.2%}.",
             f"Root mean square they have {sqrt(batch.mean_square().value):.2%}; rises by single errors add "
             f"up to {self.expected:.2%}.",
         ]

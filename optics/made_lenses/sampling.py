@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from optics.analysis import rel_l2
+from optics.analysis import delivered, delivery_checks, rel_l2
+from optics.blur import spot_rms
 from optics.made_lenses.made_batch import MadeBatch
 from optics.made_lenses.random_errors import REPLICATES, Draw, FormTolerance, draws
-from optics.runtime import load_backend
+from optics.runtime import grade, load_backend
 from optics.tolerancing import NOMINAL, PerturbedLight
 from optics.workers import run_tasks
 
@@ -49,6 +50,13 @@ class ErrorModel:
         """What traces the lenses, on one thread; every worker builds its own."""
         return PerturbedLight(self.system, self.lens, load_backend("double", 1), floats=self.floats)
 
+    @cached_property
+    def blur(self) -> float:
+        """Of the light behind the designed lens, see `optics.blur.spot_rms`; 0 where no verdict needs it."""
+        if self.system.target.even_region is None:
+            return 0.0
+        return spot_rms(self.system, self.lens, self.light.backend)
+
     def __getstate__(self) -> dict[str, Any]:
         """Return what is sent to workers: all but the device's part."""
         return {name: value for name, value in self.__dict__.items() if name != "light"}
@@ -75,10 +83,11 @@ class ErrorModel:
 
 
 class Traced(NamedTuple):
-    """What a worker says of a lens."""
+    """What a worker says of a lens.  made : the verdict on its light is "made"."""
 
     rel_l2: float
     efficiency: float
+    made: bool
 
 
 class Sampled(NamedTuple):
@@ -96,7 +105,9 @@ class Sampled(NamedTuple):
 def traced(model: ErrorModel, draw: Draw) -> Traced:
     """Return the quality of the light of one lens."""
     image, fates = model.light(model.errors(draw))
-    return Traced(rel_l2(image, model.target), fates.on_target / model.system.problem.source.flux)
+    metrics = delivered(model.system, image, fates.on_target, fates.off_target, model.blur)
+    made = grade(delivery_checks(metrics, model.system.problem.verify)) == "made"
+    return Traced(rel_l2(image, model.target), metrics["efficiency"], made)
 
 
 def sample_lenses(
@@ -117,7 +128,7 @@ def sample_lenses(
     model.form(0)  # refuses bands before any worker starts
     alone = _forms_alone(model)
     items = [*alone, *chain.from_iterable(sets)]
-    found = np.full((len(items), 2), (np.inf, 0.0))
+    found = np.full((len(items), 3), (np.inf, 0.0, 0.0))
     failures: dict[str, None] = {}
     seconds = peak = 0.0
     with closing(run_tasks(traced, items, pool, model)) as results:
@@ -129,9 +140,9 @@ def sample_lenses(
             seconds, peak = seconds + result.seconds, max(peak, result.peak_mb)
             if progress:
                 progress(done, len(items))
-    rel, efficiency = found[len(alone) :].T.reshape(2, REPLICATES, -1)
+    rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
     by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
-    return Sampled(MadeBatch(rel, efficiency, tuple(failures), seconds, peak), sets, by_form)
+    return Sampled(MadeBatch(rel, efficiency, made > 0, tuple(failures), seconds, peak), sets, by_form)
 
 
 def _forms_alone(model: ErrorModel) -> list[Draw]:

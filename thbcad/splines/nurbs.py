@@ -74,11 +74,6 @@ class NURBSCurve:
 
     __reduce__ = rebuilt
 
-    def __repr__(self) -> str:
-        return (
-            f"NURBSCurve(degree {self.kv.degree}, {self.points.shape[0]} points in {self.points.shape[1]} D)"
-        )
-
     @classmethod
     def from_homogeneous(cls, kv: KnotVector, coefficients: Floats) -> NURBSCurve:
         """Return the curve with the coefficients (w_i P_i, w_i), (dim, d + 1)."""
@@ -145,11 +140,6 @@ class NURBSSurface:
         object.__setattr__(self, "weights", weights)
 
     __reduce__ = rebuilt
-
-    def __repr__(self) -> str:
-        rows, columns, dimensions = self.points.shape
-        degrees = self.kv_u.degree, self.kv_v.degree
-        return f"NURBSSurface(degree {degrees}, {rows} x {columns} points in {dimensions} D)"
 
     @classmethod
     def from_bspline(cls, surface: BSplineSurface) -> NURBSSurface:

@@ -6,8 +6,9 @@ import pytest
 from optics.made_lenses import MadeBatch
 
 
-def batch(rel_l2):
-    return MadeBatch(np.asarray(rel_l2, dtype=float), np.full(np.shape(rel_l2), 0.9))
+def batch(rel_l2, good=0.15):
+    values = np.asarray(rel_l2, dtype=float)
+    return MadeBatch(values, np.full(values.shape, 0.9), values <= good)
 
 
 def test_the_interval_of_a_yield_holds_it_as_often_as_it_says():
@@ -42,5 +43,7 @@ def test_lenses_that_cannot_be_traced_fail():
     values[2, 1] = np.inf
     data = batch(values).data(0.2)
     assert data["not_traced"] == 1
+    assert data["within_limit"]["value"] == pytest.approx(31 / 32)
     assert data["yield"]["value"] == pytest.approx(31 / 32)
+    assert batch(values, good=0.05).data(0.2)["yield"]["value"] == 0
     assert data["rel_l2"]["95%"]["value"] == pytest.approx(0.1)
