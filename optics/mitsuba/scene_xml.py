@@ -47,7 +47,7 @@ TAGS = {  # of the plugins that `scene_dictionary` names
 }
 VERSION = "3.0.0"  # of the XML dialect
 SOURCE = "source.pfm"  # Mitsuba writes EXR by its own threads, and waits for ever where there is one
-SAMPLES = 256  # light paths per pixel: noise of some per cent on coarse pixels
+SAMPLES = {"sensor": 256, "overview": 16}  # light paths per pixel: the overview has 640 x 480 pixels
 SINGLE = 2.0**-22  # relative, of coordinates in float32
 
 
@@ -68,8 +68,8 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
     flux = brighter * system.problem.source.flux
     scene = scene_dictionary(OpticalSystem(system.problem.with_(**{"source.flux": flux})), mesh)
     scene["overview"] = overview_camera(mi, system.target.screen(), system.target.z, lens)
-    for name in ("sensor", "overview"):
-        scene[name]["sampler"] = {"type": "independent", "sample_count": SAMPLES}
+    for name, count in SAMPLES.items():
+        scene[name]["sampler"] = {"type": "independent", "sample_count": count}
     glass = {"type": "dielectric", "int_ior": lens.index, "ext_ior": 1.0}
     files: dict[Path, bytes] = {}
     with tempfile.TemporaryDirectory() as folder:
