@@ -122,6 +122,8 @@ def _without_conflict(
     that no lens can fulfil beside the others: their limits must give way.
     """
     thicker, thinner = ([w for w in wishes if w.key == THICKNESS and w.more is up] for up in (True, False))
+    if thinner and problem.lens.thickness - _best(thinner)[0] >= metrics.thickness.lower:
+        return [w for w in wishes if w not in thinner], thinner
     if not (thicker and thinner):
         return wishes, []
     height = metrics.greatest_thickness.value - metrics.thickness.value

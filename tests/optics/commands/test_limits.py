@@ -257,6 +257,8 @@ def test_limits_that_no_lens_keeps_give_way(tmp_path):
     thick, thin = limit_sentences(limited(problem, thickness=7.0, greatest_thickness=7.1), found)
     assert thick.endswith("--set lens.thickness=7.001")
     assert thin.endswith("--set limits.greatest_thickness=8.501")
+    (none,) = limit_sentences(limited(problem, mass=0.3), found)  # 6 mm less
+    assert none.endswith("--set limits.mass=3.253")
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
