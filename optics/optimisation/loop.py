@@ -104,7 +104,7 @@ def design(
     start = _transport_start(system, backend, state, note, start)
     state, fit = (state, None) if state else _first_state(system, start, flux, engine)
     guide = start if state.moved else None
-    plan = stages(system, state.moved)
+    plan, crossing = stages(system, state.moved), 0.0
     for stage in plan[state.stage :]:
         if progress:
             progress(plan, stage, state.dof, None)
@@ -117,7 +117,8 @@ def design(
             report = progress and partial(progress, plan, stage, state.dof)
             recorder = Recorder(system, objective, stage, state, axes, clock, report)
             keeper = LimitKeeper(system, lens, note) if stage is plan[-1] else None
-            begun, lens = lens, _optimised(lens, recorder, stage, note, keeper)
+            begun, (lens, crossed) = lens, _optimised(lens, recorder, stage, note, keeper)
+            crossing = max(crossing, crossed)
             if system.source.extended:
                 fresh = np.random.default_rng((system.problem.run.seed, FRESH))
                 recorder.measure_afresh(of_stage(system, begun, axes=axes, fresh=fresh))
@@ -143,8 +144,9 @@ def design(
         note(start.note(fit))
     lens = _with_sags(system.lens, state.sags)
     problem = system.problem
-    if problem.limits != Limits():
-        for sentence in limit_sentences(problem, manufacturability(lens, problem.lens.density or None)):
+    if crossing or problem.limits != Limits():
+        made = manufacturability(lens, problem.lens.density or None)
+        for sentence in limit_sentences(problem, made, crossing):
             note(sentence)
     return lens, state
 
@@ -249,32 +251,33 @@ def _optimised(
     stage: Stage,
     note: Callable[[str], None],
     keeper: LimitKeeper | None = None,
-) -> Lens:
-    """Return the lens with the sags that the optimiser finds, or the nearest one that can exist.
+) -> tuple[Lens, float]:
+    """Return the lens with the sags that the optimiser finds, or the nearest one that can exist, and by how
+    much, mm, the surfaces crossed that were found.
 
     keeper : of the limits, where the lens must end within them.
     """
     try:
         sags = keeper.minimized(recorder, stage.iterations) if keeper else recorder.minimized()
-        lens, wrong = nearest_lens(lens, sags)
+        found, (lens, wrong) = lens.with_sags(sags), nearest_lens(lens, sags)
     except Interrupted as stop:
         sags = nearest_lens(lens, stop.state.sags)[0].sags
         raise Interrupted(replace(stop.state, sags=sags)) from None
     if wrong:
-        note(f"level {stage.level}: {wrong}; lower z_freedom of the free surfaces for a better result")
-    return lens
+        note(f"level {stage.level}: {wrong}")
+    return lens, max(0.0, -found.least_thickness().lower) if wrong else 0.0
 
 
 def nearest_lens(lens: Lens, sags: Sequence[THBSurface]) -> tuple[Lens, str]:
     """Return the lens with other sags and "".
 
     Where it cannot exist: the lens with the sags c + t (c' - c) from its present c towards the others c', and
-    a sentence that says why.  The step t is halved until a lens can exist.
+    a sentence that says why, without a remedy.  The step t is halved until a lens can exist.
     """
     try:
         return require_sound(lens.with_sags(sags)), ""
     except ValueError as error:
-        wrong = str(error)
+        wrong = str(error).partition("; ")[0]
     fraction = 1.0
     while fraction > LEAST_FRACTION:
         fraction /= 2

@@ -38,6 +38,7 @@ CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
 INSIDE = 0.97  # of z_freedom
+ROOM = 1.02  # times the z_freedom that the map needs: finer meshes ask for a little more
 # of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
 # z_freedom 9.5: rel_l2 0.041); with a fifth, optimising every level pays (z_freedom 8: 0.059 against 0.115)
 MOST_CUT = 0.05
@@ -151,8 +152,8 @@ class TransportStart:
                 f"{asked}, which would bring rear and front together; raise lens.thickness for better light"
             )
         return (
-            f"{asked}, more than z_freedom allows; raise lens.{self._system.shaped}.freeform.z_freedom above "
-            f"{fit.asked / INSIDE:.3g} for better light"
+            f"{asked}, more than z_freedom allows: for better light "
+            f"--set lens.{self._system.shaped}.freeform.z_freedom={ROOM * fit.asked / INSIDE:.3g}"
         )
 
     def _fit(self, space: THBSpace, light: RearLight, slopes: Sequence[Floats]) -> TransportFit:

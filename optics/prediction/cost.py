@@ -33,7 +33,7 @@ CELL_BYTES = 2000  # the same for cells whose rays are searched for
 
 def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
     """Return the seconds of a design on two cores, from the start of the process to the verified result."""
-    work = sum((s.iterations + 1 + PROBES) * _rays(system, s) for s in plan if s.iterations)
+    work = sum((s.iterations + 1 + PROBES) * n for s, n in _rays(system, plan))
     kind = 1.0 if system.path.parallel else SEARCHED
     if len(system.freeforms) > 1:
         kind = BOTH_FREE
@@ -47,14 +47,17 @@ def seconds(system: OpticalSystem, plan: Sequence[Stage]) -> float:
 def memory_mb(system: OpticalSystem, plan: Sequence[Stage]) -> float:
     """Return the peak memory of a design and its helper processes, MB."""
 
-    def bytes_of(stage: Stage) -> float:
-        each = CELL_BYTES if stage.exact and not system.path.parallel else BYTES
-        return each * _rays(system, stage)
+    def bytes_of(stage: Stage, rays: float) -> float:
+        return rays * (CELL_BYTES if stage.exact and not system.path.parallel else BYTES)
 
-    return BASE_MB + max((bytes_of(s) for s in plan if s.iterations), default=0.0) / 1e6
+    return BASE_MB + max((bytes_of(s, n) for s, n in _rays(system, plan)), default=0.0) / 1e6
 
 
-def _rays(system: OpticalSystem, stage: Stage) -> float:
-    """Return the rays that one evaluation traces: a mirror image needs none."""
+def _rays(system: OpticalSystem, plan: Sequence[Stage]) -> list[tuple[Stage, float]]:
+    """Return the stages that optimise, and the rays that one evaluation traces: a mirror image needs none."""
     halves = 2 ** len(symmetry_axes(system))
-    return stage.rays[0] * stage.rays[1] / (halves if stage.exact or system.source.extended else 1)
+
+    def traced(stage: Stage) -> float:
+        return stage.rays[0] * stage.rays[1] / (halves if stage.exact or system.source.extended else 1)
+
+    return [(stage, traced(stage)) for stage in plan if stage.iterations]
