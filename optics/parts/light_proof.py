@@ -181,7 +181,7 @@ class PartLight:
         face, prism = self._optical(name), self._prism(name)
         if edges_within(face, prism):
             return False
-        corners = prism.section(np.zeros(3), *np.eye(3)[:2], 4 * self.size)
+        corners = prism.section(np.zeros(3), np.eye(3)[0], np.eye(3)[1], 4 * self.size)
         x, y, _ = corners.mean(axis=0)
         return bool(on_face(face, np.array([[x, y, self._height(name, x, y)[0]]]))[0])
 

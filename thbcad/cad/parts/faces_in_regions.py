@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box2d
 from OCP.BndLib import BndLib_Add2dCurve
 from OCP.BRep import BRep_Tool
@@ -151,7 +152,7 @@ class _Inside:
             return cells
         a, b = cells[:, None], self._boxes[None]
         apart = (a[..., 0::2] > b[..., 1::2]).any(axis=-1) | (a[..., 1::2] < b[..., 0::2]).any(axis=-1)
-        crossed = ~apart.all(axis=1)
+        crossed: NDArray[np.bool_] = np.logical_not(np.all(apart, axis=1))
         crossed[~crossed] = [self._holds(u, v) for u, v in self._middles(cells[~crossed]).tolist()]
         return cells[crossed]
 
