@@ -17,7 +17,7 @@ ROUNDING = 1e-9
 @given(st.integers(0, 1 << 30))
 def test_straight_paths_stay_inside_and_clipping_keeps_them(seed):
     rng = np.random.default_rng(seed)
-    groups = [rng.normal(size=(6, 12, 3)) + [0, 0, z] for z in (-8.0, 8.0)]
+    groups = [rng.normal(size=(6, 12, 3)) + np.array([0, 0, z]) for z in (-8.0, 8.0)]
     for group in groups:
         group[..., 2] = group[:, :1, 2]
     stacks = [Stack(g[:, 0, 2], np.array([supports_of(points[:, :2]) for points in g])) for g in groups]

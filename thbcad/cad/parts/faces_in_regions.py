@@ -63,7 +63,7 @@ def edges_within(face: TopoDS_Face, region: ConvexRegion) -> bool:
     return any(_edge_within(edge, region) is not None for edge in edges if not BRep_Tool.Degenerated_s(edge))
 
 
-def on_face(face: TopoDS_Face, points: Floats) -> np.ndarray:
+def on_face(face: TopoDS_Face, points: Floats) -> NDArray[np.bool_]:
     """Return which points of the surface under a face lie in the face, (n,).  points : (n, 3), mm."""
     states = [BRepClass_FaceClassifier(face, gp_Pnt(*p), TOLERANCE).State() for p in points.tolist()]
     return np.array([state != TopAbs_OUT for state in states], dtype=bool)
