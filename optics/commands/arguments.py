@@ -142,7 +142,8 @@ def _verify_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--lens",
         metavar="LENS",
-        help="of a STEP file: the lens.json or result folder of the lens that the part in it holds",
+        help="of a STEP file: the result folder, or lens.json, of the lens that the part in it holds; only "
+        "the folder knows the light",
     )
     command.add_argument(
         "--no-optiland",

@@ -80,7 +80,7 @@ def _meets(start: Floats, along: Floats, triangles: Floats) -> Booleans:
         u = np.einsum("ntk,ntk->nt", offset, across) / determinant
         v = np.einsum("nk,ntk->nt", along, turned) / determinant
         t = np.einsum("tk,ntk->nt", other, turned) / determinant
-    inside = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > ENDS) & (t < 1 - ENDS)
+        inside = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > ENDS) & (t < 1 - ENDS)
     return np.asarray(inside.any(axis=1))
 
 

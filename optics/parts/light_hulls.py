@@ -117,8 +117,8 @@ def _inner_angle(lens: Lens, steepest: float) -> float:
     if lens.front.is_plane:
         return float(np.degrees(asin(sin(radians(min(steepest, 90.0))) / lens.index)))
     graph = lens.own_graphs()[0]
-    rows = [(graph.kv_u, graph.coefficients), (graph.kv_v, graph.coefficients.T)]
-    return max(steepest, float(np.degrees(atan(np.hypot(*(_steepest(*row) for row in rows))))))
+    along, up = _steepest(graph.kv_u, graph.coefficients), _steepest(graph.kv_v, graph.coefficients.T)
+    return max(steepest, float(np.degrees(atan(np.hypot(along, up)))))
 
 
 def _steepest(kv: KnotVector, heights: Floats) -> float:
@@ -152,10 +152,11 @@ def _lit_surface(graph: BSplineSurface, surface: FreeformSurface, vertex: float,
         kvs.append(finer)
         operators.append(kv.prolongation(finer))
         ends.append(np.linspace(kv.start, kv.stop, CELLS + 1))
-    net = tensor_apply(*operators, graph.coefficients)
-    (x, y), heights, supports = ends, [], []
+    net = tensor_apply(operators[0], operators[1], graph.coefficients)
+    (x, y), heights, supports = (row.tolist() for row in ends), [], []
     for i, j in np.ndindex(CELLS, CELLS):
-        middle, half = ((x[i] + x[i + 1]) / 2, (y[j] + y[j + 1]) / 2), (np.diff(x)[i] / 2, np.diff(y)[j] / 2)
+        middle = (x[i] + x[i + 1]) / 2, (y[j] + y[j + 1]) / 2
+        half = (x[i + 1] - x[i]) / 2, (y[j + 1] - y[j]) / 2
         cell = np.minimum(lit, DIRECTIONS @ middle + rectangle_supports(half))
         if (cell + np.roll(cell, len(cell) // 2) < 0).any():
             continue  # beside the light

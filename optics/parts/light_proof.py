@@ -22,7 +22,6 @@ from optics.parts.light_samples import (
 )
 from thbcad.cad.exchange import SolidState, face_triangles
 from thbcad.cad.parts import (
-    cavity_faces,
     edges_within,
     faces_within,
     inner_wires,
@@ -136,14 +135,11 @@ class PartLight:
 
     @cached_property
     def certain_voids(self) -> list[int]:
-        """Those of the voids that are known to lie in the light's glass: cavities, and where light passes
-        everywhere those of which a point between front and rear was found."""
-        cavities = cavity_faces(self.solid)
-        return [
-            number
-            for number in self.voids
-            if number in cavities or (self.hulls.exact and self._between(self.within[GLASS][number]).any())
-        ]
+        """Those of the voids that are known to lie in the light's glass: where light passes everywhere, those
+        of which a point between front and rear was found."""
+        if not self.hulls.exact:
+            return []
+        return [number for number in self.voids if self._between(self.within[GLASS][number]).any()]
 
     def stopped(self) -> Stopped:
         """Return what the part stops of the light, traced."""
@@ -181,7 +177,7 @@ class PartLight:
         face, prism = self._optical(name), self._prism(name)
         if edges_within(face, prism):
             return False
-        corners = prism.section(np.zeros(3), *np.eye(3)[:2], 4 * self.size)
+        corners = prism.section(np.zeros(3), np.eye(3)[0], np.eye(3)[1], 4 * self.size)
         x, y, _ = corners.mean(axis=0)
         return bool(on_face(face, np.array([[x, y, self._height(name, x, y)[0]]]))[0])
 

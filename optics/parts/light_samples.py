@@ -156,7 +156,8 @@ def _paths(rays: Rays, met: Floats, thickness: float, target: Floats, far: bool,
     lit = (flux > 0) & (DIRECTIONS @ landing <= target[:, None]).all(axis=0)
     onward = np.stack([p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))])
     end = rear + np.maximum(ahead - rear[2], 0.0) / onward[2] * onward
-    return Paths(*(rows[:, lit].T for rows in (rays.origin, front, rear, end)), flux[lit])
+    start, front, rear, end = (rows[:, lit].T for rows in (rays.origin, front, rear, end))
+    return Paths(start, front, rear, end, flux[lit])
 
 
 def edge_triangles(lens: Lens) -> Floats:

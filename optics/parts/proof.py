@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 TOLERANCE = 1e-6  # mm, as of a lens by itself
-OTHER_EDGES = 1e-5  # mm, of edges at which OCCT cuts slanted edges of a lens with a mount, at one parameter
+OTHER_EDGES = 1e-5  # mm, of edges at which OCCT cuts a mount, slanted edges of a lens, or front and rear
 TRIM = 1e-7  # mm, of the edges of front and rear and of their images in the parameters
 SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
 AREA = 1e-9  # relative: rims are straight in x and y, and rounding is all that is left
@@ -53,7 +53,8 @@ def part_checks(
         shape = step_shape(path)
     checks, left_out = whole_checks(text.solid, OTHER_EDGES)
     checks += _text_checks(text, lens)
-    checks += _solid_checks(SolidState(shape))
+    state = SolidState(shape)
+    checks += _solid_checks(state)
     try:
         placed = placed_lens(shape, lens)
     except ValueError as error:
@@ -63,7 +64,22 @@ def part_checks(
         ], left_out
     apart = float(np.abs(placed.matrix - text.motion).max())
     checks.append(Check("placement by OCCT against that in the text of the file", apart, MOTION, ""))
-    checks += _face_checks(placed, lens, system is None)
+    off = _areas_off(placed, lens)
+    trimmed = max(off.values()) > AREA
+    checks.append(
+        Check(
+            "tolerance that faces, edges and vertices need to meet",
+            state.tolerance,
+            OTHER_EDGES if trimmed else TOLERANCE,
+            "mm",
+        )
+    )
+    checks += _face_checks(placed, lens, OTHER_EDGES if trimmed else TRIM)
+    if system is None:
+        checks += [
+            Check(f"area of the {name} that the part covers or cuts, relative", value, AREA, "")
+            for name, value in off.items()
+        ]
     part = PartLight.of(placed, lens, system)
     of_light, words = light_checks(part)
     return [*checks, *of_light, *landing_checks(placed, part, by_optiland)], left_out + words
@@ -92,35 +108,33 @@ def _solid_checks(state: SolidState) -> list[Check]:
         Check("free edges, by OCCT", state.free_edges, 0, ""),
         Check("shell not closed, by OCCT", int(not state.closed), 0, ""),
         Check("solid not valid, by OCCT", int(not state.valid), 0, ""),
-        Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
     ]
 
 
-def _face_checks(placed: PlacedLens, lens: Lens, whole: bool) -> list[Check]:
-    """Return the Checks of the numbers, the points and the edges of front and rear, and of their areas where
-    they are to be whole."""
-    checks = []
+def _areas_off(placed: PlacedLens, lens: Lens) -> dict[str, float]:
+    """Return by how much the areas of front and rear differ from those of the lens, relative."""
     back = placed.placement.Inverted()
+    off = {}
+    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+        full = 4 * surface.half_width[0] * surface.half_width[1]
+        off[name] = abs(projected_area(placed.faces[name].Moved(back)) / full - 1)
+    return off
+
+
+def _face_checks(placed: PlacedLens, lens: Lens, trim: float) -> list[Check]:
+    """Return the Checks of the numbers, the points and the edges of front and rear.
+
+    trim : mm, that their edges may miss them by.
+    """
+    checks = []
     for name, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
         geometry = placed.geometry(name)
         differing = surface_numbers(geometry).differing(surface_numbers(placed.surfaces[name]))
+        deviation = face_deviation(geometry, surface, vertex)
+        edges = edge_deviation(placed.faces[name])
         checks += [
             Check(f"{name} numbers that differ from the lens in memory, by OCCT", differing, 0, ""),
-            Check(
-                f"{name} face against the lens in memory, by OCCT",
-                face_deviation(geometry, surface, vertex),
-                SURFACE,
-                "mm",
-            ),
-            Check(
-                f"edges of the {name} and their images, by OCCT",
-                edge_deviation(placed.faces[name]),
-                TRIM,
-                "mm",
-            ),
+            Check(f"{name} face against the lens in memory, by OCCT", deviation, SURFACE, "mm"),
+            Check(f"edges of the {name} and their images, by OCCT", edges, trim, "mm"),
         ]
-        if whole:
-            area = projected_area(placed.faces[name].Moved(back))
-            off = abs(area / (4 * surface.half_width[0] * surface.half_width[1]) - 1)
-            checks.append(Check(f"area of the {name} that the part covers or cuts, relative", off, AREA, ""))
     return checks

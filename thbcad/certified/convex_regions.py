@@ -10,8 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thbcad.checks import Floats
+
+Booleans = NDArray[np.bool_]
 
 _ANGLES = np.arange(64) * (2 * np.pi / 64)
 DIRECTIONS: Floats = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1).round(15)
@@ -44,16 +47,16 @@ class ConvexRegion:
         """Return the points that lie deeper in it than a depth, mm."""
         return ConvexRegion(self.normals, self.offsets - depth)
 
-    def misses(self, nets: Floats) -> np.ndarray:
+    def misses(self, nets: Floats) -> Booleans:
         """Return for each of n sets of points, (n, k, 3), whether one half-space shuts all of them out, (n,).
 
         Their convex hull then lies outside.
         """
-        return ((nets @ self.normals.T).min(axis=1) >= self.offsets).any(axis=1)
+        return np.asarray(((nets @ self.normals.T).min(axis=1) >= self.offsets).any(axis=1))
 
-    def holds(self, points: Floats) -> np.ndarray:
+    def holds(self, points: Floats) -> Booleans:
         """Return which of the points (n, 3) lie inside."""
-        return (points @ self.normals.T < self.offsets).all(axis=1)
+        return np.asarray((points @ self.normals.T < self.offsets).all(axis=1))
 
     def part_of_line(self, start: Floats, stop: Floats) -> Floats:
         """Return the ends of what a line from start to stop has inside, (2, 3), or (0, 3)."""
@@ -129,4 +132,4 @@ def rectangle_supports(half_width: tuple[float, float]) -> Floats:
 
 def ellipse_supports(half_width: tuple[float, float]) -> Floats:
     """Return the supports of the ellipse in such a rectangle."""
-    return np.linalg.norm(DIRECTIONS * half_width, axis=1)
+    return np.asarray(np.linalg.norm(DIRECTIONS * half_width, axis=1))

@@ -1,14 +1,16 @@
 """`thbcad verify part.step --lens lens.json`."""
 
 import pytest
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 
 from optics.commands.arguments import parsed
 from optics.commands.export_command import export
 from optics.commands.verify_command import verify
 from optics.runtime import UserError
 from tests.thbcad.cad.parts.cases import LENSES, MOTIONS, box, located
-from thbcad import write_lens, write_step
-from thbcad.cad import join
+from thbcad import read_lens, write_lens, write_step
+from thbcad.cad import cut, join
 from thbcad.cad.shapes import lens_part
 
 
@@ -41,6 +43,21 @@ def test_wrong_files_are_one_sentence(wrong, step, tmp_path):
     with pytest.raises(UserError) as raised:
         verify(options(paths.get(wrong, tmp_path / "none.step"), lens))
     assert "\n" not in str(raised.value)
+
+
+def test_the_folder_of_a_design_knows_its_light(golden, tmp_path):
+    lens = read_lens(golden.path / "lens.json")
+    middle = gp_Ax2(gp_Pnt(-200, 0, lens.thickness / 2), gp_Dir(1, 0, 0))
+    fine = BRepPrimAPI_MakeCylinder(middle, 0.02, 400).Shape()
+    write_step(lens, tmp_path / "lens.step")
+    write_step(cut(lens_part(lens), fine).solid, tmp_path / "bored.step", lens=lens)
+    outcome = verify(options(tmp_path / "lens.step", golden.path))
+    assert outcome.ok
+    assert sum(line.startswith("ok") and "proven" in line for line in outcome.lines) == 5
+    bored = verify(options(tmp_path / "bored.step", golden.path))
+    assert not bored.ok
+    assert any("FAILED faces of the part within the light's glass" in line for line in bored.lines)
+    assert any("left out: proof of the light in the glass" in line for line in bored.lines)
 
 
 MOUNT = """

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
         exact_part as exact_part,
     )
     from thbcad.cad.parts.part_topology import (
-        cavity_faces as cavity_faces,
         inner_wires as inner_wires,
         outline_segments as outline_segments,
         own_edges as own_edges,
@@ -59,7 +58,6 @@ _FILES = {
     "own_surfaces": ("exact_part",),
     "operations": ("cut", "join"),
     "part_topology": (
-        "cavity_faces",
         "inner_wires",
         "outline_segments",
         "own_edges",

@@ -35,7 +35,7 @@ from OCP.GeomConvert import GeomConvert
 
 from thbcad.cad.exchange import OCCT_ERRORS
 from thbcad.cad.shapes import spline_surface
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.splines import BSplineSurface, KnotVector
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def _spans(kv: KnotVector, low: float, high: float) -> Floats:
     return np.stack([ends[:-1], ends[1:]], axis=1)
 
 
-def _blossoms(kv: KnotVector, cells: Floats) -> tuple[Floats, np.ndarray]:
+def _blossoms(kv: KnotVector, cells: Floats) -> tuple[Floats, Integers]:
     """Return the matrices from the p + 1 poles of a span to the Bezier points over intervals in it,
     (n, p + 1, p + 1), and the numbers of the first of these poles, (n,).
 

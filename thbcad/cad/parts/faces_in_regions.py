@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box2d
 from OCP.BndLib import BndLib_Add2dCurve
 from OCP.BRep import BRep_Tool
@@ -62,7 +63,7 @@ def edges_within(face: TopoDS_Face, region: ConvexRegion) -> bool:
     return any(_edge_within(edge, region) is not None for edge in edges if not BRep_Tool.Degenerated_s(edge))
 
 
-def on_face(face: TopoDS_Face, points: Floats) -> np.ndarray:
+def on_face(face: TopoDS_Face, points: Floats) -> NDArray[np.bool_]:
     """Return which points of the surface under a face lie in the face, (n,).  points : (n, 3), mm."""
     states = [BRepClass_FaceClassifier(face, gp_Pnt(*p), TOLERANCE).State() for p in points.tolist()]
     return np.array([state != TopAbs_OUT for state in states], dtype=bool)
@@ -151,7 +152,7 @@ class _Inside:
             return cells
         a, b = cells[:, None], self._boxes[None]
         apart = (a[..., 0::2] > b[..., 1::2]).any(axis=-1) | (a[..., 1::2] < b[..., 0::2]).any(axis=-1)
-        crossed = ~apart.all(axis=1)
+        crossed: NDArray[np.bool_] = np.logical_not(np.all(apart, axis=1))
         crossed[~crossed] = [self._holds(u, v) for u, v in self._middles(cells[~crossed]).tolist()]
         return cells[crossed]
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.BRepClass3d import BRepClass3d
 from OCP.BRepTools import BRepTools
 from OCP.GeomAbs import GeomAbs_Line
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID, TopAbs_WIRE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_WIRE
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
@@ -72,18 +71,6 @@ def inner_wires(face: TopoDS_Face) -> list[TopoDS_Shape]:
     """Return the wires of a face within its outer one."""
     outer = BRepTools.OuterWire_s(face)
     return [wire for wire in explore(face, TopAbs_WIRE) if not wire.IsSame(outer)]
-
-
-def cavity_faces(solid: TopoDS_Shape) -> frozenset[int]:
-    """Return the faces of a solid, by number, that close cavities within it."""
-    (own,) = explore(solid, TopAbs_SOLID)
-    outer = BRepClass3d.OuterShell_s(TopoDS.Solid_s(own))
-    inner = TopTools_IndexedMapOfShape()
-    for shell in explore(solid, TopAbs_SHELL):
-        if not shell.IsSame(outer):
-            for face in explore(shell, TopAbs_FACE):
-                inner.Add(face)
-    return frozenset(k for k, face in enumerate(solid_faces(solid)) if inner.Contains(face))
 
 
 def outline_segments(face: TopoDS_Face) -> Floats:
