@@ -61,7 +61,7 @@ class MadeBatch:
 
     @property
     def good(self) -> Range:
-        """The yield: the part of all lenses whose light keeps the limits of the problem, as a verdict says."""
+        """The yield: the part of all lenses whose light keeps the limits of the problem."""
         return self._part(self.made)
 
     def _part(self, kept: NDArray[np.bool_]) -> Range:
