@@ -96,7 +96,8 @@ class AsBuilt:
             remark = f"only {100 * self.known:.3g} % of the light crosses where the {self.side} was measured"
             unknown = Check("light of the made lens", None, picture_limit(limits, False), "", remark=remark)
             return judged(metrics, [replace(unknown, subject="light")], of_file=False)
-        light: dict[str, float | None] = {"rel_l2_debiased": self.light_error.rel_l2, "rel_l2_error": self.light_error.error}
+        error = self.light_error
+        light: dict[str, float | None] = {"rel_l2_debiased": error.rel_l2, "rel_l2_error": error.error}
         if metrics.get("contrast_error") is not None:
             light |= contrast_error(light, self.measurement.target)
         return judged(metrics | light, delivery_checks(metrics | light, limits), of_file=False)

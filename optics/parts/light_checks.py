@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 
 VOLUME = 1e-9  # relative
 LOST = 1e-3  # of the flux, which trims and mounts may cost
-SURE = 2  # standard errors, by which that is kept
 SEGMENTS = {
     "source to front": "from the source to the front",
     GLASS: "in the glass, from front to rear",
@@ -65,9 +64,8 @@ def _traced(part: PartLight) -> tuple[list[Check], list[str]]:
         "straight paths from front to rear" if part.system is None else "light to the lit part of the target"
     )
     rays = f"{stopped.rays:,}".replace(",", " ")
-    measured = f"{stopped.share:.3g} +- {stopped.error:.1g} by {rays} rays"
-    name = f"share of the {what} that the part stops, {measured}, and {SURE} standard errors"
-    checks = [Check(name, stopped.share + SURE * stopped.error, LOST, "")]
+    name = f"share of the {what} that the part stops, by {rays} rays"
+    checks = [Check(name, stopped.share, LOST, "", error=stopped.error)]
     if part.voids:
         checks.append(Check(f"rays of {rays} that meet a face within the glass", stopped.voided, 0, ""))
     words = [
