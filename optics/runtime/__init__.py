@@ -30,9 +30,6 @@ if TYPE_CHECKING:
         printable as printable,
         speaking_of as speaking_of,
     )
-    from optics.runtime.garbage import (
-        collect_rarely as collect_rarely,
-    )
     from optics.runtime.helper_process import (
         HelperProcess as HelperProcess,
         ProcessEnded as ProcessEnded,
@@ -72,6 +69,7 @@ if TYPE_CHECKING:
         store_rows as store_rows,
     )
     from optics.runtime.this_machine import (
+        collect_rarely as collect_rarely,
         machine as machine,
         machine_facts as machine_facts,
     )
@@ -107,7 +105,6 @@ _FILES = {
         "printable",
         "speaking_of",
     ),
-    "garbage": ("collect_rarely",),
     "helper_process": (
         "HelperProcess",
         "ProcessEnded",
@@ -141,6 +138,7 @@ _FILES = {
         "store_rows",
     ),
     "this_machine": (
+        "collect_rarely",
         "machine",
         "machine_facts",
     ),
