@@ -153,11 +153,11 @@ class LimitKeeper:
         """Tell where z_freedom cuts off much of a start that is moved within the limits."""
         _, heights, cut = self._lifted(self._lens.sags, charges)
         if cut > CUT * min(self._bounds):
-            shaped, freedom = self._system.shaped, self._system.freeforms[-1].freedom
+            shaped = self._system.shaped
+            thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
             self._note(
                 f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom cuts "
-                f"off {cut:.2g} mm of the sag: for better light "
-                f"--set lens.{shaped}.freeform.z_freedom={freedom + cut:.3g}"
+                f"off {cut:.2g} mm of the sag: for better light --set lens.thickness={thickness:.4g}"
             )
 
 
