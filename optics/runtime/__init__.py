@@ -62,13 +62,11 @@ if TYPE_CHECKING:
     )
     from optics.runtime.stored_rows import (
         StoredRows as StoredRows,
+        machine as machine,
+        machine_facts as machine_facts,
         read_rows as read_rows,
         rows_page as rows_page,
         store_rows as store_rows,
-    )
-    from optics.runtime.this_machine import (
-        machine as machine,
-        machine_facts as machine_facts,
     )
     from optics.runtime.user_files import (
         read_at_most as read_at_most,
@@ -126,13 +124,11 @@ _FILES = {
     ),
     "stored_rows": (
         "StoredRows",
+        "machine",
+        "machine_facts",
         "read_rows",
         "rows_page",
         "store_rows",
-    ),
-    "this_machine": (
-        "machine",
-        "machine_facts",
     ),
     "user_files": (
         "read_at_most",
