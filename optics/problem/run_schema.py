@@ -173,7 +173,7 @@ class Run:
     seed: int = option(
         0, low=0, note="of the fresh rays of the metrics and of the random signs that scale the variables"
     )
-    threads: int = option(0, low=0, high=1024, note="0 uses all cores; 1 repeats a run bit for bit")
+    threads: int = option(0, low=0, high=1024, note="0 uses all cores; the lens is the same for any number")
     precision: str = option(
         "double", choices=("double", "single"), note="of the optimisation; metrics are always double"
     )

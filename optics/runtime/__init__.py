@@ -30,6 +30,9 @@ if TYPE_CHECKING:
         printable as printable,
         speaking_of as speaking_of,
     )
+    from optics.runtime.garbage import (
+        collect_rarely as collect_rarely,
+    )
     from optics.runtime.helper_process import (
         HelperProcess as HelperProcess,
         ProcessEnded as ProcessEnded,
@@ -64,14 +67,11 @@ if TYPE_CHECKING:
     )
     from optics.runtime.stored_rows import (
         StoredRows as StoredRows,
+        machine as machine,
+        machine_facts as machine_facts,
         read_rows as read_rows,
         rows_page as rows_page,
         store_rows as store_rows,
-    )
-    from optics.runtime.this_machine import (
-        collect_rarely as collect_rarely,
-        machine as machine,
-        machine_facts as machine_facts,
     )
     from optics.runtime.user_files import (
         read_at_most as read_at_most,
@@ -105,6 +105,7 @@ _FILES = {
         "printable",
         "speaking_of",
     ),
+    "garbage": ("collect_rarely",),
     "helper_process": (
         "HelperProcess",
         "ProcessEnded",
@@ -133,14 +134,11 @@ _FILES = {
     ),
     "stored_rows": (
         "StoredRows",
+        "machine",
+        "machine_facts",
         "read_rows",
         "rows_page",
         "store_rows",
-    ),
-    "this_machine": (
-        "collect_rarely",
-        "machine",
-        "machine_facts",
     ),
     "user_files": (
         "read_at_most",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.runtime.llvm import llvm_library, require_loadable
-from optics.runtime.this_machine import give_back_memory
+from optics.runtime.garbage import give_back_memory
 from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time

@@ -1,4 +1,4 @@
-"""Rows of benchmarks that are kept: one file per benchmark, and the page of all of them.
+"""Rows of benchmarks that are kept: one file per benchmark, with its machine, and the page of all of them.
 
 A row is kept as it is printed.  A row whose name is indented belongs to the last row before it
 that is not; its full name is "name of that row > its own name".
@@ -7,6 +7,8 @@ that is not; its full name is "name of that row > its own name".
 from __future__ import annotations
 
 import json
+import os
+import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,3 +140,35 @@ def _indented(name: str) -> str:
 
 def _escaped(cell: str) -> str:
     return cell.replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*") if cell != "**no**" else cell
+
+
+def machine_facts() -> dict[str, str | int]:
+    """Return processor, cores (that this process may use), memory in GiB, system and Python."""
+    return {
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0)),
+        "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30),
+        "system": _system(),
+        "python": platform.python_version(),
+    }
+
+
+def machine() -> str:
+    """Return one line that names the machine."""
+    facts = machine_facts()
+    return f"{facts['processor']}, {facts['cores']} cores, Python {facts['python']}"
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            return next(line.split(":", 1)[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def _system() -> str:
+    try:
+        return platform.freedesktop_os_release()["PRETTY_NAME"]
+    except (OSError, KeyError):
+        return platform.system()

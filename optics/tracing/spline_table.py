@@ -47,7 +47,7 @@ class PolynomialTable:
         self._find = [Cells(backend, kv.breaks) for kv in knots]
         self._middles = [backend.array((kv.breaks[1:] + kv.breaks[:-1]) / 2) for kv in knots]
         self._rates = [backend.array(2 / np.diff(kv.breaks)) for kv in knots]
-        # more than the derivatives of all powers of s or t by x or y
+        # bounds of the derivatives of all powers of s by x, and of t by y
         self._steepest = [2 * kv.degree / np.diff(kv.breaks).min() for kv in knots]
         self._packets = -(-self._orders[1] // PACKED)  # that hold the coefficients of a row
 
@@ -107,13 +107,8 @@ class PolynomialTable:
         width = self._packets * PACKED
         xs, ys = _powers(s, p), _powers(t, q)
         slopes = [0.0, *(b * ry * ys[b - 1] for b in range(1, q))]
-        steepest = [k * float(dr.max(r).numpy()[0]) for k, r in zip((p - 1, q - 1), self._rates)]
-        of_ray = (
-            dr.abs(gz)
-            + dr.abs(gx) * dr.opaque(Float, steepest[0])
-            + dr.abs(gy) * dr.opaque(Float, steepest[1])
-        )
-        power = OrderFreeSums(self._backend, nx * ny * p * width, most=float(dr.sum(of_ray).numpy()[0]))
+        most = dr.abs(gz) + sum(dr.abs(g) * dr.opaque(Float, k) for g, k in zip((gx, gy), self._steepest))
+        power = OrderFreeSums(self._backend, nx * ny * p * width, float(dr.sum(most).numpy()[0]))
         for a in range(p):
             across = gz * xs[a] + (gx * (a * xs[a - 1] * rx) if a else 0.0)
             along = gy * xs[a]

@@ -11,6 +11,7 @@ from PIL import Image
 
 from optics.problem import load_problem
 from optics.results import ResultFolder, ResultWriter
+from optics.runtime import load_backend
 from optics.sources import collimated_beam
 from optics.tracing import Tracer
 from thbcad.hierarchy import THBSpace
@@ -18,6 +19,17 @@ from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
+
+THREADS = 1, 2, 4
+
+
+def on_threads(threads, work, *arguments):
+    """Return what work(*arguments) returns with so many threads of Dr.Jit."""
+    load_backend("double", threads)
+    try:
+        return work(*arguments)
+    finally:
+        load_backend("double", 1)
 
 
 def store_result(path, problem, lens):

@@ -9,7 +9,7 @@ from optics.runtime import load_backend
 from optics.system import OpticalSystem
 from optics.target import BSplineWindow
 from optics.tracing import Hits
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import THREADS, on_threads, rough, write_problem
 from thbcad.surfaces import THBSurface
 
 POINT = {
@@ -30,11 +30,11 @@ CASES = {
 }
 
 
-def model_of(folder, backend, changes, window, axes=(), pixels=24):
+def model_of(folder, backend, changes, window, axes=(), pixels=24, rays=(91, 87)):
     system = OpticalSystem(load_problem(write_problem(folder, changes)))
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.05, k)) for k, s in enumerate(lens.sags)])
-    film = Film(system.target.screen(48 // pixels, 3), (91, 87), window)
+    film = Film(system.target.screen(48 // pixels, 3), rays, window)
     return ExactEngine(backend).model(system, lens, film, axes), [sag.coefficients for sag in lens.sags]
 
 
@@ -137,3 +137,18 @@ def test_the_derivatives_of_mirrored_halves_are_transposes(tmp_path, backend, ax
     (_, forward), backward = model.push_forward(at, directions), model.light(at).pull_back(weights)
     scale = np.linalg.norm(forward) * np.linalg.norm(weights)
     assert np.vdot(forward, weights) == pytest.approx(backward[0] @ directions[0], abs=1e-12 * scale)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_light_and_derivatives_are_the_same_on_any_number_of_threads(tmp_path, backend, name):
+    """Image, gradient and change along a direction, with 9 and more rays or cells on a pixel."""
+    model, at = model_of(tmp_path, backend, *CASES[name], rays=(301, 287))
+    rng = np.random.default_rng(1)
+    directions, weights = [rng.standard_normal(len(c)) for c in at], rng.standard_normal(model.screen.padded)
+
+    def numbers():
+        light = model.light(at)
+        found = [light.image, *light.pull_back(weights, 1.0), *model.push_forward(at, directions)]
+        return tuple(f.tobytes() for f in found), light.lost
+
+    assert len({on_threads(threads, numbers) for threads in THREADS}) == 1

@@ -189,7 +189,7 @@ SOURCES = {
 
 @pytest.fixture
 def two_threads(backend):
-    """Dr.Jit on two threads, which add rays in any order: symmetry must not hang on it."""
+    """Dr.Jit on two threads, among which rays are shared without regard to symmetry."""
     backend.dr.set_thread_count(2)
     yield backend
     backend.dr.set_thread_count(1)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 
-from optics.runtime import load_backend
-from optics.target import Screen
+from optics.runtime import OrderFreeSums, load_backend
+from optics.target import Screen, pixel_lines
 from optics.target.cut_cells import LEAST_AREA
+from tests.optics.cases import THREADS, on_threads
 from tests.optics.target.cell_cases import SCREENS, UNIT, sheet, shuffled, smooth, whole
 
 SCREEN = whole(8, 6)
@@ -220,12 +221,25 @@ def test_single_precision_loses_no_more_than_its_numbers(backend):
     )
 
 
-def test_two_threads_lay_the_same_light(backend):
-    """They add to a pixel in any order."""
-    made = smooth(whole(16, 12), (60, 50), 0.2, 0.9)
-    one = made.laid(backend)
-    try:
-        two = made.laid(load_backend("double", 2))
-    finally:
-        load_backend("double", 1)
-    np.testing.assert_allclose(two, one, rtol=0, atol=made.rounding())
+def test_any_number_of_threads_lays_the_same_light(backend):
+    """32 000 cells, and some that are folded so that their triangles are as thin as can be."""
+    made = smooth(whole(16, 12), (200, 160), 0.07, 0.9)
+    images = [on_threads(threads, lambda: made.laid(backend)) for threads in THREADS]
+    assert len({image.tobytes() for image in images}) == 1
+
+
+def test_a_quantum_is_less_than_1e_12_of_the_mean_pixel(backend, monkeypatch):
+    """With nine cells on a pixel, and triangles that are hardly thick enough to be followed."""
+    made, quanta = smooth(whole(16, 12), (48, 36), 1 / 3, 0.0), []
+
+    def sums(*arguments):
+        quanta.append(OrderFreeSums(*arguments))
+        return quanta[-1]
+
+    made = replace(made, x=made.x.copy())
+    made.x[21, 20] = made.x[20, 20] + 7 * LEAST_AREA
+    monkeypatch.setattr(pixel_lines, "OrderFreeSums", sums)
+    mean = made.laid(backend).mean() / made.screen.pixel_area
+    assert len(quanta) == 2
+    assert 0 < max(s.quantum for s in quanta) < 1e-12 * mean
+    assert max(s.quantum for s in quanta) > 1e-15 * mean  # the triangles are followed

@@ -8,9 +8,10 @@ import pytest
 from optics.optimisation import MARGIN
 from optics.runtime import load_backend
 from optics.target.screen import Screen
-from optics.target.splat import Splat
+from optics.target.splat import WEIGHT, Splat
 from optics.target.windows import BoxWindow, BSplineWindow, GaussianWindow
 from oracles.light_formulas import brute_irradiance
+from tests.optics.cases import THREADS, on_threads
 
 WINDOWS = [
     BoxWindow(),
@@ -121,3 +122,31 @@ def test_single_precision_finds_every_pixel_of_the_largest_screen():
     image = splat(single, screen, BoxWindow(), x, y, [1.0, 2.0, 4.0])
     found = {(int(r), int(c)): float(image[r, c]) for r, c in np.argwhere(image)}
     assert found == {(8 + 4095, 8 + 4095): 1.0, (8 + 4094, 8 + 4094): 2.0, (8 + 4092, 8 + 4095): 4.0}
+
+
+@pytest.mark.parametrize("light", [None, 1e5])
+@pytest.mark.parametrize("window", [BoxWindow(), BSplineWindow(3), GaussianWindow(0.3, 4.0)], ids=repr)
+def test_no_order_and_no_number_of_threads_changes_a_bit(backend, window, light):
+    """2^17 rays are shared by several threads; of one pixel each has many."""
+    screen = Screen((6.0, 6.0), (20, 20), 4)
+    rays = np.array(rays_within(screen, 0, 1 << 17))
+    orders = slice(None), np.random.default_rng(1).permutation(1 << 17)
+
+    def image(order):
+        return Splat(backend, screen, window, light)(*(backend.array(r) for r in rays[:, order])).numpy()
+
+    found = [on_threads(threads, image, order) for threads in THREADS for order in orders]
+    assert len({f.tobytes() for f in found}) == 1
+    # of the 2^17 numbers on a pixel each is rounded by half a quantum, 2^-61 of the light
+    rows, columns = screen.padded
+    whole = brute_irradiance(screen, window, *rays[:, :4000])
+    part = Splat(backend, screen, window, light)(*(backend.array(r) for r in rays[:, :4000])).numpy()
+    part = part.reshape((rows, columns), order="F")
+    np.testing.assert_allclose(part, whole, rtol=0, atol=1e-12 * whole.max())
+
+
+@pytest.mark.parametrize("window", [*WINDOWS, GaussianWindow(0.3, 4.0)], ids=repr)
+def test_the_weights_of_a_ray_sum_up_to_less_than_their_bound(window):
+    t = np.linspace(0, 1, 1001)
+    of_ray = np.sum([np.broadcast_to(w, t.shape) for w in window.weights(t, np.exp)], axis=0)
+    assert of_ray.max() ** 2 < WEIGHT

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from optics.tracing.spline_table import PolynomialTable
+from tests.optics.cases import THREADS, on_threads
 from thbcad.splines import BSplineSurface, KnotVector
 
 DERIVATIVES = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -80,3 +81,20 @@ def test_pull_back_is_the_adjoint(backend, p, q):
     assert np.sum(back * net) == pytest.approx(
         sum(g @ f for g, f in zip(gradients, forward)), abs=1e-13 * scale
     )
+
+
+def test_pull_back_is_the_same_on_any_number_of_threads_and_in_any_order(backend):
+    """Gradients of ten orders of magnitude, on 2^17 points that several threads share."""
+    kv_x, kv_y = uneven(3, -3.0, 5.0, 1), uneven(3, 0.5, 2.0, 2)
+    rng = np.random.default_rng(9)
+    x, y = rng.uniform(-3, 5, 1 << 17), rng.uniform(0.5, 2, 1 << 17)
+    gradients = rng.standard_normal((3, 1 << 17)) * 10 ** rng.uniform(-9, 1, 1 << 17)
+
+    def pulled(order):
+        table = PolynomialTable(backend, (kv_x, kv_y))
+        at = backend.array(x[order]), backend.array(y[order])
+        return table.pull_back(*at, [g[order] for g in gradients]).tobytes()
+
+    orders = slice(None), slice(None, None, -1), rng.permutation(1 << 17)
+    found = {on_threads(threads, pulled, order) for threads in THREADS for order in orders}
+    assert len(found) == 1

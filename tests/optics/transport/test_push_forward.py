@@ -8,6 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from optics.runtime import load_backend
 from optics.transport.push_forward import push_forward
+from tests.optics.cases import THREADS, on_threads
 
 BACKEND = load_backend("double", 1)
 
@@ -54,3 +55,11 @@ def test_what_no_light_goes_to_stays_dark():
     assert not arrived[: n // 4 - 1].any()
     assert not arrived[:, : n // 4 - 1].any()
     assert arrived[n // 4 + 1 : -n // 4 - 1, n // 4 + 1 : -n // 4 - 1] == pytest.approx(4.0, rel=1e-12)
+
+
+def test_any_number_of_threads_carries_the_same_light():
+    rng = np.random.default_rng(4)
+    psi, light = rng.normal(size=(200, 300)) * 1e-4, rng.random((200, 300))
+    spacing = 0.01, 0.01
+    found = [on_threads(n, lambda: push_forward(BACKEND, psi, light, spacing).tobytes()) for n in THREADS]
+    assert len(set(found)) == 1
