@@ -12,8 +12,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optics.runtime.llvm import llvm_library, require_loadable
 from optics.runtime.garbage import give_back_memory
+from optics.runtime.llvm import llvm_library, require_loadable
 from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time

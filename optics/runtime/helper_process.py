@@ -22,8 +22,8 @@ from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 from typing import Any
 
-from optics.runtime.lost_interrupts import lost_interrupts_again
 from optics.runtime.garbage import collect_and_give_back, collect_rarely
+from optics.runtime.lost_interrupts import lost_interrupts_again
 
 PROGRAM = "from optics.runtime import serve; serve()"
 PATIENCE = 3.0  # seconds; OCCT does not listen while it works, for about one second
