@@ -127,7 +127,7 @@ class MappedCells:
         image = self._lines.light(pixels)
         if dr.width(places.cut):
             cells = self._cut(corners, places)
-            # of both sides of an edge; all sums are bound by the light and by that of all edges
+            # of both sides of an edge; steps between pixels are bound by the light, and by all densities
             greatest = 2 * float(densest.numpy()[0])
             most = max(greatest, min(self._light, greatest * dr.width(places.cut)))
             differences = self._lines.differences(most)
@@ -178,8 +178,9 @@ class MappedCells:
         whole = self._backend.dr.gather(self._backend.Index, places.whole, places.cut)
         return CutCells(self._double, self._grid, self._lines, places.cut, corners, self._shares, whole)
 
-    def _sorted(self, corners: Corners) -> tuple[DrArray, DrArray, DrArray]:
-        """Return of every cell what `Places.whole` says, whether it is cut, and half of its flux."""
+    def _sorted(self, corners: Corners) -> tuple[DrArray, DrArray, DrArray, DrArray]:
+        """Return of every cell what `Places.whole` says, whether it is cut, and half of its flux; and the
+        greatest density of cells that are cut."""
         dr, Index = self._backend.dr, self._backend.Index
         cell, exists = self._grid.cells()
         flux = self._shares * sum(self._grid.of_corners(corners.passing, cell, exists))

@@ -32,7 +32,10 @@ class PixelLines:
         return OrderFreeSums(self._backend, (self._rows + 2) * self._columns, most)
 
     def differences(self, most: float) -> OrderFreeSums:
-        """Return no differences: of every pixel a pair, what begins in it and what ends behind it."""
+        """Return no differences: of every pixel a pair, what begins in it and what ends behind it.
+
+        most : of a summand, and of a step from pixel to pixel, which is the sum of what ends and begins.
+        """
         return OrderFreeSums(self._backend, 2 * (self._rows + 2) * self._columns, most)
 
     def number(self, i: DrArray, j: DrArray) -> DrArray:

@@ -21,7 +21,7 @@ FEWER = {
     "lens.rear.freeform.max_level": 1,
     "optimizer.iterations": [3],
     "optimizer.finish": 2,
-    "optimizer.rays_per_pixel": 8.0,
+    "optimizer.rays_per_pixel": 6.0,
 }
 EXAMPLES = {
     "pearl": FEW,
