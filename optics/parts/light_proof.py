@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +33,13 @@ from thbcad.cad.parts import (
 )
 
 if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
-
     from optics.system import OpticalSystem
     from thbcad.cad.parts import PlacedLens
     from thbcad.certified import ConvexRegion
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
+Face = Shape = Any  # of OpenCASCADE, which `thbcad.cad` alone imports
 
 DEPTH = 1e-11  # of the half-width: what reaches less deep into the light counts as beside it
 THIN = 25  # half-widths that a thickness stands for: volumes of thin lenses feel the depth more
@@ -57,7 +56,7 @@ class PartLight:
     solid : TopoDS_Solid.  optical : numbers of front and rear among its faces.  system : None is unknown.
     """
 
-    solid: TopoDS_Shape
+    solid: Shape
     optical: tuple[int, int]
     lens: Lens
     system: OpticalSystem | None
@@ -67,7 +66,7 @@ class PartLight:
         return cls(placed.in_lens_frame(), placed.numbers, lens, system)
 
     @cached_property
-    def faces(self) -> list[TopoDS_Face]:
+    def faces(self) -> list[Face]:
         return solid_faces(self.solid)
 
     @cached_property
@@ -158,7 +157,7 @@ class PartLight:
             sampled_light(self.system, self.lens, self.hulls.target, self.heights), obstruction
         )
 
-    def _optical(self, name: str) -> TopoDS_Face:
+    def _optical(self, name: str) -> Face:
         return self.faces[self.optical[NAMES.index(name)]]
 
     def _prism(self, name: str) -> ConvexRegion:

@@ -42,7 +42,7 @@ class BSplineSurface:
 
     def __repr__(self) -> str:
         rows, columns, *rest = self.coefficients.shape
-        values = f"points in {rest[0]} D" if rest else "scalar coefficients"
+        values = f"points in {rest[0]} dimensions" if rest else "scalar coefficients"
         return f"BSplineSurface(degree {self.kv_u.degree, self.kv_v.degree}, {rows} x {columns} {values})"
 
     def __call__(self, u: ArrayLike, v: ArrayLike, derivative: tuple[int, int] = (0, 0)) -> Floats:

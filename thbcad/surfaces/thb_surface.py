@@ -46,7 +46,7 @@ class THBSurface:
 
     def __repr__(self) -> str:
         rest = self.coefficients.shape[1:]
-        values = f"points in {rest[0]} D" if rest else "scalar coefficients"
+        values = f"points in {rest[0]} dimensions" if rest else "scalar coefficients"
         return f"THBSurface(of {self.space!r}, {values})"
 
     def _repr_html_(self) -> str:

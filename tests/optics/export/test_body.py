@@ -133,7 +133,7 @@ def test_a_curve_of_a_drawn_body_that_moved_shows(tmp_path, word):
 
 def moved(view):
     """A view whose rear lies 0.02 mm lower in z."""
-    shift = -0.02 * np.array([axis == "z" for axis in view.axes])
+    shift = -0.02 * np.array([{"z": 1, "-z": -1}.get(axis, 0) for axis in view.axes])
     curves = [replace(c, points=c.points + shift) if c.name == "rear" else c for c in view.curves]
     return replace(view, curves=tuple(curves))
 

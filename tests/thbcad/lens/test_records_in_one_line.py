@@ -16,10 +16,11 @@ from thbcad.splines import (
 
 KV = KnotVector.uniform(3, 40)
 NET = np.random.default_rng(0).uniform(-1, 1, (KV.dim, KV.dim, 3))
+ONES = np.ones((KV.dim, KV.dim))
 RECORDS = {
     "BSplineSurface(degree (3, 3), 43 x 43 points in 3 dimensions)": BSplineSurface(KV, KV, NET),
     "BSplineSurface(degree (3, 3), 43 x 43 scalar coefficients)": BSplineSurface(KV, KV, NET[..., 0]),
-    "NURBSSurface(degree (3, 3), 43 x 43 points in 3 D)": NURBSSurface(KV, KV, NET, np.ones(NET.shape[:2])),
+    "NURBSSurface(degree (3, 3), 43 x 43 points in 3 dimensions)": NURBSSurface(KV, KV, NET, ONES),
     "NURBSCurve(degree 2, 7 points in 2 dimensions)": circular_arc(1.0),
     "THBSurface(of THBSpace(degree (3, 3), 1 levels, 30 cells, dim 72), scalar coefficients)": wavy_sag(1.0),
     "FreeformSurface(10 x 8 mm, radius -40 mm, K -1, sag of 72 coefficients)": WAVY.rear,
