@@ -168,15 +168,18 @@ class SurveyedFace:
         farthest = -np.inf
         for curve, t, points in self._edges:
             along = points @ direction
-            first = int(np.argmax(along))
-            ends = t[[max(first - 1, 0), min(first + 1, RIM - 1)]]
-            between = minimize_scalar(
-                lambda at, curve=curve: -float(direction @ curve.Value(float(at)).Coord()),
-                bounds=ends,
-                method="bounded",
-                options={"xatol": STEP * (ends[1] - ends[0])},
-            )
-            farthest = max(farthest, float(along[first]), -float(between.fun))
+            best = int(np.argmax(along))
+            for near in (
+                {best} if 0 < best < RIM - 1 else {0, RIM - 1}
+            ):  # a closed edge goes on at its other end
+                ends = t[[max(near - 1, 0), min(near + 1, RIM - 1)]]
+                between = minimize_scalar(
+                    lambda at, curve=curve: -float(direction @ curve.Value(float(at)).Coord()),
+                    bounds=ends,
+                    method="bounded",
+                    options={"xatol": STEP * (ends[1] - ends[0])},
+                )
+                farthest = max(farthest, float(along[near]), -float(between.fun))
         return farthest
 
     @cached_property

@@ -10,7 +10,7 @@ from pathlib import Path
 import build123d as bd
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
@@ -234,6 +234,9 @@ def test_the_seam_of_a_round_face_is_no_part_of_its_outline(tmp_path):
 
 
 @settings(max_examples=12, deadline=None)
+@example(
+    (0.0, 0.0, 1.0), 2.0, 1.0
+)  # the farthest point lies just before the end of the rim, which is its start
 @given(
     st.tuples(*[st.floats(-60, 60)] * 3), st.floats(2.0, 14.0), st.one_of(st.just(1.0), st.floats(0.3, 0.99))
 )
