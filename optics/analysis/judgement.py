@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from math import isinf
 from typing import TYPE_CHECKING, Any
 
-from optics.runtime import Check, Grade, grade
+from optics.photometry import NOISE
+from optics.runtime import SURE, Check, Grade, grade
 from optics.tracing import SENTENCES
 
 if TYPE_CHECKING:
@@ -21,10 +22,11 @@ if TYPE_CHECKING:
 # flux by fate that a lens should not lose, and the fraction of the source flux from which a sentence says so
 LOSSES = ("beside_lens", "missed_rear", "unresolved", "total_internal", "off_target", "absorbed")
 WORTH_A_NOTE = 0.1
+ERROR_NAME = "rel_l2, without noise"
+CONTRAST_NAME = "error relative to the picture's contrast"
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
 NEAR = 1.1  # times what is allowed at best: as near as can be
 SHOWN = 5e-3  # of a value: an error from which on three digits show it
-SURE_RAYS = 4.0  # (value - limit)^2 / error^2 from which on a comparison counts
 
 
 @dataclass(frozen=True)
@@ -81,16 +83,23 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
         if (at_least and not limit) or isinf(limit):
             continue
         value, error = even[key], even[f"{key}_error"]
-        remark = _unless_sure(metrics, value, error, limit) or even["reason"]
+        remark = _unless_sure(metrics, value, error, limit) or _why_unknown(metrics, even)
         yield Check(name, value, limit, "", at_least, error, "light", remark)
+
+
+def _why_unknown(metrics: dict[str, Any], even: dict[str, Any]) -> str:
+    """Return why there is no uniformity, and how many rays would tell it; "" where there is."""
+    rays, noise = metrics.get("rays"), even.get("noise", 0.0)
+    if even["min_over_mean"] is None and rays and noise > NOISE:
+        return f"{even['reason']}; about {rays * (noise / NOISE) ** 2:.1e} rays would tell"
+    return str(even["reason"])
 
 
 def _picture_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
     even = "uniformity" in metrics
-    rows = [("rel_l2_debiased", "rel_l2_error", "rel_l2, without noise", picture_limit(limits, even))]
+    rows = [("rel_l2_debiased", "rel_l2_error", ERROR_NAME, picture_limit(limits, even))]
     if not even and metrics.get("contrast_error") is not None:
-        name = "error relative to the picture's contrast"
-        rows.append(("contrast_error", "contrast_error_std", name, limits.contrast_error))
+        rows.append(("contrast_error", "contrast_error_std", CONTRAST_NAME, limits.contrast_error))
     for key, of_error, name, limit in rows:
         if not isinf(limit):
             value, error = metrics[key], metrics[of_error]
@@ -106,17 +115,19 @@ def _flux_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
         yield Check(name, value, limits.lit_efficiency, "", True, error, "light", remark)
     if not isinf(limits.stray):
         name = "light beside the target, of the source's"
-        yield Check(name, metrics["stray"], limits.stray, "", subject="light")
+        value, error = metrics["stray"], metrics.get("stray_error", 0.0)
+        remark = _unless_sure(metrics, value, error, limits.stray)
+        yield Check(name, value, limits.stray, "", error=error, subject="light", remark=remark)
 
 
 def _unless_sure(metrics: dict[str, Any], value: float | None, error: float, limit: float) -> str:
     """Return how many rays would tell on which side of its limit a value lies; "" where that is known."""
     rays, gap = metrics.get("rays"), 0.0 if value is None else abs(value - limit)
-    if value is None or not rays or not error or gap**2 > SURE_RAYS * error**2:
+    if value is None or not rays or not error or gap > SURE * error:
         return ""
     if not gap:
         return "no number of rays tells a value from its limit that equals it"
-    return f"about {rays * SURE_RAYS * error**2 / gap**2:.1e} rays in place of {rays:.1e} would decide"
+    return f"about {rays * (SURE * error / gap) ** 2:.1e} rays in place of {rays:.1e} would decide"
 
 
 def judged(
@@ -164,7 +175,8 @@ def error_words(metrics: dict[str, Any]) -> str:
 def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:
     """Return that a picture comes as near as the blur allows, where that is why it is missed."""
     least, value = metrics.get("rel_l2_one_blur"), metrics["rel_l2_debiased"]
-    if least is None or value > NEAR * least or not any("rel_l2" in check.name for check in missed):
+    of_picture = (ERROR_NAME, CONTRAST_NAME)
+    if least is None or value > NEAR * least or not any(check.name in of_picture for check in missed):
         return ""
     return f"{value:.2g} is as near as the blur allows ({least:.2g}), and not what was asked for"
 

@@ -18,12 +18,14 @@ class LightEstimate:
 
     irradiance : (rows, columns), W/mm^2.  error : of it, (rows, columns), as a standard deviation.
     on_target, off_target : W in the target plane, on the screen and beside it.
+    off_error : of the latter, as a standard deviation.
     """
 
     irradiance: Floats
     error: Floats
     on_target: float
     off_target: float
+    off_error: float = 0.0
 
     @classmethod
     def of_replicates(cls, replicates: Iterable[tuple[Floats, float, float]]) -> LightEstimate:
@@ -31,14 +33,16 @@ class LightEstimate:
 
         The error of the mean of R images is their standard deviation / sqrt(R).  At least two are needed.
         """
-        count, mean, squares, on, off = 0, np.zeros(()), np.zeros(()), 0.0, 0.0
+        count, mean, squares, on, besides = 0, np.zeros(()), np.zeros(()), 0.0, list[float]()
         for image, onto, beside in replicates:  # Welford's recurrence: one image at a time is kept
             count += 1
             before = image - mean
             mean = mean + before / count
             squares = squares + before * (image - mean)
-            on, off = on + onto, off + beside
-        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off / count)
+            on += onto
+            besides.append(beside)
+        off, spread = float(np.mean(besides)), float(np.std(besides, ddof=1)) / sqrt(count)
+        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off, spread)
 
     def __add__(self, other: LightEstimate) -> LightEstimate:
         """Return the sum of two independent estimates."""
@@ -47,6 +51,7 @@ class LightEstimate:
             np.hypot(self.error, other.error),
             self.on_target + other.on_target,
             self.off_target + other.off_target,
+            float(np.hypot(self.off_error, other.off_error)),
         )
 
     def over(self, projection: Floats) -> LightEstimate:

@@ -117,6 +117,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     metrics["lit_efficiency_error"] = light.lit_error(target > 0, screen.pixel_area) / flux
     metrics["stray"] = light.off_target / flux
+    metrics["stray_error"] = light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.even_region is not None else 0.0
     metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
     key = system.units.key
@@ -255,22 +256,29 @@ def contrast_error(metrics: dict[str, Any], target: NDArray[np.float64]) -> dict
 
 
 def delivered(
-    system: OpticalSystem, shown_light: Floats, on_target: float, off_target: float, blur: float
+    system: OpticalSystem,
+    shown_light: Floats,
+    error: Floats | None,
+    on_target: float,
+    off_target: float,
+    blur: float,
 ) -> dict[str, Any]:
-    """Return the metrics that the verdict needs, of light without noise.
+    """Return the metrics that the verdict needs.
 
-    shown_light : as the irradiance of a Measurement.  on_target, off_target : W.
-    blur : see `optics.blur.spot_rms`.
+    shown_light, error : as of a Measurement, and as standard deviations, None for none.
+    on_target, off_target : W.  blur : see `optics.blur.spot_rms`.
     """
     screen, flux = system.target.screen(), system.problem.source.flux
     shown = screen.projection()
     target = system.target.irradiance(screen, 1.0) / shown
-    found: dict[str, Any] = {"rel_l2_debiased": rel_l2(shown_light, target), "rel_l2_error": 0.0}
+    noise = np.zeros_like(shown_light) if error is None else error
+    light = LightEstimate(shown_light, noise, on_target, off_target)
+    found: dict[str, Any] = dict(light.error_of_rel_l2(target))
     found |= {"efficiency": on_target / flux, "stray": off_target / flux}
     found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
     if system.target.even_region is None:
         return found | contrast_error(found, target)
-    return found | {"uniformity": uniformity_metrics(system, shown_light, None, blur)}
+    return found | {"uniformity": uniformity_metrics(system, shown_light, error, blur)}
 
 
 def unit_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -237,5 +237,7 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
 
         with DEVICE:
             blur = spot_rms(system, lens, load_backend("double", system.problem.run.threads))
-        own["uniformity"] = uniformity_metrics(system, irradiance, None, blur)
+        noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones
+        error = np.full_like(irradiance, noise * irradiance[system.target.lit_pixels].mean())
+        own["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
     return Measurement(irradiance, target, own, colour=colour)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from typing import TYPE_CHECKING, Literal
@@ -17,13 +17,12 @@ from optics.analysis import (
     delivery_checks,
     judged,
     measure,
-    picture_limit,
 )
 from optics.as_built.alignment import Alignment, best_fit, by_datums, outliers
 from optics.as_built.corrected_surface import MadeSurface, made_surface
 from optics.as_built.measured_area import RAYS, measured_light
 from optics.as_built.rigid_corrections import RigidCorrection, rigid_correction
-from optics.runtime import Check, UserError
+from optics.runtime import UserError
 from optics.toolpaths import landing_response
 
 if TYPE_CHECKING:
@@ -86,21 +85,21 @@ class AsBuilt:
     light_error: LightError | None
     correction: RigidCorrection | None
 
-    def verdict(self, limits: Verify) -> Verdict:
+    def verdict(self, limits: Verify, notes: Sequence[str] = ()) -> Verdict:
         """Return the verdict on the light of the made lens; not decided where part of it was not measured.
 
-        limits : of a problem.
+        limits : of a problem.  notes : sentences beside it.
         """
         metrics = self.measurement.metrics
         if self.light_error is None:
             remark = f"only {100 * self.known:.3g} % of the light crosses where the {self.side} was measured"
-            unknown = Check("light of the made lens", None, picture_limit(limits, False), "", remark=remark)
-            return judged(metrics, [replace(unknown, subject="light")], of_file=False)
+            checks = [replace(c, value=None, remark=remark) for c in delivery_checks(metrics, limits)]
+            return judged(metrics, checks, notes, of_file=False)
         error = self.light_error
         light: dict[str, float | None] = {"rel_l2_debiased": error.rel_l2, "rel_l2_error": error.error}
         if metrics.get("contrast_error") is not None:
             light |= contrast_error(light, self.measurement.target)
-        return judged(metrics | light, delivery_checks(metrics | light, limits), of_file=False)
+        return judged(metrics | light, delivery_checks(metrics | light, limits), notes, of_file=False)
 
     @property
     def change(self) -> Floats:

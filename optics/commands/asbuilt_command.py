@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from optics.analysis import loss_notes
 from optics.api import Design
 from optics.as_built import FileFrame, as_built_data, as_built_lines
 from optics.commands.outcome import OF_GRADES, Outcome
@@ -40,7 +41,8 @@ def asbuilt(options: Namespace) -> Outcome:
     _write(folder, design, built, options.step)
     from thbcad.io import json_text, write_text
 
-    verdict = built.verdict(design.problem.verify)
+    notes = loss_notes(built.measurement.metrics, design.system.units)
+    verdict = built.verdict(design.problem.verify, notes)
     data = as_built_data(built) | verdict.data()
     files = (*FILES, STEP) if options.step else FILES
     write_text(folder / RECORD, json_text(data | {HASHES: hashes(folder, files)}))

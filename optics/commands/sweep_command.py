@@ -6,7 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.commands.outcome import DONE, MISSED, Outcome
+from optics.commands.outcome import DONE, MISSED, PART_FAILS, Outcome
 from optics.commands.problem_options import changes_of
 from optics.problem import load_problem
 from optics.runtime import UserError, note, speaking_of
@@ -37,7 +37,9 @@ def sweep(options: Namespace) -> Outcome:
         raise
     counts = found.counts()
     data = {"folder": str(out), "counts": counts, "grades": found.grades(), "rows": found.table()}
-    return Outcome(data, _lines(found), DONE if found.grades().get("made") else MISSED)
+    grades = found.grades()
+    missed = PART_FAILS if {*grades} == {"file or part fails"} else MISSED
+    return Outcome(data, _lines(found), DONE if grades.get("made") else missed)
 
 
 def _ranges(options: Namespace) -> dict[str, list[Any]]:

@@ -59,7 +59,7 @@ class _Study:
             return []
         return [
             f"Light that is reflected in the lens is left out here: with it the design has rel_l2 = "
-            f"{metrics['rel_l2']:.2%}, by front and rear alone {self.budget.rel_l2:.2%}."
+            f"{metrics['rel_l2_debiased']:.2%}, by front and rear alone {self.budget.rel_l2:.2%}."
         ]
 
     def of_form(self) -> list[str]:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from optics.commands.light_of_file import FileLight, LightRequest, light_request
 from optics.commands.outcome import OF_GRADES, Outcome
 from optics.problem import limit_checks
 from optics.results import ResultFolder
-from optics.runtime import UserError, check_lines, note, reading
+from optics.runtime import Check, UserError, check_lines, note, reading
 from optics.system import OpticalSystem
 from thbcad.doors import pip_command
-
-if TYPE_CHECKING:
-    from optics.runtime import Check
 
 
 def verify(options: Namespace) -> Outcome:
@@ -40,8 +36,7 @@ def verify(options: Namespace) -> Outcome:
         checks, left_out = bare_checks(file)
     else:
         checks, notes, light = _folder_checks(path, options.optiland, request)
-        of_light, left_out = _light_checks(path)
-        checks += of_light
+        checks += _light_checks(path)
     checked = verification(checks) | {"notes": notes, "left_out": left_out}
     lines = check_lines(checked)
     if light is not None:
@@ -64,16 +59,16 @@ def _of_part(path: Path, of: str, by_optiland: bool) -> tuple[list[Check], list[
     return checks, left_out
 
 
-def _light_checks(path: Path) -> tuple[list[Check], list[str]]:
-    """Return the checks of the light that a result folder holds, and what is left out."""
+def _light_checks(path: Path) -> list[Check]:
+    """Return the checks of the light that a result folder holds; not decided where that is not whole."""
     from optics.analysis import delivery_checks
     from optics.api import Design
 
     try:
         design = Design.load(path)
     except UserError as error:
-        return [], [f"the light: {error}"]
-    return delivery_checks(design.measurement.metrics, design.problem.verify), []
+        return [Check("light of the result", None, 0.0, "", subject="light", remark=str(error))]
+    return delivery_checks(design.measurement.metrics, design.problem.verify)
 
 
 def _folder_checks(

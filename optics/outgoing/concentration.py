@@ -17,7 +17,7 @@ Sunlight of 1 kW/m^2 is concentrated to as many kW/m^2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, isqrt, pi, sqrt
 from typing import TYPE_CHECKING
@@ -47,6 +47,7 @@ FAR = 10_000.0  # mm behind the rear, as far as light to the far field is follow
 PLANES, CLOSER = 48, 12  # looked at, close together near the rear; steps around the two best of them
 LEAST_RAYS = 4  # on the front, that tell how much of it is lit
 ACROSS = 6  # bins across a disk
+WIDER = 1.01  # blocks over a disk, from which on they are cut again
 BLOCKS = 512  # of the light in each direction, at most
 SEARCHED, SEARCHED_LAST = 4, 64  # of these, the brightest, for disks; on the plane that is found
 SUNLIGHT = 1.0  # kW/m^2, across the beam
@@ -90,6 +91,16 @@ class _Bundle:
     depth: float
     front: float
     disk: float
+
+    def of(self, some: NDArray[np.int64]) -> _Bundle:
+        """Return some of the cells or rays.  some : their numbers."""
+        return replace(
+            self,
+            start=self.start[:, :, some],
+            slope=self.slope[:, :, some],
+            middle=(self.middle[0][:, some], self.middle[1][:, some]),
+            flux=self.flux[some],
+        )
 
 
 def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) -> Concentration:
@@ -172,12 +183,13 @@ def _corners(traced: Floats, cells: SourceCells | None) -> Floats:
     return np.stack([at[i : i - 1 or None, j : j - 1 or None].ravel() for i in (0, 1) for j in (0, 1)])
 
 
-def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int) -> float:
-    """Return the greatest flux within a disk on a plane, W.
+def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int, best: float = 0.0) -> float:
+    """Return the greatest flux within a disk on a plane, W; no less than the best known.
 
     way : mm behind the plane z0.  blocks : to look in
 
-    A disk lies in 2 x 2 blocks of its size.  It is looked for in the brightest of these.
+    A disk lies in 2 x 2 blocks of its size.  It is looked for in the brightest of these.  Where light is so
+    wide that blocks are larger than a disk, each is cut into blocks again.
     """
     a, b = bundle.middle[0] + way * bundle.middle[1]
     block = max(diameter, max(np.ptp(a), np.ptp(b)) / BLOCKS)
@@ -186,13 +198,15 @@ def _most_in_disk(bundle: _Bundle, way: float, diameter: float, blocks: int) -> 
     light = np.bincount(i * columns + j, bundle.flux, rows * columns).reshape(rows, columns)
     pairs = light[1:] + light[:-1]
     four = (pairs[:, 1:] + pairs[:, :-1]).ravel()
-    best = 0.0
     brightest = np.argpartition(-four, min(blocks, four.size) - 1)[:blocks]
     for k in brightest[np.argsort(-four[brightest])]:
         if four[k] <= best:
             break
         row, column = divmod(int(k), columns - 1)
         inside = np.flatnonzero((i - row < 2) & (i >= row) & (j - column < 2) & (j >= column))
+        if block > WIDER * diameter and len(inside) < len(a):
+            best = _most_in_disk(bundle.of(inside), way, diameter, blocks, best)
+            continue
         x, y = bundle.start[:, :, inside] + way * bundle.slope[:, :, inside]
         best = max(best, _most_of_few(x, y, bundle.flux[inside], diameter))
     return best

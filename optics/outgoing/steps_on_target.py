@@ -34,7 +34,7 @@ FINE = 0.25  # degrees: between points of gamma at most; pixels are no finer as 
 class OnTarget:
     """Light on the target beside that of the lens.
 
-    rel_l2 : of both, scaled to one mean.  min_over_mean : U0 on the lit pixels, None of a picture.
+    rel_l2 : of both, scaled to one mean.  min_over_mean : U0 on boxes, None of a picture.
     """
 
     rel_l2: float

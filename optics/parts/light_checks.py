@@ -26,7 +26,7 @@ UNKNOWN = (
 
 def light_checks(part: PartLight) -> tuple[list[Check], list[str]]:
     """Return the Checks of a part's glass and light, and what is left out."""
-    checks, left_out = _proven(part), [FOLLOWED]
+    checks, left_out = _proven(part), [FOLLOWED, *_beside_the_proof(part)]
     checks.append(Check("holes and pads of front and rear where they are lit", len(part.pierced), 0, ""))
     inside = part.certain_voids
     where = _place({number: part.within[GLASS][number] for number in inside})
@@ -40,6 +40,16 @@ def light_checks(part: PartLight) -> tuple[list[Check], list[str]]:
         checks += more
         left_out += words
     return checks, left_out
+
+
+def _beside_the_proof(part: PartLight) -> list[str]:
+    """Return what the hulls of the light do not hold."""
+    words = [] if part.whole else ["the volume between front and rear: a face of the part may lie there"]
+    if part.system is not None and part.system.spectral:
+        words.append("light of other wavelengths than that of the design: the hulls are of its index")
+    if part.system is not None and any(part.system.slope_rms):
+        words.append("light that rough surfaces turn out of the hulls of the smooth ones")
+    return words
 
 
 def _proven(part: PartLight) -> list[Check]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     )
     from optics.photometry.uniformity_grid import (
         GRID as GRID,
+        NOISE as NOISE,
         Uniformity as Uniformity,
         uniformity as uniformity,
     )
@@ -48,6 +49,7 @@ _FILES = {
     ),
     "uniformity_grid": (
         "GRID",
+        "NOISE",
         "Uniformity",
         "uniformity",
     ),

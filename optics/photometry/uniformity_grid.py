@@ -5,7 +5,8 @@ boxes count that lie in the region with a margin taken off along its border, whe
 
     U0 = min E_k / mean E_k,      diversity = min E_k / max E_k,      rsd = std E_k / mean E_k.
 
-Noise of rays lowers a minimum.  Boxes are made larger until the noise of each is below NOISE of the mean.
+Noise of rays lowers a minimum.  Where the noise of a box is above NOISE of the mean, boxes are larger: every
+square of m x m boxes that all count is one, so that larger ones overlap and still reach every corner.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from numpy.typing import NDArray
 from optics.photometry.lit_region import RASTER, LitRegion
 
 GRID = 21  # boxes in each direction
-COARSEST = 5  # boxes in each direction: fewer say nothing of uniformity
+LARGEST = 3  # parts of the rectangle's width, that a box is at most: larger ones say nothing of uniformity
 MARGIN = 0.025  # of the shorter side of the bounding rectangle
 LEAST_LEFT = 0.5  # of the region: with less in the boxes there is no verdict
 NOISE = 0.01  # of the mean light: the most that a box may have
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +36,8 @@ class Uniformity:
     mean : over the boxes, in the unit of the light.  min_over_mean (U0), min_over_max, rsd : None where
         nothing can be said; the reason says why.
     min_over_mean_error, min_over_max_error, rsd_error : of these, as standard deviations.
-    grid : boxes in each direction.  box : width and height of one.  boxes : how many count.
-    left : share of the region behind the margin that was taken off.
+    grid : boxes in each direction.  box : width and height of those that count; larger than those of the grid
+        where noise asks for it.  boxes : how many count.  left : share of the region that they cover.
     noise : the greatest of a box, relative to the mean light.
     """
 
@@ -68,14 +70,14 @@ def uniformity(
     light : (rows, columns), means over pixels that tile |x| <= half_width[0], |y| <= half_width[1].
     error : of it, as standard deviations, (rows, columns); None is no error.
     blur : rms in one direction of the light that a point of the lens sends, mm or degrees.
-    grid : boxes in each direction; fewer are taken where their noise is above NOISE.
+    grid : boxes in each direction; larger ones are taken where their noise is above NOISE.
     """
     margin = max(MARGIN * min(region.size), blur)
-    for count in range(max(grid, COARSEST), COARSEST - 1, -1):
-        found = _on_boxes(light, region, half_width, error, margin, count)
-        if found.noise <= NOISE:
+    for width in range(1, max(1, grid // LARGEST) + 1):
+        found = _on_boxes(light, region, half_width, error, margin, grid, width)
+        if found.reason or found.noise <= NOISE:
             return found
-    reason = f"the noise of {found.grid} x {found.grid} boxes is {found.noise:.1%} of the mean"
+    reason = f"the noise of boxes of {found.box[0]:.3g} x {found.box[1]:.3g} is {found.noise:.1%} of the mean"
     return replace(found, min_over_mean=None, min_over_max=None, rsd=None, reason=reason)
 
 
@@ -86,27 +88,47 @@ def _on_boxes(
     error: Floats | None,
     margin: float,
     grid: int,
+    width: int,
 ) -> Uniformity:
-    within = region.inside & (region.depth >= margin * (1 - 1e-9))
-    kept = _full_boxes(within, grid)
-    box = region.size[0] / grid, region.size[1] / grid
-    left = float(within.sum() / max(region.inside.sum(), 1))
-    by_row = _shares(light.shape[0], half_width[1], (-region.y[1], -region.y[0]), grid)
-    by_column = _shares(light.shape[1], half_width[0], region.x, grid)
-    means = (by_row @ light @ by_column.T)[kept]
-    found = Uniformity(float(means.mean()) if kept.any() else 0.0, grid, box, int(kept.sum()), left, margin)
-    if left < LEAST_LEFT or not kept.any():
+    """Return the uniformity on all squares of width x width boxes of the grid."""
+    kept = _all_of(_full_boxes(region.inside & (region.depth >= margin * (1 - 1e-9)), grid), width)
+    box = width * region.size[0] / grid, width * region.size[1] / grid
+    covered = _any_of(kept, width).sum() / grid**2
+    left = float(covered / region.inside.mean()) if region.inside.any() else 0.0
+    found = Uniformity(0.0, grid, box, int(kept.sum()), left, margin)
+    if left < LEAST_LEFT:
         reason = (
             f"a margin of {margin:.3g}, the larger of {MARGIN:.1%} of the region's shorter side and the "
-            f"blur, leaves {left:.0%} of the region, with {kept.sum()} of {grid} x {grid} boxes"
+            f"blur, leaves boxes on {left:.0%} of the region"
         )
         return replace(found, reason=reason)
+    by_row = _mean_of(_shares(light.shape[0], half_width[1], (-region.y[1], -region.y[0]), grid), width)
+    by_column = _mean_of(_shares(light.shape[1], half_width[0], region.x, grid), width)
+    means = (by_row @ light @ by_column.T)[kept]
+    found = replace(found, mean=float(means.mean()))
     if found.mean <= 0:
         return replace(found, reason="the region is dark")
     noise = np.zeros(len(means))
     if error is not None:
         noise = np.sqrt((by_row**2 @ error**2 @ (by_column**2).T)[kept]) / found.mean
     return _judged(found, np.maximum(means, 0.0) / found.mean, noise)
+
+
+def _mean_of(shares: Floats, width: int) -> Floats:
+    """Return the shares of pixels in rows of `width` boxes, (grid - width + 1, pixels)."""
+    return np.lib.stride_tricks.sliding_window_view(shares, width, axis=0).mean(axis=-1)
+
+
+def _all_of(boxes: Bools, width: int) -> Bools:
+    """Return which squares of boxes count as a whole, (n - width + 1, n - width + 1)."""
+    return np.lib.stride_tricks.sliding_window_view(boxes, (width, width)).all(axis=(2, 3))
+
+
+def _any_of(squares: Bools, width: int) -> Bools:
+    """Return which boxes lie in one of the squares."""
+    return np.lib.stride_tricks.sliding_window_view(np.pad(squares, width - 1), (width, width)).any(
+        axis=(2, 3)
+    )
 
 
 def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
@@ -116,7 +138,7 @@ def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
     ratio, square = least / most, max(float(means.var()) - float(np.mean(noise**2)), 0.0)
     spread = float(np.sum((4 * (means - 1) ** 2 - 2 * noise**2) * noise**2)) / len(means) ** 2
     rsd = sqrt(square)
-    rsd_error = sqrt(max(spread, 0.0)) / 2 / rsd if rsd else 0.0
+    rsd_error = sqrt(max(spread, 0.0)) / 2 / rsd if rsd else float(noise.max())
     return replace(
         found,
         noise=float(noise.max()),
@@ -129,7 +151,7 @@ def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
     )
 
 
-def _full_boxes(within: NDArray[np.bool_], grid: int) -> NDArray[np.bool_]:
+def _full_boxes(within: Bools, grid: int) -> Bools:
     """Return which boxes lie wholly within, (rows, columns).  within : cells of the raster."""
     edges = np.arange(grid + 1) / grid * RASTER
     first, last = np.floor(edges[:-1] + 1e-9).astype(int), np.ceil(edges[1:] - 1e-9).astype(int)

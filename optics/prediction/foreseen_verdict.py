@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,7 +44,8 @@ def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits
         (WILL, blur.least if blur else None, "the blur allows"),
         (MAY, expected.rel_l2, "about as much is to be expected:"),
     ]
-    target = system.target.irradiance(system.target.screen(), 1.0)
+    screen = system.target.screen()
+    target = system.target.irradiance(screen, 1.0) / screen.projection()
     for word, value, why in known:
         if value is None:
             continue
@@ -62,15 +64,15 @@ def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits
 def _of_the_uniformity(system: OpticalSystem, backend: Backend) -> Iterator[str]:
     """Yield why nothing can be said of the uniformity, where the blur is as wide as the region."""
     region, limits = system.target.even_region, system.problem.verify
-    if region is None or not (limits.min_over_mean or limits.min_over_max):
+    if region is None or not (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
         return
     screen = system.target.screen()
     blur = spot_rms(system, system.lens, backend)
     found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=blur, grid=limits.grid)
     if found.reason:
         yield (
-            f"the uniformity will not be decided, since {found.reason}; make the lit region larger, or set "
-            "verify.min_over_mean, min_over_max and rsd to 0, 0 and inf, and verify.rel_l2 to a limit"
+            f"the uniformity may stay undecided: of the base lens {found.reason}; make the lit region larger, "
+            "or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
         )
 
 

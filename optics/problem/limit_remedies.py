@@ -141,8 +141,9 @@ def _by_key(wishes: list[Wish]) -> Iterator[list[Wish]]:
 
 
 def _best(wishes: list[Wish]) -> list[float]:
-    """Return the value that serves all wishes for a key."""
-    return (max if wishes[0].more else min)(w.value for w in wishes)
+    """Return the value that serves all wishes for a key, number by number."""
+    best = max if wishes[0].more else min
+    return [best(numbers) for numbers in zip(*(w.value for w in wishes), strict=True)]
 
 
 def _text(value: list[float]) -> str:

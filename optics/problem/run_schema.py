@@ -134,7 +134,7 @@ class Verify:
     irradiance: float = option(1e-6, above=0, note="limit of the relative difference of the irradiance")
     volume: float = option(1e-6, above=0, note="limit of the relative difference of the volume")
     grid: int = option(
-        21, low=5, high=101, note="boxes in each direction over the lit region, on which uniformity is judged"
+        21, low=9, high=101, note="boxes in each direction over the lit region, on which uniformity is judged"
     )
     min_over_mean: float = option(
         0.7, low=0, high=1, note="least U0 = E_min / E_mean of uniform light; 0 is none"

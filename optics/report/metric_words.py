@@ -43,6 +43,7 @@ WORDS = {
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
     "stray": (PERCENT, "of the source flux leaves the lens and misses the target"),
+    "stray_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "normal_incidence_transmittance": (
         PERCENT,
         "passes two uncoated faces once at normal incidence; no bound",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 OF_THE_LIGHT = (
-    *("grid", "min_over_mean", "min_over_max", "rsd"),
+    *("min_over_mean", "min_over_max", "rsd"),
     *("rel_l2", "contrast_error", "lit_efficiency", "stray"),
 )  # keys of verify
 KEPT = "result"  # default of run.keep

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         load_backend as load_backend,
     )
     from optics.runtime.checks import (
+        SURE as SURE,
         Check as Check,
         Grade as Grade,
         Result as Result,
@@ -88,6 +89,7 @@ _FILES = {
         "load_backend",
     ),
     "checks": (
+        "SURE",
         "Check",
         "Grade",
         "Result",

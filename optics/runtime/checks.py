@@ -57,7 +57,9 @@ class Check:
         if self.value is None:
             return "not known"
         error = f" +- {self.error:.1g}" if self.error and self.result == "undecided" else ""
-        return f"{self.value:.3g}{error} {self.unit}".rstrip()
+        digits = next((n for n in range(3, 17) if float(f"{self.value:.{n}g}") != self.limit), 3)
+        shown = f"{self.value:.{3 if self.value == self.limit else digits}g}"
+        return f"{shown}{error} {self.unit}".rstrip()
 
 
 def grade(checks: Iterable[Check]) -> Grade:

@@ -22,7 +22,6 @@ from optics.analysis import rel_l2, uniformity_metrics
 from optics.runtime import UserError
 
 if TYPE_CHECKING:
-    from optics.system import OpticalSystem
     from optics.tolerancing.traced_light import PerturbedLight
 
 Floats = NDArray[np.float64]
@@ -53,34 +52,37 @@ class LightNumbers:
 class LightJudge:
     """What is asked for.
 
-    target : of the system, (rows, columns), at any scale.  blur : see `optics.blur.spot_rms`.
+    target : of the system, (rows, columns), at any scale.  light : of the perturbed lenses.
+    blur : see `optics.blur.spot_rms`.
     """
 
     target: Floats
-    system: OpticalSystem
+    light: PerturbedLight
     blur: float = 0.0
 
     @property
     def uniform(self) -> bool:
         """Whether the same light is asked for everywhere in a region."""
-        return self.system.target.even_region is not None
+        return self.light.system.target.even_region is not None
 
     def numbers(self, irradiance: Floats, on_target: float) -> LightNumbers:
         """Return the numbers of light, (rows, columns).  on_target : its flux there."""
-        least = None
+        system, least = self.light.system, None
         if self.uniform:
-            least = uniformity_metrics(self.system, irradiance, None, self.blur)["min_over_mean"]
+            error = self.light.error(irradiance)
+            least = uniformity_metrics(system, irradiance, error, self.blur)["min_over_mean"]
             least = 0.0 if least is None and irradiance.sum() <= 0 else least
-        flux = self.system.problem.source.flux
+        flux = system.problem.source.flux
         return LightNumbers(rel_l2(irradiance, self.target), on_target / flux, least)
 
 
-def usual_limits(light: PerturbedLight, judge: LightJudge) -> dict[str, float]:
+def usual_limits(light: PerturbedLight, design: LightNumbers) -> dict[str, float]:
     """Return what holds where no limits are given: min_over_mean EVEN of uniform light, else a rise by RISE.
 
     Boxes that rays are counted in differ by chance, and the least of them most of all.
     """
-    return {"min_over_mean": EVEN} if judge.uniform and light.by_cells else {"rise": RISE}
+    known = design.min_over_mean is not None and light.by_cells
+    return {"min_over_mean": EVEN} if known else {"rise": RISE}
 
 
 def limits_of(asked: float | Limits | None, usual: Limits) -> dict[str, float]:
@@ -122,7 +124,8 @@ def bounds_of(limits: Limits, design: LightNumbers) -> dict[str, float]:
         }
     if "min_over_mean" in bounds and design.min_over_mean is None:
         raise UserError(
-            "min_over_mean is of uniform light, and the target is a picture; limit rel_l2 or efficiency"
+            "min_over_mean is not known of this light: the target is a picture, or too narrow for boxes of "
+            "verify.grid; limit rel_l2 or efficiency"
         )
     return bounds
 

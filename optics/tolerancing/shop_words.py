@@ -44,7 +44,7 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
         if free:
             lines.append(
                 f"No care needed: {', '.join(free)}. No error of these was found that reaches a limit, up to "
-                f"{FREE:g} times the amount."
+                f"{FREE:g} times the amount or to the largest that a lens can have."
             )
     lines.append(
         f"With every error anywhere within its amount, lenses will have rel_l2 = {budget.expected:.2%} "

@@ -91,11 +91,11 @@ class _Trial:
         self._light, self._linear = light, LinearLight(light)
         system = light.system
         blur = 0.0 if light.by_cells else spot_rms(system, light.lens, light.backend)
-        self.judge = LightJudge(unit_mean(target), system, blur)
+        self.judge = LightJudge(unit_mean(target), light, blur)
         irradiance = self._linear.irradiance
         self.scaled = unit_mean(irradiance)
         self.here = self.judge.numbers(irradiance, self._linear.fates.on_target)
-        self.bounds = bounds_of(limits_of(limits, usual_limits(light, self.judge)), self.here)
+        self.bounds = bounds_of(limits_of(limits, usual_limits(light, self.here)), self.here)
         self._hopeless = bool(missed(self.bounds, self.here))
         self._pixel = float(np.mean(light.screen.pitch))
 

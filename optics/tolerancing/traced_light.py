@@ -137,6 +137,19 @@ class PerturbedLight:
             parts = PerturbedParts.of(colour.system, colour.lens, perturbation)
             yield colour.weight, parts, self.tracer_of(parts, colour.system, perturbation)
 
+    def error(self, irradiance: Floats) -> Floats | None:
+        """Return the standard deviation of light that rays are counted in, (rows, columns); None of cells.
+
+        It is that of independent rays of equal flux q: the square is E q / pixel area.
+
+        irradiance : of a call.
+        """
+        if self.by_cells:
+            return None
+        rays = RAYS_PER_PIXEL * irradiance.size
+        quantum = self.system.problem.source.flux / rays / self.screen.pixel_area / self._shown
+        return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
+
     def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
         """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet the rear, or a
         front that alone is free; NaN where they miss it."""

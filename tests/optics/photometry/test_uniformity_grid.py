@@ -49,7 +49,7 @@ def test_a_plane_of_light_has_the_ratios_of_its_outermost_boxes(a, b):
     assert found.rsd == pytest.approx(rsd, rel=1e-9, abs=1e-12)
 
 
-@given(st.integers(0, 10**6), st.integers(3, 40), st.integers(3, 40), st.integers(5, 25))
+@given(st.integers(0, 10**6), st.integers(3, 40), st.integers(3, 40), st.integers(9, 25))
 def test_boxes_hold_the_means_of_the_pixels_that_they_cover(seed, rows, columns, grid):
     """Against the light on a raster so fine that pixels and boxes are whole numbers of its points."""
     light = np.random.default_rng(seed).uniform(0.5, 1, (rows, columns))
@@ -70,7 +70,7 @@ def test_one_dark_box_is_seen():
     assert found.min_over_max == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize(("blur", "grid"), [(0.0, 21), (0.1, 21), (0.2, 15), (0.05, 9)])
+@pytest.mark.parametrize(("blur", "grid"), [(0.0, 21), (0.1, 21), (0.2, 15), (0.05, 13)])
 def test_boxes_of_a_disk_lie_in_it_with_its_margin_taken_off(blur, grid):
     radius, screen = 0.8, (1.0, 1.0)
     found = uniformity(np.ones((50, 50)), disk(radius), screen, blur=blur, grid=grid)
@@ -88,8 +88,7 @@ def test_with_less_than_half_of_the_region_nothing_is_said():
     found = uniformity(np.ones((50, 50)), disk(0.8), (1.0, 1.0), blur=0.3)
     assert found.min_over_mean is found.min_over_max is found.rsd is None
     assert found.reason.startswith("a margin of 0.3, the larger of 2.5% of the region's shorter side")
-    # (0.5 / 0.8)^2 = 39 %, less the cells of the raster that are cut
-    assert "leaves 38% of the region" in found.reason
+    assert "leaves boxes on 33% of the region" in found.reason
 
 
 @pytest.mark.parametrize("light", [np.zeros((4, 4)), -np.full((4, 4), 1e-20)])
@@ -101,11 +100,29 @@ def test_boxes_grow_until_their_noise_is_below_one_per_cent():
     """A pixel's noise of 10 % is 1 % in a box of 100 pixels: 210 / 21 pixels each way."""
     light, noise = np.ones((210, 210)), np.full((210, 210), 0.1)
     square = LitRegion((-1, 1), (-1, 1), np.ones((RASTER, RASTER), dtype=bool))
-    assert uniformity(light, square, (1, 1), 0.999 * noise).grid == 21
-    assert uniformity(light, square, (1, 1), 2 * noise).grid == 10
-    found = uniformity(light, square, (1, 1), 6 * noise)
+    for times, width in ((0.999, 1), (1.999, 2), (6.999, 7)):
+        found = uniformity(light, square, (1, 1), times * noise)
+        assert found.box == pytest.approx([width * 2 / 21] * 2)
+        assert found.boxes == (20 - width) ** 2
+        assert found.left == pytest.approx((19 / 21) ** 2)
+    found = uniformity(light, square, (1, 1), 8 * noise)
     assert found.min_over_mean is None
-    assert found.reason == "the noise of 5 x 5 boxes is 1.4% of the mean"
+    assert found.reason == "the noise of boxes of 0.667 x 0.667 is 1.1% of the mean"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])
+def test_a_dark_rim_shows_however_noisy_the_light_is(noise):
+    """Boxes that noise makes larger still reach the rim of a disk."""
+    x = 1 - 2 * (np.arange(200) + 0.5) / 200
+    light = (np.hypot(x, x[:, None]) < 0.8 * 7.7 / 9).astype(float)
+    found = uniformity(light, disk(0.8), (1, 1), np.full(light.shape, noise))
+    assert found.min_over_mean < 0.6
+
+
+def test_a_stripe_of_few_boxes_is_not_judged():
+    t = (np.arange(RASTER) + 0.5) / RASTER
+    stripe = LitRegion((-1, 1), (-1, 1), np.abs(t - t[:, None]) < 0.09)
+    assert "leaves boxes on" in uniformity(np.ones((40, 40)), stripe, (1, 1)).reason
 
 
 def test_errors_are_those_of_repetitions():
