@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from optics.photometry.lit_region import RASTER, LitRegion
 
 GRID = 21  # boxes in each direction
-LARGEST = 3  # parts of the rectangle's width, that a box is at most: larger ones say nothing of uniformity
+LARGEST = 7  # parts of the rectangle, one of which a box is at most: larger ones do not see a dark rim
 MARGIN = 0.025  # of the shorter side of the bounding rectangle
 LEAST_LEFT = 0.5  # of the region: with less in the boxes there is no verdict
 NOISE = 0.01  # of the mean light: the most that a box may have

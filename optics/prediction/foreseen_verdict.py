@@ -71,7 +71,7 @@ def _of_the_uniformity(system: OpticalSystem, backend: Backend) -> Iterator[str]
     found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=blur, grid=limits.grid)
     if found.reason:
         yield (
-            f"the uniformity may stay undecided: of the base lens {found.reason}; make the lit region larger, "
+            f"the uniformity may stay undecided: of the base lens {found.reason}; make the region larger, "
             "or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf"
         )
 

@@ -106,7 +106,7 @@ def test_a_picture_is_judged_by_rel_l2_and_has_no_uniformity(tmp_path, backend) 
     system, lens = small_system(tmp_path)
     found = budget_of(system, lens, backend, index=1e-3)
     assert [*found.bounds] == ["rel_l2"]
-    with pytest.raises(UserError, match="min_over_mean is of uniform light"):
+    with pytest.raises(UserError, match="min_over_mean is not known of this light: the target is a picture"):
         budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
 
 
