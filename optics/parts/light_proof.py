@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 Floats = NDArray[np.float64]
-Face = Shape = Any  # of OpenCASCADE, which `thbcad.cad` alone imports
+Face: TypeAlias = Any  # of OpenCASCADE, which `thbcad.cad` alone imports
+Shape: TypeAlias = Any
 
 DEPTH = 1e-11  # of the half-width: what reaches less deep into the light counts as beside it
 THIN = 25  # half-widths that a thickness stands for: volumes of thin lenses feel the depth more

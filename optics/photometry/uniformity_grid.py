@@ -5,7 +5,8 @@ boxes count that lie in the region with a margin taken off along its border, whe
 
     U0 = min E_k / mean E_k,      diversity = min E_k / max E_k,      rsd = std E_k / mean E_k.
 
-Noise of rays lowers a minimum.  Where the noise of a box is above NOISE of the mean, boxes are larger: every
+Noise of rays lowers a minimum.  Where the noise of a box is above NOISE of the mean, or where a box is smaller
+than a pixel, boxes are larger: every
 square of m x m boxes that all count is one, so that larger ones overlap and still reach every corner.
 """
 
@@ -73,11 +74,17 @@ def uniformity(
     grid : boxes in each direction; larger ones are taken where their noise is above NOISE.
     """
     margin = max(MARGIN * min(region.size), blur)
+    pixel = 2 * half_width[0] / light.shape[1], 2 * half_width[1] / light.shape[0]
     for width in range(1, max(1, grid // LARGEST) + 1):
         found = _on_boxes(light, region, half_width, error, margin, grid, width)
-        if found.reason or found.noise <= NOISE:
+        wide = all(b >= p * (1 - 1e-9) for b, p in zip(found.box, pixel))
+        if found.reason or (wide and found.noise <= NOISE):
             return found
-    reason = f"the noise of boxes of {found.box[0]:.3g} x {found.box[1]:.3g} is {found.noise:.1%} of the mean"
+    boxes = f"boxes of {found.box[0]:.3g} x {found.box[1]:.3g}"
+    if not wide:
+        reason = f"{boxes} are smaller than a pixel of {pixel[0]:.3g} x {pixel[1]:.3g}; raise target.pixels"
+    else:
+        reason = f"the noise of {boxes} is {found.noise:.1%} of the mean"
     return replace(found, min_over_mean=None, min_over_max=None, rsd=None, reason=reason)
 
 

@@ -49,7 +49,7 @@ def test_a_plane_of_light_has_the_ratios_of_its_outermost_boxes(a, b):
     assert found.rsd == pytest.approx(rsd, rel=1e-9, abs=1e-12)
 
 
-@given(st.integers(0, 10**6), st.integers(3, 40), st.integers(3, 40), st.integers(9, 25))
+@given(st.integers(0, 10**6), st.integers(25, 40), st.integers(25, 40), st.integers(9, 25))
 def test_boxes_hold_the_means_of_the_pixels_that_they_cover(seed, rows, columns, grid):
     """Against the light on a raster so fine that pixels and boxes are whole numbers of its points."""
     light = np.random.default_rng(seed).uniform(0.5, 1, (rows, columns))
@@ -60,6 +60,19 @@ def test_boxes_hold_the_means_of_the_pixels_that_they_cover(seed, rows, columns,
     assert found.mean == pytest.approx(inner.mean(), rel=1e-12)
     assert found.min_over_mean == pytest.approx(inner.min() / inner.mean(), rel=1e-12)
     assert found.rsd == pytest.approx(inner.std() / inner.mean(), rel=1e-9)
+
+
+@pytest.mark.parametrize(("pixels", "width"), [(21, 1), (20, 2), (10, 3), (7, 3)])
+def test_no_box_is_smaller_than_a_pixel(pixels, width):
+    found = uniformity(np.ones((pixels, pixels)), WHOLE, HALF)
+    assert found.box == pytest.approx((width * 6 / 21, width * 4 / 21))
+    assert found.min_over_mean == pytest.approx(1)
+
+
+def test_pixels_too_large_for_boxes_tell_nothing():
+    found = uniformity(np.ones((2, 2)), WHOLE, HALF)
+    assert found.min_over_mean is None
+    assert found.reason == "boxes of 0.857 x 0.571 are smaller than a pixel of 3 x 2; raise target.pixels"
 
 
 def test_one_dark_box_is_seen():
