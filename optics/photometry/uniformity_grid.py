@@ -5,8 +5,8 @@ boxes count that lie in the region with a margin taken off along its border, whe
 
     U0 = min E_k / mean E_k,      diversity = min E_k / max E_k,      rsd = std E_k / mean E_k.
 
-Noise of rays lowers a minimum.  Where the noise of a box is above NOISE of the mean, or where a box is smaller
-than a pixel, boxes are larger: every
+Noise of rays lowers a minimum.  Where the noise of a box is above NOISE of the mean, or where a box is
+smaller than a pixel, boxes are larger: every
 square of m x m boxes that all count is one, so that larger ones overlap and still reach every corner.
 """
 
@@ -128,7 +128,7 @@ def _mean_of(shares: Floats, width: int) -> Floats:
 
 def _all_of(boxes: Bools, width: int) -> Bools:
     """Return which squares of boxes count as a whole, (n - width + 1, n - width + 1)."""
-    return np.lib.stride_tricks.sliding_window_view(boxes, (width, width)).all(axis=(2, 3))
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(boxes, (width, width)).all(axis=(2, 3)))
 
 
 def _any_of(squares: Bools, width: int) -> Bools:
