@@ -102,7 +102,7 @@ def _table_61(folder: Path) -> list[Row]:
     problem = replace(problem, lens=replace(problem.lens, rear=rear), optimizer=Optimizer())
     path = folder / "table_61.toml"
     path.write_text(problem_to_toml(problem), "utf-8")
-    metrics = run_design(path, folder / "table_61").metrics
+    metrics = run_design(path, folder / "table_61", must_pass=False).metrics
     return [
         rel_l2_row("Table 6.1 as printed: rel_l2", metrics, "flat start 0.139", 0.139),
         Row("Table 6.1 as printed: efficiency", metrics["efficiency"], "", "flat start 0.899", 0.899, ">="),

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from thbcad.lens import Lens
 
 TOLERANCE = 1e-6  # mm, as of a lens by itself
-# mm, of edges at which OCCT cuts a mount, slanted edges of a lens, or front and rear: bores through a designed
-# rear are off by up to 0.7 um, where the light is proven or traced all the same
+# mm, of edges at which OCCT cuts a mount, slanted edges of a lens, or front and rear: bores through a
+# designed rear are off by up to 0.7 um, where the light is proven or traced all the same
 OTHER_EDGES = 1e-3
 TRIM = 1e-7  # mm, of the edges of front and rear and of their images in the parameters
 SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm

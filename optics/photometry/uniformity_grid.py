@@ -133,9 +133,8 @@ def _all_of(boxes: Bools, width: int) -> Bools:
 
 def _any_of(squares: Bools, width: int) -> Bools:
     """Return which boxes lie in one of the squares."""
-    return np.lib.stride_tricks.sliding_window_view(np.pad(squares, width - 1), (width, width)).any(
-        axis=(2, 3)
-    )
+    around = np.pad(squares, width - 1)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(around, (width, width)).any(axis=(2, 3)))
 
 
 def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
