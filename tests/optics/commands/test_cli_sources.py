@@ -62,6 +62,7 @@ def test_a_luminaire_designs_a_lens_whose_report_says_what_is_assumed(tmp_path):
     source = {"source.kind": "luminaire", "source.file": "lamp.ldt", "source.flux": 0}
     drop = ("source.half_width", "source.half_angle", "source.profile", "source.image")
     given = write_extended(tmp_path, source, drop)
+    # a few iterations may miss the light
     assert main(["design", str(given), "--out", str(tmp_path / "result")]) in (
         0,
         1,
