@@ -118,7 +118,7 @@ def write_result(
     etendue = reached_sentences(system, lens, measurement.metrics)
     for sentence in etendue.limits:
         design.notes(sentence)
-    metrics = design.metrics | _of_the_blur(design)
+    metrics = design.metrics
     clock.lap("measure")
     product = manufacturability(lens, problem.lens.density or None)
     exported = export.checked()
@@ -138,18 +138,6 @@ def write_result(
     peak = peak_mb() + sum(p.ask("optics.runtime", "peak_mb").result() for p in (solids, figures.process))
     metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
     return _claimed(design, folder, writer, metrics, checks, product, figures, etendue.background)
-
-
-def _of_the_blur(design: DesignRecord) -> Claims:
-    """Return what one blur everywhere allows, where divergence or roughness blurs the light; and note it."""
-    if not design.system.blurred:
-        return {}
-    from optics.prediction import blur_limits, blur_sentence
-
-    backend = load_backend("double", design.problem.run.threads)
-    limits = blur_limits(design.system, design.lens, backend)
-    design.notes(blur_sentence(design.system, limits, design.measurement.metrics["rel_l2_debiased"]))
-    return {"rel_l2_one_blur": limits.least}
 
 
 def _claimed(

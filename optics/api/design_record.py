@@ -87,8 +87,9 @@ class DesignRecord:
 
 
 def _measured(design: DesignRecord, backend: Backend) -> Measurement:
-    """Return the Measurement of a lens; sentences on lost light go to its notes."""
+    """Return the Measurement of a lens; sentences on blurred and lost light go to its notes."""
     from optics.analysis import loss_notes, measure
+    from optics.prediction import blur_limits, blur_sentence
     from optics.tracing import normal_incidence_transmittance
 
     system, lens, notes = design.system, design.lens, design.notes
@@ -96,6 +97,10 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     metrics = measurement.metrics | {
         "normal_incidence_transmittance": normal_incidence_transmittance(lens.index)
     }
+    if system.blurred:
+        limits = blur_limits(system, lens, backend)
+        notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))
+        metrics["rel_l2_one_blur"] = limits.least
     for sentence in loss_notes(metrics, system.units):
         notes(sentence)
     if not metrics["efficiency"]:

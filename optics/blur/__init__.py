@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from optics.blur.source_images import (
         patch_images as patch_images,
         spot_rms as spot_rms,
+        spot_width as spot_width,
     )
     from optics.blur.spot_matrices import (
         LandingShifts as LandingShifts,
@@ -38,6 +39,7 @@ _FILES = {
     "source_images": (
         "patch_images",
         "spot_rms",
+        "spot_width",
     ),
     "spot_matrices": (
         "LandingShifts",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 PATCHES = 16  # in each direction, over the rear
 RAYS = (2048, 512)
+EVEN_WIDTH = sqrt(12)  # of an even spot, in its standard deviation
 FEWER_RAYS = (512, 512)  # for the mean over all patches
 LEAST_RAYS = 100  # per patch, for its image to be measured
 
@@ -60,10 +62,20 @@ def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
     known = np.isfinite(images.width).all(axis=0) & (images.flux > 0)
     if not known.any():
         return 0.0
-    deviations, flux = np.sqrt(np.mean(images.width[:, known] ** 2, axis=0) / 12), images.flux[known]
+    deviations, flux = np.sqrt(np.mean(images.width[:, known] ** 2, axis=0)) / EVEN_WIDTH, images.flux[known]
     order = np.argsort(deviations)
     light = np.cumsum(flux[order])
     return float(deviations[order][np.searchsorted(light, light[-1] / 2)])
+
+
+def spot_width(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
+    """Return the full width of the light of one point of the rear, mm; in the far field degrees; 0 if sharp.
+
+    It is that of `Blur.width`; of an extended source that of an even spot with the deviation of `spot_rms`.
+    """
+    if system.blurred:
+        return blur_of(system, lens, backend).width
+    return EVEN_WIDTH * spot_rms(system, lens, backend)
 
 
 def patch_images(

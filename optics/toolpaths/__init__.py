@@ -9,9 +9,6 @@ if TYPE_CHECKING:
         CuspBlur as CuspBlur,
         cusp_blur as cusp_blur,
     )
-    from optics.toolpaths.blur_without_cusps import (
-        present_blur as present_blur,
-    )
     from optics.toolpaths.cusp_light import (
         CuspLight as CuspLight,
         light_with_cusps as light_with_cusps,
@@ -55,7 +52,6 @@ _FILES = {
         "ToolFindings",
         "tool_findings",
     ),
-    "blur_without_cusps": ("present_blur",),
     "response_to_slopes": (
         "LandingResponse",
         "crossings",

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.blur import spot_width
 from optics.runtime import Check
 from optics.toolpaths.blur_of_cusps import CuspBlur, cusp_blur, cusps_of
-from optics.toolpaths.blur_without_cusps import present_blur
 from optics.toolpaths.cusp_light import CuspLight, light_with_cusps
 from optics.toolpaths.response_to_slopes import landing_response
 from optics.toolpaths.tool_order import SPEED
@@ -152,7 +152,7 @@ def tool_findings(
     if order.radius is None:
         names = []
     pixel = float(np.mean(system.target.screen().pitch))
-    yardstick = max(1.0, present_blur(system, lens, backend) / pixel) if names else 1.0
+    yardstick = max(1.0, spot_width(system, lens, backend) / pixel) if names else 1.0
     surfaces = tuple(_surface(system, lens, order, backend, name, rays, yardstick) for name in names)
     return ToolFindings(order, surfaces, draft(lens))
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from optics import UserError
+from optics.blur import spot_width
 from optics.problem import load_problem
 from optics.system import OpticalSystem
-from optics.toolpaths import ToolOrder, present_blur, tool_data, tool_findings, tool_lines
+from optics.toolpaths import ToolOrder, tool_data, tool_findings, tool_lines
 from tests.optics.cases import small_lens, write_problem
 from tests.optics.toolpaths.cases import bowl_lens
 from thbcad.sags import Conic
@@ -159,7 +160,7 @@ def test_the_yardstick_is_the_blur_that_there_is(tmp_path, backend, changes):
     """A plane plate: the sun's disk over the way to the target, and the lamp's image by a pinhole."""
     system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
     lens = small_lens(rear=Conic())
-    wide = present_blur(system, lens, backend)
+    wide = spot_width(system, lens, backend)
     # behind a plate light has the angle that it had before; a lamp is seen over its optical distance
     expected = 2 * 60 * np.tan(np.radians(2.0)) if changes is SUN else 1.2 * 60 / (30 + 6 / 1.5)
     assert wide == pytest.approx(expected, rel=0.1)
