@@ -56,7 +56,7 @@ def test_an_even_intensity_stays_within_the_border(tmp_path, changes):
 
 @pytest.mark.parametrize("changes", [WIDE, FAR], ids=["plane", "far field"])
 def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path, changes):
-    system = system_of(tmp_path, changes)
+    system = system_of(tmp_path, changes | {"target.pixels": [96, 64]})  # below a cell of the photometry
     way = directions(system)
     wave = 1 + 0.5 * np.cos(0.9 * np.degrees(np.arctan(way[0] / way[2])) + 1)  # a period of 7 degrees
     light = even_light(system) * wave
@@ -66,7 +66,7 @@ def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path
     assert beside.own.min_over_mean == uniformity(light, system.target.even_region, half_width).min_over_mean
     coarse, default, fine = (beside.by_steps(step) for step in (7.5, 2.5, 0.5))
     assert coarse.rel_l2 > 1.5 * default.rel_l2 > 6 * fine.rel_l2 > 0
-    assert coarse.min_over_mean != pytest.approx(beside.own.min_over_mean, rel=0.1)
+    assert coarse.min_over_mean > 1.2 * beside.own.min_over_mean  # waves within a step are gone
     assert fine.min_over_mean == pytest.approx(beside.own.min_over_mean, rel=0.1)
 
 
