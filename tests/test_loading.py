@@ -80,7 +80,7 @@ def test_files_are_data(path):
 
 
 def test_only_commands_set_signal_handlers():
-    """A script that imports the library keeps its own; `serve` is the main function of a helper process, which
+    """A script that imports the library keeps its own; `serve`, a helper process in its main function,
     begins with `_end_with`, and `optics/__main__.py` is the program."""
     setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
     found = {
