@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isinf
+from math import inf, isinf
 from typing import TYPE_CHECKING, Any
 
 from optics.photometry import NOISE
@@ -25,6 +25,7 @@ WORTH_A_NOTE = 0.1
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
+FORBIDS = {"rel_l2_one_blur": "the blur", "rel_l2_by_etendue": "etendue"}  # least values of rel_l2
 NEAR = 1.1  # times what is allowed at best: as near as can be
 SHOWN = 5e-3  # of a value: an error from which on three digits show it
 
@@ -173,12 +174,16 @@ def error_words(metrics: dict[str, Any]) -> str:
 
 
 def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:
-    """Return that a picture comes as near as the blur allows, where that is why it is missed."""
-    least, value = metrics.get("rel_l2_one_blur"), metrics["rel_l2_debiased"]
-    of_picture = (ERROR_NAME, CONTRAST_NAME)
-    if least is None or value > NEAR * least or not any(check.name in of_picture for check in missed):
+    """Return what forbids the picture that is missed, and whether the light comes as near as that allows."""
+    pictures = {check.name: check.limit for check in missed if check.name in (ERROR_NAME, CONTRAST_NAME)}
+    bounds = [(metrics[key], by) for key, by in FORBIDS.items() if metrics.get(key) is not None]
+    if not pictures or not bounds:
         return ""
-    return f"{value:.2g} is as near as the blur allows ({least:.2g}), and not what was asked for"
+    (least, by), value = max(bounds), metrics["rel_l2_debiased"]
+    if value <= NEAR * least:
+        return f"{value:.2g} is as near as {by} allows ({least:.2g}), and not what was asked for"
+    hopeless = least > pictures.get(ERROR_NAME, inf)
+    return f"{by} allows {least:.2g} at best" if hopeless else ""
 
 
 def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:

@@ -89,6 +89,7 @@ class DesignRecord:
 def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     """Return the Measurement of a lens; sentences on blurred and lost light go to its notes."""
     from optics.analysis import loss_notes, measure
+    from optics.etendue import universal_bound
     from optics.prediction import blur_limits, blur_sentence
     from optics.tracing import normal_incidence_transmittance
 
@@ -101,6 +102,8 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
         limits = blur_limits(system, lens, backend)
         notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))
         metrics["rel_l2_one_blur"] = limits.least
+    if system.source.etendue:
+        metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
     for sentence in loss_notes(metrics, system.units):
         notes(sentence)
     if not metrics["efficiency"]:

@@ -175,3 +175,15 @@ def test_light_as_near_as_its_blur_allows_still_misses():
     assert verdict.sentence.endswith("0.21 is as near as the blur allows (0.2), and not what was asked for")
     far = judged(values | {"rel_l2_debiased": 0.3}, delivery_checks(values, Verify()))
     assert "as near as" not in far.sentence
+
+
+def test_what_forbids_the_picture_is_named():
+    """The sharper of two bounds speaks: as near as it allows, or that no lens comes below the limit."""
+    values = picture(rel_l2_debiased=0.21, rel_l2_one_blur=0.15, rel_l2_by_etendue=0.2)
+    assert judged(values, delivery_checks(values, Verify())).sentence.endswith(
+        "0.21 is as near as etendue allows (0.2), and not what was asked for"
+    )
+    far = values | {"rel_l2_debiased": 0.3}
+    assert judged(far, delivery_checks(far, Verify())).sentence.endswith("; etendue allows 0.2 at best")
+    allowed = far | {"rel_l2_one_blur": 0.05, "rel_l2_by_etendue": None}
+    assert "allows" not in judged(allowed, delivery_checks(allowed, Verify())).sentence

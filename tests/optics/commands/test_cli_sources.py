@@ -11,8 +11,10 @@ import pytest
 from PIL import Image
 
 from optics.commands.cli import main
+from optics.etendue import universal_bound
 from optics.luminaires import Opening, write_ldt
 from optics.problem import load_problem
+from optics.system import OpticalSystem
 from tests.optics.cases import write_problem
 from tests.optics.commands.cases import FIGURES, refused, strict_json
 from tests.optics.luminaires.cases import asymmetric
@@ -87,12 +89,13 @@ def test_an_extended_problem_ends_well_too(extended):
     assert metrics["levels"] == 2
     assert sum(metrics["fates_w"].values()) == pytest.approx(1.0, abs=1e-9)
     assert metrics["fates_w"]["unresolved"] == 0
+    allowed = universal_bound(OpticalSystem(load_problem(extended.path / "problem.toml")))
+    assert metrics["rel_l2_by_etendue"] == allowed.least_rel_l2(metrics["efficiency"])
     assert strict_json((extended.path / "verify.json").read_text())["ok"] is True
     page = (extended.path / "report.html").read_text("utf-8")
     assert page.count("data:image/png;base64,") == len(FIGURES | MORE)
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tmp_path, capsys):
     """The folder holds all that its problem file names."""
@@ -104,7 +107,6 @@ def test_an_extended_result_is_verified_where_it_lies_and_elsewhere(extended, tm
     assert main(["verify", str(moved), "--no-optiland"]) == 0
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_an_extended_run_starts_from_an_earlier_design(extended, tmp_path, capsys):
     out = tmp_path / "out"

@@ -5,7 +5,7 @@ import tomllib
 import tracemalloc
 
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from thbcad.toml.bounded_tables import MOST_DEPTH, MOST_PARTS, toml_tables
 
@@ -88,6 +88,8 @@ QUOTED = st.one_of(
 )
 
 
+@example(values=["'''''''"])
+@example(values=['""""""""'])
 @given(values=st.lists(QUOTED, max_size=8))
 def test_strings_hide_what_they_hold(values):
     text = "".join(f'k{k} = {value} # \' """ [[ .....\n' for k, value in enumerate(values))
