@@ -37,6 +37,7 @@ TRACED_STEPS = 3  # of tracing to a shape and computing the next
 CELLS_PER_PIXEL = 2
 LEAST_CELLS, MOST_CELLS = 64, 512
 DETAIL = 0.015  # pixels: texture moves light by little, but changes its density
+EVEN_DETAIL = 0.05  # the same of even light, which has an outline but no texture
 INSIDE = 0.97  # of z_freedom
 ROOM = 1.02  # times the z_freedom that the map needs: finer meshes ask for a little more
 # of the coefficients.  With a fiftieth cut off, the last level repairs what is missing (pearl, R = 100,
@@ -120,7 +121,8 @@ class TransportStart:
         return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
 
     def level(self, least: int, finest: int) -> int:
-        """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL.
+        """Return the coarsest level, at least `least`, from which on another moves light by less than DETAIL
+        (EVEN_DETAIL where even light is asked for).
 
         That is e (n - 1) throw in pixels, with e^2 what another level takes off the mean square of the
         slopes' misfit.  Slopes that no surface has remain in all of them.
@@ -130,7 +132,8 @@ class TransportStart:
         throw = np.degrees(1.0) if target.far_field else target.settings.distance
         moved = (self._lens.index - 1) * throw / min(target.screen().pitch)
         gains = moved * np.sqrt(np.maximum(misfits[:-1] ** 2 - misfits[1:] ** 2, 0))
-        return max([least, *(np.flatnonzero(gains > DETAIL) + 1).tolist()])
+        detail = DETAIL if target.even_region is None else EVEN_DETAIL
+        return max([least, *(np.flatnonzero(gains > detail) + 1).tolist()])
 
     def within(self, fit: TransportFit) -> bool:
         """Whether the sag of a fit keeps to z_freedom and clear of the front."""

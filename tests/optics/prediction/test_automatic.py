@@ -54,6 +54,18 @@ def test_detail_that_the_blur_hides_takes_no_levels(tmp_path, backend):
     assert much == 3
 
 
+def test_even_light_takes_no_levels_for_texture(tmp_path, backend):
+    """The same disk in a cone of light, asked for as even light and as a picture."""
+    cone = {"source.kind": "point", "source.half_angle": 20.0, "source.distance": 30.0}
+    asked = AUTOMATIC | cone | {"target.pixels": [96, 96]}
+    even = {"target.kind": "tophat", "target.shape": "ellipse", "target.lit": [0.9, 0.9]}
+    x, y = (2 * np.indices((96, 96)) + 1) / 96 - 1
+    picture = np.uint8(255 * (np.hypot(x, y) < 0.9))
+    systems = loaded(tmp_path, asked | even), loaded(tmp_path, asked, image=picture)
+    levels = [resolved(s, backend)[0].problem.lens.rear.freeform.max_level for s in systems]
+    assert 3 == levels[0] < levels[1]
+
+
 def test_numbers_are_left_as_they_are(tmp_path, backend):
     system = loaded(tmp_path)
     assert resolved(system, backend) == (system, None)
