@@ -31,8 +31,9 @@ from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import HeightError, Motion, Vector
+    from optics.tracing.intersections import HeightError, Vector
     from thbcad.lens import FreeformSurface, Lens
+    from thbcad.poses import Pose
     from thbcad.splines import KnotVector
 
 
@@ -67,7 +68,7 @@ class Tracer:
         errors: SlopeErrors = SMOOTH,
         absorption: float = 0.0,
         heights: tuple[HeightError | None, HeightError | None] = (None, None),
-        front_motion: Motion | None = None,
+        front_motion: Pose | None = None,
     ) -> None:
         self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
         self._heights, self._motion = heights, front_motion
@@ -253,7 +254,7 @@ class Tracer:
         flux = dr.select(hits.hit, passing, 0)
         point: Vector = hits.x, hits.y, hits.z
         if self._motion is not None:
-            point, direction = self._motion.points(point), self._motion.turned(direction)
+            point, direction = self._motion.points(point), self._motion.directions(direction)
         return hits, DeviceRays((point[0], point[1], point[2] - self._lens.thickness), direction, flux)
 
     def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
