@@ -36,7 +36,7 @@ FLOORS = [
     ["thbcad.meshes", "thbcad.cad.parts", "thbcad.cad.foreign"],
     ["thbcad.cad"],
     ["thbcad"],
-    ["optics.runtime"],
+    ["optics.runtime", "optics.receivers"],
     [
         "optics.colour",
         "optics.luminaires",

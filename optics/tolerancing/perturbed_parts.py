@@ -6,10 +6,12 @@ The lens stays where it is: its motion is the inverse motion of source and targe
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.receivers import receiver_at
 from optics.runtime import UserError
 from optics.sources import RayGrid, Rays, SourceCells
 from thbcad.lens import FreeformSurface, Lens
@@ -18,12 +20,10 @@ from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend, DrArray
+    from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.tolerancing.perturbation import Floats, Perturbation
     from optics.tracing import Landing
-
-DEGREES = 180 / np.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,19 +91,13 @@ class PerturbedParts:
         """Return a landing in the plane where the target would be, in the frame of the moved target."""
         if self.target.is_identity:
             return landing
-        dr, frame = backend.dr, self.target.inverse()
+        dr = backend.dr
         forward = dr.sqrt(dr.maximum(1 - landing.p * landing.p - landing.q * landing.q, 0))
-        p, q, r = frame.directions((landing.p, landing.q, forward))
-        arrives = r > 0
-        rate = dr.select(arrives, r, 1)
-        x: DrArray
-        if np.isinf(self.height):
-            x, y = (DEGREES * dr.atan(d / rate) for d in (p, q))
-        else:
-            x, y, z = frame.points((landing.x, landing.y, self.height))
-            travel = (self.height - z) / rate
-            x, y = x + travel * p, y + travel * q
-        return replace(landing, x=x, y=y, p=p, q=q)
+        point, direction = (landing.x, landing.y, self.height), (landing.p, landing.q, forward)
+        there = receiver_at(self.height, self.target).land(
+            point, direction, dr, partial(dr.opaque, backend.Float)
+        )
+        return replace(landing, x=there.u, y=there.v, p=there.p, q=there.q)
 
     def _within(self, s: Floats, t: Floats) -> bool:
         """Whether all of a grid of parallel rays meets the front."""
