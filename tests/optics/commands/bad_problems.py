@@ -85,7 +85,7 @@ RANGES = [
     ("a radius of 0", {"lens.rear.radius": 0.0}, "lens.rear.radius", "must not be 0; inf is a plane"),
     ("a radius of 1e-300", {"lens.rear.radius": 1e-300}, "lens.rear.radius", "at least 0.001"),
     ("a radius of 1e300", {"lens.front.radius": -1e300}, "lens.front.radius", "at most 1e+12 in size"),
-    ("NaN as radius", {"lens.front.radius": NAN}, "lens.front.radius", "must be a finite number"),
+    ("NaN as radius", {"lens.front.radius": NAN}, "lens.front.radius", "must be a number or inf"),
     ("conic -1e300", {"lens.rear.conic": -1e300}, "lens.rear.conic", "at most 1e+06 in size"),
     ("infinite conic", {"lens.front.conic": INF}, "lens.front.conic", "must be a finite number"),
     ("target at -inf", {"target.distance": -INF}, "target.distance", "must be a finite number"),
