@@ -87,6 +87,7 @@ QUICK = \
 	tests/optics/tolerancing/test_perturbed_light.py \
 	tests/optics/report/test_html.py \
 	tests/optics/results \
+	tests/optics/receivers \
 	tests/optics/runtime \
 	tests/optics/shape \
 	tests/optics/sources \
@@ -104,6 +105,7 @@ QUICK = \
 	tests/optics/view \
 	tests/optics/workers/test_task_loop.py \
 	tests/thesis/test_gradients.py \
+	tests/thbcad/test_poses.py \
 	tests/thbcad/test_refusals.py \
 	tests/thbcad/cad/exchange/test_ray_faces.py \
 	tests/thbcad/cad/parts/test_search.py \

@@ -21,7 +21,6 @@ from optics.as_built import (
     AsBuilt,
     FileFrame,
     MeasuredPoints,
-    Motion,
     best_fit,
     by_datums,
     light_as_built,
@@ -33,6 +32,7 @@ from optics.runtime import Backend, Row, load_backend
 from optics.tolerancing import NOMINAL, Perturbation, PerturbedLight
 from thbcad.fitting import quasi_interpolate
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.poses import Pose
 from thbcad.surfaces import THBSurface
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,7 @@ POINTS = 100_000
 NOISES = (10.0, 100.0)  # nm
 FINEST = 6  # level of the "true" lens: eleven cells on the shortest wave
 NM = 1e-6  # mm
-MOTION = Motion(np.array([0.1, -0.05, 0.02]), np.radians([0.02, -0.01, 0.05]))
+MOTION = Pose.at((0.1, -0.05, 0.02), np.radians([0.02, -0.01, 0.05]))
 
 
 @dataclass(frozen=True)
@@ -178,10 +178,10 @@ def _aligned(rear: FreeformSurface) -> list[Row]:
     """Return how well a known motion is found, without noise."""
     x, y = _places(rear, POINTS, seed=8, inside=0.99)
     start = perf_counter()
-    found = best_fit(rear, MOTION.done(np.stack([x, y, rear(x, y)])))
+    found = best_fit(rear, MOTION.points(np.stack([x, y, rear(x, y)])))
     seconds = perf_counter() - start
     shift = float(np.abs(found.motion.shift - MOTION.shift).max())
-    tilt = float(np.abs(found.motion.tilt - MOTION.tilt).max())
+    tilt = float(np.abs(found.motion.rotation_vector - MOTION.rotation_vector).max())
     return [
         Row("best fit: error of a known shift", shift, "mm", "without noise", 1e-9),
         Row("best fit: error of a known tilt", tilt, "rad", "without noise", 1e-9),

@@ -40,6 +40,7 @@ from oracles.exact_rays import (
     fates_nearby,
     sensitivity,
 )
+from thbcad import Pose
 
 LIMIT = 6  # roundoffs: a hundred roundings over 19 data
 INDEX, CRITICAL = 1.5, np.arcsin(1 / 1.5)
@@ -253,7 +254,7 @@ def sources() -> Iterator[Case]:
         lit = Setup(dome, rears[1], 5.0, INDEX, distance, square.origin, square.direction)
         yield Case(f"extended source{name}", lit)
         held = RaySet(square.origin.T, square.direction.T, square.flux)
-        read = placed_rays(held, (0.0, 0.0, 0.0), np.eye(3), 1.0)
+        read = placed_rays(held, Pose.at(), 1.0)
         lit = Setup(dome, rears[1], 5.0, INDEX, distance, read.origin, read.direction)
         yield Case(f"rays of a file in single precision{name}", lit)
     axis = np.linspace(-9.5, 9.5, 7)

@@ -63,6 +63,9 @@ if TYPE_CHECKING:
         body_mesh as body_mesh,
         to_trimesh as to_trimesh,
     )
+    from thbcad.poses import (
+        Pose as Pose,
+    )
     from thbcad.sags import (
         Approximation as Approximation,
         Conic as Conic,
@@ -142,6 +145,7 @@ _FILES = {
         "body_mesh",
         "to_trimesh",
     ),
+    "poses": ("Pose",),
     "sags": (
         "Approximation",
         "Conic",

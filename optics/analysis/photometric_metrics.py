@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.photometry import BEAM, FIELD, edge_width, plane_curves, uniformity
+from optics.receivers import FarField, Plane
 
 if TYPE_CHECKING:
     from optics.photometry import Density, Units
@@ -50,7 +51,7 @@ def uniformity_metrics(
     found = uniformity(
         irradiance, target.even_region, screen.half_width, error, blur, system.problem.verify.grid
     )
-    unit = "degrees" if screen.angular else "mm"
+    unit = screen.unit
     half_lit = target.light >= target.light.max() / 2
     whole = irradiance[target.lit_pixels]
     return {
@@ -106,8 +107,8 @@ def photometric_lines(metrics: dict[str, Any], units: Units) -> list[str]:
 
 
 def _uniformity_line(even: dict[str, Any], density: Density) -> str:
-    unit = "degrees" if "box_degrees" in even else "mm"
-    symbol = "I" if unit == "degrees" else "E"
+    unit = next(unit for unit in (Plane.unit, FarField.unit) if f"box_{unit}" in even)
+    symbol = "I" if unit == FarField.unit else "E"
     across, down = even[f"box_{unit}"]
     edge = even[f"edge_width_{unit}"]
     mean = f"mean {even[f'lit_mean_{density.suffix}']:.4g} {density.shown}"

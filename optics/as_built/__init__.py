@@ -7,7 +7,6 @@ from thbcad.doors import lazy_door
 if TYPE_CHECKING:
     from optics.as_built.alignment import (
         Alignment as Alignment,
-        Motion as Motion,
         best_fit as best_fit,
         by_datums as by_datums,
         outliers as outliers,
@@ -47,7 +46,6 @@ if TYPE_CHECKING:
 _FILES = {
     "alignment": (
         "Alignment",
-        "Motion",
         "best_fit",
         "by_datums",
         "outliers",

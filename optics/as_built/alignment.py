@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from optics.runtime import UserError
 from thbcad.lens import FreeformSurface
+from thbcad.poses import Pose
 
 Floats = NDArray[np.float64]
 
@@ -39,34 +39,6 @@ MOTIONS = ("shift in x", "shift in y", "shift in z", "tilt about x", "tilt about
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """P = R p + t about the vertex of a surface.
-
-    shift : t, (3,) mm.  tilt : rotation vector of R, (3,) rad.
-    """
-
-    shift: Floats
-    tilt: Floats
-
-    def undone(self, points: Floats) -> Floats:
-        """Return R^T (P - t) of points (3, n)."""
-        result: Floats = Rotation.from_rotvec(self.tilt).inv().apply(points.T - self.shift).T
-        return result
-
-    def done(self, points: Floats) -> Floats:
-        """Return R p + t of points (3, n)."""
-        result: Floats = (Rotation.from_rotvec(self.tilt).apply(points.T) + self.shift).T
-        return result
-
-    def then(self, step: Motion) -> Motion:
-        """Return the motion R_self (R_step p + t_step) + t_self."""
-        turn = Rotation.from_rotvec(self.tilt)
-        return Motion(
-            self.shift + turn.apply(step.shift), (turn * Rotation.from_rotvec(step.tilt)).as_rotvec()
-        )
-
-
-@dataclass(frozen=True, eq=False)
 class Alignment:
     """Points in the frame of the surface, and how they came there.
 
@@ -76,7 +48,7 @@ class Alignment:
     undetermined : motions that the surface does not show.
     """
 
-    motion: Motion
+    motion: Pose
     points: Floats
     heights: Floats
     normal: Floats
@@ -95,7 +67,7 @@ class Alignment:
 
 def by_datums(surface: FreeformSurface, points: Floats) -> Alignment:
     """Return the points as they are: the frame of the file is that of the surface."""
-    return _aligned(surface, points, Motion(np.zeros(3), np.zeros(3)), 0.0)
+    return _aligned(surface, points, Pose.at(), 0.0)
 
 
 def outliers(surface: FreeformSurface, points: Floats) -> str | None:
@@ -122,7 +94,7 @@ def best_fit(surface: FreeformSurface, points: Floats) -> Alignment:
     ------
     UserError : the points leave the surface on the way; outliers are named.
     """
-    motion, before = Motion(np.zeros(3), np.zeros(3)), None
+    motion, before = Pose.at(), None
     least = KEPT * float(_near(surface, points, motion, RIM).sum())
     undetermined: tuple[str, ...] = ()
     for _ in range(MOST_ROUNDS):
@@ -139,8 +111,8 @@ def best_fit(surface: FreeformSurface, points: Floats) -> Alignment:
 
 
 def _nearest(
-    surface: FreeformSurface, points: Floats, motion: Motion, least: float
-) -> tuple[Motion, tuple[str, ...]]:
+    surface: FreeformSurface, points: Floats, motion: Pose, least: float
+) -> tuple[Pose, tuple[str, ...]]:
     """Return the motion of least squares near another one, and the names of those that cannot be seen.
 
     least : points that it keeps over the surface.
@@ -154,9 +126,9 @@ def _nearest(
     linear = _Linear.at(surface, here, size)
     for _ in range(MOST_STEPS):
         step = linear.step(damping)
-        if np.linalg.norm(step.shift) + size * np.linalg.norm(step.tilt) < SETTLED * size:
+        if np.linalg.norm(step.shift) + size * np.linalg.norm(step.rotation_vector) < SETTLED * size:
             break
-        there = _aligned(surface, points, here.motion.then(step), np.inf)
+        there = _aligned(surface, points, here.motion @ step, np.inf)
         kept = _near(surface, points, there.motion, RIM).sum() >= least
         if kept and np.square(there.normal).sum() <= np.square(here.normal).sum():
             here, damping = there, damping / DAMPED if damping > LEAST_DAMPING else 0.0
@@ -166,16 +138,16 @@ def _nearest(
     return here.motion, linear.unseen
 
 
-def _near(surface: FreeformSurface, points: Floats, motion: Motion, beside: float) -> NDArray[np.bool_]:
+def _near(surface: FreeformSurface, points: Floats, motion: Pose, beside: float) -> NDArray[np.bool_]:
     """Return which points lie over a surface, or beside it by a part of its half-width at most."""
     reach = (1 + beside) * np.reshape(surface.half_width, (2, 1))
-    return np.asarray((np.abs(motion.undone(points)[:2]) <= reach).all(axis=0))
+    return np.asarray((np.abs(motion.inverse().points(points)[:2]) <= reach).all(axis=0))
 
 
-def _aligned(surface: FreeformSurface, points: Floats, motion: Motion, beside: float) -> Alignment:
+def _aligned(surface: FreeformSurface, points: Floats, motion: Pose, beside: float) -> Alignment:
     """Return the points over a surface, and those beside it by a part of its half-width."""
     half_width = np.reshape(surface.half_width, (2, 1))
-    x, y, z = motion.undone(points[:, _near(surface, points, motion, beside)])
+    x, y, z = motion.inverse().points(points[:, _near(surface, points, motion, beside)])
     if not len(x):
         raise UserError(f"all points lie beside the surface; {ANOTHER}")
     heights = z - _height(surface, x, y)
@@ -233,12 +205,12 @@ class _Linear:
         seen: NDArray[np.bool_] = self.values > BLIND * self.values[0]
         return seen
 
-    def step(self, damping: float) -> Motion:
+    def step(self, damping: float) -> Pose:
         """Return the step of least squares.  damping : in the greatest singular value."""
         values = self.values[self._seen]
         weights = values / (values**2 + (damping * self.values[0]) ** 2)
         p = self.vectors[self._seen].T @ (weights * self.wanted[self._seen])
-        return Motion(p[:3], p[3:] / self.size)
+        return Pose.at(p[:3], p[3:] / self.size)
 
     @property
     def unseen(self) -> tuple[str, ...]:

@@ -95,7 +95,7 @@ def _move(move: Move) -> dict[str, Any]:
 def _alignment(alignment: Alignment) -> dict[str, Any]:
     return {
         "shift_mm": alignment.motion.shift.tolist(),
-        "tilt_degrees": np.degrees(alignment.motion.tilt).tolist(),
+        "tilt_degrees": np.degrees(alignment.motion.rotation_vector).tolist(),
         "peak_to_valley_mm": alignment.peak_to_valley,
         "rms_mm": alignment.rms,
         "undetermined": list(alignment.undetermined),
@@ -126,7 +126,7 @@ def _column(built: AsBuilt, way: Way, alignment: Alignment | None) -> list[str]:
         return ["-"] * len(ROWS)
     return [
         _triple(MICROMETRES * alignment.motion.shift),
-        _triple(np.degrees(alignment.motion.tilt)),
+        _triple(np.degrees(alignment.motion.rotation_vector)),
         f"{MICROMETRES * alignment.peak_to_valley:.4g}",
         f"{MICROMETRES * alignment.rms:.4g}",
         f"{_beside(built, alignment):,}",

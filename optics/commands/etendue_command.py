@@ -185,7 +185,7 @@ def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
 
 
 def _blur_lines(system: OpticalSystem, images: OneBlur, data: dict[str, Any], any_form: bool) -> list[str]:
-    unit = "square degrees" if system.target.far_field else "mm^2"
+    unit = system.target.receiver.area_unit
     lines = [f"images of the source: at least {data['area']:.4g} {unit}"]
     if any_form:
         lines = []

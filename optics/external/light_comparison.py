@@ -82,7 +82,7 @@ class LightComparison:
             "same_rays": {
                 "landing_rms": self.to_ours.rms,
                 "landing_greatest": self.to_ours.greatest,
-                "unit": "degrees" if self.screen.angular else "mm",
+                "unit": self.screen.unit,
                 "other_fate": self.to_ours.mismatched / self.emitted,
                 "difference": self.difference_of_same_rays,
             },

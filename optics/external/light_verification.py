@@ -21,7 +21,7 @@ def light_comparison_checks(found: LightComparison, limits: Verify) -> list[Chec
     Where a mesh is traced, landing points and irradiance may be as far from ours as ERRORS times the error
     that its nodes and its digits make; faces that are traced exactly keep the limits of the problem.
     """
-    name, unit = found.name, "degrees" if found.screen.angular else "mm"
+    name, unit = found.name, found.screen.unit
     if found.resolution is None:
         fates, landing, irradiance = 0.0, limits.landing, limits.irradiance
     else:
@@ -40,7 +40,7 @@ def light_comparison_checks(found: LightComparison, limits: Verify) -> list[Chec
 
 def light_comparison_lines(found: LightComparison) -> list[str]:
     """Return the numbers of a LightComparison as lines of text."""
-    (rows, columns), unit = found.screen.shape, "degrees" if found.screen.angular else "mm"
+    (rows, columns), unit = found.screen.shape, found.screen.unit
     lines = [
         f"{found.name}: {found.rays} random rays through the STEP file in {found.seconds:.3g} s, "
         f"{found.rays_per_pixel:.0f} on each of {columns} x {rows} merged pixels",

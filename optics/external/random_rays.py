@@ -70,8 +70,7 @@ def _of_luminaire(source: LightSource, flux: Floats, fresh: np.random.Generator)
         drawn /= np.linalg.norm(drawn, axis=0)
         lit = fresh.random(len(flux)) * light.candela.max() < light.intensity(drawn)
         kept = np.concatenate([kept, drawn[:, lit]], axis=1)
-    origin = lamp.turn @ opening + np.asarray(lamp.shift)[:, None]
-    return Rays(origin, lamp.turn @ kept[:, : len(flux)], flux)
+    return Rays(opening, kept[:, : len(flux)], flux).posed(lamp.pose)
 
 
 def _cosines(source: LightSource, u: Floats) -> Floats:

@@ -49,7 +49,7 @@ def light_figures(
     top = float(target.max())
     error = irradiance - target
     span = float(np.quantile(np.abs(error), 0.999)) or 1.0
-    density, unit = system.density, "degrees" if system.path.far_field else "mm"
+    density, unit = system.density, system.target.unit
     quantity = density.quantity
     label = f"{quantity} / mean"
 

@@ -48,7 +48,7 @@ def overview_figure(system: OpticalSystem, measurement: Measurement) -> Overview
     error, top = irradiance - target, float(target.max())
     span = float(np.quantile(np.abs(error), 0.999)) or 1.0
     hx, hy = system.target.settings.half_width
-    unit = "degrees" if system.path.far_field else "mm"
+    unit = system.target.unit
     figure = OverviewFigure(figsize=SIZE, layout="constrained")
     pictures = (
         ("asked for", target, "gray", 0.0, top),

@@ -20,7 +20,7 @@ def bound_figure(universal: UniversalBound, bound: ImageBound, screen: Screen) -
 
     The pictures have the same scale.
     """
-    unit = "degrees" if screen.angular else "mm"
+    unit = screen.unit
     top, (hx, hy) = float(bound.target.max()), screen.half_width
     # the image of the source in the middle of the target
     rows, columns = bound.target.shape
@@ -58,7 +58,7 @@ def relit_figure(designed: Measurement, other: Measurement, screen: Screen, word
 
     words : for the other light.
     """
-    unit, (hx, hy) = "degrees" if screen.angular else "mm", screen.half_width
+    unit, (hx, hy) = screen.unit, screen.half_width
     pictures = [
         ("asked for", designed.target),
         (f"as designed: rel_l2 {designed.metrics['rel_l2']:.3f}", designed.irradiance),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def irradiance_figure(image: NDArray[np.float64], screen: Screen, density: Density) -> bytes:
     """Return the irradiance on the target's pixels as a picture.  image : in the stored unit of `density`."""
-    unit, shown = "degrees" if screen.angular else "mm", density.factor * image
+    unit, shown = screen.unit, density.factor * image
     label = f"{density.quantity} in {density.shown}"
     return plane_figure(shown, screen.half_width, unit, label, "gray", (0.0, float(shown.max())))
 
@@ -58,7 +58,7 @@ def two_lights_figure(
 
     theirs, ours : in the stored unit of `density`.  name : of the program that made the first.
     """
-    (hx, hy), unit = screen.half_width, "degrees" if screen.angular else "mm"
+    (hx, hy), unit = screen.half_width, screen.unit
     theirs, ours = density.factor * theirs, density.factor * ours
     off, peak = theirs - ours, float(max(theirs.max(), ours.max()))
     most = float(np.abs(off).max()) or 1.0

@@ -36,7 +36,7 @@ def height_error_figure(built: AsBuilt) -> bytes:
 def made_light_figure(built: AsBuilt, screen: Screen) -> bytes:
     """Draw the light asked for, as designed, as made, on one scale, and the change from design to made."""
     designed, made = built.nominal, built.measurement
-    unit, (hx, hy) = "degrees" if screen.angular else "mm", screen.half_width
+    unit, (hx, hy) = screen.unit, screen.half_width
     mean, asked = float(designed.irradiance.mean()) or 1.0, unit_mean(designed.target)
     pictures = [
         ("asked for", asked),

@@ -34,6 +34,6 @@ def change_figure(effect: ToleranceEffect, screen: Screen) -> bytes:
     """Draw the change of the light, scaled to unit mean, from the design to + amount of a tolerance."""
     change = effect.change
     most = float(np.percentile(np.abs(change), CUT)) or 1.0
-    unit = "degrees" if screen.angular else "mm"
+    unit = screen.unit
     label = f"change of E / mean E by {effect.tolerance.name} = + {effect.tolerance.words}"
     return plane_figure(change, screen.half_width, unit, label, "RdBu_r", (-most, most))

@@ -9,7 +9,7 @@ through between two triangles: without them those on the grid lines do, and cost
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isinf
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from optics.engines import TracedModel
 from optics.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.mitsuba.mesh import LensMesh
 from optics.optimisation import Objective
+from optics.receivers import receiver_at
 from optics.sources import RayGrid, Rays
 from optics.tracing import Landing, device_flux, refract, rim_fade
 
@@ -92,17 +93,14 @@ class MeshTracer:
         point, (dx, dy, dz), flux, hit = self._through("rear", jets, origin, direction, entering)
         forward = dz > 0
         dz = dr.select(forward, dz, 1)
-        if isinf(self._target_z):
-            x, y = (dr.atan(d / dz) * (180 / np.pi) for d in (dx, dy))
-        else:
-            travel = (dr.opaque(self.backend.Float, self._target_z) - point[2]) / dz
-            x, y = point[0] + travel * dx, point[1] + travel * dy
+        number = partial(dr.opaque, self.backend.Float)
+        landed = receiver_at(self._target_z).land(point, (dx, dy, dz), dr, number)
         always = dr.ones(dr.mask_t(hit), 1)
         return Landing(
-            x=x,
-            y=y,
-            p=dx,
-            q=dy,
+            x=landed.u,
+            y=landed.v,
+            p=landed.p,
+            q=landed.q,
             flux=dr.select(hit & forward, flux, 0),
             entering=entering,
             reaching=entering,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from optics.analysis import rel_l2
 from optics.luminaires import IntensityGrid, Opening, directions_at
 from optics.photometry import uniformity
+from optics.receivers import Receiver, receiver_at
 
 if TYPE_CHECKING:
     from optics.luminaires import Luminaire
@@ -77,16 +78,14 @@ class StepsOnTarget:
     def _intensity(self, direction: Floats) -> Floats:
         """Return the intensity of the light of the lens in forward directions (3, n), 0 beside the target."""
         screen = self.system.target.screen()
-        a, b = direction[:2] / direction[2]
-        if screen.angular:
-            x, y, dilution = np.degrees(np.arctan(a)), np.degrees(np.arctan(b)), np.ones(a.size)
-        else:
-            x, y, dilution = a * self._distance, b * self._distance, direction[2] ** 3 / self._distance**2
+        landed = self._receiver.land((0.0, 0.0, 0.0), direction)
+        x, y, forward = landed.u, landed.v, direction[2]
+        dilution = np.ones(forward.size) if screen.angular else forward**3 / self._distance**2
         maps = screen.pixel_map()
         column, row = (np.floor(p * maps[k][0] + maps[k][1] - screen.margin) for k, p in enumerate((x, y)))
         rows, columns = self.light.shape
         on = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        intensity = np.zeros(a.size)
+        intensity = np.zeros(forward.size)
         # noise may leave less than no light
         intensity[on] = (
             np.maximum(self.light[row[on].astype(int), column[on].astype(int)], 0.0) / dilution[on]
@@ -110,11 +109,15 @@ class StepsOnTarget:
         """Directions to the points of all pixels, (3, n), and E / I there, (n,)."""
         screen = self.system.target.screen().finer(POINTS)
         x, y = (a.ravel() for a in np.meshgrid(*screen.centres))
+        direction = np.stack(np.broadcast_arrays(*self._receiver.toward((0.0, 0.0, 0.0), x, y)))
         if screen.angular:
-            tangents = np.stack([np.tan(np.radians(x)), np.tan(np.radians(y)), np.ones(x.size)])
-            return tangents, np.ones(x.size)
-        direction = np.stack([x, y, np.full(x.size, self._distance)])
+            return direction, np.ones(x.size)
         return direction, self._distance / np.linalg.norm(direction, axis=0) ** 3
+
+    @property
+    def _receiver(self) -> Receiver:
+        """The target as seen from the middle of the rear."""
+        return receiver_at(self._distance)
 
     @property
     def _distance(self) -> float:

@@ -188,7 +188,7 @@ def _source(source: LightSource) -> tuple[Stack, float]:
     if settings.kind == "luminaire":
         lamp = source.luminaire
         corners = np.array([(x, y, 0.0) for x in (-1, 1) for y in (-1, 1)]) * [*lamp.half_width, 0.0]
-        points = corners @ lamp.turn.T + lamp.shift
+        points = lamp.pose.points(corners.T).T
         supports = supports_of(points[:, :2])
         return Stack(np.array([points[:, 2].min(), points[:, 2].max()]), np.array([supports, supports])), 90.0
     if settings.kind == "point":

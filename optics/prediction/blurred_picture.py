@@ -82,7 +82,7 @@ def _blurred(blur: Blur, picture: NDArray[np.float64], screen: Screen) -> NDArra
 
 def blur_sentence(system: OpticalSystem, found: BlurLimits, reached: float | None = None) -> str:
     """Return what a blur leaves of a picture, in words.  reached : rel_l2 of a lens."""
-    unit = "degrees" if system.target.far_field else "mm"
+    unit = system.target.unit
     said = f"{_who(system)} blurs {found.width:.2g} {unit} ({found.width / found.pixel:.2g} pixels)"
     if found.strokes is not None:
         said += f", the strokes of the picture are about {found.strokes:.2g} {unit} wide"

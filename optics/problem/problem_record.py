@@ -12,6 +12,7 @@ from optics.problem.run_schema import Export, Limits, Optimizer, Refinement, Run
 from optics.problem.schema import LEAST_FLUX, OF_FILES, SHORTEST, LensSpec, Rows, Source, Target
 from optics.problem.toml_records import AUTO, checked_values, option, record
 from optics.problem.toml_text import problem_to_toml
+from optics.receivers import receiver_at
 from optics.runtime import UserError
 
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
@@ -82,7 +83,8 @@ class Problem:
 def _main_numbers(problem: Problem) -> dict[str, str]:
     """Return what to show of a problem, by its table."""
     source, lens, target = problem.source, problem.lens, problem.target
-    far, unit = math.isinf(target.distance), "degrees" if math.isinf(target.distance) else "mm"
+    receiver = receiver_at(problem.target_z)
+    far, unit = receiver.far_field, receiver.unit
     rows = {
         "source": f"{source.kind}, half-width {_by(source.half_width)} mm, {source.flux:g} {source.unit}",
         "lens": f"{_made_of(lens)}, thickness {lens.thickness:g} mm",

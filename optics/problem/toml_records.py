@@ -182,7 +182,8 @@ def _require_range(key: str, value: float, limits: Mapping[str, Any]) -> None:
     if value == 0 and limits["zero"]:
         return
     if not math.isfinite(value):
-        raise UserError(f"{key} must be a finite number, got {value!r}")
+        kind = "a number or inf" if limits["infinite"] else "a finite number"
+        raise UserError(f"{key} must be {kind}, got {value!r}")
     for name, word, broken in (
         ("low", "at least", lambda v, b: v < b),
         ("high", "at most", lambda v, b: v > b),

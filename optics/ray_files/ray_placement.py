@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.ray_files.ray_set import RaySet
+from thbcad.poses import Pose
 
 Floats = NDArray[np.float64]
 
@@ -55,14 +56,14 @@ class PlacedRays:
             yield PlacedRays(self.origin[:, k::hands], self.direction[:, k::hands], scaled)
 
 
-def placed_rays(rays: RaySet, shift: tuple[float, float, float], turn: Floats, flux: float) -> PlacedRays:
+def placed_rays(rays: RaySet, pose: Pose, flux: float) -> PlacedRays:
     """Return rays in the scene, in Morton's order.
 
-    shift : mm, of the file's origin.  turn : (3, 3) rotation around it.  flux : W, of all rays.
+    pose : of the file's frame.  flux : W, of all rays.
     """
-    direction = turn @ rays.direction.T.astype(np.float64)
+    direction = pose.directions(rays.direction.T.astype(np.float64))
     direction /= np.linalg.norm(direction, axis=0)
-    origin = turn @ rays.position.T.astype(np.float64) + np.asarray(shift)[:, None]
+    origin = pose.points(rays.position.T.astype(np.float64))
     each = rays.flux.astype(np.float64)
     order = np.argsort(_morton([*origin[:2], *direction[:2]]), kind="stable")
     return PlacedRays(origin[:, order], direction[:, order], (each * (flux / each.sum()))[order])

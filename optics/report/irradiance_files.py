@@ -50,7 +50,7 @@ def _arrays(irradiance: Floats, target: Floats, screen: Screen, unit: str, colou
         "x": x,
         "y": y,
         "unit": np.array(unit),
-        "axes_unit": np.array(_axes_unit(screen)),
+        "axes_unit": np.array(screen.unit),
     }
     if colour is not None:
         arrays["xyz"] = colour
@@ -65,7 +65,7 @@ def _picture(irradiance: Floats, screen: Screen, unit: str) -> bytes:
     """
     brightest = float(irradiance.max(initial=0.0))
     grey = np.round(np.maximum(irradiance, 0.0) * (WHITE / brightest if brightest > 0 else 0.0))
-    (hx, hy), axes_unit = screen.half_width, _axes_unit(screen)
+    (hx, hy), axes_unit = screen.half_width, screen.unit
     text = PngInfo()
     text.add(b"gAMA", LINEAR)
     text.add_text("Scale", f"{brightest / WHITE!r} {unit} per grey level, linear")
@@ -75,7 +75,3 @@ def _picture(irradiance: Floats, screen: Screen, unit: str) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(grey.astype(np.uint16)).save(buffer, "png", pnginfo=text)
     return buffer.getvalue()
-
-
-def _axes_unit(screen: Screen) -> str:
-    return "degrees" if screen.angular else "mm"

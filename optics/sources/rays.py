@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from thbcad.lens import Lens
+    from thbcad.poses import Pose
 
 BEFORE = 10  # sizes of the lens, from its front to where a beam starts: no front bends back so far
 UNIT_LENGTH = 1e-9  # the greatest difference of a direction's length from 1
@@ -48,6 +49,12 @@ class Rays:
     def total(self) -> float:
         """Flux of all rays, W."""
         return float(self.flux.sum())
+
+    def posed(self, pose: Pose) -> Rays:
+        """Return the rays of a source that lies elsewhere."""
+        if pose.is_identity:
+            return self
+        return Rays(pose.points(self.origin), pose.directions(self.direction), self.flux)
 
     def slices(self, most: int) -> Iterator[Rays]:
         """Yield rays, at most `most` at once, that make up these."""

@@ -29,7 +29,7 @@ def sweep_page(sweep: Sweep, title: str, plots: Mapping[str, bytes]) -> str:
         "TITLE": escape(title),
         "SUMMARY": f"{len(sweep.rows)} variants: "
         + ", ".join(f"{n} {word}" for word, n in {**counts, **sweep.grades()}.items() if n),
-        "HEAD": ("<th>light</th>" if pictured else "")
+        "HEAD": ('<th scope="col">light</th>' if pictured else "")
         + "".join(f'<th scope="col"><button type="button">{escape(name)}</button></th>' for name in names),
         "BODY": "".join(
             f'<tr class="{_colour(row)}">{_picture(row.picture) if pictured else ""}'

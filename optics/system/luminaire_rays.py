@@ -15,6 +15,7 @@ from optics.sources import MIRRORS, Rays, concentric, mirror_images
 
 if TYPE_CHECKING:
     from optics.problem import Problem, Source
+    from thbcad.poses import Pose
 
 Floats = NDArray[np.float64]
 
@@ -23,15 +24,14 @@ Floats = NDArray[np.float64]
 class PlacedLuminaire:
     """A luminaire in the scene.
 
-    directions : of its light, before it is turned.  half_width : of its opening, mm.  round : an ellipse.
-    shift : (3,) mm, of the middle of the opening.  turn : (3, 3) rotation around it.  flux : W.
+    directions : of its light, in its own frame.  half_width : of its opening, mm, about its origin.
+    round : the opening is an ellipse.  pose : of its frame.  flux : W.
     """
 
     directions: DirectionSampler
     half_width: Sequence[float]
     round: bool
-    shift: Sequence[float]
-    turn: Floats
+    pose: Pose
     flux: float
 
     def parts(self, count: int, seed: int, most: int) -> Iterator[Rays]:
@@ -52,8 +52,8 @@ class PlacedLuminaire:
             if self.round:
                 s, t = concentric(s, t)
             opening = np.stack([s * self.half_width[0], t * self.half_width[1], np.zeros(size)])
-            origin = self.turn @ opening + np.asarray(self.shift)[:, None]
-            direction = self.turn @ self.directions(u, v)
+            origin = self.pose.points(opening)
+            direction = self.pose.directions(self.directions(u, v))
             direction /= np.linalg.norm(direction, axis=0)
             if self.symmetric:
                 origin, direction = mirror_images(origin), mirror_images(direction)
@@ -62,11 +62,11 @@ class PlacedLuminaire:
     @property
     def symmetric(self) -> bool:
         """Whether its light in the scene is its own mirror image in x and in y."""
-        straight = not any(self.shift[:2]) and bool((self.turn == np.eye(3)).all())
+        straight = not self.pose.shift[:2].any() and not self.pose.rotates
         return straight and self.directions.light.symmetric
 
 
-def placed_luminaire(source: Source, turn: Floats) -> PlacedLuminaire:
+def placed_luminaire(source: Source, pose: Pose) -> PlacedLuminaire:
     """Return the luminaire of a source's file in the scene.
 
     Raises
@@ -75,8 +75,7 @@ def placed_luminaire(source: Source, turn: Floats) -> PlacedLuminaire:
     """
     with speaking_of("source.file"):
         directions = DirectionSampler(read_luminaire(source.file))
-    shift = *source.shift, -source.distance
-    return PlacedLuminaire(directions, source.half_width, source.profile == "round", shift, turn, source.flux)
+    return PlacedLuminaire(directions, source.half_width, source.profile == "round", pose, source.flux)
 
 
 def with_numbers_of_file(problem: Problem) -> Problem:

@@ -28,6 +28,7 @@ from optics.sources import (
 )
 from optics.system.luminaire_rays import PlacedLuminaire, placed_luminaire
 from optics.target import read_picture
+from thbcad.poses import Pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,7 +82,7 @@ class LightSource:
         source = self.settings
         with speaking_of("source.file"):
             rays = read_rays(source.file)
-        return placed_rays(rays, (*source.shift, -source.distance), self.rotation, source.flux)
+        return placed_rays(rays, self.pose, source.flux)
 
     @cached_property
     def luminaire(self) -> PlacedLuminaire:
@@ -91,11 +92,11 @@ class LightSource:
         ------
         UserError : see `read_luminaire`.
         """
-        return placed_luminaire(self.settings, self.rotation)
+        return placed_luminaire(self.settings, self.pose)
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
-        """The rotation of a file's light, (3, 3), from its frame to the scene's.
+    def pose(self) -> Pose:
+        """From the frame of a file's light to the scene's.
 
         X, Y and Z turn about one axis each, right-handed.  By `tilt`, about own axes, it is X Y Z; by `turn`,
         about axes that stay, Z Y X.
@@ -103,8 +104,10 @@ class LightSource:
         from scipy.spatial.transform import Rotation
 
         source = self.settings
-        axes, angles = ("xyz", source.turn) if any(source.turn) else ("XYZ", source.tilt)
-        return np.array(Rotation.from_euler(axes, angles, degrees=True).as_matrix())
+        position = *source.shift, -source.distance
+        if not any(source.turn):
+            return Pose.tilted(position, source.tilt)
+        return Pose(Rotation.from_euler("xyz", source.turn, degrees=True).as_matrix(), np.array(position))
 
     def without_extent(self) -> LightSource:
         """Return the source without its spread: of a beam parallel light, of a glowing area the point in its

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isinf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.photometry import RASTER, LitRegion
+from optics.receivers import Receiver, receiver_at
 from optics.runtime import UserError, speaking_of
 from optics.target import Screen, fit_picture, formula_light, formula_pixels, read_picture, uniform_region
 
@@ -76,9 +76,19 @@ class LightTarget:
         return LitRegion.of_pixels(lit, target.half_width)
 
     @property
+    def receiver(self) -> Receiver:
+        """Where the light is asked for."""
+        return receiver_at(self.z)
+
+    @property
+    def unit(self) -> str:
+        """Of lengths on the target."""
+        return self.receiver.unit
+
+    @property
     def far_field(self) -> bool:
         """Whether light is asked for by direction, in degrees, and not in a plane."""
-        return isinf(self.z)
+        return self.receiver.far_field
 
     def screen(self, coarsening: int = 1, margin: int = 0) -> Screen:
         """Return the Screen of the target, with pixels merged `coarsening` times in each direction.

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import FarField, Plane
+
 
 @dataclass(frozen=True)
 class Screen:
@@ -36,6 +38,11 @@ class Screen:
     def pitch(self) -> tuple[float, float]:
         """Pixel size (x, y), mm or degrees."""
         return 2 * self.half_width[0] / self.pixels[0], 2 * self.half_width[1] / self.pixels[1]
+
+    @property
+    def unit(self) -> str:
+        """Of lengths on the screen."""
+        return (FarField if self.angular else Plane).unit
 
     @property
     def pixel_area(self) -> float:

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from optics.tolerancing.perturbed_parts import (
         perturbed_lens as perturbed_lens,
     )
-    from optics.tolerancing.rigid_motion import (
-        RigidMotion as RigidMotion,
-    )
     from optics.tolerancing.shop_words import (
         HEAD as HEAD,
         effect_rows as effect_rows,
@@ -57,7 +54,6 @@ _FILES = {
         "Perturbation",
     ),
     "perturbed_parts": ("perturbed_lens",),
-    "rigid_motion": ("RigidMotion",),
     "shop_words": (
         "HEAD",
         "effect_rows",

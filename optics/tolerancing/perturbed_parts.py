@@ -6,24 +6,24 @@ The lens stays where it is: its motion is the inverse motion of source and targe
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from optics.receivers import receiver_at
 from optics.runtime import UserError
 from optics.sources import RayGrid, Rays, SourceCells
-from optics.tolerancing.rigid_motion import RigidMotion
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.poses import Pose
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend, DrArray
+    from optics.runtime import Backend
     from optics.system import OpticalSystem
     from optics.tolerancing.perturbation import Floats, Perturbation
     from optics.tracing import Landing
-
-DEGREES = 180 / np.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ class PerturbedParts:
     """
 
     lens: Lens
-    front: RigidMotion
-    source: RigidMotion
-    target: RigidMotion
+    front: Pose
+    source: Pose
+    target: Pose
     size: float
     height: float
 
@@ -52,21 +52,21 @@ class PerturbedParts:
         if p.source_size <= -1:
             raise UserError(f"a source whose size changes by {p.source_size:.0%} has none left")
         z = system.target.z
-        moved = RigidMotion.about((0.0, 0.0, 0.0), p.lens_tilt, p.lens_shift).inverse()
-        source = RigidMotion.about((0.0, 0.0, -system.problem.source.distance), p.source_tilt, p.source_shift)
+        moved = Pose.at(p.lens_shift, p.lens_tilt).inverse()
+        source = Pose.at(p.source_shift, p.source_tilt, (0.0, 0.0, -system.problem.source.distance))
         middle = (0.0, 0.0, 0.0 if system.target.far_field else z)
-        target = RigidMotion.about(middle, p.target_tilt, p.target_shift)
-        front = RigidMotion.about((0.0, 0.0, 0.0), p.front_tilt, p.front_shift)
-        at_front = front.inverse().after(moved.after(source))
+        target = Pose.at(p.target_shift, p.target_tilt, middle)
+        front = Pose.at(p.front_shift, p.front_tilt)
+        at_front = front.inverse() @ moved @ source
         made = perturbed_lens(system, lens, p)
-        return cls(made, front, at_front, moved.after(target), 1 + p.source_size, z)
+        return cls(made, front, at_front, moved @ target, 1 + p.source_size, z)
 
     def cells(self, cells: SourceCells) -> SourceCells:
         """Return moved cells.  Parallel ones stay a grid where they only shift, within the front."""
         source, size = self.source, self.size
-        if source.rests and size == 1.0:
+        if source.is_identity and size == 1.0:
             return cells if self._within(cells.s, cells.t) else replace(cells, parallel=False)
-        if cells.parallel and not source.turns:
+        if cells.parallel and not source.rotates:
             dx, dy = source.shift[:2]
             s, t = size * cells.s + dx, size * cells.t + dy
 
@@ -84,25 +84,20 @@ class PerturbedParts:
         """Return moved rays."""
         assert isinstance(rays, Rays)
         width = np.array([[self.size], [self.size], [1.0]])
-        return self.source.rays(replace(rays, origin=width * rays.origin) if self.size != 1.0 else rays)
+        sized = replace(rays, origin=width * rays.origin) if self.size != 1.0 else rays
+        return sized.posed(self.source)
 
     def placed(self, backend: Backend, landing: Landing) -> Landing:
         """Return a landing in the plane where the target would be, in the frame of the moved target."""
-        if self.target.rests:
+        if self.target.is_identity:
             return landing
-        dr, frame = backend.dr, self.target.inverse()
+        dr = backend.dr
         forward = dr.sqrt(dr.maximum(1 - landing.p * landing.p - landing.q * landing.q, 0))
-        p, q, r = frame.turned((landing.p, landing.q, forward))
-        arrives = r > 0
-        rate = dr.select(arrives, r, 1)
-        x: DrArray
-        if np.isinf(self.height):
-            x, y = (DEGREES * dr.atan(d / rate) for d in (p, q))
-        else:
-            x, y, z = frame.points((landing.x, landing.y, self.height))
-            travel = (self.height - z) / rate
-            x, y = x + travel * p, y + travel * q
-        return replace(landing, x=x, y=y, p=p, q=q)
+        point, direction = (landing.x, landing.y, self.height), (landing.p, landing.q, forward)
+        there = receiver_at(self.height, self.target).land(
+            point, direction, dr, partial(dr.opaque, backend.Float)
+        )
+        return replace(landing, x=there.u, y=there.v, p=there.p, q=there.q)
 
     def _within(self, s: Floats, t: Floats) -> bool:
         """Whether all of a grid of parallel rays meets the front."""

@@ -78,7 +78,7 @@ def tolerance_budget(
         bounds=trial.bounds,
         floats=floats,
         noise=trial.noise,
-        unit="degrees" if system.target.far_field else "mm",
+        unit=system.target.unit,
         irradiance=trial.scaled,
         target=trial.judge.target,
     )

@@ -16,8 +16,8 @@ from optics.sources import RayGrid, Rays, SourceCells, single_rays
 from optics.target import BoxWindow, Splat
 from optics.tolerancing.perturbation import NOMINAL, Floats, Perturbation
 from optics.tolerancing.perturbed_parts import PerturbedParts
-from optics.tolerancing.rigid_motion import RigidMotion
 from optics.tracing import SMOOTH, SlopeErrors, Tracer
+from thbcad.poses import Pose
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -107,8 +107,8 @@ class PerturbedLight:
         dx, dy = ((flux * apart).sum(axis=1) / (flux.sum() or 1.0)).tolist()
         if self.system.target.far_field:
             return perturbation + Perturbation(target_tilt=(-np.radians(dy), np.radians(dx), 0.0))
-        turn = RigidMotion.about((0.0, 0.0, 0.0), perturbation.target_tilt, (0.0, 0.0, 0.0)).turn
-        x, y, z = (turn @ (dx, dy, 0.0)).tolist()
+        tilted = Pose.at(rotation_vector=perturbation.target_tilt)
+        x, y, z = tilted.directions(np.array((dx, dy, 0.0))).tolist()
         return perturbation + Perturbation(target_shift=(x, y, z))
 
     def _moves(self, perturbation: Perturbation) -> tuple[Floats, Floats]:
@@ -183,7 +183,7 @@ class PerturbedLight:
                 errors=errors,
                 absorption=system.absorption,
                 heights=(heights.front_error, heights.rear_error),
-                front_motion=None if parts.front.rests else parts.front,
+                front_motion=None if parts.front.is_identity else parts.front,
             )
             with backend.dr.suspend_grad():
                 _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
@@ -235,7 +235,7 @@ class PerturbedLight:
     def _cells_of(self, parts: PerturbedParts) -> SourceCells:
         """Return cells of the source, before it moves; of a parallel beam those that meet the moved front."""
         source = self.system.source
-        if not source.collimated or (parts.source.rests and parts.size == 1.0):
+        if not source.collimated or (parts.source.is_identity and parts.size == 1.0):
             return self.cells
         return source.cells(self._counts, *self._lit(parts, WIDER))
 

@@ -43,18 +43,6 @@ class HeightError(Protocol):
         ...
 
 
-class Motion(Protocol):
-    """A rigid motion."""
-
-    def points(self, point: Vector, /) -> Vector:
-        """Return where it takes a point, mm."""
-        ...
-
-    def turned(self, vector: Vector, /) -> Vector:
-        """Return where it turns a vector."""
-        ...
-
-
 @dataclass(eq=False)
 class DeviceRays:
     """Rays on the device of the backend.

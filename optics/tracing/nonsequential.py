@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import receiver_at
 from optics.sources import require_rays
 from optics.tracing.branches import (
     FRONT,
@@ -213,11 +214,9 @@ def _fates(
 
     x, y : mm, in the target plane.  crossing : the mask of those that cross it.
     """
-    dz = gone.direction[2]
     failed = gone.inside | undecided
-    reaches = (dz > 0) & (gone.origin[2] <= target.z) & ~failed
-    t = (target.z - gone.origin[2]) / np.where(reaches, dz, 1.0)
-    x, y = gone.origin[:2] + t * gone.direction[:2]
+    landed = receiver_at(target.z).land(gone.origin, gone.direction)
+    x, y, reaches = landed.u, landed.v, landed.met & (landed.length >= 0) & ~failed
     onto = (abs(x) <= target.half_width[0]) & (abs(y) <= target.half_width[1])
     on, off = (
         np.array([FATES.index(name + side) for name in ("front_", "", "edges_")])

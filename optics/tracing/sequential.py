@@ -8,12 +8,13 @@ they are searched for.  Every ray ends in exactly one of the fates that `Sequent
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isinf
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import receiver_at
 from optics.sources import RayGrid, Rays, single_rays
 from optics.tracing.fates import SequentialFates
 from optics.tracing.intersections import (
@@ -31,8 +32,9 @@ from optics.tracing.searched_intersections import SearchedHits
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import HeightError, Motion, Vector
+    from optics.tracing.intersections import HeightError, Vector
     from thbcad.lens import FreeformSurface, Lens
+    from thbcad.poses import Pose
     from thbcad.splines import KnotVector
 
 
@@ -67,7 +69,7 @@ class Tracer:
         errors: SlopeErrors = SMOOTH,
         absorption: float = 0.0,
         heights: tuple[HeightError | None, HeightError | None] = (None, None),
-        front_motion: Motion | None = None,
+        front_motion: Pose | None = None,
     ) -> None:
         self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
         self._heights, self._motion = heights, front_motion
@@ -77,7 +79,8 @@ class Tracer:
         self._width = rays.flux.size
         # opaque numbers do not become part of the kernels, which then serve every source and lens
         self._index, self._inverse = dr.opaque(Float, lens.index), dr.opaque(Float, 1 / lens.index)
-        self._distance = None if isinf(target_z) else dr.opaque(Float, target_z - lens.thickness)
+        self._receiver = receiver_at(target_z - lens.thickness)  # in the frame of the rear's vertex
+        self._number = cache(partial(dr.opaque, Float))
         self._absorption = dr.opaque(Float, absorption) if absorption else None
         self._flux = device_flux(backend, rays.flux)
         self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
@@ -253,7 +256,7 @@ class Tracer:
         flux = dr.select(hits.hit, passing, 0)
         point: Vector = hits.x, hits.y, hits.z
         if self._motion is not None:
-            point, direction = self._motion.points(point), self._motion.turned(direction)
+            point, direction = self._motion.points(point), self._motion.directions(direction)
         return hits, DeviceRays((point[0], point[1], point[2] - self._lens.thickness), direction, flux)
 
     def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
@@ -266,17 +269,12 @@ class Tracer:
         reaching = self._left(behind, hits)
         flux = dr.select(arrives, reaching * transmittance * self._rim(hits, self._lens.rear), 0)
         dz = dr.select(forward, dz, 1)
-        if self._distance is None:
-            degrees = 180 / np.pi
-            x, y = (degrees * dr.atan(d / dz) for d in (dx, dy))
-        else:
-            travel = (self._distance - hits.z) / dz
-            x, y = hits.x + travel * dx, hits.y + travel * dy
+        landed = self._receiver.land((hits.x, hits.y, hits.z), (dx, dy, dz), dr, self._number)
         return Landing(
-            x=x,
-            y=y,
-            p=dx,
-            q=dy,
+            x=landed.u,
+            y=landed.v,
+            p=landed.p,
+            q=landed.q,
             flux=flux,
             entering=behind.flux,
             reaching=reaching,

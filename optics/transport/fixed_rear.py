@@ -13,6 +13,7 @@ from math import isinf
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import receiver_at
 from optics.transport.surface_slopes import refracted
 from thbcad.sags import Conic
 
@@ -52,10 +53,8 @@ class FixedRear:
         along = [p / length, q / length, 1 / length]
         tilt = [self.conic(x, y, derivative) for derivative in ((1, 0), (0, 1))]
         dx, dy, dz = refracted(self.index, along, tilt)
-        if isinf(self.target_z):
-            return [np.degrees(np.arctan2(d, dz)) for d in (dx, dy)]
-        down = (self.target_z - z - drop) / np.maximum(dz, DIFFERENCE)
-        return [x + dx * down, y + dy * down]
+        landed = receiver_at(self.target_z).land((x, y, z + drop), (dx, dy, np.maximum(dz, DIFFERENCE)))
+        return [landed.u, landed.v]
 
     def _meeting(self, points: Sequence[Floats], slopes: Sequence[Floats]) -> Floats:
         """Return the height h over the vertex at which rays (x + p h, y + q h, h) meet the conic.

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isinf
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import receiver_at
 from optics.transport.fixed_rear import FixedRear
 from optics.transport.surface_slopes import refracted, refracting_slopes
 
@@ -32,22 +32,14 @@ class ShapedRear:
         """Return the slopes (zx, zy) that send light where it is wanted, where they are gentle, and where
         light refracts so far.
         """
-        x, y, z = points
-        if isinf(self.target_z):
-            dx, dy = (np.tan(np.radians(a)) for a in wanted)
-            return refracting_slopes(self.index, along, (dx, dy, np.ones_like(dx)))
-        return refracting_slopes(self.index, along, (wanted[0] - x, wanted[1] - y, self.target_z - z))
+        return refracting_slopes(self.index, along, receiver_at(self.target_z).toward(points, *wanted))
 
     def landing(
         self, points: Sequence[Floats], along: Sequence[Floats], slopes: Sequence[Floats]
     ) -> list[Floats]:
         """Return where light lands that slopes refract."""
-        x, y, z = points
-        dx, dy, dz = refracted(self.index, along, slopes)
-        if isinf(self.target_z):
-            return [np.degrees(np.arctan2(d, dz)) for d in (dx, dy)]
-        down = (self.target_z - z) / dz
-        return [x + dx * down, y + dy * down]
+        landed = receiver_at(self.target_z).land(points, refracted(self.index, along, slopes))
+        return [landed.u, landed.v]
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ def compared(
         landing=error,
         irradiance=_difference(image, other_image),
         mismatched=int((lit != others_lit).sum()),
-        unit="degrees" if screen.angular else "mm",
+        unit=screen.unit,
     )
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from optics.as_built import Motion, best_fit, by_datums, outliers
+from optics.as_built import best_fit, by_datums, outliers
 from optics.runtime import UserError
 from tests.optics.as_built.cases import freeform, ripple, scattered
+from thbcad import Pose
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
@@ -33,20 +34,12 @@ def points_of(surface: FreeformSurface, inside: float = 0.9, count: int = 3000) 
 @settings(deadline=None, max_examples=8)
 @given(st.tuples(SMALL, SMALL, SMALL), st.tuples(*[st.floats(-0.02, 0.02)] * 3))
 def test_a_known_motion_is_found_again(shift: tuple[float, ...], tilt: tuple[float, ...]) -> None:
-    motion = Motion(np.array(shift), np.array(tilt))
-    found = best_fit(freeform(), motion.done(points_of(freeform())))
+    motion = Pose.at(np.array(shift), np.array(tilt))
+    found = best_fit(freeform(), motion.points(points_of(freeform())))
     assert np.abs(found.motion.shift - motion.shift).max() < 1e-9
-    assert np.abs(found.motion.tilt - motion.tilt).max() < 1e-9
+    assert np.abs(found.motion.rotation_vector - motion.rotation_vector).max() < 1e-9
     assert found.rms < 1e-9
     assert not found.undetermined
-
-
-def test_a_motion_is_undone_by_its_inverse() -> None:
-    motion = Motion(np.array([0.1, -0.2, 0.3]), np.array([0.02, 0.01, -0.5]))
-    points = points_of(freeform())
-    assert np.allclose(motion.undone(motion.done(points)), points, rtol=0, atol=1e-13)
-    twice = motion.then(motion).done(points)
-    assert np.allclose(twice, motion.done(motion.done(points)), rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -67,12 +60,12 @@ def test_motions_along_a_symmetric_surface_are_named(conic: Conic, hidden: set[s
 def test_the_best_fit_hides_a_tilt_that_datums_show() -> None:
     surface = freeform()
     x, y, z = points_of(surface)
-    tilted = Motion(np.zeros(3), np.array([1e-3, 0, 0])).done(np.stack([x, y, z + ripple(x, y)]))
+    tilted = Pose.at(np.zeros(3), np.array([1e-3, 0, 0])).points(np.stack([x, y, z + ripple(x, y)]))
     datums, fitted = by_datums(surface, tilted), best_fit(surface, tilted)
     own = float(np.std(ripple(x, y)))
     assert datums.rms > 10 * own
     assert fitted.rms < 1.01 * own
-    assert abs(fitted.motion.tilt[0] - 1e-3) < 1e-5
+    assert abs(fitted.motion.rotation_vector[0] - 1e-3) < 1e-5
 
 
 @pytest.mark.parametrize("away", [1e-5, 1e-3, 9e-3])
@@ -80,11 +73,11 @@ def test_points_on_the_rim_belong_to_the_best_fit(away: float) -> None:
     """A grid from rim to rim, of a part that lies a little aside: no row is lost, and the motion is found."""
     surface = freeform()
     x, y = (g.ravel() for g in np.meshgrid(*(np.linspace(-h, h, 60) for h in surface.half_width)))
-    motion = Motion(np.array([away, -away / 3, 3e-4]), np.array([2e-6, 1e-6, -3e-6]))
-    found = best_fit(surface, motion.done(np.stack([x, y, surface(x, y)])))
+    motion = Pose.at(np.array([away, -away / 3, 3e-4]), np.array([2e-6, 1e-6, -3e-6]))
+    found = best_fit(surface, motion.points(np.stack([x, y, surface(x, y)])))
     assert found.points.shape[1] == x.size
     assert np.abs(found.motion.shift - motion.shift).max() < 1e-9
-    assert np.abs(found.motion.tilt - motion.tilt).max() < 1e-10
+    assert np.abs(found.motion.rotation_vector - motion.rotation_vector).max() < 1e-10
     assert (np.abs(found.points[:2]) <= np.reshape(surface.half_width, (2, 1))).all()
 
 

@@ -6,6 +6,7 @@ from hypothesis import given, strategies as st
 
 from optics.ray_files import RaySet, placed_rays
 from optics.sources import Profile, lambertian_parts
+from thbcad import Pose
 
 SQUARE = 1 << 14
 
@@ -17,7 +18,7 @@ def lambertian(half_angle=90.0):
 
 
 def placed(rays, shift=(0.0, 0.0, 0.0), turn=None, flux=1.0):
-    return placed_rays(rays, shift, np.eye(3) if turn is None else turn, flux)
+    return placed_rays(rays, Pose(np.eye(3) if turn is None else turn, np.array(shift)), flux)
 
 
 def test_rays_are_moved_turned_and_scaled():

@@ -17,7 +17,7 @@ OF_FILE = {"source.kind": "rays", "source.file": "lamp.tm25ray"}
 
 
 def rotation(**angles):
-    return LightSource(Source(kind="rays", file="lamp.tm25ray", **angles), (10.0, 10.0)).rotation
+    return LightSource(Source(kind="rays", file="lamp.tm25ray", **angles), (10.0, 10.0)).pose.rotation
 
 
 def turned_about(axis, degrees):

@@ -9,9 +9,6 @@ if TYPE_CHECKING:
         ForeignLens as ForeignLens,
         read_lens_solid as read_lens_solid,
     )
-    from thbcad.cad.foreign.lens_frame import (
-        LensFrame as LensFrame,
-    )
     from thbcad.cad.foreign.optical_surface import (
         OpticalFace as OpticalFace,
     )
@@ -24,7 +21,6 @@ _FILES = {
         "ForeignLens",
         "read_lens_solid",
     ),
-    "lens_frame": ("LensFrame",),
     "optical_surface": ("OpticalFace",),
     "refitting": ("Refit",),
 }

@@ -18,12 +18,13 @@ from OCP.TopAbs import TopAbs_SOLID
 
 from thbcad.cad.exchange import explore, face_hits, silence, step_shape
 from thbcad.cad.foreign.axial_heights import axial_heights
-from thbcad.cad.foreign.lens_frame import LensFrame, lens_axes
+from thbcad.cad.foreign.lens_frame import lens_axes
 from thbcad.cad.foreign.optical_surface import OpticalFace, optical_face
 from thbcad.cad.foreign.refitting import Refit, refitted
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace, continued, surveyed
 from thbcad.checks import Floats
 from thbcad.io import Entity, entity_of, having, list_of, read_part21
+from thbcad.poses import Pose
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
@@ -38,13 +39,13 @@ class ForeignLens:
     """What a STEP file of any program holds of a lens.
 
     path : Path.  unit : of length in the file, such as "millimetre" or "INCH"; all numbers here are mm
-    frame : LensFrame, in the file; z is the axis, the origin the front's point on it
+    frame : Pose of the lens in the file; z is the axis, the origin the front's point on it
     thickness : float, mm, along the axis.  front, rear : OpticalFace.  shape : TopoDS_Shape, mm
     """
 
     path: Path
     unit: str
-    frame: LensFrame
+    frame: Pose
     thickness: float
     front: OpticalFace
     rear: OpticalFace
@@ -53,8 +54,8 @@ class ForeignLens:
     def __repr__(self) -> str:
         rows = [
             f"ForeignLens of {self.path.name}, in {self.unit}",
-            f"  vertex {_vector(self.frame.origin)} mm, axis {_vector(self.frame.axes[2])}, "
-            f"x along {_vector(self.frame.axes[0])}",
+            f"  vertex {_vector(self.frame.shift)} mm, axis {_vector(self.frame.rotation[:, 2])}, "
+            f"x along {_vector(self.frame.rotation[:, 0])}",
             f"  thickness on the axis {self.thickness:.9g} mm",
             *(f"  {name}: {getattr(self, name)!r}" for name in NAMES),
         ]
@@ -97,18 +98,17 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
             "found"
         )
     main = max(curved, key=lambda face: face.area)
-    frame = LensFrame(np.zeros(3), lens_axes(main, faces))
+    frame = Pose(lens_axes(main, faces), np.zeros(3))
     pair = main, _opposite(solids[0], faces, main, frame)
     groups = [_group(solids[0], faces, one, frame) for one in pair]
     if not all(groups):
         raise ValueError(f"{path} holds one curved face and none opposite: a lens has a front and a rear")
-    side = float(main.samples[1].mean(axis=0) @ frame.axes[2])
+    side = float(main.samples[1].mean(axis=0) @ frame.rotation[:, 2])
     front, rear = (optical_face(group, frame) for group in (groups if side < 0 else groups[::-1]))
     heights = [axial_heights(one.faces, frame, *front.centre[:, None])[0] for one in (front, rear)]
     if not np.isfinite(heights).all():
         raise ValueError(f"{path}: the axis through the middle of the front does not meet front and rear")
-    origin = frame.world(np.array([*front.centre, heights[0]]))
-    frame = frame.moved(origin)
+    frame = frame @ Pose.at((*front.centre, heights[0]))
     front, rear = (optical_face(list(one.faces), frame) for one in (front, rear))
     return ForeignLens(path, _unit_of(entities), frame, heights[1] - heights[0], front, rear, solids[0])
 
@@ -131,12 +131,12 @@ def _arched(solid: TopoDS_Shape, faces: Sequence[SurveyedFace]) -> list[Surveyed
 
 
 def _opposite(
-    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: LensFrame
+    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: Pose
 ) -> SurveyedFace:
     """Return the face through which a line from the middle of the main face leaves the glass."""
     points, normals = main.samples
     middle = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
-    inward = -frame.axes[2] * np.sign(normals[middle] @ frame.axes[2])
+    inward = -frame.rotation[:, 2] * np.sign(normals[middle] @ frame.rotation[:, 2])
     hits = face_hits(solid, points[[middle]], inward[None])
     if hits.faces[0] < 0 or hits.normals[0] @ inward < LEAST_FACING:
         raise ValueError("the lens has no surface opposite to its largest curved face, along its axis")
@@ -144,11 +144,11 @@ def _opposite(
 
 
 def _group(
-    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: LensFrame
+    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: Pose
 ) -> list[SurveyedFace]:
     """Return the faces of the optical surface that a face belongs to."""
-    sign = np.sign(main.samples[1].mean(axis=0) @ frame.axes[2])
-    facing = [f for f in faces if (sign * (f.samples[1] @ frame.axes[2]) > LEAST_FACING).all()]
+    sign = np.sign(main.samples[1].mean(axis=0) @ frame.rotation[:, 2])
+    facing = [f for f in faces if (sign * (f.samples[1] @ frame.rotation[:, 2]) > LEAST_FACING).all()]
     if main.kind == "plane":
         facing = [f for f in facing if f.kind == "plane"]
     return continued(solid, facing, main)

@@ -8,12 +8,12 @@ and the other singular values show how far the surface is from graph form.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace
 from thbcad.checks import Floats
+from thbcad.poses import Pose
 from thbcad.splines import BSplineSurface
 
 GRAPH = 1e-3  # of the first singular value: the second, up to which a spline counts as a graph
@@ -25,30 +25,14 @@ SAME = 1e-9  # between unit vectors
 ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
 
 
-@dataclass(frozen=True, eq=False)
-class LensFrame:
-    """Where the lens lies in the file: rows of `axes` are its x, y, z, the origin is the front vertex, mm."""
-
-    origin: Floats
-    axes: Floats
-
-    def local(self, points: Floats) -> Floats:
-        """Return points of the file, (..., 3), in the frame of the lens."""
-        moved: Floats = (points - self.origin) @ self.axes.T
-        return moved
-
-    def world(self, points: Floats) -> Floats:
-        """Return points of the lens, (..., 3), in the frame of the file."""
-        moved: Floats = self.origin + points @ self.axes
-        return moved
-
-    def moved(self, origin: Floats) -> LensFrame:
-        """Return the frame with another origin, given in the file's frame."""
-        return LensFrame(origin, self.axes)
+def in_frame(frame: Pose, points: Floats) -> Floats:
+    """Return points of the file, (..., 3), in the frame of a lens."""
+    local: Floats = frame.inverse().points(points.T).T
+    return local
 
 
 def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
-    """Return the unit vectors x, y, z of a lens as rows, (3, 3).
+    """Return the unit vectors x, y, z of a lens as columns, (3, 3): a rotation.
 
     z is the axis of the graph, of revolution, of a cylinder, or along planes, whichever of these comes first
     and is within 25 degrees of the mean normal of the face `main`, which stands in where there is none.  It
@@ -62,7 +46,7 @@ def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
     dominant = 2 - int(np.argmax(size))
     axis = _snapped(axis * np.sign(axis[dominant]))
     x = _x_direction(main, faces, axis)
-    return np.array([x, _snapped(np.cross(axis, x)), axis])
+    return np.column_stack([x, _snapped(np.cross(axis, x)), axis])
 
 
 def graph_residual(spline: BSplineSurface) -> tuple[Floats, Floats]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.cad.foreign.lens_frame import LensFrame, graph_residual
+from thbcad.cad.foreign.lens_frame import graph_residual, in_frame
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace
 from thbcad.checks import Floats
+from thbcad.poses import Pose
 from thbcad.splines import BSplineSurface, NURBSSurface
 
 ROUND = 1e-6  # relative: how well an outline must be a rectangle or an ellipse
@@ -54,11 +55,12 @@ class OpticalFace:
         return ", ".join([*parts, f"{self.outline} of {a:.6g} x {b:.6g} mm"])
 
 
-def optical_face(group: list[SurveyedFace], frame: LensFrame) -> OpticalFace:
+def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     """Return what is known of an optical surface in a frame."""
-    outline = frame.local(np.concatenate([face.rim for face in group]))[:, :2]
-    reach = np.array([[max(f.reach(way * d) for f in group) for d in frame.axes[:2]] for way in (-1, 1)])
-    low, high = reach * [[-1], [1]] - frame.axes[:2] @ frame.origin
+    outline = in_frame(frame, np.concatenate([face.rim for face in group]))[:, :2]
+    axes = frame.rotation.T[:2]
+    reach = np.array([[max(f.reach(way * d) for f in group) for d in axes] for way in (-1, 1)])
+    low, high = reach * [[-1], [1]] - axes @ frame.shift
     half, centre = (high - low) / 2, (high + low) / 2
     spline = group[0].spline if len(group) == 1 else None
     kind = group[0].kind
@@ -79,11 +81,11 @@ def optical_face(group: list[SurveyedFace], frame: LensFrame) -> OpticalFace:
     )
 
 
-def _graph_deviation(spline: BSplineSurface, frame: LensFrame) -> float:
+def _graph_deviation(spline: BSplineSurface, frame: Pose) -> float:
     """Return a bound of the distance of x and y from affine functions of the parameters: the greatest of the
     poles, between which the difference lies."""
     _, rest = graph_residual(spline)
-    return float(np.linalg.norm(rest @ frame.axes[:2].T, axis=1).max())
+    return float(np.linalg.norm(rest @ frame.rotation[:, :2], axis=1).max())
 
 
 def _outline_kind(relative: Floats) -> str:

@@ -22,6 +22,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 
 from thbcad.cad.foreign.axial_heights import axial_heights
 from thbcad.cad.foreign.conic_bounds import conic_deviation
+from thbcad.cad.foreign.lens_frame import in_frame
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred, upright
 from thbcad.certified import cell_bounds
 from thbcad.checks import EPS, Floats, require_number
@@ -32,8 +33,8 @@ from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface, interpolate
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from thbcad.cad.foreign.lens_frame import LensFrame
     from thbcad.cad.foreign.optical_surface import OpticalFace
+    from thbcad.poses import Pose
 
 LEAST_SPANS, MOST_SPANS = 8, 100  # along each axis; rays to more than that take minutes
 DEGREE = 5
@@ -71,7 +72,7 @@ class _Surface:
 
 
 def refitted(
-    frame: LensFrame, thickness: float, faces: tuple[OpticalFace, OpticalFace], index: float, tolerance: float
+    frame: Pose, thickness: float, faces: tuple[OpticalFace, OpticalFace], index: float, tolerance: float
 ) -> Refit:
     """Return the Refit of front and rear in their frame, as `ForeignLens.refit`."""
     require_number("tolerance", tolerance, above=0, finite=True)
@@ -93,7 +94,7 @@ def refitted(
     )
 
 
-def _surface(frame: LensFrame, face: OpticalFace, vertex: float, tolerance: float, name: str) -> _Surface:
+def _surface(frame: Pose, face: OpticalFace, vertex: float, tolerance: float, name: str) -> _Surface:
     """Return the first surface that meets a face within the tolerance."""
     analytic = {"plane": _plane, "sphere": _sphere}
     best = analytic.get(face.kind, _graph)(frame, face, vertex)
@@ -114,40 +115,40 @@ def _surface(frame: LensFrame, face: OpticalFace, vertex: float, tolerance: floa
     return best
 
 
-def _plane(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface:
+def _plane(frame: Pose, face: OpticalFace, vertex: float) -> _Surface:
     """Return a plane through the vertex, with the proven deviation that its tilt makes at the corners."""
-    tilt = frame.axes @ face.faces[0].samples[1][0]
+    tilt = frame.rotation.T @ face.faces[0].samples[1][0]
     half = (float(face.half_width[0]), float(face.half_width[1]))
     slope = float(np.hypot(*tilt[:2]) / abs(tilt[2]))
-    rounding = 64 * EPS * float(np.abs(frame.origin).max() + max(half))
+    rounding = 64 * EPS * float(np.abs(frame.shift).max() + max(half))
     return _Surface(FreeformSurface(half), slope * float(np.hypot(*half)) + rounding, "plane", True)
 
 
-def _sphere(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | None:
+def _sphere(frame: Pose, face: OpticalFace, vertex: float) -> _Surface | None:
     """Return a sphere with its vertex on the axis, with the proven deviation that the place of its centre
     makes: with the centre e off the axis and d along it, d + e |grad z|."""
     sphere = BRepAdaptor_Surface(face.faces[0].face).Sphere()
-    centre = frame.local(np.array(sphere.Location().Coord())) - (0.0, 0.0, vertex)
+    centre = in_frame(frame, np.array(sphere.Location().Coord())) - (0.0, 0.0, vertex)
     radius = float(np.copysign(sphere.Radius(), centre[2]))
     half = (float(face.half_width[0]), float(face.half_width[1]))
     off, along = float(np.hypot(*centre[:2])), abs(float(centre[2]) - radius)
     reach = float(np.hypot(*half)) + off
     if len(face.faces) > 1 or reach >= abs(radius):
         return None
-    rounding = 64 * EPS * float(np.abs(frame.origin).max() + abs(radius))
+    rounding = 64 * EPS * float(np.abs(frame.shift).max() + abs(radius))
     slope = reach / (radius**2 - reach**2) ** 0.5
     surface = FreeformSurface(half, Conic(radius, 0.0))
     return _Surface(surface, along + off * slope + rounding * (1 + slope), "conic", True)
 
 
-def _graph(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | None:
+def _graph(frame: Pose, face: OpticalFace, vertex: float) -> _Surface | None:
     """Return a polynomial spline in one piece as a graph with the same poles, with a proven deviation."""
     spline = face.faces[0].spline
     if len(face.faces) > 1 or not isinstance(spline, BSplineSurface):
         return None
     if min(spline.kv_u.degree, spline.kv_v.degree) < 2:
         return None
-    kv_u, kv_v, poles = upright(spline.kv_u, spline.kv_v, frame.local(spline.coefficients))
+    kv_u, kv_v, poles = upright(spline.kv_u, spline.kv_v, in_frame(frame, spline.coefficients))
     corners = np.array([poles[0, 0, :2], poles[-1, -1, :2]])
     if (corners[1] <= corners[0]).any():
         return None
@@ -161,7 +162,7 @@ def _graph(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | Non
     cut = centred(graph, face.half_width, face.outline == "rectangle")
     if cut is None:
         return None
-    rounding = 64 * EPS * float(np.abs(frame.origin).max() + np.abs(poles).max())
+    rounding = 64 * EPS * float(np.abs(frame.shift).max() + np.abs(poles).max())
     sag = THBSurface(THBSpace(cut.kv_u, cut.kv_v), cut.coefficients.ravel())
     return _Surface(
         FreeformSurface((cut.kv_u.stop, cut.kv_v.stop), Conic(), sag),
@@ -171,7 +172,7 @@ def _graph(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | Non
     )
 
 
-def _conic(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | None:
+def _conic(frame: Pose, face: OpticalFace, vertex: float) -> _Surface | None:
     """Return the conic of revolution that a face is, or None."""
     angle = np.repeat(np.arange(8) * np.pi / 4, CONIC_POINTS)
     radius = np.tile(np.arange(1, CONIC_POINTS + 1) / CONIC_POINTS, 8) * face.half_width.min() * 0.98
@@ -201,7 +202,7 @@ def _conic(frame: LensFrame, face: OpticalFace, vertex: float) -> _Surface | Non
     return _Surface(surface, deviation, "plane" if conic.is_plane else "conic", False)
 
 
-def _conic_bound(frame: LensFrame, face: OpticalFace, vertex: float, conic: Conic) -> float | None:
+def _conic_bound(frame: Pose, face: OpticalFace, vertex: float, conic: Conic) -> float | None:
     """Return a bound of the distance in z of one face from a conic, None where there is no use of one."""
     spline = face.faces[0].exact_spline
     if len(face.faces) > 1 or spline is None:
@@ -210,23 +211,23 @@ def _conic_bound(frame: LensFrame, face: OpticalFace, vertex: float, conic: Coni
         poles, weights = spline.points, spline.weights
     else:
         poles, weights = spline.coefficients, np.ones(spline.coefficients.shape[:2])
-    points = frame.local(poles) - np.array([0.0, 0.0, vertex])
+    points = in_frame(frame, poles) - np.array([0.0, 0.0, vertex])
     bound = conic_deviation(spline.kv_u, spline.kv_v, points, weights, conic)
     if bound is None:
         return None
     reach = float(np.hypot(*points[..., :2].reshape(-1, 2).T).max())
     slope = reach / (conic.radius**2 - (1 + conic.constant) * reach**2) ** 0.5
-    return bound + 64 * EPS * float(np.abs(frame.origin).max() + np.abs(points).max()) * (1 + slope)
+    return bound + 64 * EPS * float(np.abs(frame.shift).max() + np.abs(points).max()) * (1 + slope)
 
 
-def _meshes(frame: LensFrame, face: OpticalFace) -> Iterator[tuple[KnotVector, KnotVector]]:
+def _meshes(frame: Pose, face: OpticalFace) -> Iterator[tuple[KnotVector, KnotVector]]:
     """Yield knots in x and y, finer and finer: those of a spline in one piece, where its derivatives jump, or
     uniform ones."""
     spline = face.faces[0].spline
     a, b = face.half_width.tolist()
     if len(face.faces) == 1 and spline is not None and min(spline.kv_u.degree, spline.kv_v.degree) > 1:
         points = spline.coefficients if isinstance(spline, BSplineSurface) else spline.points
-        kv_x, kv_y, _ = upright(spline.kv_u, spline.kv_v, frame.local(points))
+        kv_x, kv_y, _ = upright(spline.kv_u, spline.kv_v, in_frame(frame, points))
     else:
         kv_x, kv_y = (KnotVector.uniform(DEGREE, LEAST_SPANS, -h, h) for h in (a, b))
     kv_x, kv_y = kv_x.rescaled(-a, a), kv_y.rescaled(-b, b)
@@ -236,7 +237,7 @@ def _meshes(frame: LensFrame, face: OpticalFace) -> Iterator[tuple[KnotVector, K
         yield kv_x, kv_y
 
 
-def _fitted(frame: LensFrame, face: OpticalFace, vertex: float, tolerance: float) -> _Surface:
+def _fitted(frame: Pose, face: OpticalFace, vertex: float, tolerance: float) -> _Surface:
     """Return a spline that interpolates a face, with spans until it is met."""
     for kv_x, kv_y in _meshes(frame, face):
         x, y = np.meshgrid(*(_inside(kv.greville()) for kv in (kv_x, kv_y)), indexing="ij")
@@ -252,9 +253,7 @@ def _fitted(frame: LensFrame, face: OpticalFace, vertex: float, tolerance: float
     return _Surface(surface, deviation, "fitted spline", False)
 
 
-def _measured(
-    frame: LensFrame, face: OpticalFace, vertex: float, surface: FreeformSurface, count: int
-) -> float:
+def _measured(frame: Pose, face: OpticalFace, vertex: float, surface: FreeformSurface, count: int) -> float:
     """Return the greatest distance in z at count x count points; those beside the face do not count."""
     steps = (np.arange(count) + 0.37) / count * 2 - 1  # not where a fit was sampled
     x, y = (a.ravel() for a in np.meshgrid(*(h * steps for h in surface.half_width)))

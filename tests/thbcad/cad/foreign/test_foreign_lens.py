@@ -134,11 +134,9 @@ def test_a_lens_that_was_moved_and_turned_has_its_frame(tmp_path):
     found = read_lens_solid(written(tmp_path / "lens.step", (place * to_build123d(WAVY)).wrapped))
     turn = place.wrapped.Transformation()
     matrix = np.array([[turn.Value(row, column) for column in (1, 2, 3)] for row in (1, 2, 3)])
-    assert found.frame.origin == pytest.approx([10, -20, 30], abs=1e-9)
-    assert found.frame.axes == pytest.approx(matrix.T, abs=1e-9)
+    assert found.frame.shift == pytest.approx([10, -20, 30], abs=1e-9)
+    assert found.frame.rotation == pytest.approx(matrix, abs=1e-9)
     assert max(is_wavy(found).deviation) < 1e-10
-    points = np.random.default_rng(0).uniform(-9, 9, (5, 3))
-    assert found.frame.local(found.frame.world(points)) == pytest.approx(points, abs=1e-12)
 
 
 def test_an_upside_down_lens_has_its_front_below(tmp_path):
@@ -146,7 +144,7 @@ def test_an_upside_down_lens_has_its_front_below(tmp_path):
         written(tmp_path / "lens.step", (bd.Rot(180, 0, 0) * to_build123d(PLAIN)).wrapped)
     )
     refit = found.refit(1.5)
-    assert found.frame.axes[2] == pytest.approx([0, 0, 1])
+    assert found.frame.rotation[:, 2] == pytest.approx([0, 0, 1])
     x = np.linspace(-4, 4, 9)
     assert refit.lens.front(x, 0 * x) == pytest.approx(-PLAIN.rear(x, 0 * x), abs=1e-9)
     assert refit.lens.rear(x, 0 * x) == pytest.approx(0 * x, abs=1e-9)

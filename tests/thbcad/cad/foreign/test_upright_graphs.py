@@ -68,7 +68,7 @@ def lens_of(size, conic):
 def furthest(found, lens, refit, shift):
     """The greatest distance in z of the refitted rear from a lens's that was shifted along x, mm."""
     x, y = (np.linspace(-h, h, 9) for h in refit.lens.rear.half_width)
-    origin = found.frame.origin
+    origin = found.frame.shift
     inside = abs(x + origin[0] - shift) <= lens.rear.half_width[0]
     got = origin[2] + refit.lens.thickness + refit.lens.rear.grid(x[inside], y)
     return abs(got - lens.thickness - lens.rear.grid(x[inside] + origin[0] - shift, y + origin[1])).max()

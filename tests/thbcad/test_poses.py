@@ -1,0 +1,111 @@
+"""Rigid motions: the laws of their group, and scipy's rotations beside them."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from scipy.spatial.transform import Rotation
+
+from thbcad import Pose
+
+LAW = 1e-14
+numbers = st.floats(-10, 10, allow_subnormal=False)
+triples = st.tuples(numbers, numbers, numbers)
+poses = st.builds(lambda shift, turn, about: Pose.at(shift, turn, about), triples, triples, triples)
+shifts = st.builds(Pose.at, triples)
+SOME = np.random.default_rng(1).normal(size=(3, 7))
+
+
+def apart(one, other):
+    """How far two poses are apart: their rotations, and their shifts relative to the larger one's size."""
+    size = max(1.0, np.abs(one.shift).max(), np.abs(other.shift).max())
+    return max(np.abs(one.rotation - other.rotation).max(), np.abs(one.shift - other.shift).max() / size)
+
+
+def scale(*poses):
+    """The size of what is added up where poses are composed, mm."""
+    return 1.0 + sum(np.abs(pose.shift).sum() for pose in poses)
+
+
+@given(a=poses, b=poses | shifts, c=poses)
+def test_poses_are_a_group(a, b, c):
+    one = Pose.at()
+    assert apart(a @ one, a) == apart(one @ a, a) == 0
+    left, right = (a @ b) @ c, a @ (b @ c)
+    assert np.abs(left.rotation - right.rotation).max() < LAW
+    assert np.abs(left.shift - right.shift).max() < LAW * scale(a, b, c)
+    for around in (a @ a.inverse(), a.inverse() @ a):
+        assert np.abs(around.rotation - np.eye(3)).max() < LAW
+        assert np.abs(around.shift).max() < LAW * scale(a)
+    assert apart((a @ b).inverse(), b.inverse() @ a.inverse()) < LAW * scale(a, b)
+
+
+@given(a=poses, b=poses | shifts)
+def test_a_product_does_the_second_first(a, b):
+    assert np.abs((a @ b).points(SOME) - a.points(b.points(SOME))).max() < 10 * LAW * scale(a, b)
+    assert np.abs((a @ b).directions(SOME) - a.directions(b.directions(SOME))).max() < 10 * LAW
+
+
+@given(position=triples, vector=triples, about=triples)
+def test_rotations_are_those_of_scipy(position, vector, about):
+    pose, turn = Pose.at(position, vector, about), Rotation.from_rotvec(vector)
+    wanted = (turn.apply(SOME.T - about) + about + position).T
+    assert np.abs(pose.points(SOME) - wanted).max() < 1e-13
+    assert np.abs(pose.points(np.array(about)) - (np.array(about) + position)).max() < 1e-13
+    assert np.abs(Rotation.from_rotvec(pose.rotation_vector).as_matrix() - pose.rotation).max() < LAW
+
+
+@given(tilt=triples, position=triples)
+def test_a_tilt_turns_about_own_axes_one_after_the_other(tilt, position):
+    pose = Pose.tilted(position, tilt)
+    one_by_one = Pose.at(position)
+    for axis, angle in zip(np.eye(3), np.radians(tilt)):
+        one_by_one = one_by_one @ Pose.at((0, 0, 0), angle * axis)
+    assert apart(pose, one_by_one) < LAW
+    wanted = Rotation.from_euler("XYZ", tilt, degrees=True).apply(SOME.T).T
+    assert np.abs(pose.directions(SOME) - wanted).max() < 10 * LAW
+
+
+@given(pose=poses | shifts)
+def test_triples_and_arrays_of_any_shape_are_taken_to_the_same_places(pose):
+    for act in (pose.points, pose.directions):
+        wanted = act(SOME)
+        assert np.abs(np.array(act(tuple(SOME))) - wanted).max() < 1e-13
+        assert np.abs(act(SOME.reshape(3, 7, 1))[..., 0] - wanted).max() < 1e-13
+        assert np.abs(act(SOME[:, 0]) - wanted[:, 0]).max() < 1e-13
+
+
+def test_what_moves_nothing_costs_nothing():
+    here, beside = Pose.at(), Pose.at((1.0, 2.0, 3.0))
+    assert here.is_identity
+    assert not here.rotates
+    assert here.points(SOME) is here.directions(SOME) is SOME
+    assert not beside.is_identity
+    assert not beside.rotates
+    assert beside.directions(SOME) is SOME
+    assert np.array_equal(beside.points(SOME), SOME + np.array([[1.0], [2.0], [3.0]]))
+    assert Pose.at((0, 0, 0), (0, 0, 0), (5.0, 6.0, 7.0)).is_identity
+
+
+def test_poses_travel_and_do_not_change():
+    pose = Pose.at((1, 2, 3), (0.1, 0.2, 0.3))
+    assert apart(pickle.loads(pickle.dumps(pose)), pose) == 0
+    with pytest.raises(ValueError, match="read-only"):
+        pose.shift[0] = 5
+
+
+@pytest.mark.parametrize(
+    ("rotation", "shift", "words"),
+    [
+        (np.diag([1.0, 1.0, -1.0]), np.zeros(3), "mirrors"),
+        (np.diag([1.0, 1.0, 1.1]), np.zeros(3), "off by 0.21"),
+        (np.eye(2), np.zeros(3), r"got \(2, 2\)"),
+        (np.eye(3), np.zeros(2), r"and \(2,\)"),
+        (np.full((3, 3), np.nan), np.zeros(3), "finite"),
+        (np.eye(3), np.array([0, np.inf, 0]), "finite"),
+    ],
+)
+def test_what_is_no_rigid_motion_is_refused(rotation, shift, words):
+    with pytest.raises(ValueError, match=words):
+        Pose(rotation, shift)

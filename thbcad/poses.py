@@ -1,0 +1,145 @@
+"""Rigid motions.
+
+A pose says where a body lies: it takes points of the body's own frame to the frame around it,
+
+    P = R p + s,    R^T R = 1,    det R = 1,
+
+and directions by R alone.  Poses are a group: `a @ b` does b first, and `a @ a.inverse()` moves nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thbcad.checks import Floats, read_only, rebuilt
+
+ORIGIN = (0.0, 0.0, 0.0)
+ORTHOGONAL = 1e-9  # of R^T R - 1, at most: a matrix that was written with ten digits is a rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """The rigid motion x -> R x + s.
+
+    rotation : R, (3, 3).  shift : s, (3,) mm.
+
+    Points and directions are arrays (3, ...), or triples of whatever has sums and products, as the arrays of
+    other libraries: then the result is a triple.  A pose that moves nothing returns what it is given, and one
+    that only shifts multiplies nothing.
+
+    Raises
+    ------
+    ValueError : R is no rotation; numbers that are not finite.
+    """
+
+    rotation: Floats
+    shift: Floats
+
+    def __post_init__(self) -> None:
+        rotation, shift = read_only(self.rotation), read_only(self.shift)
+        if rotation.shape != (3, 3) or shift.shape != (3,):
+            raise ValueError(
+                f"a pose has a rotation (3, 3) and a shift (3,), got {rotation.shape} and {shift.shape}"
+            )
+        if not (np.isfinite(rotation).all() and np.isfinite(shift).all()):
+            raise ValueError("the numbers of a pose must be finite")
+        off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+        if off > ORTHOGONAL:
+            raise ValueError(f"a rotation has R^T R = 1, but this matrix is off by {off:.2g}; normalise it")
+        if np.linalg.det(rotation) < 0:
+            raise ValueError(
+                "a rotation has the determinant 1, but this matrix has -1: it mirrors; change a sign"
+            )
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "shift", shift)
+
+    @classmethod
+    def at(
+        cls,
+        position: Sequence[float] = ORIGIN,
+        rotation_vector: Sequence[float] = ORIGIN,
+        about: Sequence[float] = ORIGIN,
+    ) -> Pose:
+        """Return a rotation about a point, and then a shift.
+
+        position : mm, where the body's origin comes to lie, were it not for the rotation.
+        rotation_vector : rad; its direction is the axis, right-handed, its length the angle.
+        about : mm, the point that the rotation leaves where it is.
+        """
+        centre = np.asarray(about, dtype=float)
+        rotation = _of_vector(rotation_vector)
+        return cls(rotation, centre - rotation @ centre + np.asarray(position, dtype=float))
+
+    @classmethod
+    def tilted(cls, position: Sequence[float], tilt: Sequence[float]) -> Pose:
+        """Return a shift of a body that is then turned about its own axes X, Y and Z, one after the other.
+
+        position : mm.  tilt : degrees, right-handed: `Rotation.from_euler("XYZ", tilt, degrees=True)`.
+        """
+        from scipy.spatial.transform import Rotation
+
+        rotation = Rotation.from_euler("XYZ", tilt, degrees=True).as_matrix() if any(tilt) else np.eye(3)
+        return cls(rotation, np.asarray(position, dtype=float))
+
+    def __matmul__(self, first: Pose) -> Pose:
+        """Return the motion that does another one first."""
+        if not first.rotates:
+            return Pose(self.rotation, self.directions(first.shift) + self.shift)
+        rotation = self.rotation @ first.rotation if self.rotates else first.rotation
+        return Pose(rotation, self.directions(first.shift) + self.shift)
+
+    def inverse(self) -> Pose:
+        """Return the motion back, R^T (P - s)."""
+        back = self.rotation.T
+        return Pose(back, -(back @ self.shift) if self.rotates else -self.shift)
+
+    def points(self, points: Any) -> Any:
+        """Return R p + s of points, mm."""
+        if not self.shift.any():
+            return self.directions(points)
+        turned = self.directions(points)
+        if isinstance(turned, np.ndarray):
+            return turned + self.shift.reshape(3, *[1] * (turned.ndim - 1))
+        return tuple(x + s for x, s in zip(turned, self.shift.tolist()))
+
+    def directions(self, directions: Any) -> Any:
+        """Return R d of directions."""
+        if not self.rotates:
+            return directions
+        if isinstance(directions, np.ndarray):
+            flat = directions if directions.ndim < 3 else directions.reshape(3, -1)
+            return (self.rotation @ flat).reshape(directions.shape)
+        return tuple(sum(r * d for r, d in zip(row, directions)) for row in self.rotation.tolist())
+
+    @cached_property
+    def rotates(self) -> bool:
+        """Whether it is more than a shift."""
+        return bool((self.rotation != np.eye(3)).any())
+
+    @cached_property
+    def is_identity(self) -> bool:
+        """Whether it moves nothing."""
+        return not self.rotates and not self.shift.any()
+
+    @property
+    def rotation_vector(self) -> Floats:
+        """The axis of the rotation, right-handed, times its angle, (3,) rad."""
+        from scipy.spatial.transform import Rotation
+
+        return np.array(Rotation.from_matrix(self.rotation).as_rotvec())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return rebuilt(self)
+
+
+def _of_vector(vector: ArrayLike) -> Floats:
+    """Return the rotation of a rotation vector, (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.array(Rotation.from_rotvec(vector).as_matrix()) if np.any(vector) else np.eye(3)
