@@ -97,7 +97,7 @@ QUICK = \
 	tests/optics/target/test_regions.py \
 	tests/optics/target/test_windows.py \
 	tests/optics/toolpaths \
-	tests/optics/tracing/test_phase_space.py \
+	tests/optics/tracing/test_light_path.py \
 	tests/optics/tracing/test_sequential.py \
 	tests/optics/tracing/test_span_search.py \
 	tests/optics/transport \

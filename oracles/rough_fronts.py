@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import receiver_at
 from optics.runtime import Backend
 from optics.sources import Profile, Rays, lambertian_parts
-from optics.tracing import Tracer
+from optics.tracing import LightPath, Tracer
 from oracles.exact_meetings import ExactGraph
 from oracles.first_meetings import MEETS, OPEN, first_meetings
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
@@ -127,7 +128,7 @@ def _compared(
 def _traced(backend: Backend, front: FreeformSurface, rays: Rays, sure: bool) -> tuple[Mask, Mask, Floats]:
     """Return (decided, hit, path length, mm) of the front's meetings."""
     lens = Lens(front, FreeformSurface((50.0, 50.0)), 50.0, 1.5)
-    tracer = Tracer(backend, lens, rays, 200.0, sure=sure)
+    tracer = Tracer(backend, LightPath(lens, receiver_at(200.0), 0.0), rays, sure)
     with backend.dr.suspend_grad():
         (hits,), _ = tracer.trace([sag.coefficients for sag in lens.sags])
         decided, hit, x, y, z = (a.numpy() for a in (hits.found, hits.hit, hits.x, hits.y, hits.z))

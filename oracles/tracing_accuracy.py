@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from optics.problem import SUN
 from optics.ray_files import RaySet, placed_rays
+from optics.receivers import receiver_at
 from optics.runtime import Backend
 from optics.sources import (
     Divergence,
@@ -27,7 +28,7 @@ from optics.sources import (
     lambertian_parts,
     point_rays,
 )
-from optics.tracing import Tracer
+from optics.tracing import LightPath, Tracer
 from oracles.exact_rays import (
     ARRIVES,
     BESIDE,
@@ -107,7 +108,7 @@ def measure(backend: Backend, case: Case) -> Found:
     rounded = (a.astype(backend.dtype).astype(float) for a in (rays.origin, rays.direction))
     setup = replace(case.setup, **dict(zip(("origin", "direction"), rounded)))
     lens = setup.lens(**case.spline)
-    tracer = Tracer(backend, lens, traced, setup.thickness + setup.distance)
+    tracer = Tracer(backend, LightPath(lens, receiver_at(setup.thickness + setup.distance), 0.0), traced)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     decided, met, found, hit, refracted, *values = (
         np.broadcast_to(np.asarray(getattr(landing, name).numpy()), len(rays.origin[0]))

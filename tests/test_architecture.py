@@ -50,7 +50,8 @@ FLOORS = [
         "optics.transport",
         "optics.workers",
     ],
-    ["optics.tracing", "optics.system", "optics.shape"],
+    ["optics.tracing"],
+    ["optics.system", "optics.shape"],
     ["optics.blur", "optics.heights"],
     ["optics.analysis", "optics.engines"],
     [

@@ -98,7 +98,7 @@ def test_rows_that_compare_methods_name_quantity_and_estimator():
 def test_no_ratio_sets_box_pixels_against_a_window():
     """The particle tracer is compared in each of the two measures with our light in the same one."""
     rows = {f"{name}: {full}": row for name in STORED for full, row in STORED[name].named()}
-    ratios = {full: row for full, row in rows.items() if "ptracer to" in full}
+    ratios = {full: row for full, row in rows.items() if "ptracer to" in row["name"]}
     assert {row["quantity"] for row in ratios.values()} == {
         "irradiance, box pixels",
         "irradiance, Gaussian window",

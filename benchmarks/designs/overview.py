@@ -152,7 +152,7 @@ def _pearl_objective(
     window: PixelWindow | BSplineWindow | GaussianWindow,
 ) -> Objective:
     screen = system.target.screen(1, MARGIN)
-    tracer = Tracer(backend, lens, system.source.rays((449, 449)), system.target.z)
+    tracer = Tracer(backend, system.path(lens), system.source.rays((449, 449)))
     target = system.target.irradiance(screen, 0.92)
     return Objective(
         TracedModel(backend, tracer, screen, window), target, system.problem.optimizer.lost_flux_weight
@@ -163,7 +163,7 @@ def _exact_objective(system: OpticalSystem, lens: Lens, backend: Backend) -> Obj
     screen, cells = system.target.screen(1, MARGIN), system.source.cells((CELLS, CELLS))
     rays = cells.rays()
     window = MappedCells(backend, screen, cells.emitted, rays.flux)
-    tracer = Tracer(backend, lens, rays, system.target.z)
+    tracer = Tracer(backend, system.path(lens), rays)
     target = system.target.irradiance(screen, 0.92)
     return Objective(
         TracedModel(backend, tracer, screen, window), target, system.problem.optimizer.lost_flux_weight
@@ -191,7 +191,7 @@ def _flux(system: OpticalSystem, backend: Backend) -> list[Row]:
         sag = THBSurface(lens.rear.sag.space, np.zeros(lens.rear.sag.space.dim))
         shaped = Lens(lens.front, FreeformSurface((50, 50), conic, sag), lens.thickness, n)
         beam = collimated_beam((half, half), 1.0, (50, 50), (449, 449))
-        tracer = Tracer(backend, shaped, beam, system.target.z)
+        tracer = Tracer(backend, system.path(shaped), beam)
         _, landing = tracer.trace([sag.coefficients])
         traced = tracer.fates(landing, (1e6, 1e6)).transmitted
         exact = (

@@ -98,7 +98,7 @@ def cases(backend: Backend) -> list[Case]:
 def _case(name: str, system: OpticalSystem, lens: Lens, backend: Backend) -> Case:
     """Return the case whose target holds as much light as reaches the pixels."""
     screen = system.target.screen(system.problem.optimizer.merge)
-    tracer = Tracer(backend, lens, system.source.rays((257, 257)), system.target.z)
+    tracer = Tracer(backend, system.path(lens), system.source.rays((257, 257)))
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     flux = tracer.fates(landing, screen.half_width).on_target
     return Case(name, system, lens, system.target.irradiance(screen, flux))
@@ -134,7 +134,7 @@ def _many_rays(case: Case, which: int) -> Iterator[RayGrid | Rays]:
 def _landed(
     case: Case, backend: Backend, window: Window, part: RayGrid | Rays
 ) -> tuple[Tracer, list[Hits], DrArray]:
-    tracer = Tracer(backend, case.lens, part, case.system.target.z)
+    tracer = Tracer(backend, case.system.path(case.lens), part)
     hits, landing = tracer.trace(case.coefficients)
     return tracer, hits, Splat(backend, case.screen, window)(landing.x, landing.y, landing.flux)
 

@@ -75,7 +75,7 @@ def fit(
     """Return the fit alone as an Objective, on the problem's pixels; the target has the whole source flux."""
     screen = system.target.screen()
     target = system.target.irradiance(screen, system.problem.source.flux)
-    tracer = Tracer(backend, lens, system.source.rays(rays), system.target.z, soft_rim, sure=False)
+    tracer = Tracer(backend, system.path(lens).with_soft_rims(soft_rim), system.source.rays(rays), sure=False)
     return Objective(TracedModel(backend, tracer, screen, window), target, 0.0)
 
 
@@ -136,7 +136,7 @@ def _extended(backend: Backend) -> list[Row]:
         ("both searches and no derivatives", False),
         ("the same, sure of the first of several meetings", True),
     ):
-        tracer = Tracer(backend, lens, rays, system.target.z, sure=sure)
+        tracer = Tracer(backend, system.path(lens), rays, sure=sure)
 
         def search(tracer: Tracer = tracer) -> None:
             with backend.dr.suspend_grad():
@@ -211,7 +211,7 @@ def _mesh_accuracy(backend: Backend) -> Row:
 
     system = OpticalSystem(load_problem(ROOT / "examples" / "pearl.toml"))
     lens, screen = system.lens, system.target.screen()
-    tracer = Tracer(backend, lens, system.source.rays(RAYS), system.target.z)
+    tracer = Tracer(backend, system.path(lens), system.source.rays(RAYS))
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     image = Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)
     exact = image.numpy().reshape(screen.shape, order="F")

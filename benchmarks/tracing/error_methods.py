@@ -105,7 +105,7 @@ def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -
                     if name == "grid"
                     else sampled_rays(case.system.source.settings, case.lens, SAMPLINGS[name], count)
                 )
-                tracer = Tracer(backend, case.lens, rays, case.system.target.z)
+                tracer = Tracer(backend, case.system.path(case.lens), rays)
                 out.append(_point(case, truth, backend, tracer, f"ours, {name}, {short}", rays.flux.size))
     return out
 

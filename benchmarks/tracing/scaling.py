@@ -83,7 +83,7 @@ def _seconds(system: OpticalSystem, lens: Lens, side: int, backend: Backend) -> 
     """Return the median time of loss and gradient with side x side rays."""
     screen = system.target.screen()
     target = system.target.irradiance(screen, system.problem.source.flux)
-    tracer = Tracer(backend, lens, system.source.rays((side, side)), system.target.z)
+    tracer = Tracer(backend, system.path(lens), system.source.rays((side, side)))
     objective = Objective(TracedModel(backend, tracer, screen, PixelWindow()), target, 0.0)
     at = [sag.coefficients for sag in lens.sags]
     return median_seconds(lambda: objective(at), REPEATS)

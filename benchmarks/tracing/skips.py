@@ -160,7 +160,7 @@ def _tracers(
 
 def _meeting_points(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     beam = system.source.rays((COUNT, COUNT))
-    tracers = (Tracer(backend, lens, rays, system.target.z) for rays in (beam, single_rays(beam, lens)))
+    tracers = (Tracer(backend, system.path(lens), rays) for rays in (beam, single_rays(beam, lens)))
     return _tracers(system, lens, backend, "meeting points", tracers)
 
 
@@ -170,14 +170,14 @@ def _aperture(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     beam = collimated_beam([1.5 * h for h in half], system.problem.source.flux, half, (300, 300))
     x, y = ((np.arange(450) - 224.5) * (2 * h / 300) for h in half)
     whole = RayGrid(x, y, np.full((450, 450), beam.flux[0, 0]))
-    tracers = (Tracer(backend, lens, rays, system.target.z) for rays in (beam, whole))
+    tracers = (Tracer(backend, system.path(lens), rays) for rays in (beam, whole))
     return _tracers(system, lens, backend, "aperture", tracers)
 
 
 def _edges(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Light forward only; the closed lens has no gradient."""
     beam, c = system.source.rays((129, 129)), [sag.coefficients for sag in lens.sags]
-    tracer, half = Tracer(backend, lens, beam, system.target.z), system.target.settings.half_width
+    tracer, half = Tracer(backend, system.path(lens), beam), system.target.settings.half_width
     rays, plane = single_rays(beam, lens), TargetPlane(system.target.z, half)
     found = trace_nonsequential(backend, lens, rays, plane)
     flux = found.landings.flux
@@ -204,7 +204,7 @@ def _levels(system: OpticalSystem, backend: Backend) -> list[Row]:
     back, whole = sag.space.prolongation(dense.space).T, lens.with_sags([dense])
     beam = system.source.rays((COUNT, COUNT))
     few, many = (
-        _evaluation(system, a, backend, Tracer(backend, a, beam, system.target.z)) for a in (lens, whole)
+        _evaluation(system, a, backend, Tracer(backend, system.path(a), beam)) for a in (lens, whole)
     )
 
     def all_knots() -> tuple[float, Gradients]:
@@ -218,7 +218,7 @@ def _taps(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """The image, for which the tolerance is stated, and the time of loss and gradient."""
     optimizer = replace(system.problem.optimizer, window="gaussian", sigma=1.0)
     gaussian = OpticalSystem(replace(system.problem, optimizer=optimizer))
-    tracer = Tracer(backend, lens, system.source.rays((COUNT, COUNT)), system.target.z)
+    tracer = Tracer(backend, system.path(lens), system.source.rays((COUNT, COUNT)))
     windows = (GaussianWindow(1.0, k) for k in (GaussianWindow.cut, FAR_CUT))
     cut, whole = (_objective(system, backend, tracer, window) for window in windows)
     c = [sag.coefficients for sag in lens.sags]
@@ -240,7 +240,7 @@ def _camera(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
 
     load_mitsuba("llvm_ad_mono", 1)
     scene = mitsuba_scene(system, LensMesh.uniform(lens, (COUNT, COUNT)))
-    tracer = Tracer(backend, lens, system.source.rays((COUNT, COUNT)), system.target.z)
+    tracer = Tracer(backend, system.path(lens), system.source.rays((COUNT, COUNT)))
     screen, c = system.target.screen(), [sag.coefficients for sag in lens.sags]
     splat = Splat(backend, screen, BoxWindow())
 
@@ -268,7 +268,7 @@ def _gradients(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
     free = replace(lens, front=lens.front.with_sag(THBSurface(flat, np.zeros(flat.dim))))
     rays = system.source.rays((512, 512))
     one, two = (
-        _evaluation(system, a, backend, Tracer(backend, a, rays, system.target.z, sure=False))
+        _evaluation(system, a, backend, Tracer(backend, system.path(a), rays, sure=False))
         for a in (lens, free)
     )
 
@@ -282,14 +282,14 @@ def _gradients(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
 def _converged(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """Steps until the residual is a five-hundredth of what settles, the last above rounding."""
     rays = system.source.rays((512, 512))
-    tracers = [Tracer(backend, lens, rays, system.target.z, sure=False) for _ in range(2)]
+    tracers = [Tracer(backend, system.path(lens), rays, sure=False) for _ in range(2)]
     tracers[1]._rear.settled = 1e-3
     return _tracers(system, lens, backend, "converged rays", tracers)
 
 
 def _first_meetings(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     rays = system.source.rays((512, 512))
-    tracers = (Tracer(backend, lens, rays, system.target.z, sure=sure) for sure in (False, True))
+    tracers = (Tracer(backend, system.path(lens), rays, sure=sure) for sure in (False, True))
     return _tracers(system, lens, backend, "first meetings", tracers)
 
 
@@ -298,7 +298,7 @@ def _compilation(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ro
     rays, c = system.source.rays((128, 128)), lens.rear.sag.coefficients
     rng = np.random.default_rng()  # other numbers in every run: kernels are kept on disk
     objectives = [
-        _objective(system, b, Tracer(b, lens, rays, system.target.z, sure=False))
+        _objective(system, b, Tracer(b, system.path(lens), rays, sure=False))
         for b in (backend, replace(backend, dr=Literals(backend.dr)))
     ]
 
@@ -334,7 +334,8 @@ def _mirror(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
 
 def _fresnel(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     rays = system.source.rays((COUNT, COUNT))
-    tracers = (Tracer(backend, lens, rays, system.target.z, fresnel=on) for on in (False, True))
+    path = system.path(lens)
+    tracers = (Tracer(backend, each, rays) for each in (path.without_reflection(), path))
     without, with_losses = (_evaluation(system, lens, backend, tracer) for tracer in tracers)
     seconds = [median_seconds(evaluate, REPEATS) for evaluate in (without, with_losses)]
     return _timed("fresnel", *seconds, abs(without()[0] / with_losses()[0] - 1), None)

@@ -47,6 +47,11 @@ if TYPE_CHECKING:
         rel_l2 as rel_l2,
         unit_mean as unit_mean,
     )
+    from optics.analysis.phase_space import (
+        PhaseSpace as PhaseSpace,
+        at_target as at_target,
+        jacobian_determinants as jacobian_determinants,
+    )
     from optics.analysis.photometric_metrics import (
         photometric_lines as photometric_lines,
         uniformity_metrics as uniformity_metrics,
@@ -72,6 +77,11 @@ _FILES = {
         "sections",
         "sequential",
         "sequential_metrics",
+    ),
+    "phase_space": (
+        "PhaseSpace",
+        "at_target",
+        "jacobian_determinants",
     ),
     "closed_lens_light": (
         "NEGLIGIBLE",

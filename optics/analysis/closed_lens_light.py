@@ -80,7 +80,7 @@ def _replicate(
     every = trace_nonsequential(
         backend, lens, rays, plane, threshold=ROULETTE, roulette=rng, absorption=system.absorption
     )
-    tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
+    tracer = Tracer(backend, system.path(lens), rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         direct = tracer.fates(landing, screen.half_width)

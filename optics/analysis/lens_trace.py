@@ -10,17 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.analysis.closed_lens_light import NEGLIGIBLE
+from optics.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.sources import single_rays
 from optics.target import BoxWindow, Splat
 from optics.tracing import (
-    PhaseSpace,
     TargetPlane,
     Tracer,
-    at_target,
     flux_by_fate,
-    jacobian_determinants,
     normal_incidence_transmittance,
-    source_points,
     trace_nonsequential,
 )
 
@@ -48,7 +45,7 @@ def sequential(
     splat = Splat(backend, screen, BoxWindow())
     image, fates, counts = np.zeros(screen.pixels[0] * screen.pixels[1]), [], []
     for part in system.source.parts((rays, rays), None, RAYS_AT_ONCE):
-        tracer = Tracer(backend, lens, part, system.target.z, absorption=system.absorption)
+        tracer = Tracer(backend, system.path(lens), part)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux).numpy()

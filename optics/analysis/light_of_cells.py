@@ -105,10 +105,10 @@ def cell_irradiance(
 
     backend : of double precision.  errors : of the slopes, the same for all rays.
     """
+    path = system.path(lens).with_slope_errors(errors)
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
-        lost = system.absorption
-        tracer = Tracer(backend, lens, rays, system.target.z, errors=errors, absorption=lost)
+        tracer = Tracer(backend, path, rays)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         return tracer, landing

@@ -73,7 +73,7 @@ def _trace(
     for part in parts:
         front, rear = (fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in system.slope_rms)
         errors = SlopeErrors(front, rear)
-        tracer = Tracer(backend, lens, part, system.target.z, errors=errors, absorption=system.absorption)
+        tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), part)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
             image = image + splat(landing.x, landing.y, landing.flux)

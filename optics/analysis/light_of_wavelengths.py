@@ -114,7 +114,7 @@ def _shift(system: OpticalSystem, lens: Lens, ends: tuple[float, float], backend
     """Return the mean distance of the rays of two wavelengths on the target."""
     rays, landings = system.source.rays(SHIFT_RAYS), []
     for nm in ends:
-        tracer = Tracer(backend, replace(lens, index=system.index_at(nm)), rays, system.target.z)
+        tracer = Tracer(backend, system.path(replace(lens, index=system.index_at(nm))), rays)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))

@@ -140,7 +140,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
 def _by_edges(system: OpticalSystem, fates: SequentialFates) -> bool:
     """Whether light may come by other ways: of a beam, where its front sends enough of it beside the rear."""
     beside = fates.missed_rear > NEGLIGIBLE * system.problem.source.flux
-    return system.path.by_edges and (system.path.spreading or beside)
+    return system.by_edges and (not system.source.collimated or beside)
 
 
 def _estimator(system: OpticalSystem) -> str:

@@ -43,7 +43,7 @@ class DesignFigures:
         from optics.figures import scene_paths
         from optics.view import lens_sight, photo_caption
 
-        from_a_point = system.source.settings.kind in ("point", "lambertian") and system.path.by_edges
+        from_a_point = system.source.settings.kind in ("point", "lambertian") and system.by_edges
         fans = ray_fans(system, lens, backend) if from_a_point else {}
         plain, paths = OpticalSystem(system.problem), scene_paths(system, lens, backend)
         irradiance, sight = measurement.irradiance, lens_sight(system.problem, lens, backend)

@@ -35,7 +35,7 @@ DEVICE = RLock()  # Dr.Jit is one for the whole process
 
 def unit_of(system: OpticalSystem) -> float:
     """Return the factor from measurements to the unit of scripts: W per square degree become W/sr."""
-    return PER_STERADIAN if system.path.far_field else 1.0
+    return PER_STERADIAN if system.target.far_field else 1.0
 
 
 class Model:

@@ -88,7 +88,7 @@ def patch_images(
     The position in a patch at which a ray leaves the rear moves its image.  A quadratic in this position is
     fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the image.
     """
-    tracer = Tracer(backend, lens, system.source.rays(rays), system.target.z)
+    tracer = Tracer(backend, system.path(lens), system.source.rays(rays))
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at_rear(coefficients)

@@ -112,7 +112,7 @@ def _at_rear(
     errors: SlopeErrors,
     shape: tuple[int, int],
 ) -> _Rear:
-    tracer = Tracer(backend, lens, rays, system.target.z, errors=errors)
+    tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
     with backend.dr.suspend_grad():
         hits, direction, flux = tracer.at_rear([sag.coefficients for sag in lens.sags])
     every = backend.dr.zeros(backend.Float, rays.flux.size)

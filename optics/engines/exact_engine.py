@@ -44,17 +44,10 @@ class ExactEngine:
     ) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
         rays, window, mirrors = measured_rays(self.backend, system, lens, film, axes, fresh)
-        fresnel = system.problem.optimizer.fresnel
-        tracer = Tracer(
-            self.backend,
-            lens,
-            rays,
-            system.target.z,
-            self.soft_rim,
-            sure=False,
-            fresnel=fresnel,
-            absorption=system.absorption,
-        )
+        path = system.path(lens).with_soft_rims(self.soft_rim)
+        if not system.problem.optimizer.fresnel:
+            path = path.without_reflection()
+        tracer = Tracer(self.backend, path, rays, sure=False)
         light = float(rays.flux.sum())
         return TracedModel(self.backend, tracer, film.screen, window, mirrors, light)
 
@@ -73,7 +66,7 @@ def measured_rays(
     """
     if film.window is None:
         front, rear = (s.half_width for s in (lens.front, lens.rear))
-        lit = [min(pair) for pair in zip(front, rear)] if system.path.parallel else front
+        lit = [min(pair) for pair in zip(front, rear)] if system.parallel else front
         cells = system.source.cells([n - 1 for n in film.rays], lit).half(axes)
         rays = cells.rays()
         return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux), axes

@@ -52,7 +52,8 @@ class Distances:
 def exact_landing(system: OpticalSystem, lens: Lens, rays: RayGrid | Rays, backend: Backend) -> LandingPoints:
     """Return where rays through the lens in memory land.  backend : of double precision."""
     with backend.dr.suspend_grad():
-        _, landing = Tracer(backend, lens, rays, system.target.z).trace([s.coefficients for s in lens.sags])
+        clear = system.path(lens).without_absorption()  # which other programs leave out
+        _, landing = Tracer(backend, clear, rays).trace([s.coefficients for s in lens.sags])
     backend.dr.eval(landing.x, landing.y, landing.flux)
     flux = landing.flux.numpy()
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])

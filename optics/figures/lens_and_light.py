@@ -79,7 +79,7 @@ def light_figures(
         sharp = measurement.sharp / measurement.sharp.mean()
         caption = "What the lens would make without divergence of the light and roughness of its surfaces."
         figures["sharp"] = (caption, picture(sharp, label, "gray", 0, top))
-    if system.path.far_field:
+    if system.target.far_field:
         screen = system.target.screen()
         figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
     return figures | colour_figures(system, measurement, unit) | _ray_figures(lens, paths)

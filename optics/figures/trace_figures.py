@@ -12,9 +12,9 @@ from optics.figures.canvas import plane_figure, plt, png_bytes
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from optics.analysis import PhaseSpace
     from optics.photometry import Density
     from optics.target import Screen
-    from optics.tracing import PhaseSpace
 
 
 def irradiance_figure(image: NDArray[np.float64], screen: Screen, density: Density) -> bytes:

@@ -67,14 +67,8 @@ class FormTrace:
         dr, system, shape = self.backend.dr, self.system, (len(self.cells.s), len(self.cells.t))
         rays = self.cells.rays()
         rays = replace(rays, flux=np.ones_like(rays.flux))
-        tracer = Tracer(
-            self.backend,
-            self.lens,
-            rays,
-            system.target.z,
-            absorption=system.absorption,
-            heights=(front, rear),
-        )
+        path = system.path(self.lens).with_height_errors(front, rear)
+        tracer = Tracer(self.backend, path, rays)
         with dr.suspend_grad():
             at_front, at_rear, landing = tracer.trace_all([sag.coefficients for sag in self.lens.sags])
             every = dr.zeros(self.backend.Float, shape[0] * shape[1])
@@ -150,7 +144,7 @@ def form_trace(system: OpticalSystem, lens: Lens, backend: Backend, counts: tupl
     if obstacle := form_obstacle(system):
         raise UserError(obstacle)
     front, rear = lens.front.half_width, lens.rear.half_width
-    lit = (min(front[0], rear[0]), min(front[1], rear[1])) if system.path.parallel else front
+    lit = (min(front[0], rear[0]), min(front[1], rear[1])) if system.parallel else front
     return FormTrace(system, lens, system.source.cells(counts, lit), backend)
 
 

@@ -155,7 +155,7 @@ def _exact(mi: ModuleType, properties: Any, system: OpticalSystem, lens: Lens) -
     def film(columns: int, rows: int, spp: int) -> TracedModel:
         screen = replace(system.target.screen(), pixels=(columns, rows))
         rays = system.source.rays([ceil(sqrt(spp) * n) for n in (columns, rows)])
-        tracer = Tracer(backend, lens, rays, system.target.z)
+        tracer = Tracer(backend, system.path(lens), rays)
         return TracedModel(backend, tracer, screen, stage_window(system.problem, final=True))
 
     def models(sensor: Any, spp: int) -> LightModel:

@@ -55,7 +55,7 @@ class MeshEngine:
             lens_mesh(lens),
             _within(rays, lens),
             system.target.z,
-            soft_rim=0.0 if system.path.parallel else SOFT_RIM,
+            soft_rim=0.0 if system.parallel else SOFT_RIM,
             fresnel=system.problem.optimizer.fresnel,
         )
         return TracedModel(self.backend, tracer, film.screen, window, mirrors)

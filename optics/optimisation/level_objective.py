@@ -116,7 +116,7 @@ def background(
     It is None where it is negligible, and before the finish: what a level changes moves it.
     axes : directions in which it is averaged with its mirror image.
     """
-    if not (stage.finish and system.path.by_edges):
+    if not (stage.finish and system.by_edges):
         return None
     other = light_by_other_ways(system, lens, stage.screen, backend)
     if other.negligible:

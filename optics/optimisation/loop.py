@@ -59,7 +59,8 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     which = "unoptimised lens" if lens is None else "lens"
     lens, target, source = lens or system.lens, system.target, system.problem.source
     optimizer, rays = system.problem.optimizer, system.source.rays((129, 129))
-    tracer = Tracer(backend, lens, rays, target.z, fresnel=optimizer.fresnel, absorption=system.absorption)
+    path = system.path(lens)
+    tracer = Tracer(backend, path if optimizer.fresnel else path.without_reflection(), rays)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * source.flux:

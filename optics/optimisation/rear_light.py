@@ -47,7 +47,7 @@ def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Seq
     half = getattr(lens, system.shaped).half_width
     rays = system.source.without_extent().rays([RAYS_PER_CELL * n + 1 for n in cells])
     with backend.dr.suspend_grad():
-        tracer = Tracer(backend, lens, rays, system.target.z)
+        tracer = Tracer(backend, system.path(lens), rays)
         meet = tracer.at_rear if system.shaped == "rear" else tracer.at_front
         hits, direction, flux = meet([sag.coefficients for sag in lens.sags])
 

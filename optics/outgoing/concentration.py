@@ -28,6 +28,7 @@ from scipy.ndimage import convolve
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 
+from optics.receivers import receiver_at
 from optics.runtime import UserError
 from optics.tracing import Tracer
 
@@ -144,7 +145,8 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
     """
     cells = None if system.source.extended else system.source.cells((CELLS, CELLS))
     rays = system.source.rays((CELLS, CELLS)) if cells is None else cells.rays()
-    tracer = Tracer(backend, lens, rays, lens.thickness, fresnel=False)
+    path = system.path(lens).without_absorption().without_reflection()
+    tracer = Tracer(backend, path.onto(receiver_at(lens.thickness)), rays)
     with backend.dr.suspend_grad():
         front, rear, landing = tracer.trace_all([sag.coefficients for sag in lens.sags])
         met = rear if front is None else front

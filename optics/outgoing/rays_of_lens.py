@@ -33,7 +33,7 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
         raise UserError("the far field has no plane that rays may start from; take --light rear")
     side = isqrt(count - 1) + 1
     rays = system.source.rays((side, side))
-    tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
+    tracer = Tracer(backend, system.path(lens), rays)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at_rear(coefficients)

@@ -96,7 +96,7 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
             surfaces["rear"], _ahead(surfaces["rear"], target, system.target.z, high)
         ),
     }
-    return LightHulls(regions, lit, _prisms(lit, heights), target, system.path.parallel)
+    return LightHulls(regions, lit, _prisms(lit, heights), target, system.parallel)
 
 
 def glass_region(lens: Lens) -> ConvexRegion:

@@ -111,7 +111,7 @@ def sampled_light(
     ahead = heights[1] if far else min(heights[1], system.target.z)
     coefficients = [sag.coefficients for sag in lens.sags]
     for rays in _light(system, side, heights[0]):
-        tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
+        tracer = Tracer(backend, system.path(lens), rays)
         with backend.dr.suspend_grad():
             front, rear, landing = tracer.trace_all(coefficients)
             assert front is not None

@@ -87,7 +87,7 @@ def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
     widest = min(asked.lens.thickness, ROOM * asked.target.distance)
     for _ in range(STEPS):
         wide = solvable_system(_with_numbers(asked, base, widest))
-        if not wide.path.parallel:
+        if not wide.parallel:
             transmitted_flux(wide, backend)  # refuses a lens without light, which has no map
         start = TransportStart(wide, backend, CELLS)
         _require_bent(start.bent)

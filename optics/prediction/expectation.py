@@ -110,7 +110,7 @@ def expected(
         blur=blur_of(system, lens, backend).width if system.blurred else _blur(system),
         moved=moved,
         rel_l2=predicted_rel_l2(start.lit, error)
-        if error and moved and start.within(fit) and system.path.parallel and not system.blurred
+        if error and moved and start.within(fit) and system.parallel and not system.blurred
         else None,
         start_rel_l2=error,
         seconds=seconds(system, plan),

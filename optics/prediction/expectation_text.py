@@ -77,7 +77,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
 
 def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
     shifts = expected.sensitivity
-    whose = "the source" if system.path.spreading else "the lens"
+    whose = "the lens" if system.source.collimated else "the source"
     return [
         f"{INDEX:g} of index shifts the light by {_shift(system, expected, shifts.index)} on average, "
         f"by {_length(system, shifts.index_most)} at most",

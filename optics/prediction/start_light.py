@@ -46,7 +46,7 @@ def light_before(
     if system.source.extended:
         side = round(sqrt(RAYS))
         rays = system.source.rays((side, side))
-        tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
+        tracer = Tracer(backend, system.path(lens), rays)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         return tracer.fates(landing, screen.half_width), None

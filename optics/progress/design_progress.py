@@ -71,7 +71,7 @@ class Size:
             pixels=columns * rows,
             surfaces=len(system.freeforms),
             extended=system.source.extended,
-            by_edges=system.path.by_edges,
+            by_edges=system.by_edges,
             blurred=system.blurred,
             automatic=system.problem.lens.automatic or any(f.max_level == AUTO for f in free),
             dof=sum(prod((n << _finest(f)) + f.degree for n in f.spans) for f in free),

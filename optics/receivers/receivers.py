@@ -70,6 +70,10 @@ class Receiver(Protocol):
         """Return directions of any length from points to where light shall land."""
         ...
 
+    def seen_from(self, pose: Pose) -> Receiver:
+        """Return the receiver in the frame of a body with this pose."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Plane:
@@ -101,6 +105,10 @@ class Plane:
         x, y, z = (a - b for a, b in zip(there, point))
         return x, y, z
 
+    def seen_from(self, pose: Pose) -> Plane:
+        """See `Receiver`."""
+        return Plane(pose.inverse() @ self.pose)
+
 
 @dataclass(frozen=True, eq=False)
 class FarField:
@@ -131,6 +139,10 @@ class FarField:
         p, q = (np.tan(np.radians(angle)) for angle in (u, v))
         x, y, z = self.pose.directions((p, q, np.ones_like(p)))
         return x, y, z
+
+    def seen_from(self, pose: Pose) -> FarField:
+        """See `Receiver`."""
+        return FarField(pose.inverse() @ self.pose)
 
 
 def receiver_at(z: float, pose: Pose = HERE) -> Receiver:

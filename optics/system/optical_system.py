@@ -19,33 +19,13 @@ from optics.system.lens_material import (
 from optics.system.source import LightSource
 from optics.system.target import LightTarget
 from optics.system.tracing_skips import Skip, skips
+from optics.tracing import LightPath
 
 if TYPE_CHECKING:
     from optics.materials import Material
     from optics.photometry import Density, Units
     from optics.problem import Freeform, Problem
     from thbcad.lens import Lens, Product
-
-
-@dataclass(frozen=True)
-class LightPath:
-    """Which paths light may take.
-
-    parallel : rays stay parallel to z up to the rear: a collimated source before a plane front.
-    spreading : the source is not collimated.  far_field : the light is asked for by direction.
-    """
-
-    parallel: bool
-    spreading: bool
-    far_field: bool
-
-    @property
-    def by_edges(self) -> bool:
-        """Whether light may reach the target by other ways than through front and rear.
-
-        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
-        """
-        return not (self.parallel or self.far_field)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +86,7 @@ class OpticalSystem:
     @property
     def shapes_parallel(self) -> bool:
         """Whether parallel light meets the surface that a transport map shapes."""
-        return self.path.parallel or (self.shaped == "front" and self.source.collimated)
+        return self.parallel or (self.shaped == "front" and self.source.collimated)
 
     @property
     def slope_rms(self) -> tuple[float, float]:
@@ -209,13 +189,24 @@ class OpticalSystem:
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
+    def path(self, lens: Lens) -> LightPath:
+        """Return the path of light of the source's own wavelength through a lens to the target."""
+        return LightPath(lens, self.target.receiver, self.absorption)
+
     @cached_property
-    def path(self) -> LightPath:
-        collimated = all(source.collimated for source in self.sources)
-        far_field = any(target.far_field for target in self.targets)
-        return LightPath(collimated and self.lens.front.is_plane, not collimated, far_field)
+    def parallel(self) -> bool:
+        """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
+        return self.source.collimated and self.lens.front.is_plane
+
+    @property
+    def by_edges(self) -> bool:
+        """Whether light may reach the target by other ways than through front and rear.
+
+        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge.
+        """
+        return not (self.parallel or self.target.far_field)
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:
         """What tracing leaves out."""
-        return tuple(skips(self.problem, self.path.parallel))
+        return tuple(skips(self.problem, self.parallel))

@@ -73,7 +73,7 @@ def require_reachable(system: OpticalSystem) -> None:
     ------
     UserError : names the angle needed and the angle that the index allows.
     """
-    if not system.path.parallel or system.path.far_field:
+    if not system.parallel or system.target.far_field:
         return
     lens, target = system.problem.lens, system.problem.target
     screen = system.target.screen()

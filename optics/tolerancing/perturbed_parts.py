@@ -6,12 +6,10 @@ The lens stays where it is: its motion is the inverse motion of source and targe
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.receivers import receiver_at
 from optics.runtime import UserError
 from optics.sources import RayGrid, Rays, SourceCells
 from thbcad.lens import FreeformSurface, Lens
@@ -20,26 +18,24 @@ from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
 if TYPE_CHECKING:
-    from optics.runtime import Backend
+    from optics.receivers import Receiver
     from optics.system import OpticalSystem
     from optics.tolerancing.perturbation import Floats, Perturbation
-    from optics.tracing import Landing
 
 
 @dataclass(frozen=True, eq=False)
 class PerturbedParts:
-    """Lens, and motions of its front, of source and target in the lens's frame.
+    """Lens and receiver, and the motions of its front and its source.
 
-    source : its motion in the frame of the front.  size : factor on the source's width.
-    height : z of the target plane in its own frame, mm; inf is the far field.
+    source : its motion in the frame of the front.  receiver : in the frame of the lens.
+    size : factor on the source's width.
     """
 
     lens: Lens
     front: Pose
     source: Pose
-    target: Pose
+    receiver: Receiver
     size: float
-    height: float
 
     @classmethod
     def of(cls, system: OpticalSystem, lens: Lens, p: Perturbation) -> PerturbedParts:
@@ -59,7 +55,8 @@ class PerturbedParts:
         front = Pose.at(p.front_shift, p.front_tilt)
         at_front = front.inverse() @ moved @ source
         made = perturbed_lens(system, lens, p)
-        return cls(made, front, at_front, moved @ target, 1 + p.source_size, z)
+        receiver = system.target.receiver.seen_from((moved @ target).inverse())
+        return cls(made, front, at_front, receiver, 1 + p.source_size)
 
     def cells(self, cells: SourceCells) -> SourceCells:
         """Return moved cells.  Parallel ones stay a grid where they only shift, within the front."""
@@ -86,18 +83,6 @@ class PerturbedParts:
         width = np.array([[self.size], [self.size], [1.0]])
         sized = replace(rays, origin=width * rays.origin) if self.size != 1.0 else rays
         return sized.posed(self.source)
-
-    def placed(self, backend: Backend, landing: Landing) -> Landing:
-        """Return a landing in the plane where the target would be, in the frame of the moved target."""
-        if self.target.is_identity:
-            return landing
-        dr = backend.dr
-        forward = dr.sqrt(dr.maximum(1 - landing.p * landing.p - landing.q * landing.q, 0))
-        point, direction = (landing.x, landing.y, self.height), (landing.p, landing.q, forward)
-        there = receiver_at(self.height, self.target).land(
-            point, direction, dr, partial(dr.opaque, backend.Float)
-        )
-        return replace(landing, x=there.u, y=there.v, p=there.p, q=there.q)
 
     def _within(self, s: Floats, t: Floats) -> bool:
         """Whether all of a grid of parallel rays meets the front."""

@@ -173,21 +173,19 @@ class PerturbedLight:
     ) -> Trace:
         """Return what traces rays through perturbed parts.  heights : whose errors of height count."""
         lens, backend = parts.lens, self.backend
+        path = (
+            system.path(lens)
+            .onto(parts.receiver)
+            .with_front_at(parts.front)
+            .with_slope_errors(errors)
+            .with_height_errors(heights.front_error, heights.rear_error)
+        )
 
         def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
-            tracer = Tracer(
-                backend,
-                lens,
-                rays,
-                system.target.z,
-                errors=errors,
-                absorption=system.absorption,
-                heights=(heights.front_error, heights.rear_error),
-                front_motion=None if parts.front.is_identity else parts.front,
-            )
+            tracer = Tracer(backend, path, rays)
             with backend.dr.suspend_grad():
                 _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-                return tracer, parts.placed(backend, landing)
+                return tracer, landing
 
         return trace
 

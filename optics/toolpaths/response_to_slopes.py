@@ -73,7 +73,7 @@ def traced_points(
     errors: SlopeErrors = SMOOTH,
 ) -> tuple[Floats, Floats]:
     """Return (landing points (2, n), flux (n,)) of rays refracted by slopes with errors."""
-    tracer = Tracer(backend, lens, rays, system.target.z, errors=errors, absorption=system.absorption)
+    tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         every = backend.dr.zeros(backend.Float, rays.flux.size)
@@ -89,7 +89,7 @@ def crossings(
     """Return x and y, (n,) each, where rays cross a surface, inside it."""
     if name == "front":
         lens = _with_front_sag(lens)
-    tracer = Tracer(backend, lens, rays, system.target.z, absorption=system.absorption)
+    tracer = Tracer(backend, system.path(lens), rays)
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         meet = tracer.at_front if name == "front" else tracer.at_rear

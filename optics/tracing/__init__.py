@@ -24,18 +24,15 @@ if TYPE_CHECKING:
         LandingPoints as LandingPoints,
         RayTracer as RayTracer,
     )
+    from optics.tracing.light_path import (
+        LightPath as LightPath,
+    )
     from optics.tracing.nonsequential import (
         RayPath as RayPath,
         TargetPlane as TargetPlane,
         seen_branches as seen_branches,
         trace_nonsequential as trace_nonsequential,
         trace_paths as trace_paths,
-    )
-    from optics.tracing.phase_space import (
-        PhaseSpace as PhaseSpace,
-        at_target as at_target,
-        jacobian_determinants as jacobian_determinants,
-        source_points as source_points,
     )
     from optics.tracing.refraction import (
         SMOOTH as SMOOTH,
@@ -73,18 +70,13 @@ _FILES = {
         "LandingPoints",
         "RayTracer",
     ),
+    "light_path": ("LightPath",),
     "nonsequential": (
         "RayPath",
         "TargetPlane",
         "seen_branches",
         "trace_nonsequential",
         "trace_paths",
-    ),
-    "phase_space": (
-        "PhaseSpace",
-        "at_target",
-        "jacobian_determinants",
-        "source_points",
     ),
     "refraction": (
         "SMOOTH",

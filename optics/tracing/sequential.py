@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.receivers import receiver_at
 from optics.sources import RayGrid, Rays, single_rays
 from optics.tracing.fates import SequentialFates
 from optics.tracing.intersections import (
@@ -27,14 +26,15 @@ from optics.tracing.intersections import (
     rim_fade,
 )
 from optics.tracing.landings import Landing
-from optics.tracing.refraction import SMOOTH, SlopeErrors, refract
+from optics.tracing.refraction import refract
 from optics.tracing.searched_intersections import SearchedHits
+from thbcad.poses import Pose
 
 if TYPE_CHECKING:
     from optics.runtime import Backend, DrArray
-    from optics.tracing.intersections import HeightError, Vector
-    from thbcad.lens import FreeformSurface, Lens
-    from thbcad.poses import Pose
+    from optics.tracing.intersections import Vector
+    from optics.tracing.light_path import LightPath
+    from thbcad.lens import FreeformSurface
     from thbcad.splines import KnotVector
 
 
@@ -42,54 +42,32 @@ RAISING_STEPS = 6  # at most: an error of 1 um with slopes of 1e-3 takes one, a 
 
 
 class Tracer:
-    """Rays of one source through a lens whose sags may change.
+    """Rays of one source along a path through a lens whose sags may change.
 
-    lens : Lens.  rays : RayGrid or Rays.  target_z : mm, inf is the far field.
-    soft_rim : fraction of the half-width.  Within it the flux of rays in any direction fades towards the rim
-        of a surface that carries a sag, or lies behind one, so that light over the rim is lost smoothly.
     sure : the first of several meetings with a rough surface is proven, else the ray is undecided, see
         `SearchedHits`.  This costs up to three times the time.
-    fresnel : light is lost by reflection; without it both surfaces let all light through that they refract.
-    errors : of the slopes, by which rays are refracted; the surfaces stay where they are.
-    absorption : a, 1/mm: exp(-a t) of the light is left after the path t from front to rear.
-    heights : errors of the heights of front and rear, see `raised_hits`; traces carry no derivatives then.
-    front_motion : from the frame of the front, in which the rays are given, to that of the rest of the lens;
-        None is no motion.
     """
 
-    def __init__(
-        self,
-        backend: Backend,
-        lens: Lens,
-        rays: RayGrid | Rays,
-        target_z: float,
-        soft_rim: float = 0.0,
-        sure: bool = True,
-        fresnel: bool = True,
-        errors: SlopeErrors = SMOOTH,
-        absorption: float = 0.0,
-        heights: tuple[HeightError | None, HeightError | None] = (None, None),
-        front_motion: Pose | None = None,
-    ) -> None:
-        self._backend, self._lens, self._soft_rim, self._fresnel = backend, lens, soft_rim, fresnel
-        self._heights, self._motion = heights, front_motion
+    def __init__(self, backend: Backend, path: LightPath, rays: RayGrid | Rays, sure: bool = True) -> None:
+        lens, errors = path.lens, path.slope_errors
+        self._backend, self._path, self._lens = backend, path, lens
         dr, Float = backend.dr, backend.Float
         self._emitted = rays.total
         self._missed = rays.missed if isinstance(rays, RayGrid) else 0.0
         self._width = rays.flux.size
         # opaque numbers do not become part of the kernels, which then serve every source and lens
         self._index, self._inverse = dr.opaque(Float, lens.index), dr.opaque(Float, 1 / lens.index)
-        self._receiver = receiver_at(target_z - lens.thickness)  # in the frame of the rear's vertex
+        self._receiver = path.receiver.seen_from(Pose.at((0.0, 0.0, lens.thickness)))  # the rear's vertex
         self._number = cache(partial(dr.opaque, Float))
-        self._absorption = dr.opaque(Float, absorption) if absorption else None
+        self._absorption = dr.opaque(Float, path.absorption) if path.absorption else None
         self._flux = device_flux(backend, rays.flux)
         self._embeddings = [s.sag.space.embedding for s in (lens.front, lens.rear) if s.sag is not None]
         self._rear: KnownHits | SearchedHits
         self._behind: tuple[Hits | None, DeviceRays] | None = None  # of a front that never changes
         knots = _knots(lens.rear)
         self._errors = [e if e is None else [*map(backend.array, e)] for e in (errors.front, errors.rear)]
-        plane = lens.front.is_plane and errors.front is None and heights[0] is None
-        if isinstance(rays, RayGrid) and plane and front_motion is None and knots is not None:
+        plane = lens.front.is_plane and errors.front is None and path.height_errors[0] is None
+        if isinstance(rays, RayGrid) and plane and path.front.is_identity and knots is not None:
             self._rear = KnownHits(backend, rays, lens.rear.conic, lens.rear.half_width, knots)
             self._behind = None, self._parallel(self._rear)
             return
@@ -139,7 +117,7 @@ class Tracer:
 
     def _met(self, surface: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> Hits:
         """Return the Hits of rays with a surface.  surface : 0 is the front, 1 the rear."""
-        hits, error = (self._rear if surface else self._front), self._heights[surface]
+        hits, error = (self._rear if surface else self._front), self._path.height_errors[surface]
 
         def meet(height: DrArray | float) -> Hits:
             if isinstance(hits, KnownHits):
@@ -254,9 +232,8 @@ class Tracer:
         direction, transmittance, _ = self._refracted(rays.direction, self._slopes(hits, 0), self._inverse)
         passing = rays.flux * transmittance * self._rim(hits, self._lens.front)
         flux = dr.select(hits.hit, passing, 0)
-        point: Vector = hits.x, hits.y, hits.z
-        if self._motion is not None:
-            point, direction = self._motion.points(point), self._motion.directions(direction)
+        point: Vector = self._path.front.points((hits.x, hits.y, hits.z))
+        direction = self._path.front.directions(direction)
         return hits, DeviceRays((point[0], point[1], point[2] - self._lens.thickness), direction, flux)
 
     def _landing(self, front: Hits | None, behind: DeviceRays, hits: Hits) -> Landing:
@@ -303,16 +280,16 @@ class Tracer:
     ) -> tuple[Vector, DrArray, DrArray]:
         """Return what `refract` does, all light passing where Fresnel's losses are left out."""
         out, transmittance, passes = refract(self._backend.dr, direction, slope, eta)
-        if not self._fresnel:
+        if not self._path.reflection:
             transmittance = self._backend.dr.select(passes, self._backend.Float(1), 0)
         return out, transmittance, passes
 
     def _rim(self, hits: Hits, surface: FreeformSurface) -> DrArray:
         """Return 1 inside a surface, falling to 0 at its rim, see `rim_fade`."""
         fixed = surface.sag is None and (surface is self._lens.front or self._lens.front.sag is None)
-        if not self._soft_rim or fixed or isinstance(self._rear, KnownHits):
+        if not self._path.soft_rim or fixed or isinstance(self._rear, KnownHits):
             return 1.0
-        return rim_fade(self._backend, (hits.x, hits.y), surface.half_width, self._soft_rim)
+        return rim_fade(self._backend, (hits.x, hits.y), surface.half_width, self._path.soft_rim)
 
 
 def _knots(surface: FreeformSurface) -> tuple[KnotVector, KnotVector] | None:

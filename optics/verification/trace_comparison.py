@@ -56,7 +56,8 @@ def compared(
     other : of Rays, returns where they land and the flux that arrives, zero for rays that do not.
     """
     rays = system.source.rays(counts)
-    _, landing = Tracer(backend, lens, rays, system.target.z).trace([sag.coefficients for sag in lens.sags])
+    clear = system.path(lens).without_absorption()  # which the independent tracers leave out
+    _, landing = Tracer(backend, clear, rays).trace([sag.coefficients for sag in lens.sags])
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
     others, screen = other(single_rays(rays, lens)), system.target.screen()
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far

@@ -10,10 +10,11 @@ import pytest
 from PIL import Image
 
 from optics.problem import load_problem
+from optics.receivers import receiver_at
 from optics.results import ResultFolder, ResultWriter
 from optics.runtime import load_backend
 from optics.sources import collimated_beam
-from optics.tracing import Tracer
+from optics.tracing import LightPath, Tracer
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -212,10 +213,16 @@ def moved_point(text, point, change):
     return text[: found[0].start(2)] + numbers + text[found[0].end(2) :]
 
 
+def tracer_to(backend, lens, rays, target_z, soft_rim=0.0, sure=True, fresnel=True, absorption=0.0):
+    """Return the Tracer of a lens alone, to a plane; inf is the far field."""
+    path = LightPath(lens, receiver_at(target_z), absorption).with_soft_rims(soft_rim)
+    return Tracer(backend, path if fresnel else path.without_reflection(), rays, sure)
+
+
 def traced(backend, lens, source=(9.5, 9.5), rays=(41, 37), target_z=TARGET_Z, target=(20.0, 20.0)):
     """Return (Hits of the rear, Landing, SequentialFates, RayGrid) of a lens in a collimated beam."""
     beam = collimated_beam(source, 1.0, lens.front.half_width, rays)
-    tracer = Tracer(backend, lens, beam, target_z)
+    tracer = tracer_to(backend, lens, beam, target_z)
     hits, landing = tracer.trace(coefficients(lens))
     return hits[-1], landing, tracer.fates(landing, target), beam
 

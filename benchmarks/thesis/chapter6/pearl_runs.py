@@ -115,7 +115,7 @@ def _lost(lens: Lens, found: Measurement) -> Found:
     )
     system = OpticalSystem(_problem("thesis/pearl", columns))
     rays = system.source.rays((MAPPED, MAPPED))
-    tracer = Tracer(load_backend("double", None), lens, rays, system.target.z)
+    tracer = Tracer(load_backend("double", None), system.path(lens), rays)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     x, y, flux = (a.numpy().reshape(MAPPED, MAPPED) for a in (landing.x, landing.y, landing.flux))
     missed = (np.abs(x) > system.target.settings.half_width[0]) | (

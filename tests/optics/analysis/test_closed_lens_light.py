@@ -128,7 +128,7 @@ def test_the_seed_is_the_problems(tmp_path, backend):
     ids=["lambertian", "point", "collimated", "collimated before a curved front", "far field"],
 )
 def test_light_that_may_meet_edges_before_a_plane_is_followed(tmp_path, changes, follows):
-    assert system_of(tmp_path, changes).path.by_edges is follows
+    assert system_of(tmp_path, changes).by_edges is follows
 
 
 @pytest.mark.slow

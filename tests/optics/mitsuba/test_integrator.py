@@ -18,9 +18,8 @@ from optics.optimisation import Objective
 from optics.problem import load_problem
 from optics.system import OpticalSystem, target_irradiance
 from optics.target import GaussianWindow, Splat, filter_image
-from optics.tracing import Tracer
 from tests.cases import ROOT
-from tests.optics.cases import coefficients, rough, store_result
+from tests.optics.cases import coefficients, rough, store_result, tracer_to
 from thbcad.surfaces import THBSurface
 
 EPS = 2.0**-23  # of float32
@@ -66,9 +65,8 @@ def scene_with(mi, integrator):
 
 def traced(backend, problem, lens):
     """Return the exact tracer with 9 rays per pixel."""
-    return Tracer(
-        backend, lens, OpticalSystem(problem).source.rays([3 * n for n in PIXELS]), problem.target_z
-    )
+    rays = OpticalSystem(problem).source.rays([3 * n for n in PIXELS])
+    return tracer_to(backend, lens, rays, problem.target_z, absorption=problem.lens.absorption)
 
 
 def exact_film(backend, problem, lens):
@@ -86,8 +84,9 @@ def asked_for(problem):
     )
 
 
-def test_the_image_is_that_of_the_exact_tracer_row_by_row(mi, make, backend):
-    problem, lens = make()
+@pytest.mark.parametrize("absorption", [0.0, 0.02])
+def test_the_image_is_that_of_the_exact_tracer_row_by_row(mi, make, backend, absorption):
+    problem, lens = make({"lens.absorption": absorption})
     scene = scene_with(mi, exact_integrator(OpticalSystem(problem), lens))
     image = np.array(mi.render(scene))
     _, landing = traced(backend, problem, lens).trace(coefficients(lens))

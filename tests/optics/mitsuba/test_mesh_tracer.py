@@ -16,8 +16,7 @@ from optics.problem import load_problem
 from optics.sources import Profile, collimated_beam, lambertian_parts
 from optics.system import OpticalSystem
 from optics.target import GaussianWindow, Splat
-from optics.tracing import Tracer
-from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space
+from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space, tracer_to
 
 WINDOW = GaussianWindow(1.0)
 BEAM = collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (65, 63))
@@ -37,7 +36,7 @@ def mi(backend):
 
 def landings(backend, lens, rays, target_z, vertices):
     """Return the landings of the exact tracer and of the meshes."""
-    _, exact = Tracer(backend, lens, rays, target_z).trace(coefficients(lens))
+    _, exact = tracer_to(backend, lens, rays, target_z).trace(coefficients(lens))
     _, mesh = MeshTracer(LensMesh.uniform(lens, vertices), rays, target_z).trace(coefficients(lens))
     return exact, mesh
 
@@ -78,7 +77,7 @@ def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_f
     problem = load_problem(problem_file())
     lens, screen = OpticalSystem(problem).lens, OpticalSystem(problem).target.screen()
     image = mesh_irradiance(OpticalSystem(problem), lens, (129, 129), WINDOW, (129, 129))
-    _, landing = Tracer(
+    _, landing = tracer_to(
         backend, lens, OpticalSystem(problem).source.rays((129, 129)), problem.target_z
     ).trace(coefficients(lens))
     exact = (
@@ -96,7 +95,7 @@ def test_loss_and_gradient_come_near_those_of_the_exact_tracer(backend, problem_
     lens = OpticalSystem(problem).lens
     screen = OpticalSystem(problem).target.screen()
     target = OpticalSystem(problem).target.irradiance(screen, problem.source.flux)
-    tracer = Tracer(backend, lens, OpticalSystem(problem).source.rays((97, 97)), problem.target_z)
+    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((97, 97)), problem.target_z)
     objective = Objective(TracedModel(backend, tracer, screen, WINDOW), target, 0.0)
     at = [rough(sag.space, 0.02, k) for k, sag in enumerate(lens.sags)]
     exact = objective(at)

@@ -16,8 +16,8 @@ from optics.runtime import UserError
 from optics.sources import Rays, single_rays
 from optics.system import OpticalSystem
 from optics.target import PixelWindow, Splat
-from optics.tracing import TargetPlane, Tracer, trace_nonsequential
-from tests.optics.cases import coefficients, picture, rough
+from optics.tracing import TargetPlane, trace_nonsequential
+from tests.optics.cases import coefficients, picture, rough, tracer_to
 from thbcad.surfaces import THBSurface
 
 SAMPLES = 1 << 17
@@ -109,7 +109,7 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
         mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (65, 65))), spp=256
     )
     screen = OpticalSystem(problem).target.screen()
-    _, landing = Tracer(
+    _, landing = tracer_to(
         backend, lens, OpticalSystem(problem).source.rays((301, 301)), problem.target_z
     ).trace(coefficients(lens))
     exact = (

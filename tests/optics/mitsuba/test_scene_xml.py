@@ -18,8 +18,7 @@ from optics.mitsuba.scene_xml import irradiance_of_one, scene_checks, scene_file
 from optics.problem import load_problem
 from optics.system import OpticalSystem
 from optics.target import PixelWindow, Splat
-from optics.tracing import Tracer
-from tests.optics.cases import coefficients, picture, rough
+from tests.optics.cases import coefficients, picture, rough, tracer_to
 from thbcad.surfaces import THBSurface
 
 RENDER = """
@@ -113,7 +112,7 @@ def test_a_process_that_knows_mitsuba_alone_sees_our_light(make, backend, tmp_pa
     subprocess.run([sys.executable, "-c", RENDER, str(out), "256", str(image)], check=True)
     seen = irradiance_of_one(system) * np.load(image)[:, ::-1, 0]
     screen = system.target.screen()
-    _, landing = Tracer(backend, lens, system.source.rays((301, 301)), system.target.z).trace(
+    _, landing = tracer_to(backend, lens, system.source.rays((301, 301)), system.target.z).trace(
         coefficients(lens)
     )
     exact = Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)

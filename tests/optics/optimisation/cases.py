@@ -14,8 +14,7 @@ from optics.problem import load_problem
 from optics.sources import Profile, collimated_beam, lambertian_parts
 from optics.system import OpticalSystem
 from optics.target import BSplineWindow, Screen
-from optics.tracing import Tracer
-from tests.optics.cases import TARGET_Z, hollow_lens, picture, rough, small_lens, write_problem
+from tests.optics.cases import TARGET_Z, hollow_lens, picture, rough, small_lens, tracer_to, write_problem
 from thbcad.sags import Conic
 
 FLAT = {"optimizer.start": "flat"}
@@ -67,7 +66,7 @@ def asked_for(screen=SCREEN):
 
 def make_tracer(backend, front, space, rays=85, source=(9.5, 9.5)):
     beam = collimated_beam(source, 1.0, (10.0, 10.0), (rays, rays))
-    return Tracer(backend, small_lens(front, SPHEROID, space=space), beam, TARGET_Z)
+    return tracer_to(backend, small_lens(front, SPHEROID, space=space), beam, TARGET_Z)
 
 
 def make_objective(backend, front, space, window=CUBIC, **options):

@@ -13,6 +13,7 @@ import os
 import numpy as np
 
 from optics.engines import TracedModel
+from tests.optics.cases import tracer_to
 
 PAGE = mmap.PAGESIZE
 SET_HANDLER = 304  # PyDataMem_SetHandler in numpy's table of C functions
@@ -104,7 +105,6 @@ def main():
     surfaces before a glowing area."""
     from optics.optimisation import Objective
     from optics.runtime import load_backend
-    from optics.tracing import Tracer
     from tests.optics.cases import PLANE, coefficients, small_space
     from tests.optics.optimisation.cases import ANGLES, BOTH, CUBIC, GLOWING, asked_for, make_objective
     from thbcad.sags import Conic
@@ -120,7 +120,9 @@ def main():
         for front in (PLANE, Conic(60.0))
     ]
     far = Objective(
-        TracedModel(backend, Tracer(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC), asked_for(ANGLES), 100.0
+        TracedModel(backend, tracer_to(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC),
+        asked_for(ANGLES),
+        100.0,
     )
     for objective, at, knots in [*cases, (far, coefficients(BOTH), hollow)]:
         found = objective(at)

@@ -14,8 +14,7 @@ from optics.optimisation.bounded_variables import LEAST, BoundedVariables
 from optics.optimisation.objective import Objective
 from optics.sources import Profile, collimated_beam, lambertian_parts
 from optics.target import BSplineWindow, Screen, Splat, filter_image
-from optics.tracing import Tracer
-from tests.optics.cases import coefficients, hollow_lens, picture, rough, small_lens, small_space
+from tests.optics.cases import coefficients, hollow_lens, picture, rough, small_lens, small_space, tracer_to
 from tests.optics.optimisation.cases import run
 from thbcad.sags import Conic
 
@@ -39,7 +38,7 @@ def case(backend, kind):
     screen = Screen((half, half), (14, 12), 2)
     target = picture(12, 14).astype(float)
     target *= 0.8 / (target.sum() * screen.pixel_area)
-    tracer = Tracer(backend, lens, rays, target_z, 0.05)
+    tracer = tracer_to(backend, lens, rays, target_z, 0.05)
     splat, norm, at = (
         Splat(backend, screen, WINDOW),
         np.linalg.norm(filter_image(screen.pad(target), WINDOW)),

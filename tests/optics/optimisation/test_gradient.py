@@ -12,9 +12,8 @@ from optics.engines import TracedModel
 from optics.optimisation.objective import Objective
 from optics.sources import Profile, collimated_beam, lambertian_parts, point_rays
 from optics.target import BSplineWindow, GaussianWindow, Screen, filter_image
-from optics.tracing import Tracer
 from oracles.light_formulas import brute_irradiance
-from tests.optics.cases import PLANE, TARGET_Z, coefficients, rough, small_lens, small_space
+from tests.optics.cases import PLANE, TARGET_Z, coefficients, rough, small_lens, small_space, tracer_to
 from tests.optics.optimisation.cases import (
     ANGLES,
     BOTH,
@@ -120,7 +119,7 @@ CASES = {
 def test_gradient_of_every_source_surface_and_target(backend, lens, rays, target_z, screen):
     """Every ray passes both surfaces within their rims, so that the loss is smooth: differences err as
     above."""
-    tracer = Tracer(backend, lens, rays, target_z)
+    tracer = tracer_to(backend, lens, rays, target_z)
     spaces = [sag.space for sag in lens.sags]
     hits, landing = tracer.trace(coefficients(lens))
     assert all(h.hit.numpy().all() for h in hits)
@@ -143,7 +142,7 @@ def test_gradient_where_a_glowing_area_lights_rims_and_beside_the_target(backend
     Rays at a rim come and go with the surface; none does so within 1e-8 mm.
     """
     rays = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 90.0, Profile(), 1 << 12, 0, 1 << 40))
-    tracer = Tracer(backend, lens, rays, target_z)
+    tracer = tracer_to(backend, lens, rays, target_z)
     hits, _ = tracer.trace(coefficients(lens))
     assert not hits[-1].hit.numpy().all()
     screen = ANGLES if np.isinf(target_z) else WIDE
@@ -159,7 +158,7 @@ def test_gradient_where_a_glowing_area_lights_rims_and_beside_the_target(backend
 def test_vertex_gradients_of_both_surfaces(backend):
     """One number per vertex and surface, front first; with signs, hats and the sag's own functions sum to the
     same lift of a surface."""
-    tracer = Tracer(backend, BOTH, GLOWING, 1005.0)
+    tracer = tracer_to(backend, BOTH, GLOWING, 1005.0)
     objective = Objective(TracedModel(backend, tracer, WIDE, CUBIC), asked_for(WIDE), 100.0)
     knots = [
         tuple(KnotVector.uniform(1, n, -h, h) for n in counts) for counts, h in (((6, 7), 5.0), ((4, 9), 8.0))
@@ -210,7 +209,7 @@ def test_the_loss_does_not_jump_where_a_ray_leaves_the_margin(backend):
     step."""
     space = THBSpace(*[KnotVector.uniform(3, 1, -10.0, 10.0)] * 2)
     beam = collimated_beam((0.5, 0.5), 1.0, (10.0, 10.0), (2, 1))
-    tracer = Tracer(backend, small_lens(rear=PLANE, space=space), beam, TARGET_Z)
+    tracer = tracer_to(backend, small_lens(rear=PLANE, space=space), beam, TARGET_Z)
     objective = Objective(TracedModel(backend, tracer, SCREEN, BSplineWindow(3)), asked_for(), 0.0)
     tilt = np.repeat(space.kv_u.greville()[:, None], space.kv_v.dim, axis=1).ravel()
     losses = np.array(
@@ -271,7 +270,7 @@ def test_vertex_gradients_are_the_change_of_the_loss_by_one_bilinear_hat(backend
     bilinear, lens = THBSpace(*vertices), small_lens(front, SPHEROID)
     creased = lens.rear.with_sag(THBSurface(bilinear, np.zeros(bilinear.dim)))
     shaped = SimpleNamespace(front=lens.front, rear=creased, thickness=lens.thickness, index=lens.index)
-    tracer = Tracer(backend, shaped, collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (41, 41)), TARGET_Z)
+    tracer = tracer_to(backend, shaped, collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (41, 41)), TARGET_Z)
     objective = of_vector(
         Objective(TracedModel(backend, tracer, SCREEN, CUBIC), asked_for(), 100.0), bilinear
     )

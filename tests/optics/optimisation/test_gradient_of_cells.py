@@ -13,8 +13,7 @@ from optics.problem import Limits
 from optics.shape import shape_penalty
 from optics.sources import Profile, beam_cells, cone_cells
 from optics.target import MappedCells, Screen
-from optics.tracing import Tracer
-from tests.optics.cases import PLANE, TARGET_Z, coefficients, rough, small_lens, small_space
+from tests.optics.cases import PLANE, TARGET_Z, coefficients, rough, small_lens, small_space, tracer_to
 from tests.optics.optimisation.cases import ANGLES, BOTH, REAR, SCREEN, SPHEROID, WIDE, asked_for
 from thbcad.hierarchy import THBSpace
 from thbcad.sags import Conic
@@ -54,7 +53,7 @@ def made_objective(backend, case, charges):
     lens, cells, target_z, screen = case
     lost, dark, shaped = charges
     rays = cells.rays()
-    tracer = Tracer(backend, lens, rays, target_z, 0.02, sure=False)
+    tracer = tracer_to(backend, lens, rays, target_z, 0.02, sure=False)
     target = asked_for(screen)
     target[: screen.shape[0] // 4] = 0.0  # what is dark there is charged
     shape = shape_penalty(lens, Limits(radius=20.0, thickness=1.0), roughness=0.1) if shaped else None

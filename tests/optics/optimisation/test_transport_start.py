@@ -10,8 +10,16 @@ from optics.analysis import measure
 from optics.optimisation.transport_start import TransportStart
 from optics.problem import load_problem
 from optics.system import OpticalSystem
-from optics.tracing import Tracer
-from tests.optics.cases import coefficients, mesh, picture, rough, small_space, traced, write_problem
+from tests.optics.cases import (
+    coefficients,
+    mesh,
+    picture,
+    rough,
+    small_space,
+    traced,
+    tracer_to,
+    write_problem,
+)
 from thbcad.fitting import fit_slopes
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
@@ -88,7 +96,7 @@ def test_light_that_is_not_even_is_spread_evenly(tmp_path, backend, kind, pixels
     lens = OpticalSystem(problem).lens
     space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
     lens = lens.with_sags([TransportStart(OpticalSystem(problem), backend).fit(space).sag])
-    tracer = Tracer(backend, lens, OpticalSystem(problem).source.rays((121, 119)), problem.target_z)
+    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((121, 119)), problem.target_z)
     _, landing = tracer.trace(coefficients(lens))
     flux = landing.flux.numpy()
     for a in (landing.x.numpy(), landing.y.numpy()):

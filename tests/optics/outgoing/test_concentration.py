@@ -14,8 +14,7 @@ from optics.outgoing import Concentration, concentration_sentence, fire_warning,
 from optics.problem import load_problem
 from optics.runtime import UserError, load_backend
 from optics.system import OpticalSystem
-from optics.tracing import Tracer
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import rough, tracer_to, write_problem
 
 FOCUS = 400.0  # mm, of the rear -R / (n - 1), K = -n^2, which images parallel light to a point
 BURNING = {"lens.rear.radius": -200.0, "lens.rear.conic": -2.25, "target.distance": 480.0}
@@ -111,7 +110,7 @@ def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
     each = rays.total / rays.flux.size
     best = 0.0
     for behind in (found.behind, *rng.uniform(1.5, found.searched, 2)):
-        tracer = Tracer(backend, lens, rays, lens.thickness + behind, fresnel=False)
+        tracer = tracer_to(backend, lens, rays, lens.thickness + behind, fresnel=False)
         with backend.dr.suspend_grad():
             _, landing = tracer.trace([lens.sags[-1].coefficients])
         points = np.stack([landing.x.numpy(), landing.y.numpy()], axis=1)[landing.flux.numpy() > 0]

@@ -17,9 +17,8 @@ from optics.prediction.sensitivity import sensitivity
 from optics.problem import load_problem
 from optics.sources import single_rays
 from optics.system import OpticalSystem
-from optics.tracing import Tracer
 from tests.cases import EXAMPLES, ROOT
-from tests.optics.cases import landing_points
+from tests.optics.cases import landing_points, tracer_to
 from tests.optics.optimisation.cases import loaded, run
 
 WIDE = {"lens.rear.freeform.z_freedom": 5.0}
@@ -50,7 +49,9 @@ def started(folder, backend, changes):
 
 
 def landed(backend, lens, rays, system):
-    return landing_points(Tracer(backend, lens, rays, system.target.z).trace([lens.rear.sag.coefficients])[1])
+    return landing_points(
+        tracer_to(backend, lens, rays, system.target.z).trace([lens.rear.sag.coefficients])[1]
+    )
 
 
 def test_the_shift_by_index_is_that_of_traced_rays(tmp_path, backend):

@@ -9,7 +9,7 @@ from optics.analysis import measure
 from optics.problem import load_problem
 from optics.sources import Rays, point_rays
 from optics.system import OpticalSystem
-from optics.tracing import FATES, TargetPlane, Tracer, flux_by_fate, trace_nonsequential
+from optics.tracing import FATES, TargetPlane, flux_by_fate, trace_nonsequential
 from tests.optics.cases import (
     PARABOLOID,
     PLANE,
@@ -19,6 +19,7 @@ from tests.optics.cases import (
     small_lens,
     small_space,
     traced,
+    tracer_to,
     write_problem,
 )
 from thbcad.lens import FreeformSurface, Lens
@@ -38,7 +39,7 @@ def refracted(direction, normal, eta):
 
 def test_a_plane_window_passes_exp_minus_a_t(backend):
     lit, dimmed = (
-        Tracer(backend, WINDOW, traced(backend, WINDOW)[3], TARGET_Z, absorption=a) for a in (0.0, A)
+        tracer_to(backend, WINDOW, traced(backend, WINDOW)[3], TARGET_Z, absorption=a) for a in (0.0, A)
     )
     fates = []
     for tracer in (lit, dimmed):
@@ -54,9 +55,9 @@ def test_a_plane_window_passes_exp_minus_a_t(backend):
 def test_oblique_rays_take_a_longer_path(backend):
     """A point before a plane window, by numpy."""
     rays = point_rays(**POINT, counts=(31, 31))
-    tracer = Tracer(backend, WINDOW, rays, TARGET_Z, absorption=A)
+    tracer = tracer_to(backend, WINDOW, rays, TARGET_Z, absorption=A)
     _, landing = tracer.trace(coefficients(WINDOW))
-    _, clear = Tracer(backend, WINDOW, rays, TARGET_Z).trace(coefficients(WINDOW))
+    _, clear = tracer_to(backend, WINDOW, rays, TARGET_Z).trace(coefficients(WINDOW))
     inside = refracted(rays.direction, np.array([[0.0], [0.0], [1.0]]), 1 / 1.5)
     path = WINDOW.thickness / inside[2]
     assert landing.flux.numpy() == pytest.approx(clear.flux.numpy() * np.exp(-A * path), rel=1e-12)
@@ -66,8 +67,8 @@ def test_behind_a_curved_rear_the_path_is_that_of_the_ray(backend):
     """Parallel light behind a plane front: t = thickness + z(x, y)."""
     lens = small_lens(sag=rough(small_space()))
     beam = traced(backend, lens)[3]
-    _, landing = Tracer(backend, lens, beam, TARGET_Z, absorption=A).trace(coefficients(lens))
-    _, clear = Tracer(backend, lens, beam, TARGET_Z).trace(coefficients(lens))
+    _, landing = tracer_to(backend, lens, beam, TARGET_Z, absorption=A).trace(coefficients(lens))
+    _, clear = tracer_to(backend, lens, beam, TARGET_Z).trace(coefficients(lens))
     x, y = np.meshgrid(beam.x, beam.y, indexing="ij")
     wanted = clear.flux.numpy() * np.exp(-A * (6.0 + lens.rear(x.ravel(), y.ravel())))
     assert landing.flux.numpy() == pytest.approx(wanted, rel=1e-12)
@@ -77,7 +78,7 @@ def test_behind_a_curved_rear_the_path_is_that_of_the_ray(backend):
 def test_no_absorption_is_what_there_was_before_bit_for_bit(backend, front):
     lens = small_lens(front=front, sag=rough(small_space()))
     beam = traced(backend, lens)[3]
-    none, zero = (Tracer(backend, lens, beam, TARGET_Z, **a) for a in ({}, {"absorption": 0.0}))
+    none, zero = (tracer_to(backend, lens, beam, TARGET_Z, **a) for a in ({}, {"absorption": 0.0}))
     landings = [tracer.trace(coefficients(lens))[1] for tracer in (none, zero)]
     assert landings[0].flux.numpy().tobytes() == landings[1].flux.numpy().tobytes()
     assert "absorbed" not in flux_by_fate(none.fates(landings[0], (20.0, 20.0)))
@@ -102,7 +103,7 @@ def test_the_gradient_counts_absorbed_light(backend, name):
     make, light = CASES[name]
     lens = make()
     rays = light(lens) or traced(backend, lens)[3]
-    tracer = Tracer(backend, lens, rays, TARGET_Z, fresnel=False, absorption=A)
+    tracer = tracer_to(backend, lens, rays, TARGET_Z, fresnel=False, absorption=A)
     dr = backend.dr
 
     def flux(nets):

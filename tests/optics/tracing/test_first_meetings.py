@@ -7,14 +7,13 @@ import pytest
 
 from optics.runtime import load_backend
 from optics.sources import Rays
-from optics.tracing import Tracer
 from optics.tracing.branches import FRONT, UNDECIDED, Branches, ClosedLens
 from optics.tracing.proven_steps import FINEST, ROOM, _finest_bounds
 from oracles.exact_meetings import ExactGraph
 from oracles.exact_rays import Quadric
 from oracles.first_meetings import BEHIND, MEETS, MISSES, first_meetings
 from oracles.rough_fronts import SAME, SOURCES, disagreeing, judge, rough_front
-from tests.optics.cases import coefficients
+from tests.optics.cases import coefficients, tracer_to
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 
 REAR = FreeformSurface((50.0, 50.0))
@@ -95,7 +94,7 @@ def touching(gap):
 @pytest.mark.parametrize(("gap", "fate"), [(1e-9, "beside_lens"), (0.0, "unresolved"), (-1e-9, "on_target")])
 def test_a_ray_that_touches_the_surface_within_rounding_is_undecided(backend, gap, fate):
     lens = Lens(BOWL.surface(), REAR, 50.0, 1.5)
-    tracer = Tracer(backend, lens, Rays(*touching(gap), np.ones(1)), 200.0)
+    tracer = tracer_to(backend, lens, Rays(*touching(gap), np.ones(1)), 200.0)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace(coefficients(lens))
     counts = tracer.counts(landing, (1e9, 1e9))
@@ -117,7 +116,7 @@ def test_a_ray_that_comes_over_the_rim_above_the_surface_misses_it(backend):
     assert not above[0]
     assert above.any()
     lens = Lens(front, REAR, 50.0, 1.5)
-    tracer = Tracer(backend, lens, Rays(origin, direction, np.ones(1)), 200.0)
+    tracer = tracer_to(backend, lens, Rays(origin, direction, np.ones(1)), 200.0)
     _, landing = tracer.trace(coefficients(lens))
     assert tracer.counts(landing, (1e9, 1e9))["beside_lens"] == 1
 

@@ -9,7 +9,6 @@ from optics.runtime import load_backend
 from optics.sources import Profile, collimated_beam, single_rays
 from optics.tracing.intersections import KnownHits
 from optics.tracing.searched_intersections import SearchedHits
-from optics.tracing.sequential import Tracer
 from oracles.light_formulas import fresnel, meridional
 from tests.optics.cases import (
     PLANE,
@@ -21,6 +20,7 @@ from tests.optics.cases import (
     small_lens,
     small_space,
     traced,
+    tracer_to,
 )
 from tests.optics.tracing.cases import INDEX, step_trace
 from thbcad.lens import FreeformSurface, Lens
@@ -107,8 +107,8 @@ def test_searched_and_known_hits_agree_on_a_nearly_flat_front(backend, radius):
     assert np.abs(landing_points(known[1]) - landing_points(searched[1])).max() < bound
     assert np.abs(known[0].z.numpy() - searched[0].z.numpy()).max() < bound
     assert searched[2].transmitted == pytest.approx(known[2].transmitted, rel=bound)
-    assert isinstance(Tracer(backend, small_lens(), known[3], TARGET_Z)._rear, KnownHits)
-    assert isinstance(Tracer(backend, small_lens(Conic(radius)), known[3], TARGET_Z)._rear, SearchedHits)
+    assert isinstance(tracer_to(backend, small_lens(), known[3], TARGET_Z)._rear, KnownHits)
+    assert isinstance(tracer_to(backend, small_lens(Conic(radius)), known[3], TARGET_Z)._rear, SearchedHits)
 
 
 def test_searched_points_lie_on_ray_and_surface(backend):
@@ -197,7 +197,7 @@ def test_rays_of_a_profile_keep_their_own_flux(backend, front):
     landings = []
     for chosen in (Profile(), profile):
         beam = collimated_beam((9.5, 9.5), 2.0, (10.0, 10.0), rays, profile=chosen)
-        tracer = Tracer(backend, lens, beam, TARGET_Z)
+        tracer = tracer_to(backend, lens, beam, TARGET_Z)
         _, landing = tracer.trace(coefficients(lens))
         budget = tracer.fates(landing, (20.0, 20.0))
         assert sum(vars(budget).values()) == pytest.approx(2.0, rel=1e-13)

@@ -8,9 +8,16 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from optics.sources import Profile, collimated_beam, lambertian_parts, point_rays, single_rays
-from optics.tracing.sequential import Tracer
 from oracles.light_formulas import fresnel, meridional
-from tests.optics.cases import coefficients, hollow_lens, landing_points, rough, small_lens, small_space
+from tests.optics.cases import (
+    coefficients,
+    hollow_lens,
+    landing_points,
+    rough,
+    small_lens,
+    small_space,
+    tracer_to,
+)
 from tests.optics.tracing.cases import step_trace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -43,7 +50,7 @@ def rough_by(height, seed=5):
 
 def traced(backend, lens, rays, target_z=TARGET_Z, target=(2000.0, 2000.0)):
     """Return (Landing, SequentialFates, Hits of the free surfaces)."""
-    tracer = Tracer(backend, lens, rays, target_z)
+    tracer = tracer_to(backend, lens, rays, target_z)
     hits, landing = tracer.trace(coefficients(lens))
     return landing, tracer.fates(landing, target), hits
 
@@ -325,7 +332,7 @@ def test_a_soft_rim_fades_the_light_of_free_surfaces_and_nothing_else(backend, l
     points stay."""
     rays, share = glowing(1 << 11), 0.1
     hard, _, hits = traced(backend, lens, rays)
-    _, soft = Tracer(backend, lens, rays, TARGET_Z, share).trace(coefficients(lens))
+    _, soft = tracer_to(backend, lens, rays, TARGET_Z, share).trace(coefficients(lens))
     fade = np.ones(1 << 11)
     for at, half in zip(hits[::-1], (8.0, 5.0)):  # the rear first
         for a in (at.x.numpy(), at.y.numpy()):
@@ -343,8 +350,8 @@ def test_a_soft_rim_fades_the_light_of_a_rear_behind_a_free_front(backend):
     lens = LENSES["both"]
     lens = lens.with_rear(FreeformSurface(lens.rear.half_width, lens.rear.conic))
     rays, share = glowing(1 << 11), 0.1
-    _, hard = Tracer(backend, lens, rays, TARGET_Z).trace(coefficients(lens))
-    tracer = Tracer(backend, lens, rays, TARGET_Z, share)
+    _, hard = tracer_to(backend, lens, rays, TARGET_Z).trace(coefficients(lens))
+    tracer = tracer_to(backend, lens, rays, TARGET_Z, share)
     _, soft = tracer.trace(coefficients(lens))
     hits, _, _ = tracer.at_rear(coefficients(lens))
     front, _, _ = tracer.at_front(coefficients(lens))

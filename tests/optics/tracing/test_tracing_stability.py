@@ -13,12 +13,11 @@ from optics.runtime import load_backend
 from optics.sources import Profile, Rays, collimated_beam, lambertian_parts
 from optics.target import BSplineWindow, Screen
 from optics.tracing.refraction import refract
-from optics.tracing.sequential import Tracer
 from optics.verification import trace_step
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
 from oracles.tracing_accuracy import LIMIT, cases, measure
 from tests.cases import slow_unless
-from tests.optics.cases import coefficients, hollow_lens, rough
+from tests.optics.cases import coefficients, hollow_lens, rough, tracer_to
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, read_step, write_step
 
 CASES = {case.name: case for case in cases()}
@@ -102,7 +101,7 @@ def rough_300(seed):
 
 def landing(backend, lens, rays, target_z):
     """Return (x, y, flux, found) of the rays, (n,) each."""
-    _, end = Tracer(backend, lens, rays, target_z).trace(coefficients(lens))
+    _, end = tracer_to(backend, lens, rays, target_z).trace(coefficients(lens))
     return [a.numpy() for a in (end.x, end.y, end.flux, end.found)]
 
 
@@ -153,7 +152,7 @@ def test_every_ray_is_decided_whatever_z_freedom_allows(backend, height):
     """From sags far below the resolution to a rear that nearly meets the front, rays up to 89.9 degrees."""
     lens = hollow_lens(lambda space: rough(space, height), lambda space: rough(space, height, 6), (6, 6))
     rays = next(lambertian_parts((0.5, 0.5), 1.5, 1.0, 89.9, Profile(), 1 << 12, 3, 1 << 12))
-    tracer = Tracer(backend, lens, rays, 1000.0)
+    tracer = tracer_to(backend, lens, rays, 1000.0)
     hits, end = tracer.trace(coefficients(lens))
     counts = tracer.counts(end, (1e9, 1e9))
     assert counts["unresolved"] == 0
@@ -179,7 +178,7 @@ def test_parallel_rays_beside_the_rear_leave_numbers(backend, free_front):
         surfaces.append(FreeformSurface((half, half), conic, THBSurface(space, np.zeros(space.dim))))
     front = surfaces[0] if free_front else FreeformSurface((10.0, 10.0))
     lens = Lens(front, surfaces[1], 6.0, 1.5)
-    tracer = Tracer(backend, lens, collimated_beam((9.5, 9.5), 1.0, (10, 10), (33, 33)), 66.0)
+    tracer = tracer_to(backend, lens, collimated_beam((9.5, 9.5), 1.0, (10, 10), (33, 33)), 66.0)
     model = TracedModel(backend, tracer, Screen((20, 20), (24, 24), 4), BSplineWindow(3))
     objective = Objective(model, np.ones((24, 24)) / 1600, 100.0)
     found = objective(coefficients(lens))
@@ -203,7 +202,7 @@ def test_rays_that_are_no_numbers_are_counted_as_unresolved(backend):
     lens = hollow_lens(lambda space: rough(space, 0.1))
     origin = np.array([[0.0, 0.0, -2.0]] * 4).T
     direction = np.array([[0.0, 0.0, 1.0], [np.nan, 0.0, 1.0], [0.0, 0.0, np.nan], [0.0, np.nan, 1.0]]).T
-    tracer = Tracer(backend, lens, Rays(origin, direction, np.ones(4)), 1000.0)
+    tracer = tracer_to(backend, lens, Rays(origin, direction, np.ones(4)), 1000.0)
     _, end = tracer.trace(coefficients(lens))
     assert tracer.counts(end, (2000.0, 2000.0))["unresolved"] == 3
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from optics.sources import Rays
-from optics.tracing import SearchedHits, Tracer
+from optics.tracing import SearchedHits
 from optics.verification.reference_tracer import ParametricFace, _intersect, trace_step
 from oracles.light_formulas import refracted_vector
-from tests.optics.cases import coefficients, grazing_rays, landing_points
+from tests.optics.cases import coefficients, grazing_rays, landing_points, tracer_to
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, placed_surfaces
 from thbcad.sags import Conic
@@ -180,7 +180,7 @@ def test_the_whole_trace_lands_where_the_first_meeting_sends_the_light(backend, 
     assert (reference.flux[chosen] > 0).all()
     # 1e-11 of the angle, by a slope of at most 1 / 0.05 and the cosine 0.05 of the direction out
     np.testing.assert_allclose(reference.points[chosen], expected, rtol=0, atol=1e-6)
-    tracer = Tracer(backend, lens, Rays(origin.T, direction.T, np.ones(len(origin))), TARGET_Z)
+    tracer = tracer_to(backend, lens, Rays(origin.T, direction.T, np.ones(len(origin))), TARGET_Z)
     landing = tracer.trace(coefficients(lens))[1]
     np.testing.assert_allclose(landing_points(landing)[chosen], expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(landing.flux.numpy()[chosen], reference.flux[chosen], rtol=1e-8)

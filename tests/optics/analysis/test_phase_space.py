@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from optics.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.sources import point_rays
-from optics.tracing.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
 from thbcad.lens import FreeformSurface, Lens
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optics.receivers import receiver_at
 from optics.sources import Rays
-from optics.tracing.sequential import Tracer
+from optics.tracing import LightPath, Tracer
 
 if TYPE_CHECKING:
     from optics.runtime import Backend
@@ -57,7 +58,7 @@ def at_target(
 
     points : (4, n) in the plane z = source_z.  flux : W of each ray.
     """
-    tracer = Tracer(backend, lens, _rays(points, source_z, flux), target_z)
+    tracer = Tracer(backend, LightPath(lens, receiver_at(target_z), 0.0), _rays(points, source_z, flux))
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
         found = [landing.x, landing.y, landing.p, landing.q, landing.flux]
