@@ -18,6 +18,7 @@ from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
 
+DEVICE = "llvm"  # of Dr.Jit's: what computes
 LEAST_ROOM = 320 << 20  # bytes of addresses, which LLVM needs; Dr.Jit ends the process where it finds less
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
@@ -45,21 +46,25 @@ class Backend:
     resolution: float
 
     @property
+    def types(self) -> ModuleType:
+        """The array types of the device, with derivatives."""
+        types: ModuleType = getattr(self.dr, DEVICE).ad
+        return types
+
+    @property
     def Packet(self) -> type[DrArray]:
         """Array type of four numbers side by side in memory, which are read, written or added to together."""
-        types = self.dr.llvm.ad
-        return types.Array4f64 if self.dtype is np.float64 else types.Array4f
+        return self.types.Array4f64 if self.dtype is np.float64 else self.types.Array4f
 
     @property
     def Pair(self) -> type[DrArray]:
         """Array type of two numbers side by side in memory."""
-        types = self.dr.llvm.ad
-        return types.Array2f64 if self.dtype is np.float64 else types.Array2f
+        return self.types.Array2f64 if self.dtype is np.float64 else self.types.Array2f
 
     def doubled(self) -> Backend:
         """Return the same backend with numbers of double precision."""
         _, dtype, resolution = PRECISIONS["double"]
-        return replace(self, Float=self.dr.llvm.ad.Float64, dtype=dtype, resolution=resolution)
+        return replace(self, Float=self.types.Float64, dtype=dtype, resolution=resolution)
 
     def array(self, values: ArrayLike) -> DrArray:
         """Return numbers as a flat Dr.Jit array.
@@ -98,7 +103,7 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     drjit = loaded("drjit")
     if not drjit.has_backend(drjit.JitBackend.LLVM):  # Dr.Jit says of any failure that there is no library
         require_loadable(library)
-    types = import_module("drjit.llvm.ad")
+    types = import_module(f"drjit.{DEVICE}.ad")
     if threads is not None:
         drjit.set_thread_count(threads or _cores())
     name, dtype, resolution = PRECISIONS[precision]

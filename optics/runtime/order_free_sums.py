@@ -32,7 +32,7 @@ class OrderFreeSums:
     """
 
     def __init__(self, backend: Backend, size: int, most: float) -> None:
-        self._dr, self._Float, self._types = backend.dr, backend.Float, backend.dr.llvm.ad
+        self._dr, self._Float, self._types = backend.dr, backend.Float, backend.types
         self.whole = self._dr.zeros(self._types.Int64, size)
         exponent = max(frexp(most)[1] - DIGITS, LEAST_EXPONENT)
         self.quantum = ldexp(1.0, exponent) if isfinite(most) else nan
