@@ -46,7 +46,7 @@ def system_of(run):
         ),
         freeforms=tuple(free.values()),
         source=SimpleNamespace(extended=size["extended"]),
-        path=SimpleNamespace(by_edges=size["by_edges"]),
+        by_edges=size["by_edges"],
         blurred=size["blurred"],
     )
 
