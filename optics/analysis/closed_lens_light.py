@@ -82,7 +82,7 @@ def _replicate(
     )
     tracer = Tracer(backend, system.path(lens), rays)
     with backend.dr.suspend_grad():
-        _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+        _, landing = tracer.trace()
         direct = tracer.fates(landing, screen.half_width)
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
     through = np.isin(every.fate, THROUGH)

@@ -47,7 +47,7 @@ def sequential(
     for part in system.source.parts((rays, rays), None, RAYS_AT_ONCE):
         tracer = Tracer(backend, system.path(lens), part)
         with backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+            _, landing = tracer.trace()
             image = image + splat(landing.x, landing.y, landing.flux).numpy()
             fates.append(tracer.fates(landing, screen.half_width))
             counts.append(tracer.counts(landing, screen.half_width))

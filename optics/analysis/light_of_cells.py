@@ -110,7 +110,7 @@ def cell_irradiance(
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
         tracer = Tracer(backend, path, rays)
         with backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+            _, landing = tracer.trace()
         return tracer, landing
 
     return traced_cells(trace, screen, cells, backend)

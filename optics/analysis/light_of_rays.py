@@ -75,7 +75,7 @@ def _trace(
         errors = SlopeErrors(front, rear)
         tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), part)
         with backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+            _, landing = tracer.trace()
             image = image + splat(landing.x, landing.y, landing.flux)
             fates.append(tracer.fates(landing, screen.half_width))
     return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)

@@ -116,7 +116,7 @@ def _shift(system: OpticalSystem, lens: Lens, ends: tuple[float, float], backend
     for nm in ends:
         tracer = Tracer(backend, system.path(replace(lens, index=system.index_at(nm))), rays)
         with backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+            _, landing = tracer.trace()
         landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
     blue, red = landings
     flux = np.where((blue[2] > 0) & (red[2] > 0), blue[2], 0.0)

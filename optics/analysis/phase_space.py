@@ -60,7 +60,7 @@ def at_target(
     """
     tracer = Tracer(backend, LightPath(lens, receiver_at(target_z), 0.0), _rays(points, source_z, flux))
     with backend.dr.suspend_grad():
-        _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+        _, landing = tracer.trace()
         found = [landing.x, landing.y, landing.p, landing.q, landing.flux]
         backend.dr.eval(found)
     *coordinates, arriving = (a.numpy() for a in found)

@@ -89,10 +89,9 @@ def patch_images(
     fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the image.
     """
     tracer = Tracer(backend, system.path(lens), system.source.rays(rays))
-    coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
-        hits, _, _ = tracer.at_rear(coefficients)
-        _, landing = tracer.trace(coefficients)
+        hits, _, _ = tracer.at_rear()
+        _, landing = tracer.trace()
         values = [hits.x, hits.y, landing.x, landing.y, landing.flux]
         backend.dr.eval(values)
     x, y, *arrival, flux = (a.numpy() for a in values)

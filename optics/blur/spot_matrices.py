@@ -114,7 +114,7 @@ def _at_rear(
 ) -> _Rear:
     tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
     with backend.dr.suspend_grad():
-        hits, direction, flux = tracer.at_rear([sag.coefficients for sag in lens.sags])
+        hits, direction, flux = tracer.at_rear()
     every = backend.dr.zeros(backend.Float, rays.flux.size)
 
     def grid(*values: object) -> Floats:

@@ -53,7 +53,7 @@ def exact_landing(system: OpticalSystem, lens: Lens, rays: RayGrid | Rays, backe
     """Return where rays through the lens in memory land.  backend : of double precision."""
     with backend.dr.suspend_grad():
         clear = system.path(lens).without_absorption()  # which other programs leave out
-        _, landing = Tracer(backend, clear, rays).trace([s.coefficients for s in lens.sags])
+        _, landing = Tracer(backend, clear, rays).trace()
     backend.dr.eval(landing.x, landing.y, landing.flux)
     flux = landing.flux.numpy()
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])

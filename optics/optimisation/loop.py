@@ -61,7 +61,7 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     optimizer, rays = system.problem.optimizer, system.source.rays((129, 129))
     path = system.path(lens)
     tracer = Tracer(backend, path if optimizer.fresnel else path.without_reflection(), rays)
-    _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+    _, landing = tracer.trace()
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * source.flux:
         raise UserError(

@@ -49,7 +49,7 @@ def traced_light(backend: Backend, system: OpticalSystem, lens: Lens, cells: Seq
     with backend.dr.suspend_grad():
         tracer = Tracer(backend, system.path(lens), rays)
         meet = tracer.at_rear if system.shaped == "rear" else tracer.at_front
-        hits, direction, flux = meet([sag.coefficients for sag in lens.sags])
+        hits, direction, flux = meet()
 
     def density(grid: Sequence[int], carried: object) -> Floats:
         screen = Screen(half, (grid[0], grid[1]))

@@ -148,7 +148,7 @@ def _leaving(system: OpticalSystem, lens: Lens, backend: Backend) -> _Bundle:
     path = system.path(lens).without_absorption().without_reflection()
     tracer = Tracer(backend, path.onto(receiver_at(lens.thickness)), rays)
     with backend.dr.suspend_grad():
-        front, rear, landing = tracer.trace_all([sag.coefficients for sag in lens.sags])
+        front, rear, landing = tracer.trace_all()
         met = rear if front is None else front
         every = backend.dr.ones(backend.dr.mask_t(backend.Float), rays.flux.size)
         onto, out = every & met.hit, every & landing.definite & landing.met & landing.hit

@@ -34,10 +34,9 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     side = isqrt(count - 1) + 1
     rays = system.source.rays((side, side))
     tracer = Tracer(backend, system.path(lens), rays)
-    coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
-        hits, _, _ = tracer.at_rear(coefficients)
-        _, landing = tracer.trace(coefficients)
+        hits, _, _ = tracer.at_rear()
+        _, landing = tracer.trace()
         values = [hits.x, hits.y, hits.z, landing.x, landing.y, landing.p, landing.q, landing.flux]
         backend.dr.eval(values)
     x, y, z, u, v, p, q, flux = (a.numpy() for a in values)

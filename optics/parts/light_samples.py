@@ -109,11 +109,10 @@ def sampled_light(
     side = isqrt(RAYS // SETS)
     far = np.isinf(system.target.z)
     ahead = heights[1] if far else min(heights[1], system.target.z)
-    coefficients = [sag.coefficients for sag in lens.sags]
     for rays in _light(system, side, heights[0]):
         tracer = Tracer(backend, system.path(lens), rays)
         with backend.dr.suspend_grad():
-            front, rear, landing = tracer.trace_all(coefficients)
+            front, rear, landing = tracer.trace_all()
             assert front is not None
             values = [front.x, front.y, front.z, rear.x, rear.y, rear.z]
             values += [landing.x, landing.y, landing.p, landing.q, landing.flux]

@@ -48,7 +48,7 @@ def light_before(
         rays = system.source.rays((side, side))
         tracer = Tracer(backend, system.path(lens), rays)
         with backend.dr.suspend_grad():
-            _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+            _, landing = tracer.trace()
         return tracer.fates(landing, screen.half_width), None
     counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
     irradiance, fates = cell_irradiance(system, lens, screen, system.source.cells(counts), backend)

@@ -160,7 +160,7 @@ class PerturbedLight:
         front_alone = parts.lens.rear.sag is None and parts.lens.front.sag is not None
         meet = tracer.at_front if front_alone else tracer.at_rear
         with self.backend.dr.suspend_grad():
-            hits, _, flux = meet([sag.coefficients for sag in parts.lens.sags])
+            hits, _, flux = meet()
         at = [np.where(flux.numpy() > 0, v.numpy(), np.nan) for v in (hits.x, hits.y)]
         return np.reshape(at, (2, len(s), len(t)))
 
@@ -184,7 +184,7 @@ class PerturbedLight:
         def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
             tracer = Tracer(backend, path, rays)
             with backend.dr.suspend_grad():
-                _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+                _, landing = tracer.trace()
                 return tracer, landing
 
         return trace

@@ -75,7 +75,7 @@ def traced_points(
     """Return (landing points (2, n), flux (n,)) of rays refracted by slopes with errors."""
     tracer = Tracer(backend, system.path(lens).with_slope_errors(errors), rays)
     with backend.dr.suspend_grad():
-        _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
+        _, landing = tracer.trace()
         every = backend.dr.zeros(backend.Float, rays.flux.size)
         arrays = [landing.x + every, landing.y + every, landing.flux + every]
         backend.dr.eval(arrays)
@@ -90,10 +90,9 @@ def crossings(
     if name == "front":
         lens = _with_front_sag(lens)
     tracer = Tracer(backend, system.path(lens), rays)
-    coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
         meet = tracer.at_front if name == "front" else tracer.at_rear
-        hits, _, _ = meet(coefficients)
+        hits, _, _ = meet()
         every = backend.dr.zeros(backend.Float, rays.flux.size)
         arrays = [hits.x + every, hits.y + every]
         backend.dr.eval(arrays)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from thbcad.lens import FreeformSurface
     from thbcad.splines import KnotVector
 
+Coefficients: TypeAlias = "Sequence[NDArray[np.float64]]"
 
 RAISING_STEPS = 6  # at most: an error of 1 um with slopes of 1e-3 takes one, a gross one of 0.01 mm three
 
@@ -79,28 +80,28 @@ class Tracer:
             behind = self._behind[1]
             dr.eval(behind.origin, behind.direction, behind.flux)
 
-    def trace(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[list[Hits], Landing]:
+    def trace(self, coefficients: Coefficients | None = None) -> tuple[list[Hits], Landing]:
         """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves.
 
-        coefficients : of the sags, (dim,) each, front first.
+        coefficients : of the sags, (dim,) each, front first; None are those of the lens.
         """
         front, rear, landing = self.trace_all(coefficients)
         surfaces = (front, self._lens.front), (rear, self._lens.rear)
         changing = [hits for hits, surface in surfaces if hits is not None and surface.sag is not None]
         return changing, landing
 
-    def trace_all(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits | None, Hits, Landing]:
+    def trace_all(self, coefficients: Coefficients | None = None) -> tuple[Hits | None, Hits, Landing]:
         """Return (Hits of the front, None where parallel light passes a plane, Hits of the rear, Landing)."""
         front, behind, rear = self._meet(coefficients)
         return front, rear, self._landing(front, behind, rear)
 
-    def at_front(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
+    def at_front(self, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
         """Return (Hits of a free front, directions before it, flux before it, zero for rays that miss)."""
-        net, rays = self._embeddings[0].coefficients(coefficients[0]), self._source
+        net, rays = self._nets(coefficients)[0], self._source
         hits = self._front.meet(rays.origin, rays.direction, net)
         return hits, rays.direction, self._backend.dr.select(hits.hit, rays.flux, 0)
 
-    def at_rear(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits, Vector, DrArray]:
+    def at_rear(self, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
         """Return (Hits of the rear, directions inside the lens, flux inside the lens).
 
         The flux is zero for rays that miss.
@@ -108,12 +109,18 @@ class Tracer:
         _, behind, hits = self._meet(coefficients)
         return hits, behind.direction, self._backend.dr.select(hits.hit, behind.flux, 0)
 
-    def _meet(self, coefficients: Sequence[NDArray[np.float64]]) -> tuple[Hits | None, DeviceRays, Hits]:
+    def _meet(self, coefficients: Coefficients | None) -> tuple[Hits | None, DeviceRays, Hits]:
         """Return (Hits of the front, None where they are known, the rays behind it, Hits of the rear)."""
-        nets = [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
+        nets = self._nets(coefficients)
         front, behind = self._behind or self._through_front(nets[0])
         net = None if self._lens.rear.sag is None else nets[-1]
         return front, behind, self._met(1, behind, net)
+
+    def _nets(self, coefficients: Coefficients | None) -> list[NDArray[np.float64]]:
+        """Return the nets of the sags on the tensor-product meshes that are traced."""
+        if coefficients is None:
+            coefficients = [sag.coefficients for sag in self._lens.sags]
+        return [e.coefficients(c) for e, c in zip(self._embeddings, coefficients)]
 
     def _met(self, surface: int, rays: DeviceRays, net: NDArray[np.float64] | None) -> Hits:
         """Return the Hits of rays with a surface.  surface : 0 is the front, 1 the rear."""

@@ -57,7 +57,7 @@ def compared(
     """
     rays = system.source.rays(counts)
     clear = system.path(lens).without_absorption()  # which the independent tracers leave out
-    _, landing = Tracer(backend, clear, rays).trace([sag.coefficients for sag in lens.sags])
+    _, landing = Tracer(backend, clear, rays).trace()
     points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
     others, screen = other(single_rays(rays, lens)), system.target.screen()
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
