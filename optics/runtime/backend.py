@@ -18,7 +18,6 @@ from thbcad.doors import loaded
 
 DrArray: TypeAlias = Any  # a Dr.Jit array, or a Python number; Dr.Jit makes its types at run time
 
-DEVICE = "llvm"  # of Dr.Jit's: what computes
 LEAST_ROOM = 320 << 20  # bytes of addresses, which LLVM needs; Dr.Jit ends the process where it finds less
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
@@ -48,8 +47,7 @@ class Backend:
     @property
     def types(self) -> ModuleType:
         """The array types of the device, with derivatives."""
-        types: ModuleType = getattr(self.dr, DEVICE).ad
-        return types
+        return _types()
 
     @property
     def Packet(self) -> type[DrArray]:
@@ -103,11 +101,16 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
     drjit = loaded("drjit")
     if not drjit.has_backend(drjit.JitBackend.LLVM):  # Dr.Jit says of any failure that there is no library
         require_loadable(library)
-    types = import_module(f"drjit.{DEVICE}.ad")
     if threads is not None:
         drjit.set_thread_count(threads or _cores())
     name, dtype, resolution = PRECISIONS[precision]
+    types = _types()
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
+
+
+def _types() -> ModuleType:
+    """Return the array types of the device, with derivatives: the one place that names it."""
+    return import_module("drjit.llvm.ad")
 
 
 def _cores() -> int:
