@@ -143,3 +143,6 @@ def _of_vector(vector: ArrayLike) -> Floats:
     from scipy.spatial.transform import Rotation
 
     return np.array(Rotation.from_rotvec(vector).as_matrix()) if np.any(vector) else np.eye(3)
+
+
+IDENTITY = Pose.at()

@@ -6,8 +6,8 @@ boxes count that lie in the region with a margin taken off along its border, whe
     U0 = min E_k / mean E_k,      diversity = min E_k / max E_k,      rsd = std E_k / mean E_k.
 
 Noise of rays lowers a minimum.  Where the noise of a box is above NOISE of the mean, or where a box is
-smaller than a pixel, boxes are larger: every
-square of m x m boxes that all count is one, so that larger ones overlap and still reach every corner.
+smaller than a pixel, boxes are larger: every square of m x m boxes that all count is one, so that larger ones
+overlap and still reach every corner.
 """
 
 from __future__ import annotations

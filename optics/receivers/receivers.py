@@ -6,20 +6,20 @@ Light travels to +z of the receiver's own frame; what comes from behind, or alon
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isinf
 from types import ModuleType
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
-from thbcad.poses import Pose
+from thbcad.poses import IDENTITY, Pose
 
 Triple: TypeAlias = Any  # of numbers or arrays, one for each coordinate
 
 DEGREES = 180 / np.pi
-HERE = Pose.at()
 
 
 class LandingPoint(NamedTuple):
@@ -37,20 +37,19 @@ class LandingPoint(NamedTuple):
     met: Any
 
 
-class Receiver(Protocol):
+@dataclass(frozen=True, eq=False)
+class Receiver(ABC):
     """What receives light.
 
+    pose : from its own frame to that of the scene.
     unit, area_unit : of the chart's coordinates, and of their product.  far_field : they are directions.
     """
+
+    pose: Pose = IDENTITY
 
     unit: ClassVar[str]
     area_unit: ClassVar[str]
     far_field: ClassVar[bool]
-
-    @property
-    def pose(self) -> Pose:
-        """From its own frame to that of the scene."""
-        ...
 
     def land(
         self,
@@ -64,40 +63,37 @@ class Receiver(Protocol):
         point, direction : triples of arrays, mm and unit vectors.  library : of the arrays, numpy or Dr.Jit.
         number : makes numbers for them that do not become part of a compiled kernel.
         """
-        ...
+        p, q, r = _turned(self.pose, direction, number)
+        met = r > 0
+        choose = np.where if library is np else library.select  # numpy's `select` is another function
+        own = _turned(self.pose, _less(point, self.pose.shift, number), number)
+        return LandingPoint(*self._chart(own, (p, q, choose(met, r, 1)), library), p, q, met)
 
+    @abstractmethod
+    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
+        """Return u, v and the length of rays that go to +z, in the own frame."""
+
+    @abstractmethod
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """Return directions of any length from points to where light shall land."""
-        ...
 
-    def seen_from(self, pose: Pose) -> Receiver:
+    def seen_from(self, pose: Pose) -> Self:
         """Return the receiver in the frame of a body with this pose."""
-        ...
+        return replace(self, pose=pose.inverse() @ self.pose)
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(Receiver):
     """The plane z = 0 of its frame, with u = x and v = y in mm."""
 
-    pose: Pose
+    unit = "mm"
+    area_unit = "mm^2"
+    far_field = False
 
-    unit: ClassVar[str] = "mm"
-    area_unit: ClassVar[str] = "mm^2"
-    far_field: ClassVar[bool] = False
-
-    def land(
-        self,
-        point: Triple,
-        direction: Triple,
-        library: ModuleType = np,
-        number: Callable[[float], Any] = float,
-    ) -> LandingPoint:
-        """See `Receiver`: u = x - z p / r, v = y - z q / r for the ray (x, y, z) + t (p, q, r)."""
-        p, q, r = _turned(self.pose, direction, number)
-        x, y, z = _turned(self.pose, _less(point, self.pose.shift, number), number)
-        met = r > 0
-        length = -z / _where(library)(met, r, 1)
-        return LandingPoint(x + length * p, y + length * q, length, p, q, met)
+    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
+        """u = x - z p / r, v = y - z q / r for the ray (x, y, z) + t (p, q, r)."""
+        (x, y, z), (p, q, r) = point, direction
+        length = -z / r
+        return x + length * p, y + length * q, length
 
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
         """See `Receiver`."""
@@ -105,47 +101,31 @@ class Plane:
         x, y, z = (a - b for a, b in zip(there, point))
         return x, y, z
 
-    def seen_from(self, pose: Pose) -> Plane:
-        """See `Receiver`."""
-        return Plane(pose.inverse() @ self.pose)
 
+class FarField(Receiver):
+    """All directions (p, q, r) before a frame, with u = atan(p / r) and v = atan(q / r) in degrees.
 
-@dataclass(frozen=True, eq=False)
-class FarField:
-    """All directions (p, q, r) before a frame, with u = atan(p / r) and v = atan(q / r) in degrees."""
+    The points from which rays come do not matter.
+    """
 
-    pose: Pose = HERE
+    unit = "degrees"
+    area_unit = "square degrees"
+    far_field = True
 
-    unit: ClassVar[str] = "degrees"
-    area_unit: ClassVar[str] = "square degrees"
-    far_field: ClassVar[bool] = True
-
-    def land(
-        self,
-        point: Triple,
-        direction: Triple,
-        library: ModuleType = np,
-        number: Callable[[float], Any] = float,
-    ) -> LandingPoint:
-        """See `Receiver`; the points do not matter."""
-        p, q, r = _turned(self.pose, direction, number)
-        met = r > 0
-        rate = _where(library)(met, r, 1)
-        u, v = (DEGREES * library.atan(d / rate) for d in (p, q))
-        return LandingPoint(u, v, 0.0, p, q, met)
+    def _chart(self, point: Triple, direction: Triple, library: ModuleType) -> tuple[Any, Any, Any]:
+        """See the class."""
+        p, q, r = direction
+        u, v = (DEGREES * library.atan(d / r) for d in (p, q))
+        return u, v, 0.0
 
     def toward(self, point: Triple, u: Any, v: Any) -> tuple[Any, Any, Any]:
-        """See `Receiver`; the points do not matter."""
+        """See `Receiver`."""
         p, q = (np.tan(np.radians(angle)) for angle in (u, v))
         x, y, z = self.pose.directions((p, q, np.ones_like(p)))
         return x, y, z
 
-    def seen_from(self, pose: Pose) -> FarField:
-        """See `Receiver`."""
-        return FarField(pose.inverse() @ self.pose)
 
-
-def receiver_at(z: float, pose: Pose = HERE) -> Receiver:
+def receiver_at(z: float, pose: Pose = IDENTITY) -> Receiver:
     """Return what receives light at a height along the axis.
 
     z : mm, inf is the far field.  pose : of the whole, from the frame in which z is meant.
@@ -162,9 +142,3 @@ def _turned(pose: Pose, vector: Triple, number: Callable[[float], Any]) -> Tripl
 
 def _less(point: Triple, shift: Any, number: Callable[[float], Any]) -> Triple:
     return [x - number(s) if s else x for x, s in zip(point, shift.tolist())]
-
-
-def _where(library: ModuleType) -> Callable[..., Any]:
-    """Return what chooses between two arrays."""
-    choose: Callable[..., Any] = np.where if library is np else library.select
-    return choose

@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from optics.tracing.refraction import SMOOTH, SlopeErrors
-from thbcad.poses import Pose
+from thbcad.poses import IDENTITY, Pose
 
 if TYPE_CHECKING:
     from optics.receivers import Receiver
     from optics.tracing.intersections import HeightError
     from thbcad.lens import Lens
-
-HERE = Pose.at()
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +38,7 @@ class LightPath:
     reflection: bool = True
     slope_errors: SlopeErrors = SMOOTH
     height_errors: tuple[HeightError | None, HeightError | None] = (None, None)
-    front: Pose = HERE
+    front: Pose = IDENTITY
     soft_rim: float = 0.0
 
     def onto(self, receiver: Receiver) -> LightPath:
@@ -57,16 +55,18 @@ class LightPath:
 
     def with_slope_errors(self, errors: SlopeErrors) -> LightPath:
         """Return the path through surfaces whose slopes err, one number for each ray or for all."""
-        return self if errors.front is None is errors.rear else replace(self, slope_errors=errors)
+        same = errors.front is self.slope_errors.front and errors.rear is self.slope_errors.rear
+        return self if same else replace(self, slope_errors=errors)
 
     def with_height_errors(self, front: HeightError | None, rear: HeightError | None) -> LightPath:
         """Return the path through surfaces whose heights err, mm."""
-        return self if front is None is rear else replace(self, height_errors=(front, rear))
+        same = front is self.height_errors[0] and rear is self.height_errors[1]
+        return self if same else replace(self, height_errors=(front, rear))
 
     def with_front_at(self, pose: Pose) -> LightPath:
         """Return the path through a front that lies elsewhere."""
-        return self if pose.is_identity else replace(self, front=pose)
+        return self if pose.is_identity and self.front.is_identity else replace(self, front=pose)
 
     def with_soft_rims(self, share: float) -> LightPath:
         """Return the path over rims within which light fades."""
-        return replace(self, soft_rim=share) if share else self
+        return self if share == self.soft_rim else replace(self, soft_rim=share)

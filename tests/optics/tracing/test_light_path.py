@@ -53,6 +53,14 @@ def test_maps_of_nothing_return_the_path_itself(path):
         assert same is path
 
 
+def test_a_map_of_nothing_takes_back_what_was_there(path):
+    errors = SlopeErrors(rear=np.zeros((2, 1)))
+    assert path.with_slope_errors(errors).with_slope_errors(SMOOTH).slope_errors is SMOOTH
+    assert path.with_height_errors(None, Bump()).with_height_errors(None, None).height_errors == (None, None)
+    assert path.with_front_at(Pose.at((0.1, 0, 0))).with_front_at(Pose.at()).front.is_identity
+    assert path.with_soft_rims(0.05).with_soft_rims(0.0).soft_rim == 0
+
+
 def test_every_map_changes_one_thing(path):
     errors, bump, pose = SlopeErrors(rear=np.zeros((2, 1))), Bump(), Pose.at((0.1, 0, 0))
     changed = {
