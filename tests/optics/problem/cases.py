@@ -42,3 +42,7 @@ def load_text(folder, text):
 
 def load_values(folder, values):
     return load_text(folder, toml_text(values))
+
+
+def one_sentence(message):
+    return bool(message) and "\n" not in message and "Traceback" not in message and len(message) < 600
